@@ -1,0 +1,1 @@
+"""Finite elements for 3D frames."""

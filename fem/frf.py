@@ -1,0 +1,192 @@
+"""Frequency response functions: the type that measured and computed data share, and how a system gives them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class FRFKind(StrEnum):
+    """Response per unit force: displacement, velocity or acceleration."""
+
+    RECEPTANCE = "receptance"
+    MOBILITY = "mobility"
+    ACCELERANCE = "accelerance"
+
+    @property
+    def derivatives(self) -> int:
+        """Number of time derivatives of the displacement: 0, 1 or 2."""
+        return ("receptance", "mobility", "accelerance").index(self.value)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of a translational FRF."""
+        return {"receptance": "m/N", "mobility": "(m/s)/N", "accelerance": "(m/s²)/N"}[self.value]
+
+
+class FRFError(ValueError):
+    """Frequency response data that cannot be used; the message says what was found and what is allowed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FRF:
+    """Frequency response functions with labels; time dependence e^{+iωt}.
+
+    Attributes
+    ----------
+    frequency : ndarray (n_freq,)
+        Strictly increasing frequencies [Hz].
+    H : ndarray of complex (n_freq, n_out, n_in)
+        Response ``outputs[i]`` to a unit force at ``inputs[j]`` [SI unit of ``kind``].
+    kind : FRFKind
+        Receptance, mobility or accelerance.
+    outputs, inputs : tuple of str
+        Labels of the responses and of the forces, such as ``"U1z"`` or ``"12Z+"``.
+    """
+
+    frequency: NDArray[np.float64]
+    H: NDArray[np.complex128]
+    kind: FRFKind
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frequency: ArrayLike,
+        H: ArrayLike,
+        kind: FRFKind | str = FRFKind.ACCELERANCE,
+        outputs: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
+    ) -> "FRF":
+        """Build an FRF from bare arrays, checking them; one-dimensional ``H`` is one response to one force.
+
+        Raises
+        ------
+        FRFError
+            For shapes that do not fit, frequencies that do not increase or are negative, values that are not finite,
+            labels given twice, or an unknown kind.
+        """
+        try:
+            kind = FRFKind(kind)
+        except ValueError:
+            msg = f"the FRF kind is '{kind}'; allowed are {', '.join(FRFKind)}"
+            raise FRFError(msg) from None
+        frequency = np.array(frequency, dtype=float, ndmin=1)
+        H = np.array(H, dtype=complex)
+        if H.ndim == 1:
+            H = H[:, None, None]
+        if H.ndim != 3 or H.shape[0] != frequency.size or frequency.ndim != 1:
+            msg = f"H has shape {H.shape} for {frequency.size} frequencies; (n_freq, n_out, n_in) is expected"
+            raise FRFError(msg)
+        outputs = tuple(outputs) if outputs is not None else tuple(f"out{i + 1}" for i in range(H.shape[1]))
+        inputs = tuple(inputs) if inputs is not None else tuple(f"in{i + 1}" for i in range(H.shape[2]))
+        for word, names, n in (("output", outputs, H.shape[1]), ("input", inputs, H.shape[2])):
+            if len(names) != n:
+                msg = f"{len(names)} {word} labels are given for {n} {word}s"
+                raise FRFError(msg)
+            if len(set(names)) != n:
+                twice = next(name for name in names if names.count(name) > 1)
+                msg = f"the {word} label '{twice}' occurs twice; labels must differ"
+                raise FRFError(msg)
+        if not np.isfinite(frequency).all() or (frequency < 0).any():
+            msg = "frequencies must be finite and not negative [Hz]"
+            raise FRFError(msg)
+        if (np.diff(frequency) <= 0).any():
+            k = int(np.flatnonzero(np.diff(frequency) <= 0)[0])
+            msg = (
+                f"frequencies must increase strictly; line {k + 1} has {frequency[k + 1]:g} Hz "
+                f"after {frequency[k]:g} Hz"
+            )
+            raise FRFError(msg)
+        if not np.isfinite(H).all():
+            k, i, j = (int(v) for v in np.argwhere(~np.isfinite(H))[0])
+            n = int((~np.isfinite(H)).sum())
+            msg = (
+                f"{n} FRF value(s) are not finite numbers, the first at {frequency[k]:g} Hz, "
+                f"response '{outputs[i]}', force '{inputs[j]}'"
+            )
+            raise FRFError(msg)
+        frequency.flags.writeable = False
+        H.flags.writeable = False
+        return cls(frequency, H, kind, outputs, inputs)
+
+    @property
+    def n_freq(self) -> int:
+        """Number of frequency lines."""
+        return self.frequency.size
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        """Angular frequencies, shape (n_freq,) [rad/s]."""
+        return 2 * np.pi * self.frequency
+
+    def as_kind(self, kind: FRFKind | str) -> "FRF":
+        """Convert between receptance, mobility and accelerance by powers of iω.
+
+        Raises
+        ------
+        FRFError
+            If integration is asked for data with a line at 0 Hz, where it does not exist.
+        """
+        kind = FRFKind(kind)
+        power = kind.derivatives - self.kind.derivatives
+        if power == 0:
+            return self
+        if power < 0 and self.frequency[0] == 0:
+            msg = f"a line at 0 Hz cannot be converted from {self.kind} to {kind}; leave it out with select(band=…)"
+            raise FRFError(msg)
+        return replace(self, H=self.H * (1j * self.omega[:, None, None]) ** power, kind=kind)
+
+    def select(
+        self,
+        outputs: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
+        band: tuple[float, float] | None = None,
+        lines: ArrayLike | None = None,
+    ) -> "FRF":
+        """Return some of the responses, forces and lines, in the order asked for.
+
+        Parameters
+        ----------
+        outputs, inputs : sequence of str, optional
+            Labels to keep.
+        band : (float, float), optional
+            Lowest and highest frequency to keep [Hz].
+        lines : array_like of int or bool, optional
+            Lines to keep, as an index of ``frequency``; taken before ``band``.
+
+        Raises
+        ------
+        FRFError
+            For a label that is not there or a band without a line.
+        """
+
+        def index(word: str, have: tuple[str, ...], want: Sequence[str] | None) -> list[int]:
+            if want is None:
+                return list(range(len(have)))
+            for name in want:
+                if name not in have:
+                    msg = f"there is no {word} '{name}'; the data have {', '.join(have)}"
+                    raise FRFError(msg)
+            return [have.index(name) for name in want]
+
+        i, j = index("output", self.outputs, outputs), index("input", self.inputs, inputs)
+        keep = np.arange(self.n_freq) if lines is None else np.arange(self.n_freq)[np.asarray(lines)]
+        if band is not None:
+            keep = keep[(self.frequency[keep] >= band[0]) & (self.frequency[keep] <= band[1])]
+            if not keep.size:
+                msg = (
+                    f"no line lies in the band {band[0]:g} to {band[1]:g} Hz; the data cover "
+                    f"{self.frequency[0]:g} to {self.frequency[-1]:g} Hz"
+                )
+                raise FRFError(msg)
+        return FRF(
+            self.frequency[keep],
+            self.H[np.ix_(keep, i, j)],
+            self.kind,
+            tuple(self.outputs[k] for k in i),
+            tuple(self.inputs[k] for k in j),
+        )

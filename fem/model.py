@@ -1,0 +1,361 @@
+"""Models: a mesh and the effects on it, everything that enters K, M, C and D.
+
+An effect is the extension point of Dovetail. The frame itself, a joint, a support, an added mass or a loss of stiffness
+are effects, one file each in ``fem.effects``. Effects are additive and know nothing of one another.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fem.mesh import Mesh
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+"""The six degrees of freedom of a point, in their order."""
+
+Array = NDArray[Any]
+ParameterRef = tuple[str, str]
+"""The name of an effect and the name of one of its parameters."""
+
+
+class ModelError(ValueError):
+    """A model that cannot be built; the message names the place."""
+
+
+def dofs_of(points: ArrayLike) -> NDArray[np.int64]:
+    """Return the DOF numbers of points: ``6 p + d``, shape (..., 6)."""
+    return 6 * np.asarray(points, dtype=np.int64)[..., None] + np.arange(6)
+
+
+def direction_vector(direction: str | ArrayLike) -> NDArray[np.float64]:
+    """Return a unit vector for ``"x"``, ``"-z"`` or three components, shape (3,).
+
+    Raises
+    ------
+    ModelError
+        If it is not a direction.
+    """
+    if isinstance(direction, str):
+        sign, letter = (-1.0, direction[1:]) if direction[:1] == "-" else (1.0, direction.removeprefix("+"))
+        if letter.lower() in ("x", "y", "z"):
+            return sign * np.eye(3)["xyz".index(letter.lower())]
+    else:
+        v = np.asarray(direction, dtype=float)
+        if v.shape == (3,) and np.isfinite(v).all() and np.linalg.norm(v) > 0:
+            return v / np.linalg.norm(v)
+    msg = f"{direction!r} is not a direction; use x, y, z, -x, -y, -z or three components that are not all zero"
+    raise ModelError(msg)
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Attributes
+    ----------
+    name, unit : str
+        Name, and SI unit (``"-"`` for none).
+    value : float
+        Present value.
+    absent : float
+        The value at which the effect is not there.
+    lower, upper : float
+        Bounds for estimation.
+    log : bool
+        True if it is estimated on a logarithmic scale (positive quantities).
+    linear : bool
+        True if K, M, C and D are affine functions of it, whatever the effect's other parameters are.
+    """
+
+    name: str
+    unit: str
+    value: float
+    absent: float
+    lower: float
+    upper: float
+    log: bool = False
+    linear: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contribution:
+    """Element matrices of one kind, in batches.
+
+    Attributes
+    ----------
+    dofs : ndarray of int (b, m)
+        Global DOF numbers of each of the b elements.
+    K, M, C, D : ndarray (b, m, m) or None
+        Stiffness, mass, viscous and structural damping; Z = K + iD + iωC - ω²M.
+    """
+
+    dofs: NDArray[np.int64]
+    K: Array | None = None
+    M: Array | None = None
+    C: Array | None = None
+    D: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Constraint:
+    """One linear homogeneous equation between DOFs: Σ coefficients · u[dofs] = 0.
+
+    Attributes
+    ----------
+    key : (str, str)
+        Name of the effect that it belongs to and its direction there, such as ``("base", "ry")``.
+    dofs : ndarray of int (m,)
+        Global DOF numbers.
+    coefficients : ndarray (m,)
+        Coefficients [-] or lever arms [m].
+    """
+
+    key: tuple[str, str]
+    dofs: NDArray[np.int64]
+    coefficients: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Effect(ABC):
+    """A physical effect: frozen data, named parameters, additive contributions.
+
+    Subclasses are frozen dataclasses. A parameter is a field of the same name, unless the subclass
+    overrides :meth:`with_values`.
+
+    Attributes
+    ----------
+    name : str
+        Unique within a model.
+    """
+
+    kind: ClassVar[str]
+    name: str
+
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the parameters that may be estimated, with their present values."""
+
+    @property
+    @abstractmethod
+    def where(self) -> str:
+        """Where on the structure it is, in words."""
+
+    def with_values(self, **values: Any) -> Self:
+        """Return a copy with other parameter values; complex values are carried for derivatives."""
+        return replace(self, **values)
+
+    def contribute(self, model: "Model") -> tuple[Contribution, ...]:  # noqa: ARG002
+        """Return what it adds to K, M, C and D. Must accept complex parameter values (complex-step derivatives)."""
+        return ()
+
+    def constraints(self, model: "Model") -> tuple[Constraint, ...]:  # noqa: ARG002
+        """Return the linear constraints that it imposes."""
+        return ()
+
+    def released(self) -> tuple[tuple[str, str], ...]:
+        """Return the keys of other effects' constraints that it replaces by springs of its own."""
+        return ()
+
+    @classmethod
+    def propose(cls, model: "Model") -> tuple["Effect", ...]:  # noqa: ARG003
+        """Return candidates of this kind for a model, each at a value from which an estimation may start."""
+        return ()
+
+    def locations(self, model: "Model") -> NDArray[np.float64]:  # noqa: ARG002
+        """Return points to mark in a picture, shape (n, 3) [m]."""
+        return np.empty((0, 3))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Damping:
+    """Damping of the whole structure; local dampers are effects.
+
+    Attributes
+    ----------
+    frequency : ndarray (n,)
+        Frequencies at which the modal damping ratio is given [Hz]; linear in between, constant outside.
+    ratio : ndarray (n,)
+        Modal damping ratio ζ [-].
+    alpha, beta : float
+        Rayleigh damping C = alpha M + beta K [1/s, s].
+    loss_factor : float
+        Structural damping D = loss_factor · K [-].
+    """
+
+    frequency: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    ratio: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    alpha: float = 0.0
+    beta: float = 0.0
+    loss_factor: float = 0.0
+
+    @classmethod
+    def modal(cls, ratio: ArrayLike, frequency: ArrayLike | None = None) -> "Damping":
+        """Modal damping: one ratio, or ratios at frequencies [Hz].
+
+        Raises
+        ------
+        ModelError
+            For ratios outside 0 to 1, or frequencies that do not fit them or do not increase.
+        """
+        ratio = np.array(ratio, dtype=float, ndmin=1)
+        frequency = np.zeros(1) if frequency is None else np.array(frequency, dtype=float, ndmin=1)
+        if ratio.shape != frequency.shape or ratio.ndim != 1 or (np.diff(frequency) <= 0).any():
+            msg = f"{ratio.size} damping ratios need {ratio.size} increasing frequencies, found {frequency.size}"
+            raise ModelError(msg)
+        if not ((ratio >= 0) & (ratio < 1)).all():
+            msg = f"damping ratios are {ratio.tolist()}; they lie between 0 and 1 (0.01 is one per cent)"
+            raise ModelError(msg)
+        return cls(frequency, ratio)
+
+    @classmethod
+    def rayleigh(cls, alpha: float, beta: float) -> "Damping":
+        """Rayleigh damping C = alpha M + beta K [1/s, s]."""
+        return cls(alpha=alpha, beta=beta)
+
+    @classmethod
+    def structural(cls, loss_factor: float) -> "Damping":
+        """Structural damping D = loss_factor K [-]."""
+        return cls(loss_factor=loss_factor)
+
+    def ratio_at(self, frequency: ArrayLike) -> NDArray[np.float64]:
+        """Return the modal damping ratio at frequencies [Hz]."""
+        return np.interp(np.asarray(frequency, dtype=float), self.frequency, self.ratio)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A mesh and everything on it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        Points, lines, members.
+    effects : tuple of Effect
+        Frame, supports, joints, masses, …
+    damping : Damping
+        Damping of the whole structure.
+    """
+
+    mesh: Mesh
+    effects: tuple[Effect, ...]
+    damping: Damping = field(default_factory=Damping)
+
+    def __post_init__(self) -> None:
+        seen: set[str] = set()
+        for effect in self.effects:
+            if effect.name in seen:
+                msg = f"two effects have the name '{effect.name}'; names must differ"
+                raise ModelError(msg)
+            seen.add(effect.name)
+
+    @property
+    def n_dof(self) -> int:
+        """Number of DOFs before constraints, 6 for each point."""
+        return 6 * self.mesh.n_points
+
+    def effect(self, name: str) -> Effect:
+        """Return the effect with a name.
+
+        Raises
+        ------
+        ModelError
+            If there is none.
+        """
+        for effect in self.effects:
+            if effect.name == name:
+                return effect
+        msg = f"the model has no effect '{name}'; it has {', '.join(e.name for e in self.effects)}"
+        raise ModelError(msg)
+
+    def of_kind(self, kind: type[Effect]) -> tuple[Any, ...]:
+        """Return the effects of a class."""
+        return tuple(e for e in self.effects if isinstance(e, kind))
+
+    def with_effect(self, *effects: Effect) -> "Model":
+        """Return a model with more effects."""
+        return replace(self, effects=(*self.effects, *effects))
+
+    def without_effect(self, *names: str) -> "Model":
+        """Return a model without some effects."""
+        for name in names:
+            self.effect(name)
+        return replace(self, effects=tuple(e for e in self.effects if e.name not in names))
+
+    def with_damping(self, damping: Damping) -> "Model":
+        """Return a model with other damping."""
+        return replace(self, damping=damping)
+
+    def with_mesh(self, mesh: Mesh) -> "Model":
+        """Return a model on another mesh of the same points and members, a refined one for example."""
+        return replace(self, mesh=mesh)
+
+    def values(self) -> dict[ParameterRef, float]:
+        """Return the present value of every parameter of every effect."""
+        return {(e.name, p.name): p.value for e in self.effects for p in e.parameters()}
+
+    def with_values(self, values: Mapping[ParameterRef, Any]) -> "Model":
+        """Return a model with other parameter values, named by effect and parameter.
+
+        Raises
+        ------
+        ModelError
+            If an effect or a parameter is unknown.
+        """
+        by_effect: dict[str, dict[str, Any]] = {}
+        for (name, parameter), value in values.items():
+            known = [p.name for p in self.effect(name).parameters()]
+            if parameter not in known:
+                msg = f"effect '{name}' has no parameter '{parameter}'; it has {', '.join(known) or 'none'}"
+                raise ModelError(msg)
+            by_effect.setdefault(name, {})[parameter] = value
+        return replace(
+            self,
+            effects=tuple(e.with_values(**by_effect[e.name]) if e.name in by_effect else e for e in self.effects),
+        )
+
+    def contributions(self) -> tuple[Contribution, ...]:
+        """Return the contributions of all effects."""
+        return tuple(c for effect in self.effects for c in effect.contribute(self))
+
+    def constraints(self) -> tuple[Constraint, ...]:
+        """Return the constraints of all effects, without those that an effect has released."""
+        released = {key for effect in self.effects for key in effect.released()}
+        return tuple(c for e in self.effects for c in e.constraints(self) if c.key not in released)
+
+
+def skew(v: ArrayLike) -> NDArray[np.float64]:
+    """Return the matrix of the cross product, S(v) w = v × w, shape (3, 3)."""
+    x, y, z = np.asarray(v, dtype=float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def lever_matrix(arm: ArrayLike) -> NDArray[np.float64]:
+    """Return the rigid-body map from a point's six DOFs to a place at a lever arm from it, shape (6, 6).
+
+    u' = u + θ × arm, θ' = θ; arm [m].
+    """
+    T = np.eye(6)
+    T[:3, 3:] = -skew(arm)
+    return T
+
+
+def directions_from(text: str | Sequence[str], what: str) -> tuple[str, ...]:
+    """Read a set of DOF directions: ``"all"``, ``"translations"``, ``"rotations"`` or some of x y z rx ry rz.
+
+    Raises
+    ------
+    ModelError
+        If a word is not one of these.
+    """
+    named = {"all": DIRECTIONS, "translations": DIRECTIONS[:3], "rotations": DIRECTIONS[3:]}
+    words: Iterable[str] = named.get(text, text.replace(",", " ").split()) if isinstance(text, str) else text
+    words = tuple(words)
+    for word in words:
+        if word not in DIRECTIONS:
+            msg = f"{what}: '{word}' is not a direction; allowed are {', '.join(DIRECTIONS)}, all, translations, rotations"
+            raise ModelError(msg)
+    return tuple(d for d in DIRECTIONS if d in words)
