@@ -1,0 +1,85 @@
+# make demo, make test and make check need only Python >= 3.11: they make .venv, once.
+# Another interpreter: make demo PYTHON=/path/to/python3.12
+
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$p" && exit; done; echo python3)
+
+VENV  := .venv
+PIP   := $(VENV)/bin/python -m pip --disable-pip-version-check
+READY := $(VENV)/.ready
+DEV   := $(VENV)/.ready-dev
+IN    := . $(VENV)/bin/activate &&
+
+# one thread per process: the tests run in two processes, and the matrices are small or sparse
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+export MKL_NUM_THREADS ?= 1
+# pictures are drawn off screen; without a display VTK goes straight to EGL instead of first warning about X
+export PYVISTA_OFF_SCREEN ?= true
+ifeq ($(shell uname -s)$(DISPLAY),Linux)
+export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
+endif
+
+.PHONY: help demo test slow check lint types contracts format lock clean
+help:
+	@echo 'make demo    run the example study, report in out/demo'
+	@echo 'make test    python -m pytest'
+	@echo 'make slow    the tests marked slow'
+	@echo 'make check   ruff, pyright and the import contracts'
+	@echo 'make format  let ruff rewrite the code'
+	@echo 'make lock    resolve requirements*.lock anew from pyproject.toml'
+	@echo 'make clean   remove .venv, out and caches'
+
+demo: $(READY)
+	$(IN) dovetail run examples/cross-beam/study.toml --out out/demo
+
+test: $(DEV)
+	$(IN) python -m pytest
+
+slow: $(DEV)
+	$(IN) python -m pytest -m slow
+
+check: lint types contracts
+
+lint: $(DEV)
+	$(IN) ruff check
+	$(IN) ruff format --check
+
+types: $(DEV)
+	$(IN) pyright
+
+contracts: $(DEV)
+	$(IN) lint-imports
+
+format: $(DEV)
+	$(IN) ruff check --fix
+	$(IN) ruff format
+
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; v = sys.version_info; v >= (3, 11) or sys.exit("Dovetail needs Python 3.11 or newer, and $(PYTHON) is %d.%d: try make PYTHON=/path/to/python3.12" % v[:2])'
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+		echo '$(PYTHON) cannot make virtual environments: on Debian and Ubuntu, apt-get install python3-venv' >&2; exit 1; }
+	@echo 'Installing what Dovetail needs into $(VENV): once, a minute or two, 900 MB'
+	@test -x $(VENV)/bin/pip || $(PYTHON) -m venv --clear $(VENV)
+	@$(PIP) install --quiet -r requirements.lock
+	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	@$(VENV)/bin/python -c 'import pyvista; pyvista.Plotter(off_screen=True).screenshot()' >/dev/null 2>&1 || \
+		echo 'Note: 3-D pictures cannot be drawn here, for want of EGL: on Debian and Ubuntu, apt-get install libegl1 libgl1-mesa-dri' >&2
+	@touch $@
+
+$(DEV): $(READY) requirements-dev.lock
+	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock
+	@touch $@
+
+# requirements.lock is what running needs, requirements-dev.lock what testing and checking need beside it
+lock:
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet 'setuptools>=77' --editable .
+	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude-editable > requirements.lock
+	.venv-lock/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[dev]'
+	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude-editable | grep -vxFf requirements.lock > requirements-dev.lock
+	rm -rf .venv-lock
+
+clean:
+	rm -rf $(VENV) .venv-lock out build dist *.egg-info .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
