@@ -5,7 +5,16 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+import scipy.linalg as sla
 from numpy.typing import ArrayLike, NDArray
+
+from fem.model import DIRECTIONS, Model, ModelError
+from fem.reduction import reduced_basis
+from fem.solvers import SingularMatrixError, factorise
+from fem.system import System
+
+Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
+"""DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
 
 
 class FRFKind(StrEnum):
@@ -190,3 +199,144 @@ class FRF:
             tuple(self.outputs[k] for k in i),
             tuple(self.inputs[k] for k in j),
         )
+
+
+def compute_frf(
+    system: System,
+    frequency: ArrayLike,
+    outputs: Selection,
+    inputs: Selection,
+    kind: FRFKind | str = FRFKind.ACCELERANCE,
+    method: str = "reduced",
+) -> FRF:
+    """Compute frequency response functions.
+
+    ``"reduced"`` projects the system on its modes up to 1.5 times the highest frequency and on four block-Krylov vectors of each
+    input, which makes the result exact at low frequency and leaves an error far below one part in 10⁴ elsewhere.
+    ``"direct"`` factorises Z(ω) at every line; it takes local, Rayleigh and structural damping, not modal ratios.
+
+    Parameters
+    ----------
+    system : System
+    frequency : array_like (n_freq,)
+        Frequencies [Hz].
+    outputs, inputs : selection
+        DOF numbers, (point, direction) pairs such as ``(3, "z")``, or rows of combinations (n, n_dof).
+    kind : FRFKind or str
+        Receptance, mobility or accelerance.
+    method : str
+        ``"reduced"`` or ``"direct"``.
+
+    Returns
+    -------
+    FRF
+        ``H`` has shape (n_freq, n_out, n_in).
+
+    Raises
+    ------
+    FRFError
+        For an unknown method, frequencies that cannot be used, 0 Hz on a free structure, or modal ratios with ``"direct"``.
+    """
+    model = system.model
+    out, out_labels = dof_vectors(model, outputs)
+    inn, in_labels = dof_vectors(model, inputs)
+    frequency = np.array(frequency, dtype=float, ndmin=1)
+    if not frequency.size or not np.isfinite(frequency).all() or (frequency < 0).any():
+        msg = "frequencies must be finite and not negative, and there must be one [Hz]"
+        raise FRFError(msg)
+    if method == "reduced":
+        H = _reduced_receptance(system, frequency, out, inn)
+    elif method == "direct":
+        H = _direct_receptance(system, frequency, out, inn)
+    else:
+        msg = f"the FRF method is '{method}'; allowed are reduced, direct"
+        raise FRFError(msg)
+    if not np.isfinite(H).all():
+        msg = "the receptance is infinite at a line: 0 Hz on a free structure, or an undamped resonance"
+        raise FRFError(msg)
+    frf = FRF.from_arrays(frequency, H, FRFKind.RECEPTANCE, out_labels, in_labels)
+    return frf.as_kind(kind)
+
+
+def dof_vectors(model: Model, selection: Selection) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Return a selection as columns (n_dof, n), and labels such as ``"3Z+"``.
+
+    Raises
+    ------
+    ModelError
+        For a point or a direction that the model does not have.
+    """
+    if isinstance(selection, np.ndarray) and selection.ndim == 2:
+        if selection.shape[1] != model.n_dof:
+            msg = f"the selection has {selection.shape[1]} columns; the model has {model.n_dof} DOFs"
+            raise ModelError(msg)
+        return selection.T.astype(float), tuple(f"row{i + 1}" for i in range(len(selection)))
+    columns = np.zeros((model.n_dof, len(selection)))
+    labels = []
+    for i, item in enumerate(selection):
+        if isinstance(item, tuple):
+            point, direction = item
+            if direction not in DIRECTIONS:
+                msg = f"'{direction}' is not a direction; allowed are {', '.join(DIRECTIONS)}"
+                raise ModelError(msg)
+            dof = 6 * int(point) + DIRECTIONS.index(direction)
+        else:
+            dof = int(item)
+        if not 0 <= dof < model.n_dof:
+            msg = f"DOF {dof} (point {dof // 6}) is not in the mesh, which has {model.mesh.n_points} points, counted from 0"
+            raise ModelError(msg)
+        columns[dof, i] = 1.0
+        labels.append(f"{dof // 6}{('X', 'Y', 'Z', 'RX', 'RY', 'RZ')[dof % 6]}+")
+    return columns, tuple(labels)
+
+
+def _reduced_receptance(
+    system: System, frequency: NDArray[np.float64], out: NDArray[np.float64], inn: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    damping = system.model.damping
+    highest = max(float(frequency[-1]), 1.0)
+    basis = reduced_basis(system, inn, highest, margin=1.5, n_krylov=4)
+    V = system.Q.T @ basis.T[:, : basis.n_main]
+    K, M, C, D = (V.T @ (X @ V) for X in (system.K, system.M, system.C, system.D))
+    lam, phi = sla.eigh(K, M)
+    lam[: basis.n_rigid] = 0.0
+    bo, bi = phi.T @ (basis.T[:, : basis.n_main].T @ out), phi.T @ (basis.T[:, : basis.n_main].T @ inn)
+    omega = 2 * np.pi * frequency[:, None]
+    omega_r = np.sqrt(np.maximum(lam, 0.0))
+    zeta = damping.ratio_at(omega_r / (2 * np.pi))
+    diagonal = (
+        lam * (1 + 1j * damping.loss_factor)
+        + 1j * omega * (2 * zeta * omega_r + damping.alpha + damping.beta * lam)
+        - omega**2
+    )
+    if not (C.any() or D.any()):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.einsum("ro,fr,ri->foi", bo, 1 / diagonal, bi, optimize=True)
+    local_C, local_D = phi.T @ C @ phi, phi.T @ D @ phi
+    H = np.empty((len(frequency), out.shape[1], inn.shape[1]), dtype=complex)
+    for k in range(len(frequency)):
+        Z = np.diag(diagonal[k]) + 1j * (omega[k, 0] * local_C + local_D)
+        try:
+            H[k] = bo.T @ np.linalg.solve(Z, bi)
+        except np.linalg.LinAlgError:
+            H[k] = np.inf
+    return H
+
+
+def _direct_receptance(
+    system: System, frequency: NDArray[np.float64], out: NDArray[np.float64], inn: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    damping = system.model.damping
+    if damping.ratio.any():
+        msg = "the direct method needs damping matrices; modal damping ratios have none (use method='reduced')"
+        raise FRFError(msg)
+    K = system.K * (1 + 1j * damping.loss_factor) + 1j * system.D
+    C = system.C + damping.alpha * system.M + damping.beta * system.K
+    bo, bi = system.Q.T @ out, (system.Q.T @ inn).astype(complex)
+    H = np.empty((len(frequency), out.shape[1], inn.shape[1]), dtype=complex)
+    for k, omega in enumerate(2 * np.pi * frequency):
+        try:
+            H[k] = bo.T @ factorise(K + 1j * omega * C - omega**2 * system.M).solve(bi)
+        except SingularMatrixError:
+            H[k] = np.inf
+    return H

@@ -1,0 +1,121 @@
+"""A point mass, at a point of the mesh or at any position along a member."""
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.model import Contribution, Effect, Model, Parameter, dofs_of, lever_matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class AddedMass(Effect):
+    """A rigid body at a point of the mesh.
+
+    Attributes
+    ----------
+    point : int
+        Point of the mesh.
+    mass : float
+        Mass [kg].
+    inertia : ndarray (3, 3)
+        Inertia tensor about its own centre, global axes [kg·m²].
+    arm : ndarray (3,)
+        From the point to its centre of mass [m].
+    """
+
+    kind: ClassVar[str] = "added_mass"
+    point: int
+    mass: Any
+    inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
+    arm: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def where(self) -> str:
+        """The point."""
+        return f"point {self.point}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The mass."""
+        return (Parameter("mass", "kg", self.mass, 0.0, 0.0, np.inf, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return M = Tᵀ diag(m I, inertia) T at the point."""
+        G = np.zeros((6, 6), dtype=np.result_type(float, type(self.mass)))
+        G[:3, :3] = self.mass * np.eye(3)
+        G[3:, 3:] = self.inertia
+        T = lever_matrix(self.arm)
+        return (Contribution(dofs_of(self.point)[None], M=(T.T @ G @ T)[None]),)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Its centre of mass."""
+        return (model.mesh.points[self.point] + self.arm)[None]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PointMass(Effect):
+    """A mass on the axis of a member at a position that may be estimated.
+
+    Attributes
+    ----------
+    member : str
+    position : float
+        Arc length from the member's first end [m].
+    mass : float
+        Mass [kg].
+    """
+
+    kind: ClassVar[str] = "point_mass"
+    member: str
+    position: Any
+    mass: Any
+    span: tuple[float, float] = (0.0, np.inf)
+    scale: float = 1.0
+
+    @property
+    def where(self) -> str:
+        """Member and position."""
+        return f"member {self.member} at {np.real(self.position):.3f} m"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Mass and position."""
+        return (
+            Parameter("mass", "kg", self.mass, 0.0, 0.0, 20 * self.scale),
+            Parameter("position", "m", self.position, self.position, *self.span),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return M = m Nᵀ N with the beam's own shape functions N for translations."""
+        (frame,) = model.of_kind(Frame)
+        dofs, N = _shape_at(frame, model, self.member, self.position)
+        return (Contribution(dofs[None], M=(self.mass * (N.T @ N))[None]),)
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple["Effect", ...]:
+        """One for each member, at its middle, with 2 % of the member's mass to start from."""
+        (frame,) = model.of_kind(Frame)
+        out = []
+        for member in model.mesh.members:
+            p, length = frame.members[member], model.mesh.member_length(member)
+            m = p.material.rho * p.section.A * length
+            out.append(
+                cls(name=f"point_mass:{member}", member=member, position=length / 2, mass=0.02 * m, span=(0.0, length), scale=m)
+            )
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """The place on the member."""
+        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
+
+
+def _shape_at(frame: Frame, model: Model, member: str, position: Any) -> tuple[NDArray[np.int64], NDArray[Any]]:
+    """Return DOFs (12,) and N (3, 12) at a position, which may carry a complex step."""
+    mesh = model.mesh
+    at = mesh.locate(member, float(np.real(position)))
+    dofs, N = frame.interpolate(mesh, [at])
+    if np.iscomplexobj(position):
+        slope = frame.interpolate_slope(mesh, [at])[0, :3]
+        return dofs[0], N[0, :3] + 1j * np.imag(position) * slope
+    return dofs[0], N[0, :3]

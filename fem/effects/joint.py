@@ -1,0 +1,150 @@
+"""Joints between two points, or between a point and the ground: 6×6 K, C, D and M at a place with lever arms."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import DIRECTIONS, Constraint, Contribution, Effect, Model, ModelError, Parameter, dofs_of, lever_matrix
+
+TRANSLATIONS = DIRECTIONS[:3]
+
+
+def joint_unit(direction: str, what: str = "k") -> str:
+    """Return the SI unit of a joint's stiffness (k), viscous damping (c) or loss factor (eta) in a direction."""
+    if what == "eta":
+        return "-"
+    base = "N/m" if direction in TRANSLATIONS else "N·m/rad"
+    return base if what == "k" else base.replace("N/m", "N·s/m").replace("N·m/rad", "N·m·s/rad")
+
+
+def relative_rows(model: Model, point1: int, point2: int | None, location: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the DOFs of two points, and B with δ = B u: the motion of the first relative to the second at a place.
+
+    Parameters
+    ----------
+    model : Model
+    point1 : int
+        Point of the mesh.
+    point2 : int or None
+        Another point, or None for the ground.
+    location : ndarray (3,)
+        Where the joint acts [m].
+
+    Returns
+    -------
+    dofs : ndarray of int (12,) or (6,)
+    B : ndarray (6, 12) or (6, 6)
+    """
+    points = model.mesh.points
+    B1 = lever_matrix(location - points[point1])
+    if point2 is None:
+        return dofs_of(point1), B1
+    return np.concatenate([dofs_of(point1), dofs_of(point2)]), np.hstack([B1, -lever_matrix(location - points[point2])])
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Joint(Effect):
+    """A massless or massive joint in global directions.
+
+    The relative motion δ of its two sides at ``location`` is resisted by K(1 + iη) δ + iωC δ; a direction in ``rigid`` has
+    none. M is a 6×6 mass matrix at the location, shared equally by the two sides.
+
+    Attributes
+    ----------
+    point1 : int
+        Point of the mesh on the first side.
+    point2 : int or None
+        Point on the second side, None for the ground.
+    location : ndarray (3,)
+        Where the joint acts; lever arms to the points are rigid [m].
+    K, C, D : ndarray (6, 6)
+        Stiffness [N/m, N·m/rad], viscous damping, and structural damping in addition to ``eta`` [N/m, N·m/rad].
+    M : ndarray (6, 6)
+        Mass and inertia at the location [kg, kg·m²].
+    eta : float
+        Loss factor of K [-].
+    rigid : tuple of str
+        Directions without relative motion.
+    """
+
+    kind: ClassVar[str] = "joint"
+    point1: int
+    point2: int | None = None
+    location: NDArray[np.float64]
+    K: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
+    C: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
+    D: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
+    M: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
+    eta: Any = 0.0
+    rigid: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for key in "KCDM":
+            matrix = getattr(self, key)
+            if np.shape(matrix) != (6, 6):
+                msg = f"joint '{self.name}': {key} has shape {np.shape(matrix)}; (6, 6) is expected"
+                raise ModelError(msg)
+            scale = np.sqrt(np.abs(np.outer(np.diag(matrix), np.diag(matrix)))) + np.abs(matrix).max() * 1e-9
+            if (np.abs(matrix - matrix.T) > 1e-6 * scale).any():
+                msg = f"joint '{self.name}': {key} is not symmetric"
+                raise ModelError(msg)
+
+    @property
+    def where(self) -> str:
+        """The joint's name."""
+        return f"joint {self.name}"
+
+    @property
+    def elastic(self) -> tuple[str, ...]:
+        """Directions with a stiffness of their own."""
+        diagonal = np.real(np.diag(self.K))
+        return tuple(d for d, k in zip(DIRECTIONS, diagonal, strict=True) if k > 0 and d not in self.rigid)
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The diagonal stiffnesses ``kx … krz`` of its elastic directions, the loss factor ``eta``, dampers ``cx … crz``."""
+        k = np.diag(self.K)
+        out = [
+            Parameter(f"k{d}", joint_unit(d), k[i], 0.0, 1e-6 * abs(k[i]), 1e6 * abs(k[i]), log=True, linear=np.real(self.eta) == 0)
+            for i, d in enumerate(DIRECTIONS)
+            if d in self.elastic
+        ]
+        if self.elastic:
+            out.append(Parameter("eta", "-", self.eta, 0.0, 0.0, 2.0))
+        return tuple(out)
+
+    def with_values(self, **values: Any) -> Self:
+        """Return a joint with other diagonal stiffnesses or loss factor."""
+        K = np.array(self.K, dtype=np.result_type(float, self.K, *map(type, values.values())))
+        for name, value in values.items():
+            if name != "eta":
+                i = DIRECTIONS.index(name[1:])
+                K[i, i] = value
+        return replace(self, K=K, eta=values.get("eta", self.eta))
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return BᵀKB, BᵀCB, Bᵀ(D + ηK)B on the two points' DOFs, and the masses."""
+        dofs, B = relative_rows(model, self.point1, self.point2, self.location)
+        free = np.array([float(d not in self.rigid) for d in DIRECTIONS])
+        Bf = free[:, None] * B
+        parts = [
+            Contribution(dofs[None], *((Bf.T @ X @ Bf)[None] if np.any(X) else None for X in (self.K, 0 * self.M, self.C, self.D + self.eta * self.K)))
+        ]
+        if np.any(self.M):
+            sides = [p for p in (self.point1, self.point2) if p is not None]
+            for point in sides:
+                T = lever_matrix(self.location - model.mesh.points[point])
+                parts.append(Contribution(dofs_of(point)[None], M=(T.T @ self.M @ T)[None] / len(sides)))
+        return tuple(parts)
+
+    def constraints(self, model: Model) -> tuple[Constraint, ...]:
+        """No relative motion in the rigid directions."""
+        if not self.rigid:
+            return ()
+        dofs, B = relative_rows(model, self.point1, self.point2, self.location)
+        return tuple(Constraint((self.name, d), dofs, B[DIRECTIONS.index(d)]) for d in self.rigid)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Where it acts."""
+        return self.location[None]

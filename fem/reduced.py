@@ -1,0 +1,332 @@
+"""The fast engine: FRFs of a reduced model and their exact derivatives, for many parameter values and candidate effects.
+
+A model is projected once. After that nothing depends on the size of the mesh: a set of parameter values costs one small symmetric
+eigenproblem, and a candidate effect what its own few DOFs cost.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from fem.model import Contribution, Effect, Model, ParameterRef
+from fem.reduction import Basis, reduced_basis
+from fem.system import assemble, sum_contributions
+
+LOCAL_LIMIT = 24
+"""Contributions that touch at most this many DOFs are kept in factored form."""
+
+_STEP = 1e-200
+"""Complex step; derivatives are exact to rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Term:
+    """Matrices on the reduced coordinates, X = Lᵀ x L for X in K, M, C, D; L is the identity where it is None."""
+
+    L: NDArray[np.float64] | None
+    K: NDArray[Any] | None
+    M: NDArray[Any] | None
+    C: NDArray[Any] | None
+    D: NDArray[Any] | None
+
+    def dense(self, key: str) -> Any:
+        X = getattr(self, key)
+        if X is None:
+            return 0.0
+        return X if self.L is None else self.L.T @ X @ self.L
+
+
+def _part(X: NDArray[Any] | None, imaginary: bool) -> NDArray[Any] | None:
+    if X is None:
+        return None
+    return np.imag(X) / _STEP if imaginary else np.real(X)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedModel:
+    """A model on a reduced basis, ready for :class:`ParametricFRF`.
+
+    Attributes
+    ----------
+    model : Model
+        The full model, at nominal values.
+    basis : Basis
+    """
+
+    model: Model
+    basis: Basis
+    _cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
+        """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
+        dofs = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.dofs.ravel() for c in contributions)]))
+        T = self.basis.T
+        if len(dofs) > LOCAL_LIMIT:
+            parts = tuple(
+                Contribution(c.dofs, *(_part(getattr(c, key), imaginary) for key in "KMCD")) for c in contributions
+            )
+            full = sum_contributions(parts, self.model.n_dof)
+            return _Term(None, *(T.T @ (X @ T) if X.nnz else None for X in full))
+        small: dict[str, NDArray[Any] | None] = dict.fromkeys("KMCD")
+        for c in contributions:
+            at = np.searchsorted(dofs, c.dofs)
+            for key in "KMCD":
+                X = _part(getattr(c, key), imaginary)
+                if X is None:
+                    continue
+                total = small[key]
+                if total is None:
+                    total = small[key] = np.zeros((len(dofs), len(dofs)))
+                np.add.at(total, (at[:, :, None], at[:, None, :]), X)
+        return _Term(T[dofs], small["K"], small["M"], small["C"], small["D"])
+
+    def value_of(self, effect: Effect) -> _Term:
+        """Project an effect at its present values."""
+        return self.project(effect.contribute(self.model))
+
+    def derivative_of(self, effect: Effect, parameter: str, value: float) -> _Term:
+        """Project an effect's derivative with respect to a parameter, by a complex step."""
+        return self.project(effect.with_values(**{parameter: value + 1j * _STEP}).contribute(self.model), True)
+
+    def base(self) -> dict[str, _Term]:
+        """Return the projection of each effect of the model at nominal values (computed once)."""
+        if "base" not in self._cache:
+            self._cache["base"] = {e.name: self.value_of(e) for e in self.model.effects}
+        return self._cache["base"]
+
+    def base_sum(self) -> dict[str, NDArray[np.float64]]:
+        """Return the sum of all effects' matrices at nominal values (computed once)."""
+        if "sum" not in self._cache:
+            n = self.basis.T.shape[1]
+            self._cache["sum"] = {
+                key: sum((t.dense(key) for t in self.base().values()), np.zeros((n, n))) for key in "KMCD"
+            }
+        return self._cache["sum"]
+
+    def linear(self, effect: Effect, parameter: str, value: float) -> _Term:
+        """Return the derivative with respect to a linear parameter (computed once for effects of the model)."""
+        key = (effect.name, parameter)
+        if key not in self._cache:
+            self._cache[key] = self.derivative_of(effect, parameter, value)
+        return self._cache[key]
+
+
+def reduce_model(
+    model: Model, forces: NDArray[np.float64], max_frequency: float, *, margin: float = 2.0, releasable: bool = True
+) -> ReducedModel:
+    """Project a model on modes and attachment vectors.
+
+    Parameters
+    ----------
+    model : Model
+    forces : ndarray (n_dof, k)
+        Where forces act or may act: excitations, sides of joints, places of candidates.
+    max_frequency : float
+        Highest frequency of interest [Hz].
+    margin : float
+        Modes are taken up to this multiple of it.
+    releasable : bool
+        Whether effects may release the model's constraints later.
+    """
+    system = assemble(model)
+    release = model.constraints() if releasable else ()
+    return ReducedModel(model, reduced_basis(system, forces, max_frequency, margin=margin, release=release))
+
+
+class ParametricFRF:
+    """Receptances of a reduced model as a function of parameter values.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    outputs, inputs : ndarray (n_dof, n_out), (n_dof, n_in)
+        Responses and forces as combinations of DOFs.
+    frequency : ndarray (n_freq,)
+        Frequencies [Hz].
+    refs : sequence of (effect, parameter)
+        The parameters that vary: of the model's effects or of the candidates.
+    candidates : sequence of Effect
+        Effects that are added to the model.
+    """
+
+    def __init__(
+        self,
+        reduced: ReducedModel,
+        outputs: NDArray[np.float64],
+        inputs: NDArray[np.float64],
+        frequency: NDArray[np.float64],
+        refs: Sequence[ParameterRef],
+        candidates: Sequence[Effect] = (),
+    ) -> None:
+        basis = reduced.basis
+        self.reduced = reduced
+        self.refs = tuple(refs)
+        self.omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        self._frequency = np.asarray(frequency, dtype=float)
+        released = {key for effect in candidates for key in effect.released()}
+        columns = [basis.n_main + i for i, key in enumerate(basis.keys) if key in released]
+        self._active = np.concatenate([np.arange(basis.n_main), np.array(columns, dtype=np.int64)])
+        n = len(self._active)
+        self._out = (basis.T.T @ outputs)[self._active]
+        self._in = (basis.T.T @ inputs)[self._active]
+
+        effects = {e.name: e for e in (*reduced.model.effects, *candidates)}
+        wanted: dict[str, list[int]] = {}
+        for i, (name, _) in enumerate(self.refs):
+            wanted.setdefault(name, []).append(i)
+        candidate_names = {e.name for e in candidates}
+        ix = np.ix_(self._active, self._active)
+        self._fixed = {key: X[ix].copy() for key, X in reduced.base_sum().items()}
+        self._linear: list[tuple[int, float, _Term]] = []
+        self._nonlinear: list[tuple[Effect, list[int]]] = []
+        for name, effect in effects.items():
+            rows = wanted.get(name, [])
+            known = {p.name: p for p in effect.parameters()}
+            free = [known[self.refs[i][1]] for i in rows]
+            linear = all(p.linear for p in free)
+            if name in candidate_names and linear:
+                self._add_fixed(reduced.value_of(effect), 1.0)
+            if linear:
+                for i, p in zip(rows, free, strict=True):
+                    term = (
+                        reduced.derivative_of(effect, p.name, p.value)
+                        if name in candidate_names
+                        else reduced.linear(effect, p.name, p.value)
+                    )
+                    self._linear.append((i, p.value, self._restrict(term)))
+            else:
+                if name not in candidate_names:
+                    self._add_fixed(reduced.base()[name], -1.0)
+                self._nonlinear.append((effect, rows))
+        self._n = n
+
+    def _restrict(self, term: _Term) -> _Term:
+        if term.L is not None:
+            return _Term(term.L[:, self._active], term.K, term.M, term.C, term.D)
+        ix = np.ix_(self._active, self._active)
+        return _Term(None, *(None if X is None else X[ix] for X in (term.K, term.M, term.C, term.D)))
+
+    def _add_fixed(self, term: _Term, factor: float) -> None:
+        term = self._restrict(term)
+        for key in "KMCD":
+            self._fixed[key] = self._fixed[key] + factor * term.dense(key)
+
+    def _matrices(self, values: NDArray[np.float64], gradient: bool) -> tuple[dict[str, Any], dict[int, _Term]]:
+        total = dict(self._fixed)
+        slopes: dict[int, _Term] = {}
+        for i, start, term in self._linear:
+            for key in "KMCD":
+                if getattr(term, key) is not None:
+                    total[key] = total[key] + (values[i] - start) * term.dense(key)
+            slopes[i] = term
+        for effect, rows in self._nonlinear:
+            now = effect.with_values(**{self.refs[i][1]: float(values[i]) for i in rows})
+            term = self._restrict(self.reduced.value_of(now))
+            for key in "KMCD":
+                if getattr(term, key) is not None:
+                    total[key] = total[key] + term.dense(key)
+            if gradient:
+                for i in rows:
+                    slopes[i] = self._restrict(
+                        self.reduced.derivative_of(now, self.refs[i][1], float(values[i]))
+                    )
+        return total, slopes
+
+    def evaluate(
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], gradient: bool = True
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None, NDArray[np.complex128] | None]:
+        """Compute receptances and derivatives.
+
+        Z = K (1 + i (η + 2ζ(ω)) + iωβ) + iD + iωC + iωα M - ω²M, with the model's η, α, β; dH = -Hₒ dZ Hᵢ.
+
+        Parameters
+        ----------
+        values : ndarray (n_par,)
+            Values of the parameters ``refs``.
+        zeta : ndarray (n_freq,)
+            Damping ratio at each line [-].
+        gradient : bool
+            Whether derivatives are wanted.
+
+        Returns
+        -------
+        H : ndarray (n_freq, n_out, n_in)
+        dH : ndarray (n_par, n_freq, n_out, n_in) or None
+        dH_dzeta : ndarray (n_freq, n_out, n_in) or None
+            With respect to the damping ratio at that line.
+        """
+        total, slopes = self._matrices(np.asarray(values, dtype=float), gradient)
+        damping = self.reduced.model.damping
+        omega = self.omega[:, None]
+        lam, V = sla.eigh(total["K"], total["M"], check_finite=False)
+        n_rigid = self.reduced.basis.n_rigid
+        lam[:n_rigid] = np.where(np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)]), 0.0, lam[:n_rigid])
+        stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta[:, None]) + 1j * omega * damping.beta
+        mass = 1j * omega * damping.alpha - omega**2
+        inverse = 1 / (stiffness * lam + mass)
+        Bo, Bi = V.T @ self._out, V.T @ self._in
+        Xo = inverse[:, :, None] * Bo if gradient else None
+        Xi = inverse[:, :, None] * Bi
+        local = _range(total["C"], total["D"])
+        if local is not None:
+            U, C, D = local
+            Um = V.T @ U
+            S = 1j * (self.omega[:, None, None] * C + D)
+            Y = inverse[:, :, None] * Um
+            correct = np.linalg.solve(np.eye(U.shape[1]) + S @ (Um.T @ Y), S)
+            Xi = Xi - Y @ (correct @ (Um.T @ Xi))
+            if Xo is not None:
+                Xo = Xo - Y @ (correct @ (Um.T @ Xo))
+        H = Bo.T @ Xi
+        if Xo is None:
+            return H, None, None
+        Xot = np.swapaxes(Xo, 1, 2)
+        dH = np.zeros((len(self.refs), *H.shape), dtype=complex)
+        factors = {
+            "K": stiffness[:, :, None],
+            "M": mass[:, :, None],
+            "C": 1j * self.omega[:, None, None],
+            "D": np.full((1, 1, 1), 1j),
+        }
+        for i, term in slopes.items():
+            if term.L is None:
+                for key, factor in factors.items():
+                    X = getattr(term, key)
+                    if X is not None:
+                        dH[i] -= factor * (Xot @ _times(V.T @ X @ V, Xi))
+            else:
+                L = term.L @ V
+                uo, ui = np.swapaxes(_times(L, Xo), 1, 2), _times(L, Xi)
+                dZ = sum(factor * getattr(term, key) for key, factor in factors.items() if getattr(term, key) is not None)
+                if not isinstance(dZ, int):
+                    dH[i] = -uo @ (dZ @ ui)
+        return H, dH, -2j * (Xot @ (lam[:, None] * Xi))
+
+
+def _times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Multiply a real matrix and a batch of complex ones by two real products."""
+    n_freq, r, n = X.shape
+    flat = np.ascontiguousarray(X.transpose(1, 0, 2)).reshape(r, n_freq * n)
+    product = (A @ flat.view(float)).view(complex)
+    return product.reshape(len(A), n_freq, n).transpose(1, 0, 2)
+
+
+def _range(C: Any, D: Any) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return an orthonormal basis of what local damping acts on, and C and D on it; None without local damping."""
+    sizes = [float(np.abs(X).max()) for X in (C, D)]
+    if max(sizes) == 0:
+        return None
+    both = sum(X @ X.T / s**2 for X, s in zip((C, D), sizes, strict=True) if s > 0)
+    eigenvalues, vectors = sla.eigh(both, check_finite=False)
+    U = vectors[:, eigenvalues > 1e-14 * eigenvalues[-1]]
+    return U, U.T @ C @ U, U.T @ D @ U
+
+
+def values_of(model: Model, refs: Sequence[ParameterRef], candidates: Sequence[Effect] = ()) -> NDArray[np.float64]:
+    """Return the present values of parameters of a model's effects or of candidates."""
+    effects: Mapping[str, Effect] = {e.name: e for e in (*model.effects, *candidates)}
+    return np.array([{p.name: p.value for p in effects[n].parameters()}[q] for n, q in refs], dtype=float)
