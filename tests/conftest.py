@@ -19,6 +19,7 @@ if sys.platform == "linux" and not os.environ.get("DISPLAY"):
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 # A busy machine is no failure; on CI the same examples run every time, so that only a change can break it.
 hypothesis.settings.register_profile("here", deadline=None)
@@ -26,27 +27,18 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, prin
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 
-def find_chromium() -> Path | None:
-    """Return the Chromium to run, or None."""
-    found = shutil.which("chromium") or shutil.which("chromium-browser")
-    return Path(found) if found else None
-
-
 def pytest_collection_modifyitems(items):
-    """Mark the tests that use the fixtures `shared` and `browser`, so that `-m` selects them."""
+    """Mark what uses the fixtures `shared` and `browser`, and skip what this machine has not got."""
     for item in items:
-        for name in {"shared", "browser"} & set(getattr(item, "fixturenames", ())):
-            item.add_marker(name)
-
-
-def pytest_runtest_setup(item):
-    """Skip a test whose data or browser is not on this machine."""
-    for marker in item.iter_markers("shared"):
-        for below in marker.args or ("",):
-            if not (SHARED / below).exists():
-                pytest.skip(f"needs ../shared/{below}")
-    if item.get_closest_marker("browser") and find_chromium() is None:
-        pytest.skip("needs Chromium: `chromium` on the PATH")
+        for name in ("shared", "browser"):
+            if name in getattr(item, "fixturenames", ()) and not item.get_closest_marker(name):
+                item.add_marker(name)
+        for marker in item.iter_markers("shared"):
+            for below in marker.args or ("",):
+                if not (SHARED / below).exists():
+                    item.add_marker(pytest.mark.skip(f"needs ../shared/{below}"))
+        if item.get_closest_marker("browser") and not CHROMIUM:
+            item.add_marker(pytest.mark.skip("needs Chromium: `chromium` on the PATH"))
 
 
 @pytest.fixture(scope="session")
@@ -57,19 +49,20 @@ def root() -> Path:
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
-    """Return ../shared, or skip; `@pytest.mark.shared("data/...")` asks for one thing in it."""
-    if not SHARED.is_dir():
-        pytest.skip("needs ../shared/")
+    """Return ../shared; a test that uses it is skipped where that is absent.
+
+    `@pytest.mark.shared("data/southampton-frame")` asks for one thing in it.
+    """
     return SHARED
 
 
 @pytest.fixture(scope="session")
 def browser() -> Path:
-    """Return Chromium's path, or skip; as root it runs only with --headless --no-sandbox."""
-    found = find_chromium()
-    if found is None:
-        pytest.skip("needs Chromium: `chromium` on the PATH")
-    return found
+    """Return Chromium's path; a test that uses it is skipped where there is none.
+
+    Run it with --headless, --no-sandbox (it may be root) and a new --user-data-dir.
+    """
+    return Path(str(CHROMIUM))
 
 
 @pytest.fixture(scope="session")
