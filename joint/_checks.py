@@ -1,0 +1,104 @@
+"""What every function of the package asks of its arrays, and how it says that something is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+
+_Array = TypeVar("_Array", bound=npt.NDArray[Any])
+
+
+def frozen_copy(array: _Array) -> _Array:
+    """Return a copy of an array that cannot be written to."""
+    copy = array.copy()
+    copy.flags.writeable = False
+    return copy
+
+
+def as_frequency(frequency: npt.ArrayLike) -> FloatArray:
+    """Return frequency lines as a 1-D float array [Hz], finite, non-negative and increasing."""
+    lines = np.atleast_1d(np.asarray(frequency, dtype=float))
+    if lines.ndim != 1 or lines.size == 0:
+        msg = f"frequency has shape {lines.shape}; a non-empty vector (n_freq,) in Hz is needed"
+        raise ValueError(msg)
+    if not np.isfinite(lines).all() or lines[0] < 0:
+        msg = "frequency holds a negative or non-finite value; finite lines from 0 Hz up are allowed"
+        raise ValueError(msg)
+    steps = np.diff(lines)
+    if (steps <= 0).any():
+        line = int(np.argmax(steps <= 0)) + 1
+        msg = (
+            f"frequency line {line} is {lines[line]:g} Hz after {lines[line - 1]:g} Hz; "
+            "lines must increase, without repetition"
+        )
+        raise ValueError(msg)
+    return lines
+
+
+def check_same_lines(frequency: FloatArray, reference: FloatArray, name: str, reference_name: str) -> None:
+    """Raise ValueError unless two sets of frequency lines are the same, to 1e-9 of the highest."""
+    if frequency.shape != reference.shape:
+        msg = (
+            f"{name} has {frequency.size} frequency lines, against {reference.size} of {reference_name}; "
+            "both must share one set of lines"
+        )
+        raise ValueError(msg)
+    apart = np.abs(frequency - reference) > 1e-9 * reference[-1]
+    if apart.any():
+        line = int(np.argmax(apart))
+        msg = (
+            f"line {line} of {name} is at {frequency[line]:g} Hz, but in {reference_name} at "
+            f"{reference[line]:g} Hz; both must share one set of lines"
+        )
+        raise ValueError(msg)
+
+
+def as_lines(
+    values: npt.ArrayLike,
+    name: str,
+    frequency: FloatArray,
+    rows: Sequence[str],
+    columns: Sequence[str],
+) -> ComplexArray:
+    """Return a complex array (n_freq, n_rows, n_columns) after checking its shape and that it is finite."""
+    array = np.asarray(values, dtype=complex)
+    shape = (frequency.size, len(rows), len(columns))
+    if array.shape != shape:
+        msg = (
+            f"{name} has shape {array.shape}; {shape} is needed: "
+            f"{shape[0]} frequency lines, {shape[1]} rows and {shape[2]} columns"
+        )
+        raise ValueError(msg)
+    bad = ~np.isfinite(array)
+    if bad.any():
+        line, row, column = (int(i) for i in np.argwhere(bad)[0])
+        msg = (
+            f"{name} holds {int(bad.sum())} values that are not finite, the first at line {line} "
+            f"({frequency[line]:g} Hz), row {rows[row]}, column {columns[column]}; "
+            "leave out such lines or coordinates (a free body has no receptance at 0 Hz)"
+        )
+        raise ValueError(msg)
+    return array
+
+
+def as_square(values: npt.ArrayLike | None, name: str, n: int) -> FloatArray:
+    """Return a real finite matrix (n, n); None stands for zero."""
+    if values is None:
+        return np.zeros((n, n))
+    array = np.asarray(values, dtype=float)
+    if array.shape != (n, n):
+        msg = f"{name} has shape {array.shape}; {(n, n)} is needed"
+        raise ValueError(msg)
+    if not np.isfinite(array).all():
+        msg = f"{name} holds values that are not finite; a real, finite matrix is needed"
+        raise ValueError(msg)
+    return array
