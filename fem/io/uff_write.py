@@ -1,0 +1,303 @@
+"""Writing universal files.
+
+pyuff writes the datasets 15, 82, 151, 164 and 2411. Written here are 58 and 58b (pyuff states half the bytes of complex
+values and knows no single precision), 55 (no complex shapes with rotations) and 2412 (no orientation record for beams).
+"""
+
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.frf import FRF, FRFKind
+from fem.io.atomic import replacing
+from fem.io.uff_format import UffError, label_of, parse_label
+from fem.mesh import Mesh
+from fem.modes import Modes
+
+if TYPE_CHECKING:
+    from fem.io.uff import Header
+
+_MARK = f"{-1:6d}\n"
+_NUMERATOR = {
+    FRFKind.RECEPTANCE: (8, "Displacement", "m", "rad"),
+    FRFKind.MOBILITY: (11, "Velocity", "m/s", "rad/s"),
+    FRFKind.ACCELERANCE: (12, "Acceleration", "m/s^2", "rad/s^2"),
+}
+
+
+def write_uff(
+    path: str | os.PathLike[str],
+    frf: FRF | Sequence[FRF] = (),
+    modes: Modes | None = None,
+    mesh: Mesh | None = None,
+    *,
+    header: "Header | None" = None,
+    binary: bool = True,
+    double: bool = True,
+    points: int = 2411,
+    dofs: Mapping[str, str] | None = None,
+) -> None:
+    """Write FRFs, mode shapes and a mesh to a universal file, in SI units; the file is replaced whole or not at all.
+
+    Datasets: 151 header, 164 units, 15 or 2411 points, 2412 elements, 82 trace lines (one for each member), 55 mode
+    shapes, 58 or 58b FRFs. What the format keeps: FRF values exactly in binary double precision, to 6e-8 in binary
+    single, 5e-13 in text double and 5e-6 in text single precision; frequencies exactly in binary double precision, else
+    to 6e-8 (binary) and 5e-7 (text); mode shapes, their frequencies and damping, and points in dataset 15 to 5e-6, all
+    relative.
+
+    Parameters
+    ----------
+    path : path
+    frf : FRF or sequence of FRF, optional
+    modes : Modes, optional
+        Shapes without labels are taken as all DOFs of a mesh, nodes counted from 1.
+    mesh : Mesh, optional
+        Points become nodes 1, 2, …
+    header : Header, optional
+        Names of the model and of the program.
+    binary : bool
+        Dataset 58b, else 58.
+    double : bool
+        Double precision, else single.
+    points : {2411, 15}
+        Dataset for the points.
+    dofs : mapping of str to str, optional
+        Labels such as ``"12Z+"`` for responses and forces that are named otherwise, such as ``"U1z"``.
+
+    Raises
+    ------
+    UffError
+        For labels that are not degrees of freedom, values that single precision cannot hold, frequencies that the
+        precision cannot tell apart, or nothing to write.
+    """
+    frfs = (frf,) if isinstance(frf, FRF) else tuple(frf)
+    if not frfs and modes is None and mesh is None:
+        msg = "nothing to write: give frf, modes or mesh"
+        raise UffError(msg)
+    parts: list[bytes] = [_by_pyuff(_leading_sets(header, mesh, points))]
+    if mesh is not None:
+        parts.append(_element_text(mesh).encode())
+    if modes is not None:
+        parts.extend(text.encode() for text in _shape_texts(modes, dofs or {}))
+    for one in frfs:
+        parts.extend(_records(one, binary, double, dofs or {}))
+    with replacing(path) as scratch:
+        scratch.write_bytes(b"".join(parts))
+
+
+def _by_pyuff(sets: list[dict[str, Any]]) -> bytes:
+    import pyuff
+
+    with tempfile.TemporaryDirectory() as folder:
+        scratch = Path(folder) / "sets.uff"
+        writer: Any = pyuff.UFF(str(scratch))
+        writer.write_sets(sets, mode="overwrite")
+        return scratch.read_bytes().replace(b"\r\n", b"\n")
+
+
+def _leading_sets(header: "Header | None", mesh: Mesh | None, points: int) -> list[dict[str, Any]]:
+    sets: list[dict[str, Any]] = [
+        {
+            "type": 151,
+            "model_name": _line(header.model if header else ""),
+            "description": _line(header.description if header else ""),
+            "db_app": _line(header.program if header else "Dovetail"),
+            "program": _line(header.program if header else "Dovetail"),
+        },
+        {
+            "type": 164,
+            "units_code": 1,
+            "units_description": "SI: m, N",
+            "length": 1.0,
+            "force": 1.0,
+            "temp": 1.0,
+            "temp_offset": 273.15,
+        },
+    ]
+    if mesh is None:
+        return sets
+    if points not in (15, 2411):
+        msg = f"points are written as dataset 15 or 2411, not {points}"
+        raise UffError(msg)
+    nothing = np.zeros(mesh.n_points, dtype=int)
+    x, y, z = mesh.points.T
+    nodes = np.arange(1, mesh.n_points + 1)
+    sets.append(
+        {"type": points, "node_nums": nodes, "def_cs": nothing, "disp_cs": nothing, "color": nothing}
+        | {"x": x, "y": y, "z": z}
+    )
+    for number, name in enumerate(mesh.members, start=1):
+        chain = mesh.member_points(name) + 1
+        sets.append({"type": 82, "trace_num": number, "nodes": chain, "id": _line(name)})
+    return sets
+
+
+def _line(text: str) -> str:
+    """Return one line of text for a header, at most 80 characters; an empty one is NONE."""
+    return " ".join(text.split())[:80] or "NONE"
+
+
+def _element_text(mesh: Mesh) -> str:
+    """Dataset 2412: two-node beams, the member's number as their property table."""
+    number_of = {name: k for k, name in enumerate(mesh.members, start=1)}
+    rows = [_MARK, f"{2412:6d}\n"]
+    for k, (name, (a, b)) in enumerate(zip(mesh.member_of_line(), mesh.lines, strict=True), start=1):
+        rows.append(f"{k:10d}{21:10d}{number_of[str(name)]:10d}{1:10d}{7:10d}{2:10d}\n")
+        rows.append(f"{0:10d}{1:10d}{1:10d}\n{a + 1:10d}{b + 1:10d}\n")
+    return "".join([*rows, _MARK])
+
+
+# Functions: datasets 58 and 58b -------------------------------------------------------------------------------------
+
+
+def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> list[bytes]:
+    start, step = _even_spacing(frf.frequency)
+    if not step:
+        _check_told_apart(frf.frequency, binary, double)
+    if not double and frf.H.size and np.abs(frf.H).max() > np.finfo(np.float32).max:
+        msg = f"an FRF value is as large as {np.abs(frf.H).max():.3g}; single precision ends at 3.4e38"
+        raise UffError(msg)
+    records: list[bytes] = []
+    for j, reference in enumerate(frf.inputs):
+        for i, response in enumerate(frf.outputs):
+            ends = (_dof(response, dofs), _dof(reference, dofs))
+            values = _columns(frf, i, j, bool(step))
+            payload = _payload(values, binary, double, bool(step))
+            head = _function_head(frf, ends, double, start, step)
+            kind = f"{58:6d}"
+            if binary:
+                kind += f"b{1:6d}{2:6d}{11:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+            records.append(f"{_MARK}{kind}\n{head}".encode() + payload + _MARK.encode())
+    return records
+
+
+def _dof(label: str, dofs: Mapping[str, str]) -> tuple[int, int]:
+    try:
+        return parse_label(dofs.get(label, label))
+    except UffError as reason:
+        msg = f"{reason}; name its degree of freedom in dofs, such as {{'{label}': '12Z+'}}"
+        raise UffError(msg) from None
+
+
+def _even_spacing(frequency: NDArray[np.float64]) -> tuple[float, float]:
+    """Return start and step if the header can hold them to 1e-12, else zeros: the frequencies are then written out."""
+    if frequency.size < 2:
+        return 0.0, 0.0
+    start, step = (float(f"{v:.6e}") for v in (frequency[0], (frequency[-1] - frequency[0]) / (frequency.size - 1)))
+    even = start + np.arange(frequency.size) * step
+    return (start, step) if np.abs(even - frequency).max() <= 1e-12 * frequency[-1] else (0.0, 0.0)
+
+
+def _check_told_apart(frequency: NDArray[np.float64], binary: bool, double: bool) -> None:
+    if binary and double:
+        return
+    kept = frequency.astype(np.float32) if binary else np.array([float(f"{f:.6e}") for f in frequency])
+    if (np.diff(kept) <= 0).any():
+        k = int(np.argmax(np.diff(kept) <= 0))
+        msg = (
+            f"frequencies {frequency[k]!r} and {frequency[k + 1]!r} Hz cannot be told apart in this form; "
+            "write binary and double"
+        )
+        raise UffError(msg)
+
+
+def _columns(frf: FRF, i: int, j: int, even: bool) -> NDArray[np.float64]:
+    h = frf.H[:, i, j]
+    columns = [h.real, h.imag]
+    return np.column_stack(columns if even else [frf.frequency, *columns])
+
+
+def _payload(values: NDArray[np.float64], binary: bool, double: bool, even: bool) -> bytes:
+    if binary:
+        return values.astype("<f8" if double else "<f4").tobytes()
+    if double and not even:  # E13.5, 2E20.12
+        return "".join(f"{x:13.6e}{a:20.12e}{b:20.12e}\n" for x, a, b in values).encode()
+    if not double and not even:  # 6E13.5, the frequency with the digit for which a positive number has room
+        cells = [f"{v:13.6e}" if k == 0 else f"{v:13.5e}" for row in values for k, v in enumerate(row)]
+    else:
+        cells = [f"{v:20.12e}" if double else f"{v:13.5e}" for v in values.ravel()]
+    per_line = 4 if double else 6
+    return "".join("".join(cells[k : k + per_line]) + "\n" for k in range(0, len(cells), per_line)).encode()
+
+
+def _function_head(
+    frf: FRF, ends: tuple[tuple[int, int], tuple[int, int]], double: bool, start: float, step: float
+) -> str:
+    (node, direction), (reference, sense) = ends
+    kind, word, unit, turned = _NUMERATOR[frf.kind]
+    moment = abs(sense) > 3
+    return "".join(
+        [
+            f"{_line(f'{frf.kind} {label_of(node, direction)}/{label_of(reference, sense)}'):<80}\n",
+            *(f"{'NONE':<80}\n" for _ in range(4)),
+            f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} {'NONE':<10}{reference:10d}{sense:4d}\n",
+            f"{6 if double else 5:10d}{frf.n_freq:10d}{1 if step else 0:10d}{start:13.6e}{step:13.6e}{0:13.5e}\n",
+            _axis(18, "Frequency", "Hz"),
+            _axis(kind, word, turned if abs(direction) > 3 else unit),
+            _axis(13, "Moment" if moment else "Force", "N*m" if moment else "N"),
+            _axis(0, "NONE", "NONE"),
+        ]
+    )
+
+
+def _axis(kind: int, word: str, unit: str) -> str:
+    return f"{kind:10d}{0:5d}{0:5d}{0:5d} {word:<20} {unit:<20}\n"
+
+
+# Mode shapes: dataset 55 --------------------------------------------------------------------------------------------
+
+
+def _shape_texts(modes: Modes, dofs: Mapping[str, str]) -> list[str]:
+    nodes, table = _nodal_table(modes, dofs)
+    zeta = np.zeros(modes.n_modes) if modes.zeta is None else modes.zeta
+    return [
+        _shape_text(nodes, table[:, :, k], k + 1, float(modes.frequency[k]), float(zeta[k]))
+        for k in range(modes.n_modes)
+    ]
+
+
+def _nodal_table(modes: Modes, dofs: Mapping[str, str]) -> tuple[list[int], NDArray[Any]]:
+    """Return node numbers and values (n_nodes, 3 or 6, n_modes); directions that are not there are zero."""
+    labels = modes.labels or tuple(
+        label_of(p + 1, d) for p in range(modes.shapes.shape[0] // 6) for d in range(1, 7)
+    )
+    if len(labels) != modes.shapes.shape[0]:
+        msg = f"the shapes have {modes.shapes.shape[0]} rows and {len(labels)} labels"
+        raise UffError(msg)
+    ends = [_dof(label, dofs) for label in labels]
+    if any(direction == 0 for _, direction in ends):
+        msg = f"'{labels[[d for _, d in ends].index(0)]}' has no direction; mode shapes need X, Y, Z, RX, RY or RZ"
+        raise UffError(msg)
+    nodes = list(dict.fromkeys(node for node, _ in ends))
+    row_of = {node: k for k, node in enumerate(nodes)}
+    width = 6 if any(abs(direction) > 3 for _, direction in ends) else 3
+    table = np.zeros((len(nodes), width, modes.n_modes), dtype=modes.shapes.dtype)
+    for row, (node, direction) in enumerate(ends):
+        table[row_of[node], abs(direction) - 1] = np.sign(direction) * modes.shapes[row]
+    return nodes, table
+
+
+def _shape_text(nodes: list[int], values: NDArray[Any], number: int, frequency: float, zeta: float) -> str:
+    is_complex = np.iscomplexobj(values)
+    width = values.shape[1]
+    head = [_MARK, f"{55:6d}\n", f"{f'mode {number}':<80}\n", *(f"{'NONE':<80}\n" for _ in range(4))]
+    data = (1, 3 if is_complex else 2, 2 if width == 3 else 3, 8, 5 if is_complex else 2, width)
+    head.append("".join(f"{v:10d}" for v in data) + "\n")
+    if is_complex:  # the eigenvalue lies on a circle of radius omega
+        omega = 2 * np.pi * frequency
+        pole = (-zeta * omega, omega * np.sqrt(max(0.0, 1 - zeta**2)), 0.0, 0.0, 0.0, 0.0)
+        head.append(f"{2:10d}{6:10d}{0:10d}{number:10d}\n" + "".join(f"{v:13.5e}" for v in pole) + "\n")
+    else:
+        record = (frequency, 1.0, zeta, 0.0)
+        head.append(f"{2:10d}{4:10d}{0:10d}{number:10d}\n" + "".join(f"{v:13.5e}" for v in record) + "\n")
+    body: list[str] = []
+    for node, row in zip(nodes, values, strict=True):
+        numbers = np.column_stack([row.real, row.imag]).ravel() if is_complex else row
+        cells = [f"{v:13.5e}" for v in numbers]
+        body.append(f"{node:10d}\n" + "".join("".join(cells[k : k + 6]) + "\n" for k in range(0, len(cells), 6)))
+    return "".join([*head, *body, _MARK])
