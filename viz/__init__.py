@@ -1,0 +1,1 @@
+"""Pictures of structures and mode shapes (PyVista, off-screen) and curves (matplotlib figures)."""
