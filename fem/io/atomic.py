@@ -20,7 +20,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         yield scratch
         scratch.chmod(0o666 & ~_umask())
-        os.replace(scratch, target)  # noqa: PTH105 - Path.replace is the same call; this one is known to be atomic
+        scratch.replace(target)
     except BaseException:
         scratch.unlink(missing_ok=True)
         raise

@@ -1,8 +1,8 @@
 """Framing of universal files: where each dataset begins and ends, and the labels of its degrees of freedom.
 
-pyuff decodes what stands inside the datasets (see :mod:`fem.io.uff`). It finds their ends by searching for the mark and
-says neither the place nor the reason of an error; so the file is cut up here, by the number of values that each
-binary record announces, and repaired where other programs' files would trip pyuff.
+pyuff decodes what stands inside the datasets (see :mod:`fem.io.uff`). It finds their ends by searching for
+the mark and says neither the place nor the reason of an error; so the file is cut up here, by the number of
+values that each binary record announces, and repaired where other programs' files would trip pyuff.
 """
 
 import re
@@ -23,7 +23,7 @@ _LABEL = re.compile(r"(-?\d+)(?:(S)|(R?[XYZ])([+-]))")
 
 
 class UffError(ValueError):
-    """A universal file that cannot be read or written; the message names the file, the dataset and the place."""
+    """A universal file that cannot be read or written; the message names file, dataset and place."""
 
 
 def label_of(node: int, direction: int) -> str:
@@ -80,7 +80,8 @@ class Block:
     lines : tuple of str
         Its text without the marks, the line with the type first; of a binary dataset the header only.
     values : ndarray or None
-        Values of a binary dataset, a structured array with ``y`` (n, 1 or 2) and ``x`` (n,) where it is stored.
+        Values of a binary dataset, a structured array with ``y`` (n, 1 or 2) and ``x`` (n,) where it is
+        stored.
     refusal : str
         Why it cannot be read; empty if it can.
     """
@@ -95,7 +96,8 @@ class Block:
     @property
     def name(self) -> str:
         """Its type and place, for messages."""
-        return f"dataset {self.kind}{'b' if self.values is not None else ''} at line {self.line} (byte {self.offset})"
+        binary = "b" if self.values is not None else ""
+        return f"dataset {self.kind}{binary} at line {self.line} (byte {self.offset})"
 
 
 @dataclass(slots=True)
@@ -158,7 +160,10 @@ def split_blocks(data: bytes, file: str) -> tuple[list[Block], list[str]]:
             continue
         blocks.append(_take_block(cursor, line, offset))
     if not blocks:
-        msg = f"{file}: no dataset found; a universal file has lines with '    -1' before and after each dataset"
+        msg = (
+            f"{file}: no dataset found; a universal file has lines with '    -1' before and after each "
+            "dataset"
+        )
         raise UffError(msg)
     return blocks, _merged(notes)
 
@@ -220,7 +225,10 @@ def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
     if there is None or there < need:
         msg = (
             f"{cursor.file}: {what} announces {n} values in {need} bytes, but "
-            f"{len(cursor.data) - cursor.at if there is None else there} follow its header at byte {cursor.at}; "
+            f (
+                f"{len(cursor.data) - cursor.at if there is None else there} follow its header at byte "
+                f"{cursor.at}; "
+            )
             "the file may be cut off or damaged"
         )
         raise UffError(msg)
@@ -244,19 +252,25 @@ def _refused(cursor: _Cursor, header: tuple[str, ...], line: int, offset: int, r
 def _layouts(header: tuple[str, ...]) -> list[np.dtype[Any]]:
     """Return the possible layouts of one value: what the header says, then what other programs write instead.
 
-    Where the abscissa is stored, some programs write it in single precision beside ordinates in double precision;
-    some write double precision under a header that says single, or the reverse.
+    Where the abscissa is stored, some programs write it in single precision beside ordinates in double
+    precision; some write double precision under a header that says single, or the reverse.
     """
     if len(header) < HEADER_LINES:
         msg = f"its header has {len(header) - 1} records of 11; the file may be cut off"
         raise ValueError(msg)
     order, floating = _integer(header[0][7:13], 1), _integer(header[0][13:19], 2)
     if order not in (1, 2) or floating not in (0, 2):
-        msg = f"byte order {order} and number format {floating}; 1 or 2 (little or big endian) and 2 (IEEE) are read"
+        msg = (
+            f"byte order {order} and number format {floating}; 1 or 2 (little or big endian) and 2 (IEEE) "
+            "are read"
+        )
         raise ValueError(msg)
     kind, n, even = _integer(header[7][:10]), _integer(header[7][10:20]), _integer(header[7][20:30])
     if kind not in (2, 4, 5, 6) or n < 0 or even not in (0, 1):
-        msg = f"ordinate type {kind}, {n} values, spacing {even}; 2, 4, 5 or 6, none or more, and 0 or 1 are allowed"
+        msg = (
+            f"ordinate type {kind}, {n} values, spacing {even}; 2, 4, 5 or 6, none or more, and 0 or 1 "
+            "are allowed"
+        )
         raise ValueError(msg)
     ends, parts = "<" if order == 1 else ">", 2 if kind in (5, 6) else 1
     width = 8 if kind in (4, 6) else 4
@@ -265,7 +279,8 @@ def _layouts(header: tuple[str, ...]) -> list[np.dtype[Any]]:
         widths.insert(1, (4, 8))
     abscissa = [] if even else ["x"]
     return [
-        np.dtype([*((name, f"{ends}f{a}") for name in abscissa), ("y", f"{ends}f{b}", (parts,))]) for a, b in widths
+        np.dtype([*((name, f"{ends}f{a}") for name in abscissa), ("y", f"{ends}f{b}", (parts,))])
+        for a, b in widths
     ]
 
 
@@ -280,7 +295,7 @@ def _integer(text: str, default: int | None = None) -> int:
 
 
 def _end_of_values(data: bytes, at: int) -> int | None:
-    """Return where the closing mark begins if values can end at a byte, with or without a line end between."""
+    """Return where the closing mark begins if values can end at a byte; a line end may lie between."""
     for gap in (b"", b"\r\n", b"\n"):
         if data[at : at + len(gap)] == gap and _is_mark(data, at + len(gap)):
             return at + len(gap)

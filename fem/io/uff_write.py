@@ -1,7 +1,8 @@
 """Writing universal files.
 
-pyuff writes the datasets 15, 82, 151, 164 and 2411. Written here are 58 and 58b (pyuff states half the bytes of complex
-values and knows no single precision), 55 (no complex shapes with rotations) and 2412 (no orientation record for beams).
+pyuff writes the datasets 15, 82, 151, 164 and 2411. Written here are 58 and 58b (pyuff states half the bytes
+of complex values and knows no single precision), 55 (no complex shapes with rotations) and 2412 (no
+orientation record for beams).
 """
 
 import os
@@ -42,13 +43,13 @@ def write_uff(
     points: int = 2411,
     dofs: Mapping[str, str] | None = None,
 ) -> None:
-    """Write FRFs, mode shapes and a mesh to a universal file, in SI units; the file is replaced whole or not at all.
+    """Write FRFs, mode shapes and a mesh to a universal file, in SI units.
 
-    Datasets: 151 header, 164 units, 15 or 2411 points, 2412 elements, 82 trace lines (one for each member), 55 mode
-    shapes, 58 or 58b FRFs. What the format keeps: FRF values exactly in binary double precision, to 6e-8 in binary
-    single, 5e-13 in text double and 5e-6 in text single precision; frequencies exactly in binary double precision, else
-    to 6e-8 (binary) and 5e-7 (text); mode shapes, their frequencies and damping, and points in dataset 15 to 5e-6, all
-    relative.
+    The file is replaced whole or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412 elements, 82 trace lines (one for each member),
+    55 mode shapes, 58 or 58b FRFs. What the format keeps: FRF values exactly in binary double precision, to
+    6e-8 in binary single, 5e-13 in text double and 5e-6 in text single precision; frequencies exactly in
+    binary double precision, else to 6e-8 (binary) and 5e-7 (text); mode shapes, their frequencies and
+    damping, and points in dataset 15 to 5e-6, all relative.
 
     Parameters
     ----------
@@ -72,8 +73,8 @@ def write_uff(
     Raises
     ------
     UffError
-        For labels that are not degrees of freedom, values that single precision cannot hold, frequencies that the
-        precision cannot tell apart, or nothing to write.
+        For labels that are not degrees of freedom, values that single precision cannot hold, frequencies that
+        the precision cannot tell apart, or nothing to write.
     """
     frfs = (frf,) if isinstance(frf, FRF) else tuple(frf)
     if not frfs and modes is None and mesh is None:
@@ -152,7 +153,7 @@ def _element_text(mesh: Mesh) -> str:
     return "".join([*rows, _MARK])
 
 
-# Functions: datasets 58 and 58b -------------------------------------------------------------------------------------
+# Functions: datasets 58 and 58b -----------------------------------------------------------------------------
 
 
 def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> list[bytes]:
@@ -185,10 +186,12 @@ def _dof(label: str, dofs: Mapping[str, str]) -> tuple[int, int]:
 
 
 def _even_spacing(frequency: NDArray[np.float64]) -> tuple[float, float]:
-    """Return start and step if the header can hold them to 1e-12, else zeros: the frequencies are then written out."""
+    """Return start and step if the header can hold them to 1e-12; else zeros, to write them out."""
     if frequency.size < 2:
         return 0.0, 0.0
-    start, step = (float(f"{v:.6e}") for v in (frequency[0], (frequency[-1] - frequency[0]) / (frequency.size - 1)))
+    start, step = (
+        float(f"{v:.6e}") for v in (frequency[0], (frequency[-1] - frequency[0]) / (frequency.size - 1))
+    )
     even = start + np.arange(frequency.size) * step
     return (start, step) if np.abs(even - frequency).max() <= 1e-12 * frequency[-1] else (0.0, 0.0)
 
@@ -235,8 +238,12 @@ def _function_head(
         [
             f"{_line(f'{frf.kind} {label_of(node, direction)}/{label_of(reference, sense)}'):<80}\n",
             *(f"{'NONE':<80}\n" for _ in range(4)),
-            f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} {'NONE':<10}{reference:10d}{sense:4d}\n",
-            f"{6 if double else 5:10d}{frf.n_freq:10d}{1 if step else 0:10d}{start:13.6e}{step:13.6e}{0:13.5e}\n",
+            f (
+                f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} "
+                f"{'NONE':<10}{reference:10d}{sense:4d}\n"
+            )
+            f"{6 if double else 5:10d}{frf.n_freq:10d}{1 if step else 0:10d}",
+            f"{start:13.6e}{step:13.6e}{0:13.5e}\n",
             _axis(18, "Frequency", "Hz"),
             _axis(kind, word, turned if abs(direction) > 3 else unit),
             _axis(13, "Moment" if moment else "Force", "N*m" if moment else "N"),
@@ -249,7 +256,7 @@ def _axis(kind: int, word: str, unit: str) -> str:
     return f"{kind:10d}{0:5d}{0:5d}{0:5d} {word:<20} {unit:<20}\n"
 
 
-# Mode shapes: dataset 55 --------------------------------------------------------------------------------------------
+# Mode shapes: dataset 55 ------------------------------------------------------------------------------------
 
 
 def _shape_texts(modes: Modes, dofs: Mapping[str, str]) -> list[str]:
@@ -271,7 +278,10 @@ def _nodal_table(modes: Modes, dofs: Mapping[str, str]) -> tuple[list[int], NDAr
         raise UffError(msg)
     ends = [_dof(label, dofs) for label in labels]
     if any(direction == 0 for _, direction in ends):
-        msg = f"'{labels[[d for _, d in ends].index(0)]}' has no direction; mode shapes need X, Y, Z, RX, RY or RZ"
+        msg = (
+            f"'{labels[[d for _, d in ends].index(0)]}' has no direction; mode shapes need X, Y, Z, RX, "
+            "RY or RZ"
+        )
         raise UffError(msg)
     nodes = list(dict.fromkeys(node for node, _ in ends))
     row_of = {node: k for k, node in enumerate(nodes)}
@@ -299,5 +309,7 @@ def _shape_text(nodes: list[int], values: NDArray[Any], number: int, frequency: 
     for node, row in zip(nodes, values, strict=True):
         numbers = np.column_stack([row.real, row.imag]).ravel() if is_complex else row
         cells = [f"{v:13.5e}" for v in numbers]
-        body.append(f"{node:10d}\n" + "".join("".join(cells[k : k + 6]) + "\n" for k in range(0, len(cells), 6)))
+        body.append(
+            f"{node:10d}\n" + "".join("".join(cells[k : k + 6]) + "\n" for k in range(0, len(cells), 6))
+        )
     return "".join([*head, *body, _MARK])

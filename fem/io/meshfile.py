@@ -1,0 +1,293 @@
+"""Line meshes from files and to files; the suffix says the format.
+
+Universal files, Gmsh in text form, Abaqus and Nastran are read by Dovetail; everything else, such as
+``.vtu``, ``.vtk``, ``.xdmf``, ``.med``, through meshio.
+"""
+
+import contextlib
+import io
+import os
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, unquote
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fem.io.abaqus import abaqus_text, read_abaqus
+from fem.io.atomic import replacing
+from fem.io.gmsh import gmsh_text, is_gmsh_text, read_gmsh
+from fem.io.nastran import read_nastran
+from fem.io.rawmesh import RawMesh, mesh_of
+from fem.mesh import Mesh, MeshError
+
+_SET_PREFIX = "set:"
+_TAGS = (
+    "gmsh:physical",
+    "cell_tags",
+    "medit:ref",
+    "nastran:ref",
+    "member",
+    "members",
+    "CellEntityIds",
+    "group",
+)
+"""Integer cell data that number the members, in the order in which they are looked for."""
+
+_NASTRAN = (".bdf", ".nas", ".fem", ".dat")
+_UNIVERSAL = (".uff", ".unv")
+
+
+def read_mesh(
+    path: str | os.PathLike[str],
+    scale: float = 1.0,
+    merge_tolerance: float | None = None,
+    sets: str | None = None,
+) -> Mesh:
+    """Read a line mesh.
+
+    Sets of cells name the members: Gmsh's physical groups, Abaqus' element sets, ``property 3`` of a Nastran
+    file, cell sets or an integer cell array of the others. Sets that overlap are cut into parts that do not,
+    and become groups. A three-node line becomes two lines. Sets of points name points: ``base`` for one
+    point, ``base.1``, ``base.2``, … for up to 50.
+
+    One warning says what was left out: cells that are not lines, points on no line (the others are renumbered
+    in their order), and how many points coincide without being connected.
+
+    Parameters
+    ----------
+    path : path
+    scale : float
+        What coordinates are multiplied by to be metres: 0.001 for a file in mm. The units that a universal
+        file states are applied besides.
+    merge_tolerance : float, optional
+        Distance within which points become one [m]. Nothing is merged unless it is given.
+    sets : str, optional
+        Name of the integer cell array whose values are the members, for files that meshio reads.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read or has no lines; the message names the file and the reason.
+    """
+    file = Path(path)
+    if not file.is_file():
+        msg = f"{file}: there is no such file"
+        raise MeshError(msg)
+    suffix = file.suffix.lower()
+    if suffix in _UNIVERSAL:
+        return mesh_of(_universal(file), file.name, scale, merge_tolerance)
+    if suffix == ".inp":
+        raw = read_abaqus(file)
+    elif suffix in _NASTRAN:
+        raw = read_nastran(file)
+    elif suffix == ".msh" and is_gmsh_text(file):
+        raw = read_gmsh(file)
+    else:
+        raw = _by_meshio(file, sets)
+    return mesh_of(raw, file.name, scale, merge_tolerance)
+
+
+def _universal(file: Path) -> RawMesh:
+    from fem.io.uff import UffError, read_uff
+
+    try:
+        mesh = read_uff(file).mesh()
+    except UffError as reason:
+        raise MeshError(str(reason)) from reason
+    sets = {name: rows.tolist() for name, rows in mesh.members.items()}
+    sets |= {
+        name: [int(r) for m in members for r in mesh.members[m]] for name, members in mesh.groups.items()
+    }
+    names = {name: [index] for name, index in mesh.point_names.items()}
+    return RawMesh(mesh.points.tolist(), [tuple(line) for line in mesh.lines.tolist()], sets, names)
+
+
+# Through meshio ---------------------------------------------------------------------------------------------
+
+
+def _by_meshio(file: Path, sets: str | None) -> RawMesh:
+    with _quiet() as said:
+        import meshio
+
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                form = "gmsh" if file.suffix.lower() == ".msh" else None  # else meshio tries Ansys first
+                found: Any = meshio.read(file, file_format=form)
+        except (Exception, SystemExit) as reason:
+            text = "" if isinstance(reason, SystemExit) else f"{type(reason).__name__}: {reason}"
+            words = " ".join(f"{text} {said.getvalue()}".split())
+            why = words[:300] or "meshio gave no reason"
+            msg = f"{file.name}: it cannot be read as {file.suffix or 'a mesh'} ({why})"
+            raise MeshError(msg) from reason
+    return _raw_of(found, file.name, sets)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[io.StringIO]:
+    """Catch what meshio prints."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        yield said
+
+
+def _raw_of(found: Any, file: str, sets: str | None) -> RawMesh:
+    points = np.asarray(found.points, dtype=float)
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        msg = f"{file}: points have shape {points.shape}; two or three coordinates each are expected"
+        raise MeshError(msg)
+    raw = RawMesh(np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))]).tolist())
+    names = _names_of_cells(found, file, sets)
+    for k, block in enumerate(found.cells):
+        chains = _chains_of(block)
+        if chains is None:
+            if block.type != "vertex":
+                raw.left_out[f"{block.type} cells"] += len(block.data)
+            continue
+        for row, nodes in enumerate(chains):
+            for name in names.get((k, row), ()):
+                for offset in range(max(1, len(nodes) - 1) if len(nodes) > 3 else 1):
+                    raw.add_to_set(name, len(raw.lines) + offset)
+            if len(nodes) <= 3:
+                raw.lines.append(tuple(nodes))
+            else:
+                raw.lines.extend(pairwise(nodes))
+    raw.point_sets = {name: np.asarray(rows).ravel().tolist() for name, rows in found.point_sets.items()}
+    return raw
+
+
+def _chains_of(block: Any) -> list[list[int]] | None:
+    """Return the nodes of lines in the order of the file; None for other cells."""
+    if block.type in ("line", "line3"):
+        return np.asarray(block.data).tolist()
+    if block.type in ("polyline", "poly_line", "VTK_LAGRANGE_CURVE"):
+        return [list(nodes) for nodes in block.data]
+    return None
+
+
+def _names_of_cells(found: Any, file: str, sets: str | None) -> dict[tuple[int, int], list[str]]:
+    """Return the sets of each cell, by block and row."""
+    names: dict[tuple[int, int], list[str]] = {}
+    if sets is not None:
+        if sets not in found.cell_data:
+            msg = f"{file}: there is no cell array '{sets}'; it has {', '.join(found.cell_data) or 'none'}"
+            raise MeshError(msg)
+        return _by_tag(found, sets, names)
+    for name, per_block in found.cell_sets.items():
+        if name.startswith("gmsh:"):
+            continue
+        for k, rows in enumerate(per_block):
+            for row in [] if rows is None else np.asarray(rows).ravel():
+                names.setdefault((k, int(row)), []).append(name)
+    for array in found.cell_data:
+        if array.startswith(_SET_PREFIX):
+            name = array.removeprefix(_SET_PREFIX)
+            name = unquote(name) if file.endswith(".vtk") else name
+            for k, values in enumerate(found.cell_data[array]):
+                for row in np.flatnonzero(np.asarray(values).ravel()):
+                    names.setdefault((k, int(row)), []).append(name)
+    if names:
+        return names
+    tag = next((tag for tag in _TAGS if tag in found.cell_data), None)
+    return _by_tag(found, tag, names) if tag else names
+
+
+def _by_tag(
+    found: Any, tag: str, names: dict[tuple[int, int], list[str]]
+) -> dict[tuple[int, int], list[str]]:
+    """Name cells by the numbers of a cell array, with the names that the file has for them."""
+    known = {int(v[0]): name for name, v in found.field_data.items() if np.size(v) == 2 and int(v[1]) == 1}
+    families = getattr(found, "cell_tags", None) or {}
+    word = {"gmsh:physical": "physical"}.get(tag, tag)
+    for k, values in enumerate(found.cell_data[tag]):
+        for row, value in enumerate(np.asarray(values).ravel()):
+            number = int(value)
+            names[k, row] = list(families.get(number, ())) or [known.get(number, f"{word} {number}")]
+    return names
+
+
+# Writing ----------------------------------------------------------------------------------------------------
+
+
+def write_mesh(
+    mesh: Mesh, path: str | os.PathLike[str], point_data: Mapping[str, ArrayLike] | None = None
+) -> None:
+    """Write a mesh; the suffix says the format, and the file is replaced whole or not at all.
+
+    Members, groups and named points are kept in ``.inp``, members and named points in ``.msh`` (format 2.2)
+    and ``.uff``, members in ``.vtu`` and what else meshio writes: as an integer array ``member`` and one
+    array of 0 and 1 for each, ``set:name``.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    path : path
+    point_data : mapping of str to array_like, optional
+        Values at the points, shape (n_points,) or (n_points, k): mode shapes, for example. Kept by ``.vtu``,
+        ``.vtk`` and ``.xdmf``.
+
+    Raises
+    ------
+    MeshError
+        If the format cannot be written or does not keep point data.
+    """
+    file = Path(path)
+    suffix = file.suffix.lower()
+    if suffix in (".inp", ".msh", *_UNIVERSAL) and point_data:
+        msg = f"{file.name}: a '{suffix}' file keeps no point data; write .vtu"
+        raise MeshError(msg)
+    if suffix in (".inp", ".msh"):
+        _check_names([*mesh.members, *mesh.groups, *mesh.point_names], file.name)
+        text = abaqus_text(mesh) if suffix == ".inp" else gmsh_text(mesh)
+        with replacing(file) as scratch:
+            scratch.write_text(text, encoding="utf-8", newline="\n")
+    elif suffix in _UNIVERSAL:
+        from fem.io.uff import write_uff
+
+        write_uff(file, mesh=mesh)
+    else:
+        _write_by_meshio(mesh, file, {k: np.asarray(v) for k, v in (point_data or {}).items()})
+
+
+def _check_names(names: Iterable[str], file: str) -> None:
+    bad = next((name for name in names if '"' in name or "," in name or "\n" in name), None)
+    if bad is not None:
+        msg = f"{file}: the name {bad!r} cannot be written; quotes, commas and line ends are not allowed"
+        raise MeshError(msg)
+
+
+def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any]) -> None:
+    for name, values in point_data.items():
+        if values.shape[:1] != (mesh.n_points,) or np.iscomplexobj(values):
+            msg = (
+                f"point data '{name}' have shape {values.shape} and type {values.dtype}; "
+                f"({mesh.n_points},) or ({mesh.n_points}, k) real numbers are expected"
+            )
+            raise MeshError(msg)
+    cells = {"member": np.zeros(mesh.n_lines, dtype=np.int64)}
+    for number, (name, rows) in enumerate(mesh.members.items(), start=1):
+        cells["member"][rows] = number
+        word = quote(name, safe="") if file.suffix.lower() == ".vtk" else name  # .vtk has no blanks in names
+        cells[f"{_SET_PREFIX}{word}"] = np.isin(np.arange(mesh.n_lines), rows).astype(np.int64)
+    with _quiet() as said, replacing(file) as scratch:
+        import meshio
+
+        try:
+            out: Any = meshio.Mesh(
+                np.array(mesh.points),
+                [("line", np.array(mesh.lines))],
+                point_data=point_data,
+                cell_data={name: [values] for name, values in cells.items()},
+            )
+            options: dict[str, Any] = (
+                {"data_format": "XML"} if file.suffix.lower() in (".xdmf", ".xmf") else {}
+            )
+            meshio.write(scratch, out, **options)
+        except (Exception, SystemExit) as reason:
+            words = " ".join(f"{reason} {said.getvalue()}".split())
+            msg = f"{file.name}: it cannot be written as {file.suffix or 'a mesh'} ({words[:300]})"
+            raise MeshError(msg) from reason
