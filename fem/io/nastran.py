@@ -42,10 +42,8 @@ def read_nastran(path: Path) -> RawMesh:
                 raise MeshError(msg) from reason
             if system != 0:
                 msg = (
-                    f (
-                        f"{file}: line {line}: grid point {number} is in coordinate system {system}; only "
-                        "the basic "
-                    )
+                    f"{file}: line {line}: grid point {number} is in coordinate system {system}; only "
+                    "the basic "
                     "system (0) is read, so write the file with basic coordinates"
                 )
                 raise MeshError(msg)

@@ -130,10 +130,8 @@ def _coincidences(points: NDArray[np.float64], lines: NDArray[np.int64]) -> list
         return []
     n = np.unique(pairs[:, 1]).size
     return [
-        f (
-            f"{n} point{'s lie' if n > 1 else ' lies'} at the place of another, so that the lines there "
-            "are not connected; "
-        )
+        f"{n} point{'s lie' if n > 1 else ' lies'} at the place of another, so that the lines there "
+        "are not connected; "
         f"if they should be, give merge_tolerance, such as {max(reach, 1e-12):.1g} [m]"
     ]
 
@@ -175,10 +173,8 @@ def _used(
     if used.size < len(points):
         named = f", the named {', '.join(lost)} among them" if lost else ""
         notes.append(
-            f (
-                f"{len(points) - used.size} points on no line left out and the others renumbered in their "
-                f"order{named}"
-            )
+            f"{len(points) - used.size} points on no line left out and the others renumbered in their "
+            f"order{named}"
         )
     return points[used], to[lines], {name: int(to[k]) for name, k in names.items() if to[k] >= 0}
 

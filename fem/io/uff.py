@@ -317,19 +317,15 @@ class _Reader:
         if self.converted and self.units is not None:
             words = "; ".join(sorted(self.converted))
             warnings.warn(
-                f (
-                    f"{self.file}: its units ('{self.units.description}', dataset 164) are not SI: "
-                    "lengths are divided by "
-                )
+                f"{self.file}: its units ('{self.units.description}', dataset 164) are not SI: "
+                "lengths are divided by "
                 f"{self.units.length:g} and forces by {self.units.force:g} in {words}",
                 stacklevel=3,
             )
         if self.local:
             self.skipped.append(
-                f (
-                    f"local coordinate systems are not read: {self.local} points refer to one, and are "
-                    "taken as global"
-                )
+                f"local coordinate systems are not read: {self.local} points refer to one, and are "
+                "taken as global"
             )
         groups = frf_groups(self.frfs, self.file)
         return UffFile(

@@ -225,10 +225,8 @@ def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
     if there is None or there < need:
         msg = (
             f"{cursor.file}: {what} announces {n} values in {need} bytes, but "
-            f (
-                f"{len(cursor.data) - cursor.at if there is None else there} follow its header at byte "
-                f"{cursor.at}; "
-            )
+            f"{len(cursor.data) - cursor.at if there is None else there} follow its header at byte "
+            f"{cursor.at}; "
             "the file may be cut off or damaged"
         )
         raise UffError(msg)

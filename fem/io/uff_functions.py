@@ -81,10 +81,8 @@ def frf_refusal(function: Function, kind: FRFKind | None) -> str:
         return f"its abscissa has data type {function.x_type}, not 18 (frequency)"
     if kind is None:
         return (
-            f (
-                f"its data types {function.ordinate_type} and {function.denominator_type} do not say "
-                "whether it is a "
-            )
+            f"its data types {function.ordinate_type} and {function.denominator_type} do not say "
+            "whether it is a "
             "receptance, mobility or accelerance; give kind=…"
         )
     return ""
@@ -140,10 +138,8 @@ def _warn_of_holes(cells: dict[tuple[str, str], Function], n_parts: int, file: s
     holes = [f"{o}/{i}" for i in inputs for o in outputs if (o, i) not in cells]
     more = f" and {len(holes) - 5} more" if len(holes) > 5 else ""
     warnings.warn(
-        f (
-            f"{file}: the FRF matrix of {len(outputs)} responses and {len(inputs)} forces lacks "
-            f"{', '.join(holes[:5])}{more}; "
-        )
+        f"{file}: the FRF matrix of {len(outputs)} responses and {len(inputs)} forces lacks "
+        f"{', '.join(holes[:5])}{more}; "
         f"it is given as {n_parts} complete matrices",
         stacklevel=5,
     )

@@ -45,7 +45,8 @@ def write_uff(
 ) -> None:
     """Write FRFs, mode shapes and a mesh to a universal file, in SI units.
 
-    The file is replaced whole or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412 elements, 82 trace lines (one for each member),
+    The file is replaced whole or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412
+    elements, 82 trace lines (one for each member),
     55 mode shapes, 58 or 58b FRFs. What the format keeps: FRF values exactly in binary double precision, to
     6e-8 in binary single, 5e-13 in text double and 5e-6 in text single precision; frequencies exactly in
     binary double precision, else to 6e-8 (binary) and 5e-7 (text); mode shapes, their frequencies and
@@ -238,10 +239,8 @@ def _function_head(
         [
             f"{_line(f'{frf.kind} {label_of(node, direction)}/{label_of(reference, sense)}'):<80}\n",
             *(f"{'NONE':<80}\n" for _ in range(4)),
-            f (
-                f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} "
-                f"{'NONE':<10}{reference:10d}{sense:4d}\n"
-            )
+            f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} "
+            f"{'NONE':<10}{reference:10d}{sense:4d}\n"
             f"{6 if double else 5:10d}{frf.n_freq:10d}{1 if step else 0:10d}",
             f"{start:13.6e}{step:13.6e}{0:13.5e}\n",
             _axis(18, "Frequency", "Hz"),
