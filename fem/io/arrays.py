@@ -299,8 +299,10 @@ class _Table:
             form = "complex" if any(c[-1:].lower() in ("j", "i", ")") for c in self.body[0][1]) else "re-im"
         if width < 2 or (form != "complex" and width % 2 == 0):
             need = "at least one complex number" if form == "complex" else "two columns for each FRF"
-            msg = f"{self.name}: line {self.body[0][0]} has {width} columns; "
-                f"the frequency and {need} are expected"
+            msg = (
+                f"{self.name}: line {self.body[0][0]} has {width} columns; the frequency and "
+                f"{need} are expected"
+            )
             raise TableError(msg)
         frequency = np.empty(len(self.body))
         cells = np.empty((len(self.body), width - 1), dtype=complex if form == "complex" else float)

@@ -46,11 +46,10 @@ def write_uff(
     """Write FRFs, mode shapes and a mesh to a universal file, in SI units.
 
     The file is replaced whole or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412
-    elements, 82 trace lines (one for each member),
-    55 mode shapes, 58 or 58b FRFs. What the format keeps: FRF values exactly in binary double precision, to
-    6e-8 in binary single, 5e-13 in text double and 5e-6 in text single precision; frequencies exactly in
-    binary double precision, else to 6e-8 (binary) and 5e-7 (text); mode shapes, their frequencies and
-    damping, and points in dataset 15 to 5e-6, all relative.
+    elements, 82 trace lines (one a member), 55 mode shapes, 58 or 58b FRFs. What the format keeps: FRF values
+    exactly in binary double precision, to 6e-8 in binary single, 5e-13 in text double and 5e-6 in text single
+    precision; frequencies to 1e-12 or exactly in binary double precision, else to 6e-8 (binary) and 5e-7
+    (text); mode shapes, their frequencies and damping, and points in dataset 15 to 5e-6, all relative.
 
     Parameters
     ----------
