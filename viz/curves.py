@@ -142,6 +142,7 @@ def plot_frf_error(
         figure = style.new_figure(height=2.9)
         ax = figure.add_subplot()
         _shade(ax, held_out)
+        noise = np.zeros(measured.n_freq)
         if floor is not None:
             sigma = np.broadcast_to(np.asarray(floor, dtype=float), measured.H.shape)[:, rows, cols]
             noise = 10 * np.log10(_moving(np.sum(sigma**2, axis=1), smooth) / power)
@@ -283,7 +284,7 @@ def plot_ranking(
                     edgecolor="white" if hatch else colour, linewidth=0)  # fmt: skip
             gains = error[k] <= baseline
             ax.annotate(
-                _number(error[k], digits), (error[k], y), xytext=(-4 if gains else 4, 0),
+                _number(float(error[k]), digits), (error[k], y), xytext=(-4 if gains else 4, 0),
                 textcoords="offset points", ha="right" if gains else "left", va="center", fontsize=7.5,
                 weight="bold" if name == accepted else "normal",
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.75},
@@ -291,7 +292,7 @@ def plot_ranking(
         ax.axvline(baseline, color=style.INK, linewidth=1)
         ax.set_xlim(low - pad, high + pad)
         ax.set_ylim(n - 0.4, -0.6)
-        ax.set_yticks(range(n), [shorten(labels[k], 52) for k in order])
+        ax.set_yticks(range(n), [shorten(str(labels[k]), 52) for k in order])
         for tick, k in zip(ax.get_yticklabels(), order, strict=True):
             tick.set_fontweight("bold" if labels[k] == accepted else "normal")
         ax.grid(visible=False, axis="y")
@@ -437,6 +438,7 @@ def plot_mac(
         ax = figure.add_subplot()
         image = _heat(ax, mac, style.agreement_map(), Normalize(0, 1), 2, numbers=max(n, m) <= 12)
         ax.set_aspect("equal")
+        figure.set_layout_engine("compressed")
         ax.set_yticks(range(n), labels[0], fontsize=7.5)
         ax.set_xticks(range(m), labels[1], fontsize=7.5, rotation=40, ha="right", rotation_mode="anchor")
         ax.set_ylabel(names[0])

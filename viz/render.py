@@ -33,12 +33,12 @@ from viz.shapes import (
     amplification,
     arrows,
     displacement_at,
+    group_components,
     match_scale,
     member_families,
-    merge_components,
     model_surface,
     real_shape,
-    standoff,
+    surface_places,
 )
 
 DPI = 200
@@ -139,10 +139,15 @@ def render_mode(
     scene.add_moving(surface, scale)
     if measured is not None:
         points, vectors = np.array(measured[0], dtype=float, ndmin=2), np.array(measured[1], ndmin=2)
-        factor = match_scale(vectors, displacement_at(model, shape * phase, points))
-        points, vectors = merge_components(points, scale * np.real(factor * vectors), 1e-6 * size)
-        scene.add_arrows(Arrows(points, points + vectors), style.EXCITATION, 0.0038 * size)
-        scene.legend.append(_arrow_key(style.EXCITATION, "measured, scaled to the mode"))
+        computed = displacement_at(model, shape * phase, points)
+        factor = match_scale(vectors, computed)
+        moved = np.real(factor * vectors)
+        along = _unit(moved)
+        expected = np.einsum("ij,ij->i", np.real(computed), along)[:, None] * along
+        groups = group_components(points, moved, 1e-6 * size)
+        at = np.array([points[group[0]] for group in groups])
+        moved, expected = (np.array([v[group].sum(axis=0) for group in groups]) for v in (moved, expected))
+        scene.add_comparison(Arrows(at, at + scale * moved), at + scale * expected)
     scene.legend.append(Line2D([], [], color=style.AT_REST, linewidth=1, label="at rest"))
     return scene.save(path)
 
@@ -199,10 +204,8 @@ def animate_mode(
             pictures.append(stage.photograph())
         overlay = scene.overlay(pictures[0])
     images = [Image.fromarray(_blend(scene.embed(picture), overlay)) for picture in pictures]
-    # one palette for all frames, from the extreme ones, so that colours do not flicker
-    both = Image.fromarray(np.vstack([np.asarray(images[0]), np.asarray(images[frames // 2])]))
-    palette = both.quantize(96, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    palette = _palette(np.asarray(images[0]), np.asarray(images[frames // 2]))
+    images = [_indexed(image, palette) for image in images]
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     images[0].save(
@@ -268,7 +271,7 @@ def render_misfit(
         bars.append(_Bar(style.lighter(bar.cmap, 0.25), bar.norm, members_label))
     scene.bars = bars
     scene.add_surface(surface, surface.rest, rgb=rgb)
-    base = points + standoff(model, points, directions)[:, None] * _unit(directions)
+    base = surface_places(model, points, directions, scene.axes[2])
     pointers = arrows(base, directions, 0.085 * size)
     scene.add_arrows(pointers, bars[0].colours(misfit), 0.005 * size, balls=0.0095 * size)
     order = np.argsort(-misfit)
@@ -366,10 +369,13 @@ class _Scene:
     marks: list[tuple[Floats, str, str, float]] = field(default_factory=list)
     actors: list[tuple[pv.PolyData, dict[str, Any]]] = field(default_factory=list)
     occupied_by: list[tuple[Floats, Floats, float]] = field(default_factory=list)
+    measured: Arrows | None = None
+    computed: Floats = field(default_factory=lambda: np.empty((0, 3)))
 
     def __init__(self, *points: Floats, title: str = "", width: float = style.WIDTH, dpi: int = DPI) -> None:
         self.bounds, self.title, self.width, self.dpi = list(points), title, width, dpi
         self.axes = view_axes(points[0])
+        self.measured, self.computed = None, np.empty((0, 3))
         self.legend, self.bars, self.labels, self.marks, self.actors, self.occupied_by = (
             [],
             [],
@@ -396,13 +402,15 @@ class _Scene:
         self.actors.append((wire, {"color": "#4a525a", "line_width": 1.0}))
 
     def add_ghost(self, surface: Surface) -> None:
-        """Add the outline of the structure at rest."""
+        """Add the structure at rest as a veil with its edges."""
+        veil = _polydata(surface.rest, surface.triangles)
+        self.actors.append((veil, {"color": style.AT_REST, "opacity": 0.13}))
         self.actors.append((_wire(surface.rest, surface.edges), {"color": style.AT_REST, "line_width": 1.0}))
 
     def add_moving(self, surface: Surface, scale: float) -> list[pv.PolyData]:
         """Add a deformed surface coloured by displacement; return the meshes that may be moved."""
         size = np.linalg.norm(surface.displacement, axis=1)
-        bar = _Bar(style.displacement_map(), Normalize(0, 1), "displacement / largest displacement [-]")
+        bar = _Bar(style.displacement_map(), Normalize(0, 1), "relative displacement [-]")
         place = surface.deformed(scale)
         mesh, wire = _polydata(place, surface.triangles), _wire(place + self.lift, surface.edges)
         mesh.point_data["rgb"] = (255 * bar.colours(size / max(size.max(), 1e-300))).astype(np.uint8)
@@ -422,6 +430,14 @@ class _Scene:
         self.actors.append((mesh, {"scalars": "rgb", "rgb": True, "ambient": 0.55, "diffuse": 0.6}))
         self.bounds += [pointers.tail, pointers.tip]
 
+    def add_comparison(self, measured: Arrows, computed: Floats) -> None:
+        """Add measured arrows, in front of everything, and rings where the model puts their tips."""
+        self.measured, self.computed = measured, computed
+        self.bounds += [measured.tail, measured.tip]
+        ring = Line2D([], [], linestyle="", marker="o", markersize=4.5, markerfacecolor="white")
+        ring.set(markeredgecolor=style.INK, label="computed at the sensors")
+        self.legend += [_arrow_key(style.EXCITATION, "measured, scaled to the mode"), ring]
+
     def add_sensors(
         self,
         model: Model,
@@ -440,7 +456,7 @@ class _Scene:
             _unit(np.array([s.direction for s in sensors])),
         )
         side = -1.0 if towards else 1.0
-        base = points + side * standoff(model, points, side * directions)[:, None] * directions
+        base = surface_places(model, points, side * directions, self.axes[2])
         base = base + side * self._clearance(points, side * directions)[:, None] * directions
         self.occupied_by.append((points, side * directions, length))
         pointers = arrows(base, directions, length, towards=towards)
@@ -499,7 +515,7 @@ class _Scene:
         inches = self._picture_width()
         tallest = 0.8 * self.width
         scale = max(extent[0] / (inches - 2 * side), extent[1] / (tallest - 2 * above))
-        height = max(extent[1] / scale + 2 * above, 0.9)
+        height = max(extent[1] / scale + 2 * above, 1.7 if self.bars else 0.9)
         pixels = (round(inches * self.dpi), round(height * self.dpi))
         return _View(self.axes, centre @ self.axes, inches * scale, height * scale, pixels)
 
@@ -541,6 +557,7 @@ class _Scene:
             ax.set_xlim(0, nx)
             ax.set_ylim(ny, 0)
             ax.axis("off")
+            self._draw_comparison(ax, view)
             self._draw_marks(ax, view)
             corner = self._draw_triad(ax, view)
             self._draw_labels(ax, canvas, view, picture, corner)
@@ -567,6 +584,27 @@ class _Scene:
         path.parent.mkdir(parents=True, exist_ok=True)
         image.save(path, dpi=(self.dpi, self.dpi), optimize=True)
         return path
+
+    def _draw_comparison(self, ax: Any, view: _View) -> None:
+        if self.measured is None:
+            return
+        ends = view.project(self.computed)
+        ax.plot(
+            *ends.T,
+            "o",
+            markersize=4.5,
+            markerfacecolor="white",
+            markeredgecolor=style.INK,
+            markeredgewidth=0.8,
+        )
+        for tail, tip in zip(view.project(self.measured.tail), view.project(self.measured.tip), strict=True):
+            ax.plot(*tail, "o", markersize=1.8, color=style.EXCITATION)
+            if np.linalg.norm(tip - tail) < 0.02 * self.dpi:
+                continue
+            head = float(np.clip(72 / self.dpi * np.linalg.norm(tip - tail) / 2, 2.5, 7))
+            for colour, width, arrow in (("white", 2.6, "-"), (style.EXCITATION, 1.4, "-|>")):
+                look = {"arrowstyle": arrow, "color": colour, "lw": width, "mutation_scale": head}
+                ax.annotate("", xy=tip, xytext=tail, arrowprops={**look, "shrinkA": 0, "shrinkB": 0})
 
     def _draw_marks(self, ax: Any, view: _View) -> None:
         for place, shape, colour, size in self.marks:
@@ -683,7 +721,7 @@ class _Stage:
         self.quiet.__enter__()
         view = self.view
         self.plotter = pv.Plotter(off_screen=True, window_size=list(view.pixels), lighting="none")
-        self.plotter.background_color = "white"
+        self.plotter.renderer.SetBackground(1.0, 1.0, 1.0)
         right, up, eye = view.axes
         for strength, direction in (
             (0.62, eye + 0.9 * up - 0.35 * right),
@@ -783,6 +821,28 @@ def _arrow_key(colour: str, label: str) -> Line2D:
 def _blend(page: NDArray[np.uint8], overlay: NDArray[np.uint8]) -> NDArray[np.uint8]:
     alpha = overlay[..., 3:].astype(np.float32) / 255
     return (page * (1 - alpha) + overlay[..., :3] * alpha + 0.5).astype(np.uint8)
+
+
+def _palette(*pictures: NDArray[np.uint8]) -> Image.Image:
+    """Return one palette for all frames, so that colours do not flicker, with the white of the page in it."""
+    seen = np.concatenate([p.reshape(-1, 3) for p in pictures])
+    seen = seen[(seen < 250).any(axis=1)]
+    rows = Image.fromarray(np.ascontiguousarray(seen[None]))
+    colours = (
+        rows.quantize(255, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).getpalette() or []
+    )[:765]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([255, 255, 255, *colours])
+    return palette
+
+
+def _indexed(image: Image.Image, palette: Image.Image) -> Image.Image:
+    """Return an image in the colours of a palette, the first of which is exactly white."""
+    index = np.array(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    index[(np.asarray(image) >= 250).all(axis=2)] = 0
+    out = Image.fromarray(index)
+    out.putpalette(palette.getpalette() or [])
+    return out
 
 
 def _unit(vectors: Floats) -> Floats:

@@ -291,8 +291,8 @@ def match_scale(measured: ArrayLike, computed: ArrayLike) -> complex:
     return complex(np.vdot(v, u) / max(float(np.vdot(v, v).real), 1e-300))
 
 
-def merge_components(points: ArrayLike, vectors: ArrayLike, tolerance: float) -> tuple[Floats, Floats]:
-    """Add up the vectors at one place that are at right angles: components of one motion.
+def group_components(points: ArrayLike, vectors: ArrayLike, tolerance: float) -> list[list[int]]:
+    """Return which vectors are components of one motion: at one place and at right angles.
 
     Parameters
     ----------
@@ -302,22 +302,21 @@ def merge_components(points: ArrayLike, vectors: ArrayLike, tolerance: float) ->
 
     Returns
     -------
-    points, vectors : ndarray (m, 3)
+    list of list of int
+        Indices of each group, in order.
     """
-    places: list[Floats] = []
-    parts: list[list[Floats]] = []
-    for point, vector in zip(
-        np.array(points, float, ndmin=2), np.array(vectors, float, ndmin=2), strict=True
-    ):
-        for place, at in zip(places, parts, strict=True):
-            small = [abs(vector @ v) <= 0.1 * np.linalg.norm(vector) * np.linalg.norm(v) for v in at]
-            if np.linalg.norm(place - point) <= tolerance and all(small):
-                at.append(vector)
+    points, vectors = np.array(points, dtype=float, ndmin=2), np.array(vectors, dtype=float, ndmin=2)
+    size = np.linalg.norm(vectors, axis=1)
+    groups: list[list[int]] = []
+    for k, (point, vector) in enumerate(zip(points, vectors, strict=True)):
+        for group in groups:
+            near = np.linalg.norm(points[group[0]] - point) <= tolerance
+            if near and (np.abs(vectors[group] @ vector) <= 0.1 * size[group] * size[k]).all():
+                group.append(k)
                 break
         else:
-            places.append(point)
-            parts.append([vector])
-    return np.array(places).reshape(-1, 3), np.array([np.sum(at, axis=0) for at in parts]).reshape(-1, 3)
+            groups.append([k])
+    return groups
 
 
 def arrows(points: ArrayLike, vectors: ArrayLike, length: float, *, towards: bool = False) -> Arrows:
@@ -436,23 +435,32 @@ def model_surface(model: Model, motion: ArrayLike | None = None, pieces: int = 6
     )
 
 
-def standoff(model: Model, points: ArrayLike, directions: ArrayLike) -> Floats:
-    """Return how far the surface lies from places on a member's axis, along directions, shape (n,) [m].
+def surface_places(model: Model, points: ArrayLike, directions: ArrayLike, eye: ArrayLike) -> Floats:
+    """Return where arrows from places on members' axes leave the surface, shape (n, 3) [m].
 
-    Arrows that begin or end there are not buried in the section.
+    Parameters
+    ----------
+    model : Model
+    points, directions : array_like (n, 3)
+        Places on the axis [m] and directions of the arrows.
+    eye : array_like (3,)
+        Direction to the viewer: arrows along a member lie on the side that is seen.
     """
     frame, mesh = frame_of(model), model.mesh
     R = frame.rotations(mesh)
-    out = []
-    for point, direction in zip(
-        np.array(points, float, ndmin=2), np.array(directions, float, ndmin=2), strict=True
-    ):
-        member, position, _ = mesh.nearest_on_members(point)
+    out = np.array(points, dtype=float, ndmin=2)
+    for k, direction in enumerate(np.array(directions, dtype=float, ndmin=2)):
+        member, position, _ = mesh.nearest_on_members(out[k])
+        axes = R[mesh.locate(member, position).line]
         section = frame.members[member].section
         ring = (section.outlines or (circle_of_area(section.A),))[0]
-        across = R[mesh.locate(member, position).line, 1:] @ (direction / np.linalg.norm(direction))
-        out.append(max(float((ring @ across).max()), 0.0))
-    return np.array(out)
+        way = direction / np.linalg.norm(direction)
+        if abs(way @ axes[0]) > 0.7:
+            way = np.asarray(eye, dtype=float)
+            way = way - (way @ axes[0]) * axes[0]
+            way /= max(float(np.linalg.norm(way)), 1e-300)
+        out[k] += max(float((ring @ (axes[1:] @ way)).max()), 0.0) * way
+    return out
 
 
 def displacement_at(model: Model, motion: ArrayLike, points: ArrayLike) -> NDArray[Any]:
@@ -481,8 +489,8 @@ def displacement_at(model: Model, motion: ArrayLike, points: ArrayLike) -> NDArr
 def member_families(model: Model) -> dict[str, str]:
     """Return the family that each member is coloured by.
 
-    Its group or own name, else its name without number, else its section: the first with at most eight families.
-    Members split from one set always share a colour.
+    Its group or own name, else its name without number, else its section: the first with at most eight
+    families. Members split from one set always share a colour.
     """
     mesh = model.mesh
     family = {name: name for name in mesh.members}
