@@ -1,1 +1,6 @@
-"""From a study file to a report: the whole pipeline, and the only package that writes one."""
+"""Studies: a structure, what was measured on it and what is uncertain, in one file; and the command line."""
+
+from study.config import Study, load_study
+from study.table import StudyError
+
+__all__ = ["Study", "StudyError", "load_study"]

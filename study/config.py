@@ -1,0 +1,276 @@
+"""From a study file to a :class:`Study`: a model, measurements, and what is uncertain about them."""
+
+import os
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fem.effects.frame import Frame
+from fem.effects.joint import Joint
+from fem.model import DIRECTIONS, Effect, Model
+from fem.properties import Material
+from study.geometry import Geometry, describe_sizes, read_geometry, refine
+from study.lines import key_lines
+from study.measured import check_units, labels_of, match, read_band, read_files, top_frequency
+from study.parts import (
+    read_damping,
+    read_joints,
+    read_masses,
+    read_materials,
+    read_members,
+    read_sections,
+    read_supports,
+)
+from study.sensors import Channel, channels_of_labels, read_excitations, read_sensors
+from study.table import Source, StudyError, Table, suggest
+from updating.measurement import Measurement, Sensor
+from updating.parameters import Nuisance
+
+DEFAULT_FREQUENCY = 1000.0
+"""Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """A structure, what was measured on it, and what is uncertain.
+
+    Attributes
+    ----------
+    name, description : str
+    path : Path
+        The study file.
+    text : str
+        Its text.
+    model : Model
+        With the mesh refined and points where sensors, supports, joints and masses are.
+    measurements : tuple of Measurement
+        By the names of the study's sensors and excitations; empty where none are given.
+    sensors, excitations : tuple of Sensor
+        All of the study.
+    nuisances : tuple of Nuisance
+        Parameters of the model that are uncertain.
+    damping_std : float
+        Standard deviation of the logarithm of the damping [-].
+    kinds : tuple of str or None
+        Kinds of candidate effects; None for every kind.
+    exclude : tuple of str
+        Kinds that are left out.
+    band : (float, float) or None
+        Band of comparison and fit; None for that of the measurements [Hz].
+    n_lines : int or None
+        Number of frequency lines to fit; None for the program's choice.
+    held_out : tuple of str
+        Names of excitations whose FRFs are compared but not fitted.
+    frequency : ndarray
+        Lines of :command:`dovetail frf` where there is no measurement [Hz].
+    max_frequency : float
+        What the mesh is fine enough for [Hz].
+    element_size : (float, float)
+        Smallest and largest element size aimed at [m].
+    assumptions : tuple of str
+        What the study did not say and was assumed, in sentences.
+    """
+
+    name: str
+    description: str
+    path: Path
+    text: str
+    model: Model
+    measurements: tuple[Measurement, ...]
+    sensors: tuple[Sensor, ...]
+    excitations: tuple[Sensor, ...]
+    nuisances: tuple[Nuisance, ...]
+    damping_std: float
+    kinds: tuple[str, ...] | None
+    exclude: tuple[str, ...]
+    band: tuple[float, float] | None
+    n_lines: int | None
+    held_out: tuple[str, ...]
+    frequency: np.ndarray
+    max_frequency: float
+    element_size: tuple[float, float]
+    assumptions: tuple[str, ...]
+
+    def refined(self, factor: int) -> "Study":
+        """Return the study with every element divided by a factor; points keep their indices."""
+        return replace(self, model=self.model.with_mesh(self.model.mesh.split(factor)))
+
+
+def load_study(path: str | os.PathLike[str]) -> Study:
+    """Read a study file and the files that it names.
+
+    Parameters
+    ----------
+    path : path
+        A TOML file; see docs/study-file.md. Other files are looked for beside it.
+
+    Raises
+    ------
+    StudyError
+        If something in it cannot be meant; the message names file, line and key.
+    OSError
+        If the file cannot be opened.
+    """
+    path = Path(path)
+    raw = path.read_bytes()
+    try:
+        text = raw.decode("utf-8")
+        values = tomllib.loads(text)
+    except UnicodeDecodeError as reason:
+        line = raw.count(b"\n", 0, reason.start) + 1
+        msg = f"{path.name}, line {line}: the text is not UTF-8"
+        raise StudyError(msg) from None
+    except tomllib.TOMLDecodeError as reason:
+        msg = f"{path.name}: {reason}"
+        raise StudyError(msg) from None
+    return _Reader(path, text, Table(Source(path.name, key_lines(text)), (), values)).read()
+
+
+@dataclass(slots=True)
+class _Reader:
+    path: Path
+    text: str
+    top: Table
+
+    def read(self) -> Study:
+        top, notes = self.top, []
+        head = top.table("study")
+        name = head.text("name", self.path.parent.resolve().name if self.path.stem == "study" else self.path.stem)
+        description = head.get("description", "")
+        head.finish()
+        sections = ("study", "mesh", "points", "members", "defaults", "materials", "sections", "supports", "joints",
+                    "masses", "damping", "sensors", "excitations", "measurements", "uncertain", "candidates", "fit",
+                    "frequency")  # fmt: skip
+        for key in sections:
+            top.get(key, None)
+        top.finish()
+
+        geometry = read_geometry(top, self.path.parent, notes)
+        inline = "file" not in top.table("mesh").values
+        materials, known_sections = read_materials(top), read_sections(top)
+        properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
+        supports, joints, masses = (read(top, geometry) for read in (read_supports, read_joints, read_masses))
+        raw, nodes = read_files(top, self.path.parent, notes)
+        sensors = read_sensors(top, geometry, nodes, notes)
+        if raw and not sensors:
+            sensors = channels_of_labels(top, labels_of(raw, "outputs"), geometry, nodes, "sensors", notes)
+            notes.append(f"no sensors are given: the {len(sensors)} responses of the measured files are taken, at their nodes")
+        excitations = read_excitations(top, geometry, sensors, nodes, notes)
+        if raw and not excitations:
+            excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
+
+        fit = top.table("fit")
+        band, n_lines = read_band(fit), fit.whole("lines", None, 8)
+        held_out = fit.texts("held_out", ())
+        fit.finish()
+        for word in held_out:
+            if word not in [c.sensor.name for c in excitations]:
+                raise fit.error("held_out", f"there is no excitation '{word}'; {suggest(word, [c.sensor.name for c in excitations])}")
+        frequency, highest = self._frequency(top_frequency(raw, band), bool(raw), notes)
+
+        mesh_table = top.table("mesh")
+        size = mesh_table.number("element_size", None, above=0, unit="m")
+        for key in ("file", "scale", "merge_tolerance", "connect"):
+            mesh_table.get(key, None)
+        mesh_table.finish()
+        mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes)
+        if size is None and not any(any(v) for v in sizes.values()):
+            notes.append(
+                f"no element size is given: elements of {describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
+                f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
+            )
+        damping = read_damping(top, notes)
+        effects: tuple[Effect, ...] = (Frame(members=properties), *supports, *joints, *masses)
+        with top.at():
+            model = Model(mesh, effects, damping)
+            model.contributions()
+        measurements = match(raw, sensors, excitations, notes)
+        nuisances, damping_std = self._uncertain(model, properties, joints, notes)
+        kinds, exclude = self._candidates()
+        with top.at():
+            check_units(model, measurements, raw, notes)
+        if not supports:
+            grounded = [j.name for j in joints if j.point2 is None]
+            notes.append("no supports are given: the structure is free" if not grounded else f"no supports are given: {', '.join(grounded)} alone hold the structure")
+        return Study(
+            name, description, self.path, self.text, model, measurements,
+            tuple(c.sensor for c in sensors), tuple(c.sensor for c in excitations), nuisances, damping_std,
+            kinds, exclude, band, n_lines, held_out, frequency, highest, (float(aimed.min()), float(aimed.max())),
+            tuple(dict.fromkeys(notes)),
+        )  # fmt: skip
+
+    def _excitations_of(
+        self, labels: list[str], sensors: list[Channel], geometry: Geometry, nodes: dict[int, np.ndarray], notes: list[str]
+    ) -> list[Channel]:
+        """Take the forces of the files: at the sensors of the same channel, or else at their nodes."""
+        out = []
+        for label in labels:
+            found = [c for c in sensors if c.find([label]) is not None]
+            out += found[:1] or channels_of_labels(self.top, [label], geometry, nodes, "excitations", notes)
+        notes.append(f"no excitations are given: the forces of the measured files are taken, {', '.join(c.sensor.name for c in out)}")
+        return out
+
+    def _frequency(self, highest: float | None, measured: bool, notes: list[str]) -> tuple[np.ndarray, float]:
+        """Read ``[frequency]``."""
+        t = self.top.table("frequency")
+        stop = t.number("stop", None, above=0, unit="Hz")
+        start, step = t.number("start", None, least=0, unit="Hz"), t.number("step", None, above=0, unit="Hz")
+        t.finish()
+        if stop is None:
+            if highest is None:
+                notes.append(f"neither a measurement nor a frequency range is given: the mesh is made for {DEFAULT_FREQUENCY:g} Hz")
+            stop = highest or DEFAULT_FREQUENCY
+        if start is not None and start >= stop:
+            raise t.error("start", f"{start:g} Hz is not below stop, {stop:g} Hz")
+        step = step or stop / 1000
+        start = step if start is None else start
+        n = int(np.floor((stop - start) / step + 1e-9)) + 1
+        return start + step * np.arange(n), max(stop, highest or 0.0)
+
+    def _uncertain(
+        self, model: Model, properties: dict[str, object], joints: tuple[Joint, ...], notes: list[str]
+    ) -> tuple[tuple[Nuisance, ...], float]:
+        """Read ``[uncertain]``: relative standard deviations; 0 for what is known."""
+        t = self.top.table("uncertain")
+        default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "damping": 0.5}
+        std = {key: t.number(key, None, least=0) for key in default}
+        assumed = [key for key, value in std.items() if value is None and (key != "joints" or joints)]
+        words = {"E": "E 2 %", "rho": "density 1 %", "joints": "joint stiffness 5 %", "damping": "damping by a factor of 1.6 (0.5 of its logarithm)"}
+        if assumed:
+            notes.append(f"not said how uncertain: {', '.join(words[key] for key in assumed)} (standard deviations) are assumed")
+        std = {key: default[key] if value is None else value for key, value in std.items()}
+        frame = model.effect("frame")
+        materials: dict[str, Material] = frame.materials if isinstance(frame, Frame) else {}
+        out = []
+        by_material, by_joint = t.table("materials"), t.table("joint")
+        for name in materials:
+            own = by_material.table(name)
+            for key in ("E", "rho"):
+                out.append(Nuisance("frame", f"{key}:{name}", own.number(key, std[key], least=0)))
+            own.finish()
+        by_material.finish()
+        for joint in joints:
+            own = by_joint.table(joint.name)
+            whole = own.number("k", std["joints"], least=0)
+            for d in DIRECTIONS:
+                value = own.number(f"k{d}", whole, least=0)
+                if d in joint.elastic:
+                    out.append(Nuisance(joint.name, f"k{d}", value))
+                elif f"k{d}" in own.values:
+                    raise own.error(f"k{d}", f"joint '{joint.name}' has no stiffness in {d}; elastic are {', '.join(joint.elastic) or 'none'}")
+            eta = own.number("eta", 0.0, least=0)
+            if eta and not joint.eta:
+                raise own.error("eta", f"joint '{joint.name}' has no loss factor")
+            out.append(Nuisance(joint.name, "eta", eta))
+            own.finish()
+        by_joint.finish()
+        t.finish()
+        return tuple(n for n in out if n.std > 0), std["damping"]
+
+    def _candidates(self) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
+        t = self.top.table("candidates")
+        kinds, exclude = t.texts("kinds", None), t.texts("exclude", ())
+        t.finish()
+        return kinds, exclude

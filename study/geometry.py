@@ -1,0 +1,250 @@
+"""The mesh of a study: from a file, or from points and members written into the study."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import MemberProperties
+from fem.io import read_mesh
+from fem.mesh import Mesh, merge_names
+from study.table import Table, as_vector, suggest
+
+TOUCH = 1e-6
+"""Points nearer than this part of the structure's size are one place."""
+
+PER_BENDING_WAVE = 12
+"""Elements per shortest bending wave: too stiff by (2π/12)⁴/1440 = 5e-5 in frequency there."""
+
+PER_OTHER_WAVE = 32
+"""Elements per shortest axial or torsional wave, whose error is (2π/32)²/24 = 1.6e-3."""
+
+
+@dataclass(slots=True)
+class Geometry:
+    """The mesh as far as it has been built, and the names of places on it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    places : dict of str to ndarray (3,)
+        Coordinates of the study's named points [m].
+    """
+
+    mesh: Mesh
+    places: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    def coordinates(self, table: Table, key: str = "point") -> NDArray[np.float64]:
+        """Return the coordinates of a place given as name, coordinates or ``{member, position}``."""
+        value = table.get(key)
+        if isinstance(value, str):
+            if value in self.mesh.point_names:
+                return self.mesh.points[self.mesh.point_names[value]]
+            if value in self.places:
+                return self.places[value]
+            raise table.error(key, f"there is no point '{value}'; {suggest(value, {**self.places, **self.mesh.point_names})}")
+        if isinstance(value, dict):
+            return self.on_member(table.table(key))
+        return as_vector(table, key, value, 3, "m")
+
+    def on_member(self, table: Table, member: str = "member", position: str = "position") -> NDArray[np.float64]:
+        """Return the coordinates of a place on a member; a table of its own is finished."""
+        name = self.member(table, member)
+        s = self.position(table, position, name)
+        if table.values.keys() <= {member, position}:
+            table.finish()
+        with table.at(position):
+            return self.mesh.point_at(self.mesh.locate(name, s))
+
+    def member(self, table: Table, key: str = "member") -> str:
+        """Return the name of one member."""
+        name = table.text(key)
+        members = self.mesh.groups.get(name, (name,))
+        if len(members) != 1 or members[0] not in self.mesh.members:
+            if len(members) > 1:
+                raise table.error(key, f"'{name}' is the group of {merge_names(members)}; name one of them")
+            raise table.error(key, f"there is no member '{name}'; {suggest(name, self.mesh.members)}")
+        return members[0]
+
+    def position(self, table: Table, key: str, member: str) -> float:
+        """Return an arc length along a member [m]."""
+        length = self.mesh.member_length(member)
+        value = table.get(key)
+        words = {"start": 0.0, "middle": length / 2, "end": length}
+        if isinstance(value, str):
+            if value not in words:
+                raise table.error(key, f"'{value}' is not allowed; a number [m], start, middle or end is needed")
+            return words[value]
+        s = table.number(key, least=0.0, unit="m")
+        if s > length * (1 + TOUCH):
+            raise table.error(key, f"{s:g} m is beyond the end of member '{member}', which is {length:g} m long")
+        return min(s, length)
+
+    def point(self, table: Table, key: str = "point") -> int:
+        """Return the index of a point of the mesh at a place, putting one there if needed."""
+        value = table.get(key)
+        if isinstance(value, str) and value in self.mesh.point_names:
+            return self.mesh.point_names[value]
+        if isinstance(value, dict):
+            inner = table.table(key)
+            name = self.member(inner)
+            return self.point_on(name, self.position(inner, "position", name))
+        xyz = self.coordinates(table, key)
+        near, distance = self.mesh.nearest_point(xyz)
+        if distance <= TOUCH * self.mesh.size:
+            return near
+        member, s, distance = self.mesh.nearest_on_members(xyz)
+        if distance > TOUCH * self.mesh.size:
+            raise table.error(
+                key,
+                f"{value!r} is not on the structure: it is {distance:.3g} m from the nearest member, '{member}', "
+                f"at {s:.4g} m along it",
+            )
+        return self.point_on(member, s)
+
+    def point_on(self, member: str, position: float) -> int:
+        """Return the index of a point of the mesh at a position on a member, putting one there if needed."""
+        self.mesh = self.mesh.with_point_on(member, position)
+        s = self.mesh.member_positions(member)
+        return int(self.mesh.member_points(member)[np.argmin(np.abs(s - position))])
+
+
+def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
+    """Read ``[mesh]``, ``[points]`` and the ends of ``[members]``."""
+    mesh, points, members = top.table("mesh"), top.table("points"), top.table("members")
+    file = mesh.text("file", "")
+    scale = mesh.number("scale", 1.0, above=0.0)
+    tolerance = mesh.number("merge_tolerance", None, least=0.0, unit="m")
+    connect = mesh.flag("connect", True)
+    if file:
+        if points.values:
+            raise points.error("", "points and members have no ends of their own where [mesh] gives a file; leave one out")
+        path = folder / file
+        if not path.is_file():
+            raise mesh.error("file", f"there is no file '{os.fspath(path)}'")
+        with mesh.at("file"):
+            return Geometry(read_mesh(path, scale=scale, merge_tolerance=tolerance))
+    for key in ("scale", "merge_tolerance"):
+        if key in mesh:
+            raise mesh.error(key, "it belongs to a mesh file, and [mesh] gives no file")
+    places = {key: points.vector(key) for key in points.values}
+    if not members.values:
+        raise top.error("", "there is no structure: give [mesh] file, or [points] and [members.NAME] with from and to")
+    return Geometry(_inline_mesh(members, places, connect, notes), places)
+
+
+def _inline_mesh(members: Table, places: dict[str, NDArray[np.float64]], connect: bool, notes: list[str]) -> Mesh:
+    ends: list[NDArray[np.float64]] = []
+    names: dict[str, int] = {}
+    pairs: dict[str, tuple[int, int]] = {}
+
+    def end(table: Table, key: str) -> int:
+        value = table.get(key)
+        if isinstance(value, str):
+            if value not in places:
+                raise table.error(key, f"there is no point '{value}'; {suggest(value, places)}")
+            if value not in names:
+                names[value] = len(ends)
+                ends.append(places[value])
+            return names[value]
+        xyz = as_vector(table, key, value, 3, "m")
+        for k, other in enumerate(ends):
+            if k not in names.values() and np.linalg.norm(other - xyz) <= 1e-9 * (1 + np.abs(xyz).max()):
+                return k
+        ends.append(xyz)
+        return len(ends) - 1
+
+    for name, table in members.named():
+        pairs[name] = (end(table, "from"), end(table, "to"))
+    xyz = np.array(ends)
+    size = float(np.ptp(xyz, axis=0).max())
+    for name, (a, b) in pairs.items():
+        if np.linalg.norm(xyz[b] - xyz[a]) <= max(TOUCH * size, 1e-12):
+            raise members.error(name, f"the member has no length: both ends are at {xyz[a].tolist()} m")
+    lines: list[tuple[int, int]] = []
+    sets: dict[str, list[int]] = {}
+    for name, (a, b) in pairs.items():
+        between = _ends_on(xyz, a, b, TOUCH * size) if connect else []
+        for k in between:
+            others = [other for other, pair in pairs.items() if k in pair and other != name]
+            notes.append(f"{merge_names(others)} end{'s' * (len(others) == 1)} on {name} and {'is' if len(others) == 1 else 'are'} welded to it there")
+        chain = [a, *between, b]
+        sets[name] = list(range(len(lines), len(lines) + len(chain) - 1))
+        lines += list(zip(chain, chain[1:], strict=False))
+    with members.at():
+        return Mesh.from_lines(xyz, lines, sets, names)
+
+
+def _ends_on(xyz: NDArray[np.float64], a: int, b: int, tolerance: float) -> list[int]:
+    """Return the points inside a member, in order along it."""
+    t = xyz[b] - xyz[a]
+    length = float(np.linalg.norm(t))
+    s = (xyz - xyz[a]) @ t / length
+    distance = np.linalg.norm(xyz - xyz[a] - np.outer(s, t / length), axis=1)
+    inside = np.flatnonzero((distance <= tolerance) & (s > tolerance) & (s < length - tolerance))
+    return [int(k) for k in inside[np.argsort(s[inside])] if k not in (a, b)]
+
+
+def refine(
+    mesh: Mesh,
+    properties: dict[str, MemberProperties],
+    max_frequency: float,
+    size: float | None,
+    by_member: dict[str, tuple[float | None, int | None]],
+    at_least: int = 4,
+) -> tuple[Mesh, NDArray[np.float64]]:
+    """Return the mesh with elements short enough, and the lengths aimed at, member by member.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    properties : dict of str to MemberProperties
+        By member.
+    max_frequency : float
+        Highest frequency of interest [Hz].
+    size : float, optional
+        Element size of all members [m]; by wavelength unless given.
+    by_member : dict of str to (float or None, int or None)
+        Element size [m] or count of single members.
+    at_least : int
+        Fewest elements of a member.
+    """
+    length = mesh.lengths()
+    pieces = np.ones(mesh.n_lines, dtype=np.int64)
+    sizes = []
+    for name, rows in mesh.members.items():
+        p, total = properties[name], float(length[rows].sum())
+        own_size, count = by_member.get(name, (None, None))
+        if count is not None:
+            h = total / count
+        else:
+            given = own_size if own_size is not None else size
+            h = given if given is not None else min(element_size(p, max_frequency), total / at_least)
+        n = np.maximum(1, np.ceil(length[rows] / h - 1e-6)).astype(np.int64)
+        for zone, k in ((p.rigid1, 0), (p.rigid2, -1)):
+            if zone > 0:  # the zone must fit into the element at its end, with as much flexible length again
+                n[k] = max(1, min(n[k], int(length[rows[k]] / (2 * zone))))
+        pieces[rows] = n
+        sizes.append(h)
+    return mesh.split(pieces), np.array(sizes)
+
+
+def element_size(p: MemberProperties, frequency: float) -> float:
+    """Return an element size by the shortest waves of a member at a frequency [m].
+
+    Bending: λ = 2π (EI / ρA ω²)^¼ of an Euler-Bernoulli beam; torsion and tension: λ = c / f.
+    """
+    m, s, omega = p.material, p.section, 2 * np.pi * frequency
+    bending = 2 * np.pi * (m.E * min(s.Iy, s.Iz) / (m.rho * s.A * omega**2)) ** 0.25
+    other = np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency
+    return float(min(bending / PER_BENDING_WAVE, other / PER_OTHER_WAVE))
+
+
+def describe_sizes(sizes: Sequence[float] | NDArray[Any]) -> str:
+    """Return a range of sizes in words."""
+    low, high = float(np.min(sizes)), float(np.max(sizes))
+    return f"{1e3 * low:.3g} mm" if high <= 1.01 * low else f"{1e3 * low:.3g} to {1e3 * high:.3g} mm"

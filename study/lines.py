@@ -1,0 +1,117 @@
+"""Where each key of a TOML text stands.
+
+``tomllib`` gives values without places. This scan of a text that ``tomllib`` has accepted gives the places.
+"""
+
+import re
+
+Path = tuple[str | int, ...]
+"""Keys and list indices from the top of the file: ``("joints", 0, "k", "kx")``."""
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_SPACE = re.compile(r"[ \t]*")
+_QUOTES = ('"""', "'''", '"', "'")
+
+
+def key_lines(text: str) -> dict[Path, int]:
+    """Return the line, from 1, on which each key, table and list item of a valid TOML text begins."""
+    return _Scan(text).run()
+
+
+class _Scan:
+    def __init__(self, text: str) -> None:
+        self.text, self.at = text, 0
+        self.lines: dict[Path, int] = {}
+        self.n_tables: dict[Path, int] = {}  # lengths of arrays of tables
+
+    def run(self) -> dict[Path, int]:
+        here: Path = ()
+        while self._skip(_BLANK) < len(self.text):
+            if self.text.startswith("[", self.at):
+                here = self._header()
+            else:
+                self._pair(here)
+        return self.lines
+
+    def _skip(self, pattern: re.Pattern[str]) -> int:
+        match = pattern.match(self.text, self.at)
+        self.at = match.end() if match else self.at
+        return self.at
+
+    def _mark(self, path: Path, start: int) -> None:
+        self.lines.setdefault(path, self.text.count("\n", 0, start) + 1)
+
+    def _header(self) -> Path:
+        start = self.at
+        double = self.text.startswith("[[", start)
+        self.at += 2 if double else 1
+        path: Path = ()
+        keys = self._key()
+        for depth, key in enumerate(keys):
+            path = (*path, key)
+            last = depth == len(keys) - 1
+            self._mark(path, start)
+            if double and last:
+                self.n_tables[path] = self.n_tables.get(path, 0) + 1
+            if path in self.n_tables:
+                path = (*path, self.n_tables[path] - 1)
+                self._mark(path, start)
+        self.at += 2 if double else 1
+        return path
+
+    def _key(self) -> list[str]:
+        """Take a dotted key and the space around it."""
+        parts = []
+        while True:
+            self._skip(_SPACE)
+            if self.text[self.at] in "\"'":
+                parts.append(self._string()[1:-1])
+            else:
+                start = self.at
+                parts.append(self.text[start : self._skip(_BARE)])
+            self._skip(_SPACE)
+            if not self.text.startswith(".", self.at):
+                return parts
+            self.at += 1
+
+    def _pair(self, here: Path) -> None:
+        start = self.at
+        for key in self._key():
+            here = (*here, key)
+            self._mark(here, start)
+        self.at += 1  # =
+        self._skip(_SPACE)
+        self._value(here)
+
+    def _value(self, path: Path) -> None:
+        opening = self.text[self.at]
+        if opening in "\"'":
+            self._string()
+        elif opening in "[{":
+            self.at += 1
+            index = 0
+            while self.text[self._skip(_BLANK)] not in "]}":
+                if opening == "{":
+                    self._pair(path)
+                else:
+                    self._mark((*path, index), self.at)
+                    self._value((*path, index))
+                    index += 1
+                if self.text[self._skip(_BLANK)] == ",":
+                    self.at += 1
+            self.at += 1
+        else:
+            while self.at < len(self.text) and self.text[self.at] not in ",]}\n#":
+                self.at += 1
+
+    def _string(self) -> str:
+        start = self.at
+        quote = next(q for q in _QUOTES if self.text.startswith(q, start))
+        self.at += len(quote)
+        while not self.text.startswith(quote, self.at):
+            self.at += 2 if quote[0] == '"' and self.text[self.at] == "\\" else 1
+        self.at += len(quote)
+        while len(quote) == 3 and self.text.startswith(quote[0], self.at):  # up to two quotes before the closing three
+            self.at += 1
+        return self.text[start : self.at]

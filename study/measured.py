@@ -1,0 +1,294 @@
+"""The measured files of a study: reading, matching with sensors, and whether their unit is plausible."""
+
+import os
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.frf import FRF, FRFKind, compute_frf
+from fem.io import UFF_SUFFIXES, read_csv, read_npz, read_uff
+from fem.model import Model
+from fem.system import assemble
+from study.sensors import Channel
+from study.table import Table
+from updating.measurement import Measurement, Sensor
+
+G0 = 9.80665
+"""Standard gravity [m/s²]."""
+
+SUSPECTS: tuple[tuple[float, str], ...] = (
+    (1 / G0, "in g/N where (m/s²)/N is meant"),
+    (G0, "multiplied by 9.81 once too often"),
+    (1e3, "in mm where m is meant, (mm/s²)/N"),
+    (1e-3, "in kN for N or km for m, a thousand times too small"),
+    (1e6, "in µm where m is meant"),
+    (1e3 / G0, "in g/kN where (m/s²)/N is meant"),
+    (1e-3 / G0, "in g/N, divided by a thousand"),
+    (4.44822, "per pound-force where N is meant"),
+    (4.44822 / G0, "in g/lbf where (m/s²)/N is meant"),
+    (39.3701, "in inches where m is meant"),
+    (39.3701 * 4.44822, "in inches per pound-force where m/N is meant"),
+)
+"""Measured over computed, and what may have happened."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawMeasurement:
+    """One matrix of FRFs as the file has it.
+
+    Attributes
+    ----------
+    table : Table
+        Its ``[[measurements]]``.
+    frf : FRF
+    name : str
+    force_level : float or None
+        [N].
+    check_units : bool
+    """
+
+    table: Table
+    frf: FRF
+    name: str
+    force_level: float | None
+    check_units: bool
+
+
+def read_files(
+    top: Table, folder: Path, notes: list[str]
+) -> tuple[list[RawMeasurement], dict[int, NDArray[np.float64]]]:
+    """Read the files of ``[[measurements]]``; return their FRFs and the coordinates of their nodes [m]."""
+    out: list[RawMeasurement] = []
+    nodes: dict[int, NDArray[np.float64]] = {}
+    for t in top.tables("measurements"):
+        file = t.text("file")
+        path = folder / file
+        if not path.is_file():
+            raise t.error("file", f"there is no file '{os.fspath(path)}'")
+        name = t.text("name", Path(file).name)
+        kind = t.text("kind", None, [str(k) for k in FRFKind])
+        level = t.number("force_level", None, above=0, unit="N")
+        check = t.flag("check_units", True)
+        band = read_band(t)
+        scale = t.number("scale", 1.0)
+        if scale == 0:
+            raise t.error("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
+        with t.at("file"):
+            frfs = _read(t, path, kind, nodes, notes, "scale" in t)
+        t.finish()
+        for i, frf in enumerate(frfs):
+            with t.at("band"):
+                frf = frf.select(band=band)
+            if scale != 1.0:
+                frf = replace(frf, H=scale * frf.H)
+            out.append(RawMeasurement(t, frf, name if len(frfs) == 1 else f"{name} [{i + 1}]", level, check))
+    return out, nodes
+
+
+def read_band(t: Table) -> tuple[float, float] | None:
+    """Read ``band = [lowest, highest]`` [Hz]."""
+    band = t.vector("band", None, 2, "Hz")
+    if band is None:
+        return None
+    if not 0 <= band[0] < band[1]:
+        raise t.error("band", f"{band.tolist()} is not allowed; two rising frequencies [Hz] are needed")
+    return float(band[0]), float(band[1])
+
+
+def _read(
+    t: Table, path: Path, kind: str | None, nodes: dict[int, NDArray[np.float64]], notes: list[str], scaled: bool
+) -> list[FRF]:
+    suffix = path.suffix.lower()
+    outputs, inputs = t.texts("outputs", None), t.texts("inputs", None)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        if suffix in UFF_SUFFIXES:
+            file = read_uff(path, kind)
+            if not file.frfs:
+                file.frf()  # says what the file holds instead
+            if file.points is not None:
+                nodes.update({int(k): xyz for k, xyz in zip(file.points.labels, file.points.coordinates, strict=True)})
+            frfs = []
+            for frf, (unit, _) in zip(file.frfs, file.frf_units, strict=True):
+                if unit.strip().lower() in ("g", "g/n", "(g)/n") and not scaled:
+                    notes.append(f"{path.name} says its unit is '{unit}': its FRFs are multiplied by {G0} to m/s²")
+                    frf = replace(frf, H=G0 * frf.H)
+                frfs.append(frf)
+        elif suffix == ".npz":
+            frfs = [read_npz(path, kind)]
+        else:
+            frfs = [
+                read_csv(
+                    path,
+                    kind,
+                    outputs=outputs,
+                    inputs=inputs,
+                    delimiter=t.text("delimiter", None),
+                    header=t.flag("header", True) if "header" in t else None,
+                    form=t.text("form", "auto"),
+                )
+            ]
+            outputs = inputs = None
+    notes.extend(str(w.message) for w in caught)
+    return [_renamed(t, frf, outputs, inputs) for frf in frfs]
+
+
+def _renamed(t: Table, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> FRF:
+    for key, have, want in (("outputs", frf.outputs, outputs), ("inputs", frf.inputs, inputs)):
+        if want is not None and len(want) != len(have):
+            raise t.error(key, f"{len(want)} labels are given for the {len(have)} {key} of the file ({', '.join(have[:6])} …)")
+    return FRF.from_arrays(frf.frequency, frf.H, frf.kind, outputs or frf.outputs, inputs or frf.inputs)
+
+
+def match(
+    raw: Sequence[RawMeasurement], sensors: Sequence[Channel], excitations: Sequence[Channel], notes: list[str]
+) -> tuple[Measurement, ...]:
+    """Return the measurements by the names of their sensors and excitations.
+
+    Raises
+    ------
+    StudyError
+        If a sensor or excitation is in no file, two share a channel, a file has none of them, or an FRF is all zero.
+    """
+    out = []
+    used: set[str] = set()
+    for r in raw:
+        rows = _pick(r, sensors, r.frf.outputs, "responses")
+        columns = _pick(r, excitations, r.frf.inputs, "forces")
+        used |= {f"s:{c.sensor.name}" for c, _, _ in rows} | {f"e:{c.sensor.name}" for c, _, _ in columns}
+        for word, have, got in (("responses", r.frf.outputs, rows), ("forces", r.frf.inputs, columns)):
+            rest = [x for x in have if x not in {label for _, label, _ in got}]
+            if rest:
+                notes.append(f"{r.name}: the {word} {', '.join(rest[:8])}{' …' if len(rest) > 8 else ''} belong to nothing in the study and are not used")
+        frf = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
+        sign = np.outer([s for _, _, s in rows], [s for _, _, s in columns])
+        for c, label, s in (*rows, *columns):
+            if s < 0:
+                notes.append(f"{r.name}: channel {label} is turned round, for {c.sensor.name} points the other way")
+        names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
+        frf = FRF.from_arrays(frf.frequency, frf.H * sign, frf.kind, *names)
+        _refuse_zero(r, frf)
+        picked = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
+        out.append(Measurement(frf, *picked, force_level=r.force_level, name=r.name))
+    for mark, channels in (("s", sensors), ("e", excitations)):
+        for c in channels:
+            if raw and f"{mark}:{c.sensor.name}" not in used:
+                have = dict.fromkeys(x for r in raw for x in (r.frf.outputs if mark == "s" else r.frf.inputs))
+                word = "sensor" if mark == "s" else "excitation"
+                asked = f"channel '{c.label}'" if c.label else "channel"
+                raise c.table.error("", f"{word} '{c.sensor.name}' has no {asked} in the measured files; they have {', '.join(list(have)[:20])}{' …' if len(have) > 20 else ''}; give label")
+    return tuple(out)
+
+
+def _pick(
+    r: RawMeasurement, channels: Sequence[Channel], labels: Sequence[str], word: str
+) -> list[tuple[Channel, str, float]]:
+    out: list[tuple[Channel, str, float]] = []
+    owner: dict[str, str] = {}
+    for c in channels:
+        found = c.find(labels)
+        if found is None:
+            continue
+        if found[0] in owner:
+            raise c.table.error("", f"'{c.sensor.name}' and '{owner[found[0]]}' are both channel {found[0]} of {r.name}")
+        owner[found[0]] = c.sensor.name
+        out.append((c, *found))
+    if not out:
+        raise r.table.error("file", f"none of its {word} ({', '.join(labels[:8])}{' …' if len(labels) > 8 else ''}) belongs to a sensor or excitation of the study; give them a label or a node")
+    return out
+
+
+def _refuse_zero(r: RawMeasurement, frf: FRF) -> None:
+    zero = ~np.any(frf.H, axis=0)
+    if zero.all():
+        raise r.table.error("file", "all its FRFs are zero; the file holds no measurement")
+    if zero.any():
+        i, j = np.argwhere(zero)[0]
+        raise r.table.error("file", f"{zero.sum()} of its FRFs are zero at all frequencies, the first '{frf.outputs[i]}' to a force at '{frf.inputs[j]}'; leave dead channels out")
+
+
+def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+    """Return each sensor's reading as a row of a selection, shape (n, n_dof)."""
+    rows = np.zeros((len(sensors), model.n_dof))
+    for i, s in enumerate(sensors):
+        point, _ = model.mesh.nearest_point(s.point)
+        if s.member is not None:
+            own = model.mesh.member_points(s.member)
+            point = int(own[np.argmin(np.linalg.norm(model.mesh.points[own] - s.point, axis=1))])
+        rows[i, 6 * point : 6 * point + 3] = s.gain * s.direction
+    return rows
+
+
+def check_units(model: Model, measurements: Sequence[Measurement], raw: Sequence[RawMeasurement], notes: list[str]) -> None:
+    """Compare the order of magnitude of the measured FRFs with the model's.
+
+    The median over channels of |measured| / |computed|, a line of data at a time, hardly depends on where resonances are.
+    Its size tells another unit, its slope over frequency another kind of FRF.
+
+    Raises
+    ------
+    StudyError
+        If it looks like another unit or kind.
+    """
+    system = assemble(model)
+    for m, r in zip(measurements, raw, strict=True):
+        frequency = m.frf.frequency
+        usable = np.flatnonzero(frequency > 0)
+        pick = usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, 240)).astype(int))]
+        if pick.size < 8 or not r.check_units:
+            continue
+        frf = compute_frf(
+            system, frequency[pick], sensor_rows(model, m.sensors), sensor_rows(model, m.excitations), m.frf.kind
+        )
+        with np.errstate(divide="ignore"):
+            log = np.log10(np.abs(m.frf.H[pick])) - np.log10(np.abs(frf.H))
+        log = np.where(np.isfinite(log), log, np.nan).reshape(pick.size, -1)
+        log = log[:, np.isfinite(log).mean(axis=0) > 0.5]
+        if log.size:
+            _judge(r, m.frf.kind, frequency[pick], np.nanmedian(log, axis=1), notes)
+
+
+def _judge(r: RawMeasurement, kind: FRFKind, frequency: NDArray[np.float64], log: NDArray[np.float64], notes: list[str]) -> None:
+    good = np.isfinite(log)
+    x, y = np.log10(frequency[good]), log[good]
+    if x.size < 8:
+        return
+    level, slope = float(np.median(y)), 0.0
+    if np.ptp(x) > 0.5:
+        i, j = np.triu_indices(x.size, 1)
+        far = np.abs(x[i] - x[j]) > 0.25 * np.ptp(x)
+        slope = float(np.median((y[i] - y[j])[far] / (x[i] - x[j])[far]))  # Theil and Sen
+    power = round(slope)
+    # (iω)^n with n = slope: what is called one kind is another
+    if power != 0 and abs(slope - power) < 0.4 and 0 <= kind.derivatives + power <= 2:
+        centre = float(np.median(y - power * np.log10(2 * np.pi * 10**x)))
+        if abs(centre) < 1.3:
+            like = list(FRFKind)[kind.derivatives + power]
+            raise r.table.error("kind" if "kind" in r.table.values else "file", f"called {kind}, the FRFs of {r.name} rise with frequency as (iω)^{power} against the model: they look like {like}; give kind = \"{like}\", or check_units = false if the data are right")
+    if abs(level) < np.log10(2.5):
+        return
+    near = [(abs(level - np.log10(f)), f, words) for f, words in SUSPECTS]
+    distance, factor, words = min(near)
+    found = f"the FRFs of {r.name} are {10**level:.3g} times those of the model (median over {x.size} lines)"
+    if distance < np.log10(1.5):
+        raise r.table.error("file", f"{found}: they look as if {words}; give scale = {1 / factor:.6g}, or check_units = false if the data are right")
+    if abs(level) > 1.0:
+        raise r.table.error("file", f"{found}: their unit or the model is wrong; give scale = …, or check_units = false if the data are right")
+    notes.append(f"{found}: check their unit")
+
+
+def labels_of(raw: Sequence[RawMeasurement], which: str) -> list[str]:
+    """Return the labels of all responses or forces of the files, each once."""
+    return list(dict.fromkeys(x for r in raw for x in getattr(r.frf, which)))
+
+
+def top_frequency(raw: Sequence[RawMeasurement], band: tuple[float, float] | None) -> float | None:
+    """Return the highest frequency that is compared [Hz]."""
+    if not raw:
+        return None
+    highest = max(float(r.frf.frequency[-1]) for r in raw)
+    return highest if band is None else min(highest, band[1])

@@ -1,0 +1,283 @@
+"""Materials, sections, members, supports, joints and masses of a study."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.added_mass import AddedMass
+from fem.effects.frame import THEORIES, MemberProperties
+from fem.effects.joint import Joint
+from fem.effects.support import Support
+from fem.mesh import Mesh
+from fem.model import DIRECTIONS, Damping, direction_vector, directions_from
+from fem.properties import Material, Section
+from study.geometry import Geometry
+from study.table import Table, suggest
+
+SHAPES: dict[str, tuple[str, ...]] = {
+    "rectangle": ("b", "h"),
+    "hollow_rectangle": ("b", "h", "t"),
+    "circle": ("d",),
+    "tube": ("d", "t"),
+    "i_section": ("b", "h", "tf", "tw"),
+}
+"""Shapes of sections and their dimensions [m]."""
+
+
+def read_materials(top: Table) -> dict[str, Material]:
+    """Read ``[materials.NAME]``."""
+    out = {}
+    for name, t in top.table("materials").named():
+        with t.at():
+            out[name] = Material(
+                name,
+                t.number("E", above=0, unit="Pa"),
+                t.number("rho", above=0, unit="kg/m³"),
+                t.number("nu", 0.3),
+                t.number("loss_factor", 0.0, least=0),
+            )
+        t.finish()
+    return out
+
+
+def read_sections(top: Table) -> dict[str, Section]:
+    """Read ``[sections.NAME]``."""
+    return {name: read_section(t, name) for name, t in top.table("sections").named()}
+
+
+def read_section(t: Table, label: str = "") -> Section:
+    """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz; both: the constants go before the shape's."""
+    shape = t.text("shape", "", tuple(SHAPES))
+    constants = ("A", "Iy", "Iz", "J")
+    if not shape:
+        if not any(key in t for key in constants):
+            raise t.error("", f"the section has neither a shape ({', '.join(SHAPES)}) nor A, Iy, Iz and J")
+        values = {key: t.number(key, above=0, unit={"A": "m²"}.get(key, "m⁴")) for key in constants}
+        with t.at():
+            section = Section(**values, ky=t.number("ky", 0.0, least=0), kz=t.number("kz", 0.0, least=0), label=label)
+        t.finish()
+        return section
+    sizes = {key: t.number(key, above=0, unit="m") for key in SHAPES[shape]}
+    with t.at():
+        section = getattr(Section, shape)(**sizes)
+        own = {key: t.number(key, above=0, unit={"A": "m²"}.get(key, "m⁴")) for key in constants if key in t}
+        own |= {key: t.number(key, least=0) for key in ("ky", "kz") if key in t}
+        if own:
+            fields = {key: getattr(section, key) for key in (*constants, "ky", "kz")} | own
+            section = Section(**fields, outlines=section.outlines, label=f"{section.label}, {', '.join(own)} as given")
+    t.finish()
+    return section
+
+
+@dataclass(slots=True)
+class MemberTables:
+    """Where the properties of a member may stand: its own table, that of its group, ``[defaults]``."""
+
+    tables: list[Table]
+    own: Table
+
+    def holder(self, key: str) -> Table | None:
+        """Return the first table that has a key."""
+        found = [t for t in self.tables if key in t]
+        return found[0] if found else None
+
+
+def read_members(
+    top: Table, mesh: Mesh, inline: bool, materials: Mapping[str, Material], sections: Mapping[str, Section]
+) -> tuple[dict[str, MemberProperties], dict[str, tuple[float | None, int | None]]]:
+    """Read the properties of every member of the mesh, and the element sizes and counts that some have."""
+    members, defaults = top.table("members"), top.table("defaults")
+    tables = dict(members.named())
+    for name, table in tables.items():
+        if inline:
+            table.get("from"), table.get("to")
+        elif name not in mesh.members and name not in mesh.groups:
+            known = [*mesh.members, *mesh.groups]
+            raise members.error(name, f"the mesh has no member or group '{name}'; {suggest(name, known)}")
+    out, sizes = {}, {}
+    for name in mesh.members:
+        own = tables.get(name, members)
+        groups = [tables[g] for g, names in mesh.groups.items() if name in names and g in tables]
+        chain = MemberTables([*([tables[name]] if name in tables else []), *groups, defaults], own)
+        out[name] = _properties(chain, name, materials, sections)
+        sizes[name] = _element_size(chain)
+    for table in (*tables.values(), defaults):
+        table.finish()
+    return out, sizes
+
+
+def _properties(
+    chain: MemberTables, name: str, materials: Mapping[str, Material], sections: Mapping[str, Section]
+) -> MemberProperties:
+    def read(key: str, how: Any, default: Any) -> Any:
+        holder = chain.holder(key)
+        return default if holder is None else how(holder)
+
+    material = read("material", lambda t: _named(t, "material", materials), None)
+    if material is None:
+        if len(materials) != 1:
+            raise chain.own.error("", f"member '{name}' has no material; give it one, or one to [defaults]; {suggest('', materials)}")
+        (material,) = materials.values()
+    section = read("section", lambda t: _section(t, sections), None)
+    if section is None:
+        if len(sections) != 1:
+            raise chain.own.error("", f"member '{name}' has no section; give it one, or one to [defaults]; {suggest('', sections)}")
+        (section,) = sections.values()
+    zero = np.zeros(3)
+    holder = chain.holder("orientation") or chain.own
+    with holder.at("orientation"):
+        orientation = read("orientation", lambda t: direction_vector(t.get("orientation")), None)
+    return MemberProperties(
+        material,
+        section,
+        orientation,
+        read("offset1", lambda t: t.vector("offset1"), zero),
+        read("offset2", lambda t: t.vector("offset2"), zero),
+        read("rigid1", lambda t: t.number("rigid1", least=0, unit="m"), 0.0),
+        read("rigid2", lambda t: t.number("rigid2", least=0, unit="m"), 0.0),
+        read("theory", lambda t: t.text("theory", choices=THEORIES), "timoshenko"),
+    )
+
+
+def _named(t: Table, key: str, known: Mapping[str, Any]) -> Any:
+    name = t.text(key)
+    if name not in known:
+        raise t.error(key, f"there is no {key} '{name}'; {suggest(name, known)}")
+    return known[name]
+
+
+def _section(t: Table, sections: Mapping[str, Section]) -> Section:
+    if isinstance(t.values["section"], dict):
+        return read_section(t.table("section"))
+    return _named(t, "section", sections)
+
+
+def _element_size(chain: MemberTables) -> tuple[float | None, int | None]:
+    size, count = chain.holder("element_size"), chain.holder("elements")
+    return (
+        None if size is None else size.number("element_size", above=0, unit="m"),
+        None if count is None else count.whole("elements"),
+    )
+
+
+def read_supports(top: Table, geometry: Geometry) -> tuple[Support, ...]:
+    """Read ``[[supports]]``."""
+    out: list[Support] = []
+    for t in top.tables("supports"):
+        point = geometry.point(t)
+        value = t.get("point")
+        name = t.text("name", value if isinstance(value, str) else f"support{len(out) + 1}")
+        with t.at("fixed"):
+            fixed = directions_from(t.get("fixed", "all"), "fixed")
+        if not fixed:
+            raise t.error("fixed", "no direction is held; name some of x y z rx ry rz, all, translations, rotations")
+        t.finish()
+        out.append(Support(name=name, point=point, fixed=fixed))
+    return tuple(out)
+
+
+def read_joints(top: Table, geometry: Geometry) -> tuple[Joint, ...]:
+    """Read ``[[joints]]``."""
+    out: list[Joint] = []
+    for t in top.tables("joints"):
+        name = t.text("name", f"joint{len(out) + 1}")
+        point1 = _side(t, geometry, "1")
+        point2 = _side(t, geometry, "2") if "point2" in t or "member2" in t else None
+        if point1 is None or point1 == point2:
+            raise t.error("", "both sides of the joint are the same point; give point1 or member1 and position1, and a second side or none for the ground")
+        points = geometry.mesh.points
+        middle = points[point1] if point2 is None else (points[point1] + points[point2]) / 2
+        location = geometry.coordinates(t, "location") if "location" in t else middle
+        rigid: tuple[str, ...] = ()
+        if "rigid" in t:
+            with t.at("rigid"):
+                rigid = directions_from(t.get("rigid"), "rigid")
+        matrices = _joint_matrices(t)
+        eta = t.number("eta", 0.0, least=0)
+        t.finish()
+        with t.at():
+            out.append(Joint(name=name, point1=point1, point2=point2, location=location, eta=eta, rigid=rigid, **matrices))
+        if not (rigid or out[-1].elastic or out[-1].C.any() or out[-1].M.any()):
+            raise t.error("", f"joint '{name}' does nothing: give k, K, C, M or rigid")
+    return tuple(out)
+
+
+def _side(t: Table, geometry: Geometry, side: str) -> int | None:
+    if f"point{side}" in t and f"member{side}" in t:
+        raise t.error(f"point{side}", f"give either point{side}, or member{side} and position{side}")
+    if f"point{side}" in t:
+        return geometry.point(t, f"point{side}")
+    member = geometry.member(t, f"member{side}")
+    return geometry.point_on(member, geometry.position(t, f"position{side}", member))
+
+
+def _joint_matrices(t: Table) -> dict[str, NDArray[np.float64]]:
+    out = {key: t.matrix(key) for key in ("K", "C", "D", "M") if key in t}
+    for key in ("k", "c"):
+        if key not in t:
+            continue
+        if key.upper() in out:
+            raise t.error(key, f"give either {key} or {key.upper()}")
+        inner = t.table(key)
+        diagonal = [
+            inner.number(f"{key}{d}", 0.0, least=0, unit=("N/m" if key == "k" else "N·s/m") + (" or per radian")[: 14 * (len(d) > 1)])
+            for d in DIRECTIONS
+        ]
+        inner.finish()
+        out[key.upper()] = np.diag(diagonal)
+    return out
+
+
+def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
+    """Read ``[[masses]]``."""
+    out: list[AddedMass] = []
+    for t in top.tables("masses"):
+        value = t.get("point")
+        name = t.text("name", f"mass at {value}" if isinstance(value, str) else f"mass{len(out) + 1}")
+        inertia = np.zeros((3, 3))
+        if "inertia" in t:
+            rows = t.get("inertia")
+            inertia = t.matrix("inertia", 3) if isinstance(rows, list) else t.number("inertia", least=0) * np.eye(3)
+            if np.linalg.eigvalsh((inertia + inertia.T) / 2)[0] < 0 or not np.allclose(inertia, inertia.T):
+                raise t.error("inertia", "the tensor must be symmetric and have no negative principal value [kg·m²]")
+        mass = AddedMass(
+            name=name,
+            point=geometry.point(t),
+            mass=t.number("mass", least=0, unit="kg"),
+            inertia=inertia,
+            arm=t.vector("arm", np.zeros(3)),
+        )
+        t.finish()
+        out.append(mass)
+    return tuple(out)
+
+
+def read_damping(top: Table, notes: list[str]) -> Damping:
+    """Read ``[damping]``."""
+    t = top.table("damping")
+    if not t.values:
+        for key in ("modal", "alpha", "beta", "loss_factor"):
+            t.get(key, None)
+        notes.append("no damping is given: a modal damping ratio of 0.5 % is assumed for all modes")
+        return Damping.modal(0.005)
+    ratio, frequency = np.zeros(1), np.zeros(1)
+    if "modal" in t and isinstance(t.get("modal"), dict):
+        inner = t.table("modal")
+        ratio, frequency = inner.vector("ratio", size=None, unit="-"), inner.vector("frequency", size=None, unit="Hz")
+        inner.finish()
+    elif "modal" in t:
+        ratio = np.array([t.number("modal", least=0)])
+    with t.at("modal"):
+        modal = Damping.modal(ratio, frequency)
+    damping = Damping(
+        modal.frequency,
+        modal.ratio,
+        t.number("alpha", 0.0, least=0, unit="1/s"),
+        t.number("beta", 0.0, least=0, unit="s"),
+        t.number("loss_factor", 0.0, least=0),
+    )
+    t.finish()
+    return damping

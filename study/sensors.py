@@ -1,0 +1,184 @@
+"""Sensors and excitations of a study, and the channels of the measured files that belong to them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.uff import UffError, label_of, parse_label
+from fem.model import direction_vector
+from study.geometry import TOUCH, Geometry
+from study.table import Table, suggest
+from updating.measurement import Sensor, place_sensors
+
+Nodes = Mapping[int, NDArray[np.float64]]
+"""Coordinates of the nodes of the measured files [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """A sensor or an excitation, and how its channel may be called in the files.
+
+    Attributes
+    ----------
+    sensor : Sensor
+    table : Table
+        Where it stands in the study.
+    label : str
+        Its name in the files, where the study gives it.
+    node : int or None
+        Its node in the files.
+    """
+
+    sensor: Sensor
+    table: Table
+    label: str = ""
+    node: int | None = None
+
+    def find(self, labels: Sequence[str]) -> tuple[str, float] | None:
+        """Return its label among those of a file, and the sign that turns the reading into its direction."""
+        if self.label:
+            return (self.label, 1.0) if self.label in labels else None
+        if self.sensor.name in labels:
+            return self.sensor.name, 1.0
+        axis = np.flatnonzero(np.abs(self.sensor.direction) > 1 - 1e-9)
+        if self.node is None or not axis.size:
+            return None
+        d = int(axis[0]) + 1
+        sense = float(np.sign(self.sensor.direction[axis[0]]))
+        for sign in (1, -1):
+            if (label := label_of(self.node, sign * d)) in labels:
+                return label, sign * sense
+        return None
+
+
+def read_sensors(top: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) -> list[Channel]:
+    """Read ``[[sensors]]``, putting points of the mesh where they sit."""
+    out: list[Channel] = []
+    seen: set[str] = set()
+    for t in top.tables("sensors"):
+        for channel in _sensors_of(t, geometry, nodes, notes):
+            if channel.sensor.name in seen:
+                raise t.error("name" if "name" in t.values else "", f"two sensors have the name '{channel.sensor.name}'; names must differ")
+            seen.add(channel.sensor.name)
+            out.append(channel)
+        t.finish()
+    return out
+
+
+def _sensors_of(t: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) -> Iterator[Channel]:
+    sign = t.number("sign", 1.0)
+    if abs(sign) != 1:
+        raise t.error("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
+    mass = t.number("mass", 0.0, least=0, unit="kg")
+    if "directions" in t:
+        for key in ("name", "label", "direction"):
+            if key in t:
+                raise t.error(key, f"one {key} does not fit several directions; leave it out, or write [[sensors]] for each")
+        words = list(t.text("directions").replace(" ", "").replace(",", ""))
+        places = list(_places(t, geometry, nodes))
+    else:
+        words = [t.get("direction")]
+        places = list(_places(t, geometry, nodes, many=False))
+    for word_of_place, xyz, member, node in places:
+        for word in words:
+            with t.at("directions" if "directions" in t else "direction"):
+                direction = sign * direction_vector(word)
+            name = t.text("name", f"{word_of_place}{word if isinstance(word, str) else ''}")
+            if not name:
+                raise t.error("", "the sensor needs a name, for its place has none")
+            sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, mass=mass), notes)
+            yield Channel(sensor, t, t.text("label", ""), node)
+
+
+def _places(
+    t: Table, geometry: Geometry, nodes: Nodes, many: bool = True
+) -> Iterator[tuple[str, NDArray[np.float64], str | None, int | None]]:
+    """Return name, coordinates, member and node of each place in a table."""
+    if many and ("points" in t or "nodes" in t):
+        key = "points" if "points" in t else "nodes"
+        values = t.get(key)
+        if not isinstance(values, list) or not values:
+            raise t.error(key, "a list is needed")
+        for i, value in enumerate(values):
+            inner = Table(t.source, (*t.path, key, i), {key[:-1]: value})
+            yield from _places(inner, geometry, nodes, many=False)
+        return
+    node = t.whole("node", None)
+    if "point" in t:
+        value = t.get("point")
+        member = geometry.member(t.table("point")) if isinstance(value, dict) else None
+        yield (value if isinstance(value, str) else str(node or "")), geometry.coordinates(t), member, node
+    elif "member" in t:
+        member = geometry.member(t)
+        yield str(node or ""), geometry.on_member(t), member, node
+    elif node is not None:
+        if node not in nodes:
+            held = f"have {len(nodes)} nodes" if nodes else "have no coordinates of nodes"
+            raise t.error("node", f"there is no node {node} in the measured files, which {held}; give point, or member and position")
+        yield str(node), nodes[node], None, node
+    else:
+        raise t.error("", "a place is missing: give point, or member and position, or node (a number of the UFF file)")
+
+
+def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> Sensor:
+    """Put a point of the mesh where a sensor sits, and the sensor on the member's axis."""
+    with t.at():
+        geometry.mesh = place_sensors(geometry.mesh, (sensor,))
+    if sensor.member is not None:  # a member's own point where several meet or lie close
+        s = [float(np.linalg.norm(geometry.mesh.points[p] - sensor.point)) for p in geometry.mesh.member_points(sensor.member)]
+        near = int(geometry.mesh.member_points(sensor.member)[int(np.argmin(s))])
+        distance = min(s)
+    else:
+        near, distance = geometry.mesh.nearest_point(sensor.point)
+    if distance > TOUCH * geometry.mesh.size:
+        notes.append(f"sensor {sensor.name} is {1e3 * distance:.3g} mm off the axis and taken to sit on it")
+    return Sensor(sensor.name, geometry.mesh.points[near], sensor.direction, sensor.member, mass=sensor.mass)
+
+
+def read_excitations(
+    top: Table, geometry: Geometry, sensors: Sequence[Channel], nodes: Nodes, notes: list[str]
+) -> list[Channel]:
+    """Read ``[[excitations]]``."""
+    by_name = {c.sensor.name: c for c in sensors}
+    out: list[Channel] = []
+    for t in top.tables("excitations"):
+        if "sensor" in t:
+            name = t.text("sensor")
+            if name not in by_name:
+                raise t.error("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
+            at = by_name[name]
+            out.append(Channel(at.sensor, t, t.text("label", at.label), at.node))
+            t.finish()
+        else:
+            out += _sensors_of(t, geometry, nodes, notes)
+            t.finish()
+        names = [c.sensor.name for c in out]
+        if len(set(names)) < len(names):
+            raise t.error("", f"two excitations have the name '{names[-1]}'; names must differ")
+    return out
+
+
+def channels_of_labels(
+    top: Table, labels: Sequence[str], geometry: Geometry, nodes: Nodes, what: str, notes: list[str]
+) -> list[Channel]:
+    """Make sensors of a universal file's own labels and nodes.
+
+    Raises
+    ------
+    StudyError
+        If a label is not that of a node, or the node has no coordinates.
+    """
+    out = []
+    for label in labels:
+        try:
+            node, d = parse_label(label)
+        except UffError:
+            node, d = -1, 0
+        if node not in nodes or not 1 <= abs(d) <= 3:
+            raise top.error("", f"there is no [[{what}]], and the channel '{label}' of the measured files does not say where it is; give [[{what}]]")
+        direction = np.sign(d) * np.eye(3)[abs(d) - 1]
+        sensor = _placed(top, geometry, Sensor(label, nodes[node], direction), notes)
+        out.append(Channel(sensor, top, label, node))
+    return out
