@@ -172,13 +172,13 @@ class _Reader:
 
         mesh_table = top.table("mesh")
         size = mesh_table.number("element_size", None, above=0, unit="m")
-        for key in ("file", "scale", "merge_tolerance", "connect"):
+        for key in ("file", "scale", "merge_tolerance", "sets", "connect"):
             mesh_table.get(key, None)
         mesh_table.finish()
         mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes)
-        if size is None and not any(any(v) for v in sizes.values()):
+        if size is None and not all(any(v) for v in sizes.values()):
             notes.append(
-                f"no element size is given: elements of {describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
+                f"no element size is given{' for all members' if any(any(v) for v in sizes.values()) else ''}: elements of {describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
         damping = read_damping(top, notes)
@@ -236,7 +236,7 @@ class _Reader:
         t = self.top.table("uncertain")
         default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "damping": 0.5}
         std = {key: t.number(key, None, least=0) for key in default}
-        assumed = [key for key, value in std.items() if value is None and (key != "joints" or joints)]
+        assumed = [key for key, value in std.items() if value is None and (key != "joints" or any(j.elastic for j in joints))]
         words = {"E": "E 2 %", "rho": "density 1 %", "joints": "joint stiffness 5 %", "damping": "damping by a factor of 1.6 (0.5 of its logarithm)"}
         if assumed:
             notes.append(f"not said how uncertain: {', '.join(words[key] for key in assumed)} (standard deviations) are assumed")

@@ -1,6 +1,7 @@
 """The mesh of a study: from a file, or from points and members written into the study."""
 
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -126,9 +127,12 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
         path = folder / file
         if not path.is_file():
             raise mesh.error("file", f"there is no file '{os.fspath(path)}'")
-        with mesh.at("file"):
-            return Geometry(read_mesh(path, scale=scale, merge_tolerance=tolerance))
-    for key in ("scale", "merge_tolerance"):
+        with mesh.at("file"), warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            read = read_mesh(path, scale=scale, merge_tolerance=tolerance, sets=mesh.text("sets", None))
+        notes.extend(str(w.message) for w in caught)
+        return Geometry(read)
+    for key in ("scale", "merge_tolerance", "sets"):
         if key in mesh:
             raise mesh.error(key, "it belongs to a mesh file, and [mesh] gives no file")
     places = {key: points.vector(key) for key in points.values}
@@ -167,14 +171,17 @@ def _inline_mesh(members: Table, places: dict[str, NDArray[np.float64]], connect
             raise members.error(name, f"the member has no length: both ends are at {xyz[a].tolist()} m")
     lines: list[tuple[int, int]] = []
     sets: dict[str, list[int]] = {}
+    welds: dict[str, list[str]] = {}
     for name, (a, b) in pairs.items():
         between = _ends_on(xyz, a, b, TOUCH * size) if connect else []
         for k in between:
-            others = [other for other, pair in pairs.items() if k in pair and other != name]
-            notes.append(f"{merge_names(others)} end{'s' * (len(others) == 1)} on {name} and {'is' if len(others) == 1 else 'are'} welded to it there")
+            welds.setdefault(name, []).extend(other for other, pair in pairs.items() if k in pair)
         chain = [a, *between, b]
         sets[name] = list(range(len(lines), len(lines) + len(chain) - 1))
         lines += list(zip(chain, chain[1:], strict=False))
+    if welds:
+        words = "; ".join(f"{', '.join(dict.fromkeys(others))} on {name}" for name, others in welds.items())
+        notes.append(f"members that end on another are welded to it there: {words}")
     with members.at():
         return Mesh.from_lines(xyz, lines, sets, names)
 

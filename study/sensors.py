@@ -101,9 +101,13 @@ def _places(
         values = t.get(key)
         if not isinstance(values, list) or not values:
             raise t.error(key, "a list is needed")
+        names = t.texts("names", None)
+        if names is not None and len(names) != len(values):
+            raise t.error("names", f"{len(names)} names are given for {len(values)} {key}")
         for i, value in enumerate(values):
             inner = Table(t.source, (*t.path, key, i), {key[:-1]: value})
-            yield from _places(inner, geometry, nodes, many=False)
+            for word, *place in _places(inner, geometry, nodes, many=False):
+                yield names[i] if names else word, *place
         return
     node = t.whole("node", None)
     if "point" in t:
