@@ -4,6 +4,7 @@ Every picture is in parallel projection, so that places on the structure map to 
 the labels have the same fonts as the curves of :mod:`viz.curves`.
 """
 
+import gc
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -752,6 +753,8 @@ class _Stage:
     def __exit__(self, *_: object) -> None:
         self.plotter.close()
         self.plotter.deep_clean()
+        del self.plotter
+        gc.collect()  # plotters and figures hold their images in cycles, which would pile up over a report
         self.quiet.__exit__(None, None, None)
 
     def photograph(self) -> NDArray[np.uint8]:

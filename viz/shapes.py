@@ -591,12 +591,15 @@ def _ear(xy: Floats, chain: list[int]) -> int:
         area = _cross(b - a, c - b)
         if area <= 0:
             continue
-        others = xy[[v for v in chain if v not in (chain[i - 1], chain[i], chain[(i + 1) % len(chain)])]]
+        # a corner that touches the ear blocks it, unless it is the ear's own, met again at a bridge
+        others = xy[chain]
+        own = (np.abs(others[:, None] - np.stack([a, b, c])) == 0).all(axis=2).any(axis=1)
         inside = (
-            (_cross(b - a, others - a) > 0)
-            & (_cross(c - b, others - b) > 0)
-            & (_cross(a - c, others - c) > 0)
+            (_cross(b - a, others - a) >= 0)
+            & (_cross(c - b, others - b) >= 0)
+            & (_cross(a - c, others - c) >= 0)
         )
+        inside &= ~own
         if not inside.any():
             return i
         if area > best_area:
