@@ -283,11 +283,12 @@ def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any]) -> None
                 point_data=point_data,
                 cell_data={name: [values] for name, values in cells.items()},
             )
-            options: dict[str, Any] = (
-                {"data_format": "XML"} if file.suffix.lower() in (".xdmf", ".xmf") else {}
-            )
-            meshio.write(scratch, out, **options)
+            meshio.write(scratch, out)
+            back: Any = meshio.read(scratch)  # some formats leave lines out without a word
         except (Exception, SystemExit) as reason:
             words = " ".join(f"{reason} {said.getvalue()}".split())
             msg = f"{file.name}: it cannot be written as {file.suffix or 'a mesh'} ({words[:300]})"
             raise MeshError(msg) from reason
+        if sum(len(block.data) for block in back.cells if block.type == "line") != mesh.n_lines:
+            msg = f"{file.name}: it cannot be written as {file.suffix}, a format that keeps no lines"
+            raise MeshError(msg)

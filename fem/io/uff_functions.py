@@ -88,25 +88,46 @@ def frf_refusal(function: Function, kind: FRFKind | None) -> str:
     return ""
 
 
+class _Group:
+    """Records of one matrix: the same kind, frequencies, load case and unit labels, each cell once."""
+
+    def __init__(self, kind: FRFKind, first: Function) -> None:
+        self.kind, self.first = kind, first
+        self.cells: dict[tuple[str, str], Function] = {}
+        self.labels: dict[tuple[str, bool], str] = {}
+
+    def takes(self, function: Function, kind: FRFKind) -> bool:
+        """Tell whether a record belongs here; translations and rotations have unit labels of their own."""
+        return (
+            kind == self.kind
+            and function.load_case == self.first.load_case
+            and (function.response, function.reference) not in self.cells
+            and np.array_equal(function.x, self.first.x)
+            and all(self.labels.get(key, label) == label for key, label in _unit_labels(function).items())
+        )
+
+    def add(self, function: Function) -> None:
+        self.cells[function.response, function.reference] = function
+        self.labels |= _unit_labels(function)
+
+
+def _unit_labels(function: Function) -> dict[tuple[str, bool], str]:
+    turned, moment = (abs(parse_label(end)[1]) > 3 for end in (function.response, function.reference))
+    return {("response", turned): function.unit.lower(), ("force", moment): function.denominator_unit.lower()}
+
+
 def frf_groups(records: Sequence[tuple[Function, FRFKind]], file: str) -> list[tuple[FRF, tuple[str, str]]]:
     """Put records together to matrices."""
-    groups: list[tuple[tuple[Any, ...], dict[tuple[str, str], Function]]] = []
+    groups: list[_Group] = []
     for function, kind in records:
-        key = (
-            kind,
-            function.x.tobytes(),
-            function.load_case,
-            function.unit.lower(),
-            function.denominator_unit.lower(),
-        )
-        pair = (function.response, function.reference)
-        home = next((cells for k, cells in groups if k == key and pair not in cells), None)
-        if home is None:
-            home = {}
-            groups.append((key, home))
-        home[pair] = function
+        group = next((g for g in groups if g.takes(function, kind)), None)
+        if group is None:
+            group = _Group(kind, function)
+            groups.append(group)
+        group.add(function)
     found: list[tuple[FRF, tuple[str, str]]] = []
-    for key, cells in groups:
+    for group in groups:
+        cells = group.cells
         parts = _complete_parts(cells)
         if len(parts) > 1:
             _warn_of_holes(cells, len(parts), file)
@@ -114,7 +135,7 @@ def frf_groups(records: Sequence[tuple[Function, FRFKind]], file: str) -> list[t
             first = cells[outputs[0], inputs[0]]
             H = np.stack([np.stack([cells[o, i].values for i in inputs], -1) for o in outputs], 1)
             try:
-                frf = FRF.from_arrays(first.x, H, key[0], outputs, inputs)
+                frf = FRF.from_arrays(first.x, H, group.kind, outputs, inputs)
             except FRFError as reason:
                 msg = f"{file}: FRFs from {first.place} on: {reason}"
                 raise UffError(msg) from reason
