@@ -134,7 +134,11 @@ def _read(
             ]
             outputs = inputs = None
     notes.extend(str(w.message) for w in caught)
-    return [_renamed(t, frf, outputs, inputs) for frf in frfs]
+    out = [_renamed(t, frf, outputs, inputs) for frf in frfs]
+    if kind is not None and any(frf.kind != kind for frf in out):
+        notes.append(f"{path.name} calls its FRFs {out[0].kind}; the study's kind, {kind}, goes before")
+        out = [replace(frf, kind=FRFKind(kind)) for frf in out]
+    return out
 
 
 def _renamed(t: Table, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> FRF:

@@ -1,0 +1,146 @@
+"""The command line."""
+
+import argparse
+import sys
+import traceback
+import warnings
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from study import commands
+from study.output import Progress
+
+OURS = ("fem", "updating", "joint", "viz", "study")
+"""Packages whose ValueErrors say in one line what is wrong with the input."""
+
+DESCRIPTION = """\
+Compare a frame model with measured frequency responses, find which physical effect the model lacks, add it
+and report.
+"""
+
+EPILOG = """\
+begin with:
+  dovetail new my-frame
+  dovetail modes my-frame/study.toml
+
+docs/study-file.md says what a study file may hold. Exit code: 0, 2 for bad input, 1 for anything else.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; return its exit code: 0, 2 for bad input, 1 for anything else."""
+    try:
+        options = build_parser().parse_args(argv)
+    except SystemExit as stop:  # argparse has said why
+        return int(stop.code or 0)
+    progress = Progress(getattr(options, "quiet", False))
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            options.run(options, progress)
+    except KeyboardInterrupt:
+        progress.close()
+        sys.stderr.write("dovetail: interrupted\n")
+        return 1
+    except Exception as reason:
+        progress.close()
+        if options.debug:
+            traceback.print_exc()
+        bad_input = isinstance(reason, OSError) or (
+            isinstance(reason, ValueError) and type(reason).__module__.split(".")[0] in OURS
+        )
+        if bad_input:
+            sys.stderr.write(f"dovetail: {_one_line(reason)}\n")
+            return 2
+        hint = "" if options.debug else " (a fault of the program; --debug shows where)"
+        sys.stderr.write(f"dovetail: {type(reason).__name__}: {_one_line(reason)}{hint}\n")
+        return 1
+    finally:
+        progress.close()
+    return 0
+
+
+def _one_line(reason: BaseException) -> str:
+    if isinstance(reason, OSError) and reason.filename is not None:
+        return f"{reason.filename}: {reason.strerror}"
+    return "; ".join(line.strip() for line in str(reason).splitlines() if line.strip())
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    sys.stderr.write(f"dovetail: warning: {' '.join(str(message).split())}\n")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    plain = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser("dovetail", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain)
+    parser.add_argument("--version", action="version", version=f"dovetail {_version()}")
+    parser.set_defaults(debug=False)
+    sub = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    def command(name: str, run: Any, help: str, example: str, study: bool = True) -> argparse.ArgumentParser:
+        p = sub.add_parser(name, help=help, description=f"{help[0].upper()}{help[1:]}.", epilog=f"example:\n  {example}", formatter_class=plain)
+        p.set_defaults(run=run)
+        if study:
+            p.add_argument("study", type=Path, help="the study file (TOML)")
+            p.add_argument("--json", type=Path, metavar="FILE", help="write the result as JSON; - for standard output")
+        p.add_argument("--quiet", action="store_true", help="no table and no progress bar")
+        p.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        return p
+
+    p = command("new", commands.new, "write a commented study to start from", "dovetail new my-frame", study=False)
+    p.add_argument("folder", type=Path, metavar="DIR", help="folder to make")
+    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+
+    p = command("modes", commands.modes, "compute natural frequencies and mode shapes", "dovetail modes study.toml --number 12 --pictures out/modes")
+    p.add_argument("--number", type=_count, metavar="N", help="number of modes besides rigid-body ones (default 10)")
+    p.add_argument("--max", type=_positive, metavar="HZ", help="all modes up to this frequency instead")
+    p.add_argument("--pictures", type=Path, metavar="DIR", help="also draw each elastic mode as a PNG into this folder")
+    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+
+    p = command("frf", commands.frf, "compute FRFs from the excitations to the sensors", "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5")
+    p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .npz, .csv or .uff")
+    p.add_argument("--kind", choices=["receptance", "mobility", "accelerance"], help="kind of FRF (default: that of the measurement, or accelerance)")
+    for key, text in (("start", "first frequency"), ("stop", "last frequency"), ("step", "distance of the lines")):
+        p.add_argument(f"--{key}", type=_positive, metavar="HZ", help=f"{text} (default: the measurement's lines, or [frequency])")
+
+    p = command(
+        "identify-joint",
+        commands.identify_joint,
+        "identify a joint's dynamic stiffness from the measured FRFs, each line by itself",
+        "dovetail identify-joint study.toml --joint J --directions z,rx --out Z.npz",
+    )
+    p.add_argument("--joint", required=True, metavar="NAME", help="name of the joint in the study")
+    p.add_argument("--directions", required=True, metavar="LIST", help="relative motions to identify, such as z,rx; the others keep the study's values")
+    p.add_argument("--out", type=Path, metavar="FILE", help="write frequency, Z, condition numbers and residual to an .npz file")
+    p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
+    p.add_argument("--amplification", type=_positive, default=1e3, metavar="X", help="largest amplification of errors, cond(A)·cond(B), of a line that counts (default 1000)")
+    return parser
+
+
+def _version() -> str:
+    try:
+        return metadata.version("dovetail")
+    except metadata.PackageNotFoundError:
+        return "(not installed)"
+
+
+def _count(text: str) -> int:
+    value = int(text) if text.isdigit() else 0
+    if value < 1:
+        msg = f"'{text}' is not allowed; a whole number of at least 1 is needed"
+        raise argparse.ArgumentTypeError(msg)
+    return value
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        msg = f"'{text}' is not allowed; a positive number is needed"
+        raise argparse.ArgumentTypeError(msg)
+    return value

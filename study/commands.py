@@ -1,0 +1,220 @@
+"""What each command does: load the study, call the numerics, print, write."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fem.frf import FRF, compute_frf
+from fem.io import write_csv, write_npz, write_uff
+from fem.io.atomic import replacing
+from fem.modes import solve_modes
+from fem.system import assemble
+from study.config import Study, load_study
+from study.measured import sensor_rows
+from study.output import OutputError, Progress, result_folder, write_json
+from study.table import StudyError
+
+Options = argparse.Namespace
+
+
+def say(options: Options, *lines: str) -> None:
+    """Print lines, unless quiet is asked for or standard output is wanted for JSON."""
+    if not options.quiet and str(getattr(options, "json", "")) != "-":
+        sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
+def new(options: Options, progress: Progress) -> None:
+    """Write a study to start from, and FRFs for it."""
+    from study.template import write_template
+
+    progress("computing its measurement")
+    with result_folder(options.folder, options.force) as scratch:
+        write_template(scratch)
+    (options.folder / ".dovetail").unlink(missing_ok=True)  # from now on it is the user's
+    progress.close()
+    say(
+        options,
+        f"{options.folder / 'study.toml'} is written: a portal frame, to be changed into yours.",
+        f"{options.folder / 'frf.npz'} stands for a measurement: computed, with noise and with something that the study lacks.",
+        "Next:",
+        f"  dovetail modes {options.folder / 'study.toml'}",
+    )
+
+
+def modes(options: Options, progress: Progress) -> None:
+    """Print natural frequencies; draw mode shapes."""
+    study = load_study(options.study)
+    progress("solving for modes")
+    system = assemble(study.model)
+    if options.max is not None:
+        found = solve_modes(system, max_frequency=options.max)
+    else:
+        found = solve_modes(system, n=(options.number or 10) + 6)
+        keep = min(found.n_modes, found.n_rigid + (options.number or 10))
+        found = type(found)(found.frequency[:keep], found.shapes[:, :keep], None if found.zeta is None else found.zeta[:keep], n_rigid=found.n_rigid)
+    zeta = np.zeros(found.n_modes) if found.zeta is None else found.zeta
+    if options.pictures is not None:
+        from viz.render import render_mode
+
+        with result_folder(options.pictures, options.force) as scratch:
+            for k in range(found.n_rigid, found.n_modes):
+                progress("drawing mode shapes", k - found.n_rigid, found.n_modes - found.n_rigid)
+                render_mode(study.model, found, k, scratch / f"mode-{k + 1:02d}.png")
+    progress.close()
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "n_rigid": found.n_rigid,
+            "modes": [{"frequency_Hz": f, "damping_ratio": z} for f, z in zip(found.frequency, zeta, strict=True)],
+            "elements": study.model.mesh.n_lines,
+            "assumptions": study.assumptions,
+        },
+    )
+    rows = [f"{k + 1:5d}  {f:12.4f}  {100 * z:8.3f}{'   rigid body' if k < found.n_rigid else ''}" for k, (f, z) in enumerate(zip(found.frequency, zeta, strict=True))]
+    say(options, f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates", " mode  frequency Hz  damping %", *rows, *_assumed(study))
+
+
+def _assumed(study: Study) -> list[str]:
+    return ["", "assumed:", *(f"  - {text}" for text in study.assumptions)] if study.assumptions else []
+
+
+def frf(options: Options, progress: Progress) -> None:
+    """Compute FRFs and write them."""
+    writers = {".npz": write_npz, ".csv": write_csv, ".uff": None, ".unv": None}
+    suffix = options.out.suffix.lower()
+    if suffix not in writers:
+        msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
+        raise OutputError(msg)
+    if not options.out.parent.is_dir():
+        msg = f"{options.out}: there is no folder {options.out.parent} to write it into"
+        raise OutputError(msg)
+    study = load_study(options.study)
+    if not study.sensors or not study.excitations:
+        missing = "sensors" if not study.sensors else "excitations"
+        msg = f"{options.study}: it has no [[{missing}]]; FRFs need both sensors and excitations"
+        raise StudyError(msg)
+    frequency = _lines(study, options)
+    kind = options.kind or (study.measurements[0].frf.kind if study.measurements else "accelerance")
+    progress("computing FRFs")
+    H = compute_frf(
+        assemble(study.model), frequency, sensor_rows(study.model, study.sensors), sensor_rows(study.model, study.excitations), kind
+    )
+    names = [tuple(s.name for s in part) for part in (study.sensors, study.excitations)]
+    computed = FRF.from_arrays(frequency, H.H, kind, *names)
+    writer = writers[suffix]
+    if writer is not None:
+        writer(options.out, computed)
+    else:
+        _write_uff(options.out, computed, study)
+    progress.close()
+    words = {
+        "file": str(options.out),
+        "kind": str(computed.kind),
+        "unit": computed.kind.unit,
+        "lines": computed.n_freq,
+        "first_Hz": frequency[0],
+        "last_Hz": frequency[-1],
+        "outputs": names[0],
+        "inputs": names[1],
+    }
+    write_json(options.json, words)
+    say(
+        options,
+        f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to {len(names[1])} force(s), "
+        f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
+    )
+
+
+def _lines(study: Study, options: Options) -> np.ndarray:
+    if options.start is None and options.stop is None and options.step is None:
+        return study.measurements[0].frf.frequency if study.measurements else study.frequency
+    base = study.measurements[0].frf.frequency if study.measurements else study.frequency
+    stop = options.stop or float(base[-1])
+    step = options.step or (float(base[1] - base[0]) if base.size > 1 else stop / 1000)
+    start = options.start or max(step, float(base[0]))
+    if start > stop:
+        msg = f"the first frequency, {start:g} Hz, lies above the last, {stop:g} Hz"
+        raise OutputError(msg)
+    return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
+
+
+def _write_uff(path: Path, frf: FRF, study: Study) -> None:
+    """Write a universal file with the mesh; its nodes are the points of the mesh, from 1."""
+    dofs: dict[str, str] = {}
+    for s in (*study.sensors, *study.excitations):
+        axis = int(np.argmax(np.abs(s.direction)))
+        if abs(s.direction[axis]) < 1 - 1e-9:
+            msg = f"sensor '{s.name}' is along no axis, which a universal file cannot say; write .npz or .csv"
+            raise OutputError(msg)
+        node = study.model.mesh.nearest_point(s.point)[0] + 1
+        dofs[s.name] = f"{node}{'XYZ'[axis]}{'+' if s.direction[axis] > 0 else '-'}"
+    write_uff(path, frf, mesh=study.model.mesh, dofs=dofs)
+
+
+def identify_joint(options: Options, progress: Progress) -> None:
+    """Identify a joint's dynamic stiffness line by line."""
+    from study.identify import identify, summarise
+
+    if options.out is not None and options.out.suffix.lower() != ".npz":
+        msg = f"{options.out}: the result is written as .npz"
+        raise OutputError(msg)
+    study = load_study(options.study)
+    progress("identifying the joint")
+    found, directions = identify(study, options.joint, options.directions, options.measurement, options.amplification)
+    summary = summarise(found, directions)
+    progress.close()
+    if options.out is not None:
+        arrays: dict[str, Any] = {
+            "frequency": found.frequency,
+            "directions": np.array(directions),
+            "Z": found.z,
+            "regular": found.regular,
+            "condition_A": found.condition_A,
+            "condition_B": found.condition_B,
+            "residual": found.residual,
+        }
+        with replacing(options.out) as scratch, scratch.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+    regular = int(found.regular.sum())
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "joint": options.joint,
+            "lines": found.frequency.size,
+            "regular_lines": regular,
+            "amplification_limit": options.amplification,
+            "directions": summary,
+        },
+    )
+    bands = np.array_split(np.arange(found.frequency.size), min(8, found.frequency.size))
+    say(
+        options,
+        f"joint {options.joint}: {regular} of {found.frequency.size} lines count (amplification at most {options.amplification:g})",
+        "         band Hz   cond(A)   cond(B)  residual  lines that count",
+        *(
+            f"{found.frequency[b[0]]:8.1f}-{found.frequency[b[-1]]:<8.1f} {np.median(found.condition_A[b]):8.2g}  {np.median(found.condition_B[b]):8.2g}  "
+            f"{np.nanmedian(np.append(found.residual[b], np.nan if np.isfinite(found.residual[b]).any() else 1.0)):8.2g}  {int(found.regular[b].sum())} of {b.size}"
+            for b in bands
+        ),
+        "constant values over the lines that count (medians, with the scatter of a single line):",
+        *(
+            f"  {s['direction']:>2}: k = {s['k']:.4g} {s['unit']} (scatter {s['k_scatter']:.2g}), loss factor {s['eta']:.3g}, "
+            f"or viscous c = {s['c']:.3g} {s['unit_c']}; the study has k = {s['k_study']:.4g}"
+            for s in summary_with_study(study, options.joint, summary)
+        ),
+    )
+
+
+def summary_with_study(study: Study, joint: str, summary: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Add the study's own stiffness to each direction; infinite where it is rigid."""
+    effect: Any = study.model.effect(joint)
+    names = ("x", "y", "z", "rx", "ry", "rz")
+    return [
+        {**s, "k_study": np.inf if s["direction"] in effect.rigid else float(effect.K[(i := names.index(s["direction"])), i])}
+        for s in summary
+    ]
