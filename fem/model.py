@@ -5,7 +5,7 @@ are effects, one file each in ``fem.effects``. Effects are additive and know not
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
@@ -160,10 +160,25 @@ class Effect(ABC):
         """Return the keys of other effects' constraints that it replaces by springs of its own."""
         return ()
 
+    def replaces(self) -> tuple[ParameterRef, ...]:
+        """Return parameters of other effects that stay fixed while this one is estimated, because it stands for them."""
+        return ()
+
     @classmethod
     def propose(cls, model: "Model") -> tuple["Effect", ...]:  # noqa: ARG003
         """Return candidates of this kind for a model, each at a value from which an estimation may start."""
         return ()
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+        """Return a grid of parameter values, one mapping for each point; an estimation starts at the best of them.
+
+        Parameters
+        ----------
+        scale : callable
+            Gives the stiffness that the rest of the structure opposes to a unit violation of a constraint, by its key
+            [N/m, N·m/rad].
+        """
+        return ({p.name: p.value for p in self.parameters()},)
 
     def locations(self, model: "Model") -> NDArray[np.float64]:  # noqa: ARG002
         """Return points to mark in a picture, shape (n, 3) [m]."""

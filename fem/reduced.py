@@ -261,58 +261,63 @@ class ParametricFRF:
         """
         total, slopes = self._matrices(np.asarray(values, dtype=float), gradient)
         damping = self.reduced.model.damping
-        omega = self.omega[:, None]
+        omega = self.omega
         lam, V = sla.eigh(total["K"], total["M"], check_finite=False)
         n_rigid = self.reduced.basis.n_rigid
-        lam[:n_rigid] = np.where(np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)]), 0.0, lam[:n_rigid])
-        stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta[:, None]) + 1j * omega * damping.beta
+        near_zero = np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])
+        lam[:n_rigid] = np.where(near_zero, 0.0, lam[:n_rigid])
+        stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta) + 1j * omega * damping.beta
         mass = 1j * omega * damping.alpha - omega**2
-        inverse = 1 / (stiffness * lam + mass)
+        # Arrays over modes, DOFs and lines are kept as (rows, columns, lines): a product from the left is one GEMM.
+        inverse = 1 / (lam[:, None] * stiffness + mass)
         Bo, Bi = V.T @ self._out, V.T @ self._in
-        Xo = inverse[:, :, None] * Bo if gradient else None
-        Xi = inverse[:, :, None] * Bi
+        inverse = inverse[:, None, :]
+        Xi = Bi[:, :, None] * inverse
+        Xo = Bo[:, :, None] * inverse if gradient else None
         local = _range(total["C"], total["D"])
         if local is not None:
             U, C, D = local
             Um = V.T @ U
-            S = 1j * (self.omega[:, None, None] * C + D)
-            Y = inverse[:, :, None] * Um
-            correct = np.linalg.solve(np.eye(U.shape[1]) + S @ (Um.T @ Y), S)
-            Xi = Xi - Y @ (correct @ (Um.T @ Xi))
+            S = 1j * (omega[:, None, None] * C + D)
+            G = np.moveaxis(_times(Um.T, Um[:, :, None] * inverse), 2, 0)
+            correct = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
+            Xi = _corrected(Xi, inverse, Um, correct)
             if Xo is not None:
-                Xo = Xo - Y @ (correct @ (Um.T @ Xo))
-        H = Bo.T @ Xi
+                Xo = _corrected(Xo, inverse, Um, correct)
+        H = np.moveaxis(_times(Bo.T, Xi), 2, 0)
         if Xo is None:
             return H, None, None
-        Xot = np.swapaxes(Xo, 1, 2)
         dH = np.zeros((len(self.refs), *H.shape), dtype=complex)
-        factors = {
-            "K": stiffness[:, :, None],
-            "M": mass[:, :, None],
-            "C": 1j * self.omega[:, None, None],
-            "D": np.full((1, 1, 1), 1j),
-        }
+        Xot = np.ascontiguousarray(Xo.transpose(2, 1, 0))
+        one = np.ones_like(stiffness)
+        factors = {"K": stiffness, "M": mass, "C": 1j * omega, "D": 1j * one}
         for i, term in slopes.items():
+            present = [(getattr(term, key), factor) for key, factor in factors.items() if getattr(term, key) is not None]
+            if not present:
+                continue
             if term.L is None:
-                for key, factor in factors.items():
-                    X = getattr(term, key)
-                    if X is not None:
-                        dH[i] -= factor * (Xot @ _times(V.T @ X @ V, Xi))
+                for X, factor in present:
+                    dH[i] -= factor[:, None, None] * (Xot @ np.moveaxis(_times(V.T @ X @ V, Xi), 2, 0))
             else:
                 L = term.L @ V
-                uo, ui = np.swapaxes(_times(L, Xo), 1, 2), _times(L, Xi)
-                dZ = sum(factor * getattr(term, key) for key, factor in factors.items() if getattr(term, key) is not None)
-                if not isinstance(dZ, int):
-                    dH[i] = -uo @ (dZ @ ui)
-        return H, dH, -2j * (Xot @ (lam[:, None] * Xi))
+                uo, ui = np.moveaxis(_times(L, Xo), 2, 0), np.moveaxis(_times(L, Xi), 2, 0)
+                dZ = sum(factor[:, None, None] * X for X, factor in present)
+                dH[i] = -np.swapaxes(uo, 1, 2) @ (dZ @ ui)
+        return H, dH, -2j * (Xot @ np.moveaxis(lam[:, None, None] * Xi, 2, 0))
 
 
 def _times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Multiply a real matrix and a batch of complex ones by two real products."""
-    n_freq, r, n = X.shape
-    flat = np.ascontiguousarray(X.transpose(1, 0, 2)).reshape(r, n_freq * n)
-    product = (A @ flat.view(float)).view(complex)
-    return product.reshape(len(A), n_freq, n).transpose(1, 0, 2)
+    """Multiply a real matrix (m, r) with a complex array (r, n, n_freq) over r, by one real product."""
+    flat = np.ascontiguousarray(X).reshape(len(X), -1).view(float)
+    return (A @ flat).view(complex).reshape(len(A), *X.shape[1:])
+
+
+def _corrected(
+    X: NDArray[np.complex128], inverse: NDArray[np.complex128], U: NDArray[np.float64], correct: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return X - Z⁻¹ U (I + S G)⁻¹ S Uᵀ X: Woodbury's identity for a change of low rank, line by line."""
+    z = correct @ np.moveaxis(_times(U.T, X), 2, 0)
+    return X - inverse * _times(U, np.moveaxis(z, 0, 2))
 
 
 def _range(C: Any, D: Any) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:

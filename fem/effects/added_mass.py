@@ -1,5 +1,6 @@
 """A point mass, at a point of the mesh or at any position along a member."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -104,6 +105,14 @@ class PointMass(Effect):
                 cls(name=f"point_mass:{member}", member=member, position=length / 2, mass=0.02 * m, span=(0.0, length), scale=m)
             )
         return tuple(out)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+        """Masses of 0.5 to 20 % of the member's at 13 places along it."""
+        lo, hi = self.span
+        places = np.linspace(0.01, 0.99, 13)
+        return tuple(
+            {"mass": f * self.scale, "position": float(lo + x * (hi - lo))} for f in (0.005, 0.02, 0.06, 0.2) for x in places
+        )
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """The place on the member."""

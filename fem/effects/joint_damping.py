@@ -1,0 +1,119 @@
+"""Damping of a joint beyond what the model has: viscous in a direction, or structural in all."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.joint import Joint, joint_unit, relative_rows
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class JointViscousDamping(Effect):
+    """A dashpot in one direction of a joint: iωc.
+
+    Attributes
+    ----------
+    joint, direction : str
+        Name of a joint and one of its elastic directions.
+    damping : float
+        c [N·s/m or N·m·s/rad].
+    reference : float
+        The joint's stiffness in the direction, which sets the scale [N/m or N·m/rad].
+    """
+
+    kind: ClassVar[str] = "joint_viscous_damping"
+    joint: str
+    direction: str
+    damping: Any
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Joint and direction."""
+        return f"joint {self.joint}, {self.direction}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The dashpot's constant."""
+        return (
+            Parameter("damping", joint_unit(self.direction, "c"), self.damping, 0.0, 0.0, self.reference, linear=True),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return c b bᵀ."""
+        joint = model.effect(self.joint)
+        assert isinstance(joint, Joint)
+        dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+        b = B[DIRECTIONS.index(self.direction)]
+        return (Contribution(dofs[None], C=(self.damping * np.outer(b, b))[None]),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+        """Dashpots whose force equals the spring's at frequencies from 1 Hz to 100 kHz."""
+        return tuple({"damping": float(f * self.reference)} for f in np.geomspace(1e-6, 1e-1, 16))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each elastic direction of each joint."""
+        return tuple(
+            cls(name=f"joint_viscous_damping:{j.name}.{d}", joint=j.name, direction=d, damping=0.0, reference=float(j.K[i, i]))
+            for j in model.of_kind(Joint)
+            for i, d in enumerate(DIRECTIONS)
+            if d in j.elastic
+        )
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """The joint."""
+        return model.effect(self.joint).locations(model)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class JointStructuralDamping(Effect):
+    """A loss factor on all stiffnesses of a joint, beyond the model's: i η K.
+
+    Attributes
+    ----------
+    joint : str
+        Name of a joint with elastic directions.
+    loss_factor : float
+        Additional loss factor [-].
+    """
+
+    kind: ClassVar[str] = "joint_structural_damping"
+    joint: str
+    loss_factor: Any
+
+    @property
+    def where(self) -> str:
+        """The joint."""
+        return f"joint {self.joint}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The loss factor."""
+        return (Parameter("loss_factor", "-", self.loss_factor, 0.0, 0.0, 2.0, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return η Bᵀ K B."""
+        joint = model.effect(self.joint)
+        assert isinstance(joint, Joint)
+        dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+        return (Contribution(dofs[None], D=(self.loss_factor * (B.T @ joint.K @ B))[None]),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+        """One to a hundred per cent."""
+        return tuple({"loss_factor": f} for f in (0.01, 0.03, 0.1, 0.3, 1.0))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each joint with elastic directions."""
+        return tuple(
+            cls(name=f"joint_structural_damping:{j.name}", joint=j.name, loss_factor=0.0)
+            for j in model.of_kind(Joint)
+            if j.elastic
+        )
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """The joint."""
+        return model.effect(self.joint).locations(model)

@@ -1,0 +1,84 @@
+"""Young's modulus or density of one member other than the model has it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.model import Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _MemberChange(Effect):
+    member: str
+    change: Any = 0.0
+
+    @property
+    def where(self) -> str:
+        """The member."""
+        return f"member {self.member}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The relative change."""
+        return (Parameter("change", "-", self.change, 0.0, -0.8, 4.0, linear=True),)
+
+    def _parts(self, model: Model) -> tuple[Contribution, ...]:
+        (frame,) = model.of_kind(Frame)
+        return frame.contribution_of(model, model.mesh.members[self.member])
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+        """From half less to twice as much."""
+        return tuple({"change": c} for c in (-0.5, -0.25, -0.1, -0.03, 0.03, 0.1, 0.25, 0.6, 1.0))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member, where there are at least two; with one member the material's own parameter says it."""
+        members = list(model.mesh.members)
+        return tuple(cls(name=f"{cls.kind}:{m}", member=m) for m in members) if len(members) > 1 else ()
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """The middle of the member."""
+        return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[None]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MemberStiffness(_MemberChange):
+    """A relative change of one member's stiffness E (and G with it).
+
+    Attributes
+    ----------
+    member : str
+    change : float
+        Relative to the nominal value [-].
+    """
+
+    kind: ClassVar[str] = "member_stiffness"
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return change · K and change · D of the member."""
+        return tuple(
+            Contribution(c.dofs, self.change * c.K, D=None if c.D is None else self.change * c.D)
+            for c in self._parts(model)
+            if c.K is not None
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MemberDensity(_MemberChange):
+    """A relative change of one member's mass per length (and rotary inertia with it).
+
+    Attributes
+    ----------
+    member : str
+    change : float
+        Relative to the nominal value [-].
+    """
+
+    kind: ClassVar[str] = "member_density"
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return change · M of the member."""
+        return tuple(Contribution(c.dofs, M=self.change * c.M) for c in self._parts(model) if c.M is not None)

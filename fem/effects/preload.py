@@ -1,0 +1,66 @@
+"""An axial force in a member that stiffens or softens its bending."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.model import Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Preload(Effect):
+    """A constant tension in one member; geometric stiffness ∫ N (v'² + w'²) dx.
+
+    Attributes
+    ----------
+    member : str
+    tension : float
+        N, positive in tension [N].
+    buckling : float
+        Euler's load of the member pinned at both ends, which sets the scale [N].
+    """
+
+    kind: ClassVar[str] = "preload"
+    member: str
+    tension: Any
+    buckling: float
+
+    @property
+    def where(self) -> str:
+        """The member."""
+        return f"member {self.member}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The tension."""
+        return (Parameter("tension", "N", self.tension, 0.0, -3.5 * self.buckling, 500 * self.buckling, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the geometric stiffness."""
+        (frame,) = model.of_kind(Frame)
+        return (frame.geometric_stiffness(model, self.member, self.tension),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+        """Compression up to the buckling load pinned, tension up to a hundred times that."""
+        return tuple({"tension": f * self.buckling} for f in (-0.9, -0.3, -0.1, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member that something may hold at both ends: where the structure has supports or several members."""
+        (frame,) = model.of_kind(Frame)
+        members = list(model.mesh.members)
+        if len(members) < 2:
+            return ()
+        out = []
+        for member in members:
+            p, length = frame.members[member], model.mesh.member_length(member)
+            euler = np.pi**2 * p.material.E * min(p.section.Iy, p.section.Iz) / length**2
+            out.append(cls(name=f"preload:{member}", member=member, tension=0.0, buckling=euler))
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """The middle of the member."""
+        return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[None]

@@ -1,0 +1,77 @@
+"""A loss of stiffness over part of a member, at a position that may be estimated."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.model import Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class StiffnessLoss(Effect):
+    """A fraction of the stiffness that is lost over a stretch of a member: ΔK = -loss ∫ BᵀEB dx.
+
+    Attributes
+    ----------
+    member : str
+    position : float
+        Middle of the stretch, arc length from the member's first end [m].
+    loss : float
+        Lost fraction of all stiffnesses of the stretch [-].
+    width : float
+        Length of the stretch [m].
+    length : float
+        Length of the member [m].
+    """
+
+    kind: ClassVar[str] = "stiffness_loss"
+    member: str
+    position: Any
+    loss: Any
+    width: float
+    length: float
+
+    @property
+    def where(self) -> str:
+        """Member and position."""
+        return f"member {self.member} at {np.real(self.position):.3f} m"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Loss and position."""
+        return (
+            Parameter("loss", "-", self.loss, 0.0, 0.0, 0.98),
+            Parameter("position", "m", self.position, self.position, self.width / 2, self.length - self.width / 2),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the lost strain energy of the stretch."""
+        (frame,) = model.of_kind(Frame)
+        part = frame.strain_energy_matrix(
+            model, self.member, self.position - self.width / 2, self.position + self.width / 2
+        )
+        return (Contribution(part.dofs, -self.loss * part.K),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+        """Losses of 10 to 90 % at ten places along the member."""
+        return tuple(
+            {"loss": f, "position": float(x * self.length)} for f in (0.1, 0.3, 0.6, 0.9) for x in np.linspace(0.06, 0.94, 10)
+        )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member, over a tenth of its length."""
+        out = []
+        for member in model.mesh.members:
+            length = model.mesh.member_length(member)
+            out.append(
+                cls(name=f"stiffness_loss:{member}", member=member, position=length / 2, loss=0.0, width=0.1 * length, length=length)
+            )
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """The middle of the stretch."""
+        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]

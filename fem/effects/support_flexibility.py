@@ -1,0 +1,75 @@
+"""A support that gives way in a direction in which the model holds it rigidly."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.joint import joint_unit
+from fem.effects.support import Support
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, dofs_of
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SupportFlexibility(Effect):
+    """One spring stiffness to ground, in one direction, at one support or alike at several.
+
+    Attributes
+    ----------
+    supports : tuple of str
+        Names of supports that hold the direction.
+    direction : str
+        One of x, y, z, rx, ry, rz.
+    stiffness : float
+        Of each [N/m or N·m/rad]; absent is infinite.
+    """
+
+    kind: ClassVar[str] = "support_flexibility"
+    supports: tuple[str, ...]
+    direction: str
+    stiffness: Any
+
+    @property
+    def where(self) -> str:
+        """Supports and direction."""
+        names = ", ".join(self.supports)
+        return f"support{'s' if len(self.supports) > 1 else ''} {names}, {self.direction}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The stiffness."""
+        return (
+            Parameter("stiffness", joint_unit(self.direction), self.stiffness, np.inf, 1e-6, 1e18, log=True, linear=True),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the springs."""
+        points = [model.effect(name).point for name in self.supports]  # type: ignore[attr-defined]
+        dofs = dofs_of(points)[:, [DIRECTIONS.index(self.direction)]]
+        return (Contribution(dofs, np.full((len(points), 1, 1), self.stiffness)),)
+
+    def released(self) -> tuple[tuple[str, str], ...]:
+        """The supports' constraints in this direction."""
+        return tuple((name, self.direction) for name in self.supports)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Six decades around the stiffness of the structure at the supports."""
+        k = float(np.median([scale(key) for key in self.released()]))
+        return tuple({"stiffness": float(f * k)} for f in np.geomspace(1e-3, 1e3, 31))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each held direction of each support, and of all supports alike."""
+        held = {d: tuple(s.name for s in model.of_kind(Support) if d in s.fixed) for d in DIRECTIONS}
+        out = []
+        for d, names in held.items():
+            groups = [(n,) for n in names] + ([names] if len(names) > 1 else [])
+            out += [
+                cls(name=f"support_flexibility:{'+'.join(g)}.{d}", supports=g, direction=d, stiffness=1e6) for g in groups
+            ]
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """The supports."""
+        return np.vstack([model.effect(name).locations(model) for name in self.supports])

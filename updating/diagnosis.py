@@ -1,0 +1,558 @@
+"""From a model and measured FRFs to the effect that is missing."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from fem.effects import candidate_kinds, effect_classes
+from fem.effects.joint import Joint, relative_rows
+from fem.frf import FRF
+from fem.model import Effect, Model
+from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
+from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
+from updating.faults import Fault, find_gain_faults, find_sign_faults
+from updating.fit import FitData, FitProblem, FitResult, prepare, sensor_vectors
+from updating.measurement import Measurement
+from updating.parameters import DampingCurve, Nuisance
+
+NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
+
+ACCEPT_LEVEL = 1.25
+"""An effect is accepted if the residual level falls by this factor …"""
+ACCEPT_HELD_OUT = 1.15
+"""… and the error on lines that no fit has seen by this one. In cases with nothing hidden the best of all candidates gains a few per cent."""
+EXPLAINED_LEVEL = 0.3
+"""Residual level up to which a model counts as right where nothing improves it [nepers]."""
+TWIN_SHARE = 0.9
+"""A candidate that brings this share of the best one's reduction (of the logarithm of the level) is its twin."""
+MAX_EFFECTS = 3
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the fraction done, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """A parameter of a found effect: value and standard deviation in ``unit``."""
+
+    name: str
+    value: float
+    unit: str
+    std: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ranked:
+    """A candidate and how well it does.
+
+    Attributes
+    ----------
+    name, kind, where : str
+        The effect's.
+    parameters : tuple of EffectParameter
+    level : float
+        Robust residual level with it [nepers].
+    fit_db, held_out_db : float
+        Error with it [dB].
+    similarity : float
+        Correlation of what it does to the FRFs with what the best candidate does [-].
+    refined : bool
+        False if only the quick screening fit was made.
+    """
+
+    name: str
+    kind: str
+    where: str
+    parameters: tuple[EffectParameter, ...]
+    level: float
+    fit_db: float
+    held_out_db: float
+    similarity: float
+    refined: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """A missing effect.
+
+    Attributes
+    ----------
+    effect : Effect
+        Ready to be added to the model.
+    parameters : tuple of EffectParameter
+    twins : tuple of Ranked
+        Candidates that explain the data nearly as well.
+    """
+
+    effect: Effect
+    parameters: tuple[EffectParameter, ...]
+    twins: tuple[Ranked, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One step of the staircase: what was added, and the errors after it.
+
+    Attributes
+    ----------
+    label : str
+    fit_db, held_out_db : float
+        On the lines fitted and held out [dB].
+    level : float
+        Robust residual level, amplitude and phase [nepers].
+    result : FitResult
+    """
+
+    label: str
+    fit_db: float
+    held_out_db: float
+    level: float
+    result: FitResult
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """What is missing, and how sure that is.
+
+    Attributes
+    ----------
+    verdict : str
+        ``"nothing missing"``, ``"effect"``, ``"measurement fault"`` or ``"unexplained"``.
+    reason : str
+        Why, in a sentence.
+    findings : tuple of Finding
+    faults : tuple of Fault
+    steps : tuple of Step
+        From the nominal model over fitted nuisances to each added effect.
+    rounds : tuple of tuple of Ranked
+        For each round of the forward selection, all candidates, best first.
+    noise_db, discretisation_db, basis_db : float
+        Noise of the measurement, error of the mesh, and error of the reduced basis [dB].
+    problem : FitProblem
+        Data, reduced model, sensors: what is needed to compute the FRFs of any step.
+    model : Model
+        The full model with fitted parameters and found effects.
+    notes : tuple of str
+        What a reader should know.
+    seconds : float
+    """
+
+    verdict: str
+    reason: str
+    findings: tuple[Finding, ...]
+    faults: tuple[Fault, ...]
+    steps: tuple[Step, ...]
+    rounds: tuple[tuple[Ranked, ...], ...]
+    noise_db: float
+    discretisation_db: float
+    basis_db: float
+    problem: FitProblem
+    model: Model
+    notes: tuple[str, ...]
+    seconds: float
+
+    @property
+    def noise_floor_db(self) -> float:
+        """Noise and the model's discretisation error together [dB]."""
+        return float(np.hypot(self.noise_db, self.discretisation_db))
+
+    def frf(self, step: int) -> FRF:
+        """Return the FRFs of a step in the kind of the measurement."""
+        return self.problem.frf(self.steps[step].result)
+
+    @property
+    def measured(self) -> FRF:
+        """The measured FRFs that were compared."""
+        return self.problem.data.measurement.frf
+
+
+def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
+    """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
+    columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
+    for joint in model.of_kind(Joint):
+        dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+        held = [d not in joint.rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
+        block = np.zeros((model.n_dof, 6))
+        block[dofs] = B.T
+        columns.append(block[:, held])
+    return np.hstack(columns)
+
+
+def elastic_frequencies(reduced: ReducedModel, up_to: float) -> NDArray[np.float64]:
+    """Return the reduced model's elastic natural frequencies up to a frequency [Hz]."""
+    total, n = reduced.base_sum(), reduced.basis.n_main
+    lam = sla.eigh(total["K"][:n, :n], total["M"][:n, :n], eigvals_only=True)[reduced.basis.n_rigid :]
+    f = np.sqrt(np.maximum(lam, 0.0)) / (2 * np.pi)
+    return f[f <= up_to]
+
+
+def build_problem(
+    model: Model,
+    measurement: Measurement,
+    nuisances: Sequence[Nuisance],
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+) -> FitProblem:
+    """Reduce a model and prepare the data for fits.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor. Its modal damping ratios become the nominal damping curve (0.5 % where there are none).
+    measurement : Measurement
+    nuisances : sequence of Nuisance
+    damping_std : float
+        Standard deviation of the logarithm of the damping ratio [-].
+    band : (float, float), optional
+        Frequencies that count [Hz].
+    """
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    highest = float(frf.frequency[-1])
+    undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
+    reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=2.5)
+    modes = elastic_frequencies(reduced, highest)
+    n_knots = int(np.clip(len(modes) // 4, 1, 8))
+    knots = np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
+    ratio = model.damping.ratio_at(knots)
+    no_other = not (model.damping.alpha or model.damping.beta or model.damping.loss_factor)
+    curve = DampingCurve(knots, np.maximum(ratio, 5e-3 if no_other and not ratio.any() else 1e-5), damping_std)
+    k = len(modes)
+    low = modes[4] * 1.1 if k > 8 else highest
+    middle = modes[k // 2] if k > 14 else highest
+    stages = np.unique(np.minimum([low, middle, highest], highest))
+    start = frf.frequency[frf.frequency > 0]
+    values = values_of(undamped, ())
+    engine = ParametricFRF(
+        reduced, sensor_vectors(model, measurement.sensors), sensor_vectors(model, measurement.excitations), start, ()
+    )
+    nominal, _, _ = engine.evaluate(values, np.exp(curve.hats(start) @ np.log(curve.nominal)), gradient=False)
+    data = prepare(measurement, nominal, band)
+    return FitProblem(reduced, data, tuple(nuisances), curve, (), stages, max(k, 1))
+
+
+def discretisation_error(problem: FitProblem, band: tuple[float, float] | None = None, n_lines: int = 200) -> float:
+    """Estimate the error of the mesh by halving every element [dB].
+
+    Cubic elements converge with the fourth power of their size, so that the difference is 15/16 of the error.
+    """
+    del band
+    model, m = problem.reduced.model, problem.data.measurement
+    fine_model = model.with_mesh(model.mesh.split(2))
+    lines = problem.lines_up_to(np.inf, n_lines)
+    f = problem.data.frequency[lines]
+    zeta = np.exp(problem.damping.hats(f) @ np.log(problem.damping.nominal))
+    H = []
+    for each in (model, fine_model):
+        reduced = reduce_model(each, attachment_forces(each, m), float(problem.data.frequency[-1]), margin=2.5, releasable=False)
+        engine = ParametricFRF(reduced, sensor_vectors(each, m.sensors), sensor_vectors(each, m.excitations), f, ())
+        H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
+    ratio = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan"))
+    return rms_db(ratio) * 16 / 15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    effect: Effect
+    start: dict[str, float]
+
+
+def propose(model: Model, kinds: Sequence[str] | None = None, exclude: Sequence[str] = ()) -> tuple[Effect, ...]:
+    """Return all candidates of some kinds (default: all that the program knows) for a model.
+
+    Raises
+    ------
+    ValueError
+        For a kind that does not exist.
+    """
+    known = candidate_kinds()
+    for kind in (*(kinds or ()), *exclude):
+        if kind not in known:
+            msg = f"there is no candidate kind '{kind}'; allowed are {', '.join(known)}"
+            raise ValueError(msg)
+    classes = effect_classes()
+    return tuple(e for kind in (kinds or known) if kind not in exclude for e in classes[kind].propose(model))
+
+
+def diagnose(
+    model: Model,
+    measurements: Sequence[Measurement],
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    kinds: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find the physical effect that a model lacks.
+
+    Nuisance parameters are fitted; sensors with a wrong sign or gain are set right; then every candidate effect is fitted from the
+    nominal start together with the nuisances, the best is added if it pays, and the search is repeated with it.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor (:func:`updating.measurement.place_sensors`).
+    measurements : sequence of Measurement
+        The first is fitted; others, at other force levels, are checked for proportionality.
+    nuisances : sequence of Nuisance
+        What is known only roughly.
+    damping_std : float
+        Standard deviation of the logarithm of the damping ratio [-].
+    band : (float, float), optional
+        Frequencies that count [Hz].
+    kinds : sequence of str, optional
+        Kinds of candidates; all unless given.
+    exclude : sequence of str
+        Kinds to leave out.
+    progress : callable, optional
+        Called with a text and the fraction done.
+    """
+    begun = time.perf_counter()
+    say = progress or (lambda text, done: None)
+    say("reducing the model", 0.0)
+    candidates = propose(model, kinds, exclude)
+    problem = build_problem(model, measurements[0], nuisances, damping_std=damping_std, band=band)
+    mesh_db = discretisation_error(problem)
+    nominal = problem.nominal()
+    steps = [_step("nominal model", nominal)]
+    say("fitting the uncertain parameters", 0.03)
+    null = problem.fit()
+    problem, null, faults = _find_faults(problem, null)
+    steps.append(_step("uncertain parameters fitted", null))
+    notes = list(_proportionality(problem, measurements))
+
+    findings: list[Finding] = []
+    rounds: list[tuple[Ranked, ...]] = []
+    current = null
+    while len(findings) < MAX_EFFECTS:
+        taken = {f.effect.name for f in findings} | _in_conflict(findings)
+        open_ = [e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))]
+        ranked, best = _round(problem, current, open_, lambda text, done, n=len(rounds): say(text, (n + done) / (n + 2)))
+        rounds.append(ranked)
+        if best is None or not _pays(current, best):
+            break
+        findings = [
+            *(Finding(e, _parameters(e, best), f.twins) for e, f in zip(best.effects, findings, strict=False)),
+            Finding(best.effects[-1], _parameters(best.effects[-1], best), _twins(ranked, current)),
+        ]
+        current = best
+        steps.append(_step(f"{_label(best.effects[-1])} added", best))
+    say("checking", 0.98)
+    verdict, reason = _verdict(problem, null, current, findings, faults, rounds)
+    model_fitted = model.with_values(
+        {ref: v for ref, v in current.values.items() if ref[0] in {e.name for e in model.effects}}
+    ).with_effect(*current.effects)
+    return Diagnosis(
+        verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db, mesh_db,
+        basis_error(problem, current), problem, model_fitted, tuple(notes), time.perf_counter() - begun,
+    )  # fmt: skip
+
+
+def _step(label: str, result: FitResult) -> Step:
+    return Step(label, result.fit_db, result.held_out_db, result.level, result)
+
+
+def _label(effect: Effect) -> str:
+    return f"{effect.kind.replace('_', ' ')} at {effect.where}"
+
+
+def _released(findings: Sequence[Finding]) -> set[tuple[str, str]]:
+    return {key for f in findings for key in f.effect.released()}
+
+
+def _in_conflict(findings: Sequence[Finding]) -> set[str]:
+    return set()
+
+
+def _find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+    """Set sensors with a wrong sign or gain right, and fit again."""
+    names = [s.name for s in problem.data.measurement.sensors]
+    faults: list[Fault] = []
+    signs = find_sign_faults(problem.log_ratio(null))
+    if signs:
+        factor = np.ones(len(names))
+        factor[list(signs)] = -1.0
+        problem = replace(problem, data=problem.data.corrected(factor))
+        null = problem.fit()
+        faults += [Fault("sensor_sign", names[i], -1.0, 0.0) for i in signs]
+    gains = find_gain_faults(problem.log_ratio(null))
+    if gains:
+        rows = tuple(sorted(i for i, _ in gains))
+        problem = replace(problem, gains=rows)
+        null = problem.fit()
+        std = np.sqrt(np.maximum(np.diag(null.solution.covariance)[-len(rows) :], 0.0))
+        faults += [
+            Fault("sensor_gain", names[i], float(null.gains[i]), float(null.gains[i] * s)) for i, s in zip(rows, std, strict=True)
+        ]
+    return problem, null, tuple(faults)
+
+
+def _round(
+    problem: FitProblem, current: FitResult, candidates: Sequence[Effect], say: Progress, n_refined: int = 8
+) -> tuple[tuple[Ranked, ...], FitResult | None]:
+    """Fit every candidate quickly, the best of them fully; return all, best first, and the best fit."""
+    if not candidates:
+        return (), None
+    have = list(current.effects)
+    have_start = [{p.name: p.value for p in e.parameters()} for e in have]
+    bases = (current, problem.at_nominal(current))
+    all_lines, low_lines = problem.lines_up_to(np.inf, 50), problem.lines_up_to(problem.stages[0], 30)
+    screened: list[tuple[float, Effect, dict[str, float], FitResult]] = []
+    quick = np.unique([problem.stages[0], problem.stages[-1]])
+    for i, effect in enumerate(candidates):
+        say(f"screening {_label(effect)}", 0.6 * i / len(candidates))
+        grid = effect.starts(problem.surroundings)
+        chosen: list[int] = []
+        for base in bases:
+            for lines in (all_lines, low_lines):
+                levels = problem.scan(base, [*have, effect], grid, lines)
+                chosen += [k for k in np.argsort(levels)[:2] if k not in chosen][:1]
+        for k in chosen[:3]:
+            start = grid[k]
+            fit = problem.fit([*have, effect], [*have_start, start], stages=quick, n_lines=50, max_iterations=6, assess=False)
+            screened.append((fit.level, effect, start, fit))
+    screened.sort(key=lambda s: s[0])
+    by_name: dict[str, list[tuple[float, Effect, dict[str, float], FitResult]]] = {}
+    for entry in screened:
+        by_name.setdefault(entry[1].name, []).append(entry)
+    finalists = list(by_name)[:n_refined]
+    fits: dict[str, FitResult] = {}
+    for i, name in enumerate(finalists):
+        effect = by_name[name][0][1]
+        say(f"fitting {_label(effect)}", 0.6 + 0.4 * i / len(finalists))
+        # From the start that did best, and from where the quick fit ended.
+        options = []
+        for _, _, start, quick_fit in by_name[name][:2]:
+            options.append(problem.fit([*have, effect], [*have_start, start], assess=False))
+            ended = {p.name: quick_fit.values[effect.name, p.name] for p in effect.parameters()}
+            options.append(problem.fit([*have, effect], [*have_start, ended], assess=False))
+        fits[name] = problem.assessed(min(options, key=lambda r: r.solution.cost))
+    best_name = min(fits, key=lambda n: fits[n].level)
+    best = fits[best_name]
+    shift = _change(problem, best, current)
+    ranked = []
+    for name, entries in by_name.items():
+        fit = fits.get(name) or problem.assessed(entries[0][3])
+        effect = fit.effects[-1]
+        similarity = _similarity(shift, _change(problem, fit, current))
+        ranked.append(
+            Ranked(name, effect.kind, effect.where, _parameters(effect, fit), fit.level, fit.fit_db, fit.held_out_db, similarity, name in fits)
+        )
+    ranked.sort(key=lambda r: (not r.refined, r.level))
+    return tuple(ranked), best
+
+
+def _change(problem: FitProblem, fit: FitResult, base: FitResult) -> NDArray[np.complex128]:
+    lines = problem.lines_up_to(np.inf, 60)
+    ratio = log_ratio(problem.receptance(fit, lines), problem.receptance(base, lines))
+    return np.nan_to_num(np.where(problem.data.mask[lines], ratio, 0.0)).ravel()
+
+
+def _similarity(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
+    norm = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(abs(np.vdot(a, b).real) / norm) if norm > 0 else 0.0
+
+
+def _pays(current: FitResult, best: FitResult) -> bool:
+    return current.level > ACCEPT_LEVEL * best.level and current.held_out_db > ACCEPT_HELD_OUT * best.held_out_db
+
+
+def _twins(ranked: Sequence[Ranked], current: FitResult) -> tuple[Ranked, ...]:
+    gain = np.log(current.level / ranked[0].level)
+    return tuple(
+        r for r in ranked[1:] if r.refined and np.log(current.level / r.level) > TWIN_SHARE * gain
+    )
+
+
+def _parameters(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]:
+    return tuple(
+        EffectParameter(p.name, fit.values[effect.name, p.name], p.unit, fit.std[effect.name, p.name])
+        for p in effect.parameters()
+    )
+
+
+def _verdict(
+    problem: FitProblem,
+    null: FitResult,
+    current: FitResult,
+    findings: Sequence[Finding],
+    faults: Sequence[Fault],
+    rounds: Sequence[tuple[Ranked, ...]],
+) -> tuple[str, str]:
+    level = f"{current.level * DB_PER_NEPER:.2g} dB"
+    if findings:
+        names = " and ".join(_label(f.effect) for f in findings)
+        rest = "" if current.level < EXPLAINED_LEVEL else f"; what is left ({level}) is more than a right model leaves"
+        return EFFECT, f"{names} lowers the residual level from {null.level * DB_PER_NEPER:.2g} to {level}{rest}"
+    if null.level <= EXPLAINED_LEVEL:
+        if faults:
+            return FAULT, f"with {len(faults)} sensor(s) set right nothing improves the model further; residual level {level}"
+        return NOTHING, f"no candidate improves the fitted model, whose residual level is {level}"
+    tried = len(rounds[0]) if rounds else 0
+    return UNEXPLAINED, f"the residual level stays at {level}, and none of {tried} candidates lowers it enough"
+
+
+def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> float:
+    """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB]."""
+    from fem.solvers import factorise
+    from fem.system import assemble
+
+    model = problem.reduced.model
+    own = {e.name for e in model.effects}
+    full = model.with_values({r: v for r, v in result.values.items() if r[0] in own}).with_effect(*result.effects)
+    system = assemble(full)
+    outputs, inputs = problem.vectors
+    lines = problem.lines_up_to(np.inf, n_lines)
+    f = problem.data.frequency[lines]
+    zeta = np.exp(problem.damping.hats(f) @ np.log(result.zeta))
+    reduced = problem.receptance(result, lines) / result.gains[:, None]
+    d = full.damping
+    ratio = []
+    for k, omega in enumerate(2 * np.pi * f):
+        Z = (
+            system.K * (1 + 1j * (d.loss_factor + 2 * zeta[k] + omega * d.beta))
+            + 1j * (system.D + omega * system.C)
+            + (1j * omega * d.alpha - omega**2) * system.M
+        )
+        direct = outputs.T @ (system.Q @ factorise(Z).solve((system.Q.T @ inputs).astype(complex)))
+        ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
+    return rms_db(np.array(ratio))
+
+
+def _proportionality(problem: FitProblem, measurements: Sequence[Measurement]) -> tuple[str, ...]:
+    """Compare force levels; a linear structure gives the same FRFs at all of them."""
+    notes = []
+    first = problem.data
+    for other in measurements[1:]:
+        frf = other.frf.as_kind("receptance")
+        same = np.isin(frf.frequency, first.frequency)
+        if other.frf.outputs != first.measurement.frf.outputs or same.sum() != len(first.frequency):
+            notes.append(f"{other.name}: not compared with {first.measurement.name}, its lines or channels differ")
+            continue
+        ratio = np.where(first.mask, log_ratio(frf.H[same], measurements[0].frf.select(lines=np.isin(measurements[0].frf.frequency, first.frequency)).as_kind("receptance").H), complex("nan"))
+        difference, expected = rms_db(ratio), first.noise_db * np.sqrt(2)
+        if difference > 1.5 * expected:
+            notes.append(
+                f"{other.name} differs from {first.measurement.name} by {difference:.2g} dB, noise explains {expected:.2g} dB: "
+                "the structure is not linear"
+            )
+        else:
+            notes.append(f"{other.name} and {first.measurement.name} agree within their noise ({difference:.2g} dB): linear")
+    return tuple(notes)
+
+
+def summary(values: Mapping[tuple[str, str], float]) -> dict[str, float]:
+    """Return parameter values with joined names, ``effect.parameter``."""
+    return {f"{a}.{b}": v for (a, b), v in values.items()}
+
+
+__all__ = [
+    "Diagnosis", "EffectParameter", "FitData", "Finding", "Ranked", "Step", "attachment_forces", "basis_error", "build_problem",
+    "diagnose", "discretisation_error", "propose", "summary",
+]  # fmt: skip

@@ -1,0 +1,411 @@
+"""Fits of a reduced model to measured FRFs: nuisance parameters, the damping curve, sensor gains and candidate effects."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.frf import FRF
+from fem.model import Effect, Model, ParameterRef
+from fem.reduced import ParametricFRF, ReducedModel
+from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.measurement import Measurement, MeasurementError, Sensor
+from updating.noise import relative_noise
+from updating.parameters import DampingCurve, Nuisance, Variable, effect_variables, nuisance_variables
+from updating.solve import Prior, Solution, solve_robust
+
+INDEPENDENT_PER_MODE = 8.0
+"""How many independent data one mode of the band stands for, against the priors."""
+
+ROBUST = 0.5
+"""Residual at which the loss turns from quadratic to linear [nepers]."""
+
+NOISE_LIMIT = 0.2
+"""Lines with more relative noise than this are not compared [-]."""
+
+MODEL_ERROR = 0.05
+"""Relative accuracy that is asked of a model where the measurement is better than that [-]."""
+
+
+def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+    """Return sensors as combinations of DOFs, shape (n_dof, n).
+
+    Raises
+    ------
+    MeasurementError
+        If the mesh has no point where a sensor sits (see :func:`updating.measurement.place_sensors`).
+    """
+    out = np.zeros((model.n_dof, len(sensors)))
+    for i, sensor in enumerate(sensors):
+        point, distance = model.mesh.nearest_point(sensor.point)
+        if distance > 0.021 * model.mesh.size:
+            msg = f"sensor '{sensor.name}' is {distance:.3g} m from the nearest point of the mesh"
+            raise MeasurementError(msg)
+        out[6 * point : 6 * point + 3, i] = sensor.gain * np.asarray(sensor.direction)
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitData:
+    """Measured receptances, prepared for fits.
+
+    Attributes
+    ----------
+    measurement : Measurement
+    frequency : ndarray (n_freq,)
+        All lines that count [Hz].
+    H : ndarray (n_freq, n_out, n_in)
+        Receptances.
+    mask : ndarray of bool (n_freq, n_out, n_in)
+        Values that count: not those of FRFs that are zero by symmetry, nor those with noise above ``NOISE_LIMIT``.
+    weight : ndarray (n_freq, n_out, n_in)
+        Weight of each residual, 1 where the noise is small beside ``MODEL_ERROR``.
+    noise : ndarray (n_freq, n_out, n_in)
+        Relative noise of the amplitude [-].
+    held_out : ndarray of bool (n_freq,)
+        Lines that no fit sees.
+    """
+
+    measurement: Measurement
+    frequency: NDArray[np.float64]
+    H: NDArray[np.complex128]
+    mask: NDArray[np.bool_]
+    weight: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    held_out: NDArray[np.bool_]
+
+    @property
+    def noise_db(self) -> float:
+        """Root mean square of the noise of the FRFs that count [dB]."""
+        return float(np.sqrt((self.noise[self.mask] ** 2).mean()) * DB_PER_NEPER)
+
+    def corrected(self, gains: NDArray[np.float64]) -> "FitData":
+        """Return data divided by sensor gains (n_out,)."""
+        return replace(self, H=self.H / gains[None, :, None])
+
+
+def prepare(
+    measurement: Measurement,
+    computed: NDArray[np.complex128] | None = None,
+    band: tuple[float, float] | None = None,
+    n_blocks: int = 20,
+) -> FitData:
+    """Prepare measured FRFs for fits.
+
+    Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and measured, lies
+    more than 60 dB (measured: 50 dB) under the median level of all.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    computed : ndarray (n_freq, n_out, n_in), optional
+        Receptances of the nominal model at the measurement's lines in the band.
+    band : (float, float), optional
+        Frequencies that count [Hz].
+    n_blocks : int
+
+    Raises
+    ------
+    MeasurementError
+        If all FRFs are zero.
+    """
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    if frf.frequency[0] == 0:
+        frf = frf.select(lines=np.arange(1, frf.n_freq))
+    H = frf.as_kind("receptance").H
+    level = np.sqrt((np.abs(frf.H) ** 2).mean(axis=0))
+    if not level.any():
+        msg = f"all FRFs of '{measurement.name}' are zero"
+        raise MeasurementError(msg)
+    mask = level > 10 ** (-50 / 20) * np.median(level[level > 0])
+    if computed is not None:
+        acceleration = np.abs(computed) * (2 * np.pi * frf.frequency[:, None, None]) ** 2
+        calculated = np.sqrt((acceleration**2).mean(axis=0))
+        mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
+    noise = relative_noise(frf.H)
+    mask = mask & (noise < NOISE_LIMIT)
+    weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + noise**2) * mask
+    block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
+    return FitData(measurement.with_frf(frf), frf.frequency, H, mask, weight, noise, block % 4 == 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitResult:
+    """A fitted model.
+
+    Attributes
+    ----------
+    solution : Solution
+    values : mapping of (effect, parameter) to float
+        Values of all parameters that varied.
+    std : mapping of (effect, parameter) to float
+        Linearised standard deviations.
+    zeta : ndarray (n_knots,)
+        Damping ratios at the curve's knots [-].
+    gains : ndarray (n_out,)
+        Sensor gains [-].
+    effects : tuple of Effect
+        The added effects at their fitted values.
+    fit_db, held_out_db : float
+        Root mean square of the amplitude's error on the lines fitted and held out [dB].
+    level : float
+        Robust residual level, amplitude and phase, on the fitted lines [nepers].
+    """
+
+    solution: Solution
+    values: Mapping[ParameterRef, float]
+    std: Mapping[ParameterRef, float]
+    zeta: NDArray[np.float64]
+    gains: NDArray[np.float64]
+    effects: tuple[Effect, ...]
+    fit_db: float
+    held_out_db: float
+    level: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitProblem:
+    """Everything that a fit needs but the candidates.
+
+    Attributes
+    ----------
+    reduced : ReducedModel
+    data : FitData
+    nuisances : tuple of Nuisance
+    damping : DampingCurve
+    gains : tuple of int
+        Sensors whose gain is fitted too, as rows of the FRFs.
+    stages : ndarray
+        Upper ends of the bands of the frequency continuation, rising; the last is the whole band [Hz].
+    n_modes : int
+        Elastic modes in the band.
+    n_lines : int
+        At most this many lines are fitted.
+    """
+
+    reduced: ReducedModel
+    data: FitData
+    nuisances: tuple[Nuisance, ...]
+    damping: DampingCurve
+    gains: tuple[int, ...] = ()
+    stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
+    n_modes: int = 10
+    n_lines: int = 160
+
+    @property
+    def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Sensors and excitations as combinations of DOFs."""
+        m = self.data.measurement
+        return sensor_vectors(self.reduced.model, m.sensors), sensor_vectors(self.reduced.model, m.excitations)
+
+    def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
+        """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""
+        lines = np.flatnonzero((self.data.frequency <= frequency) & ~self.data.held_out)
+        if len(lines) <= n_lines:
+            return lines
+        return lines[np.unique(np.linspace(0, len(lines) - 1, n_lines).round().astype(int))]
+
+    def fit(
+        self,
+        effects: Sequence[Effect] = (),
+        starts: Sequence[dict[str, float]] = (),
+        *,
+        stages: Sequence[float] | None = None,
+        n_lines: int | None = None,
+        max_iterations: int = 14,
+        x_from: FitResult | None = None,
+        assess: bool = True,
+    ) -> FitResult:
+        """Fit nuisance parameters, damping and the parameters of effects.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Candidates to add to the model.
+        starts : sequence of dict
+            For each of them the parameter values to start from.
+        stages : sequence of float, optional
+            Other stages of the continuation [Hz].
+        n_lines : int, optional
+        max_iterations : int
+            In each stage.
+        x_from : FitResult, optional
+            Start nuisance parameters and damping there rather than at the nominal values.
+        assess : bool
+            Whether to compute the errors on all lines too.
+        """
+        fixed = {ref for e in effects for ref in e.replaces()}
+        varying = [n for n in self.nuisances if (n.effect, n.parameter) not in fixed]
+        nuisance = nuisance_variables(self.reduced.model, varying)
+        extra = effect_variables(effects, starts)
+        variables = (*nuisance, *extra)
+        refs = [v.ref for v in variables]
+        n_damping, n_gain = len(self.damping.knots), len(self.gains)
+        start_of = {(e.name, k): val for e, s in zip(effects, starts, strict=True) for k, val in s.items()}
+        x_nuisance = [float(v.prior or 0.0) for v in nuisance]
+        z = np.log(self.damping.nominal)
+        if x_from is not None:
+            x_nuisance = [v.to_x(x_from.values[v.ref]) for v in nuisance]
+            z = np.log(x_from.zeta)
+        x = np.concatenate([x_nuisance, [v.to_x(start_of[v.ref]) for v in extra], z, np.zeros(n_gain)])
+        limits = np.array([v.bounds() for v in variables]).reshape(-1, 2)
+        limits = np.vstack([limits, np.tile([np.log(1e-5), np.log(0.3)], (n_damping, 1)), np.tile([-3.0, 3.0], (n_gain, 1))])
+        none = np.inf
+        prior = Prior(
+            np.concatenate([[v.prior or 0.0 for v in variables], np.log(self.damping.nominal), np.zeros(n_gain)]),
+            np.concatenate([[v.std or none for v in variables], np.full(n_damping, self.damping.std), np.full(n_gain, none)]),
+        )
+        outputs, inputs = self.vectors
+        n_par = len(variables)
+        solution: Solution | None = None
+        for stage in stages if stages is not None else self.stages:
+            lines = self.lines_up_to(stage, n_lines or self.n_lines)
+            engine = ParametricFRF(self.reduced, outputs, inputs, self.data.frequency[lines], refs, effects)
+            hats = self.damping.hats(self.data.frequency[lines])
+            measured, weight = self.data.H[lines], self.data.weight[lines]
+            keep = self.data.mask[lines]
+            safe = np.where(keep & (measured != 0), measured, 1.0)
+
+            def residual(
+                x: NDArray[np.float64], gradient: bool
+            ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+                values = np.array([v.to_value(xi) for v, xi in zip(variables, x[:n_par], strict=True)])
+                zeta = np.exp(hats @ x[n_par : n_par + n_damping])  # noqa: B023
+                H, dH, dH_dzeta = engine.evaluate(values, zeta, gradient)  # noqa: B023
+                gain = np.ones(H.shape[1])
+                gain[list(self.gains)] = np.exp(x[n_par + n_damping :])
+                H = H * gain[:, None]
+                r = np.nan_to_num(weight * log_ratio(H, safe), nan=0.0)[keep]  # noqa: B023
+                if not gradient or dH is None or dH_dzeta is None:
+                    return r, None
+                per = np.where(H != 0, weight * gain[:, None] / np.where(H != 0, H, 1.0), 0.0)  # noqa: B023
+                J = np.empty((len(x), r.size), dtype=complex)
+                for k, v in enumerate(variables):
+                    J[k] = (v.slope(x[k]) * dH[k] * per)[keep]  # noqa: B023
+                base = dH_dzeta * per
+                for k in range(n_damping):
+                    J[n_par + k] = ((zeta * hats[:, k])[:, None, None] * base)[keep]  # noqa: B023
+                for k, i in enumerate(self.gains):
+                    column = np.zeros(H.shape)
+                    column[:, i] = weight[:, i]  # noqa: B023
+                    J[n_par + n_damping + k] = column[keep]  # noqa: B023
+                return r, J
+
+            n_stage = max(3.0, self.n_modes * min(1.0, stage / self.data.frequency[-1]))
+            solution = solve_robust(
+                residual,
+                x,
+                prior,
+                (limits[:, 0], limits[:, 1]),
+                n_independent=INDEPENDENT_PER_MODE * n_stage,
+                floor=0.2 * MODEL_ERROR,
+                robust=ROBUST,
+                max_iterations=max_iterations,
+            )
+            x = solution.x
+        assert solution is not None
+        values = {v.ref: v.to_value(xi) for v, xi in zip(variables, x[:n_par], strict=True)}
+        sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
+        std = {v.ref: abs(v.slope(xi)) * s for v, xi, s in zip(variables, x[:n_par], sd[:n_par], strict=True)}
+        gains = np.ones(len(self.data.measurement.sensors))
+        gains[list(self.gains)] = np.exp(x[n_par + n_damping :])
+        fitted = tuple(
+            e.with_values(**{p: values[e.name, p] for p in (q.name for q in e.parameters())}) for e in effects
+        )
+        result = FitResult(
+            solution, values, std, np.exp(x[n_par : n_par + n_damping]), gains, fitted, np.nan, np.nan, float(np.sqrt(solution.misfit))
+        )
+        return self.assessed(result) if assess else result
+
+    def scan(
+        self, base: FitResult, effects: Sequence[Effect], grid: Sequence[dict[str, float]], lines: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Return the robust residual level for grid values of the last effect's parameters; nothing is fitted.
+
+        Parameters
+        ----------
+        base : FitResult
+            Nuisance parameters, damping, gains and the values of all effects but the last.
+        effects : sequence of Effect
+            The effects of ``base`` and one more.
+        grid : sequence of dict
+            Parameter values of the last effect.
+        lines : ndarray of int
+        """
+        last = effects[-1]
+        refs = [*base.values, *((last.name, p.name) for p in last.parameters())]
+        outputs, inputs = self.vectors
+        f = self.data.frequency[lines]
+        engine = ParametricFRF(self.reduced, outputs, inputs, f, refs, effects)
+        zeta = np.exp(self.damping.hats(f) @ np.log(base.zeta))
+        fixed = list(base.values.values())
+        keep, weight = self.data.mask[lines], self.data.weight[lines]
+        measured = self.data.H[lines] / base.gains[:, None]
+        out = np.empty(len(grid))
+        for i, point in enumerate(grid):
+            H, _, _ = engine.evaluate(np.array(fixed + [point[p] for n, p in refs if n == last.name]), zeta, gradient=False)
+            r = np.abs((weight * log_ratio(H, measured))[keep])
+            out[i] = np.sqrt(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1)))
+        return out
+
+    def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
+        """Return the median impedance that the structure opposes to motion along a released constraint [N/m, N·m/rad]."""
+        basis, total = self.reduced.basis, self.reduced.base_sum()
+        column = basis.n_main + basis.keys.index(key)
+        active = [*range(basis.n_main), column]
+        K, M = (total[x][np.ix_(active, active)] for x in "KM")
+        omega = 2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)][:, None, None]
+        unit = np.zeros((len(active), 1))
+        unit[-1] = 1.0
+        flexibility = np.linalg.solve(K * (1 + 0.02j) - omega**2 * M, unit.astype(complex))[:, -1, 0]
+        return float(1 / np.median(np.abs(flexibility)))
+
+    def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
+        """Return the fitted model's receptances as the sensors would read them, at some or all lines."""
+        lines = np.arange(len(self.data.frequency)) if lines is None else lines
+        outputs, inputs = self.vectors
+        f = self.data.frequency[lines]
+        refs = list(result.values)
+        engine = ParametricFRF(self.reduced, outputs, inputs, f, refs, result.effects)
+        zeta = np.exp(self.damping.hats(f) @ np.log(result.zeta))
+        H, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
+        return H * result.gains[:, None]
+
+    def nominal(self) -> FitResult:
+        """Return the model as it was given, unfitted."""
+        n = len(self.nuisances)
+        variables = nuisance_variables(self.reduced.model, self.nuisances)
+        empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
+        values = {v.ref: v.to_value(v.prior or 0.0) for v in variables}
+        n_out = len(self.data.measurement.sensors)
+        return self.assessed(
+            FitResult(empty, values, dict.fromkeys(values, 0.0), self.damping.nominal, np.ones(n_out), (), np.nan, np.nan, np.nan)
+        )
+
+    def at_nominal(self, result: FitResult) -> FitResult:
+        """Return a result with the nuisance parameters of the model back at their nominal values; damping and gains stay."""
+        own = {e.name for e in self.reduced.model.effects}
+        nominal = self.reduced.model.values()
+        return replace(result, values={r: nominal[r] if r[0] in own else v for r, v in result.values.items()})
+
+    def assessed(self, result: FitResult) -> FitResult:
+        """Return a result with its errors on all fitted and all held-out lines."""
+        ratio = self.log_ratio(result)
+        held = self.data.held_out
+        return replace(result, fit_db=_rms(ratio[~held]), held_out_db=_rms(ratio[held]))
+
+    def log_ratio(self, result: FitResult) -> NDArray[np.complex128]:
+        """Return ln(computed / measured) at all lines, NaN where masked."""
+        ratio = log_ratio(self.receptance(result), self.data.H)
+        return np.where(self.data.mask, ratio, complex("nan"))
+
+    def frf(self, result: FitResult) -> FRF:
+        """Return the fitted model's FRFs in the kind of the measurement."""
+        m = self.data.measurement.frf
+        return FRF.from_arrays(m.frequency, self.receptance(result), "receptance", m.outputs, m.inputs).as_kind(m.kind)
+
+
+def _rms(ratio: NDArray[np.complex128]) -> float:
+    x = ratio.real[np.isfinite(ratio.real)]
+    return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")

@@ -1,0 +1,124 @@
+"""What may vary in a fit: nuisance parameters with prior knowledge, the damping curve, and effects' parameters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, Model, Parameter, ParameterRef
+
+
+@dataclass(frozen=True, slots=True)
+class Nuisance:
+    """A parameter of the model that is known only roughly.
+
+    Attributes
+    ----------
+    effect, parameter : str
+        Names of an effect of the model and of its parameter.
+    std : float
+        Relative standard deviation [-]; of the logarithm for positive quantities.
+    """
+
+    effect: str
+    parameter: str
+    std: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DampingCurve:
+    """The modal damping ratio as a smooth function of frequency: a product of powers between knots.
+
+    ζ(f) = exp(Σ z_k B_k(f)), B_k the hat functions of the knots.
+
+    Attributes
+    ----------
+    knots : ndarray (n,)
+        Frequencies [Hz].
+    nominal : ndarray (n,)
+        Nominal ratios at the knots [-].
+    std : float
+        Standard deviation of the logarithm at a knot [-].
+    """
+
+    knots: NDArray[np.float64]
+    nominal: NDArray[np.float64]
+    std: float
+
+    def hats(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return B, shape (n_freq, n_knots)."""
+        return np.stack([np.interp(frequency, self.knots, row) for row in np.eye(len(self.knots))], axis=1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Variable:
+    """One unknown of a fit on its own scale, x = ln θ or θ / unit.
+
+    Attributes
+    ----------
+    ref : (str, str)
+    parameter : Parameter
+    scale : float
+        For linear parameters, the size of one unit of x.
+    prior : float or None
+        Mean of x.
+    std : float or None
+        Standard deviation of x; None for a free parameter.
+    """
+
+    ref: ParameterRef
+    parameter: Parameter
+    scale: float
+    prior: float | None
+    std: float | None
+
+    def to_x(self, value: float) -> float:
+        """Return x of a value."""
+        return float(np.log(value)) if self.parameter.log else value / self.scale
+
+    def to_value(self, x: float) -> float:
+        """Return the value of x."""
+        return float(np.exp(x)) if self.parameter.log else x * self.scale
+
+    def slope(self, x: float) -> float:
+        """Return dθ/dx."""
+        return float(np.exp(x)) if self.parameter.log else self.scale
+
+    def bounds(self) -> tuple[float, float]:
+        """Return the bounds of x."""
+        p = self.parameter
+        lo, hi = p.lower, p.upper
+        if self.std is not None and self.prior is not None:  # what is known within ±std is not let off beyond 4 of it
+            return self.prior - 4 * self.std, self.prior + 4 * self.std
+        if p.log:
+            return float(np.log(lo)), float(np.log(hi))
+        return lo / self.scale, hi / self.scale
+
+
+def nuisance_variables(model: Model, nuisances: Sequence[Nuisance]) -> tuple[Variable, ...]:
+    """Return the unknowns of nuisance parameters, with their priors at the nominal values."""
+    out = []
+    for n in nuisances:
+        known = {p.name: p for p in model.effect(n.effect).parameters()}
+        if n.parameter not in known:
+            msg = f"effect '{n.effect}' has no parameter '{n.parameter}'; it has {', '.join(known)}"
+            raise ValueError(msg)
+        p = known[n.parameter]
+        if p.log:
+            out.append(Variable((n.effect, n.parameter), p, 1.0, float(np.log(p.value)), n.std))
+        else:
+            scale = abs(p.value) or 1.0
+            out.append(Variable((n.effect, n.parameter), p, scale, p.value / scale, n.std))
+    return tuple(out)
+
+
+def effect_variables(effects: Sequence[Effect], start: Sequence[dict[str, float]]) -> tuple[Variable, ...]:
+    """Return the unknowns of candidate effects; the scale of a linear parameter is the size of its start."""
+    out = []
+    for effect, values in zip(effects, start, strict=True):
+        for p in effect.parameters():
+            reach = [abs(b) for b in (p.lower, p.upper) if np.isfinite(b)]
+            scale = abs(values[p.name]) or (0.1 * max(reach) if reach else 1.0)
+            out.append(Variable((effect.name, p.name), p, scale, None, None))
+    return tuple(out)

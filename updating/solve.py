@@ -1,0 +1,152 @@
+"""Robust, regularised least squares for a few unknowns and many complex residuals."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """Independent normal priors; ``inf`` for none.
+
+    Attributes
+    ----------
+    mean, std : ndarray (n,)
+    """
+
+    mean: NDArray[np.float64]
+    std: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Result of a fit.
+
+    Attributes
+    ----------
+    x : ndarray (n,)
+        Best point found.
+    cost : float
+        Negative log posterior there, up to a constant.
+    misfit : float
+        Robust mean square of the weighted residuals.
+    covariance : ndarray (n, n)
+        Linearised covariance of x.
+    n_iterations : int
+    converged : bool
+        False if the iterations ran out first.
+    """
+
+    x: NDArray[np.float64]
+    cost: float
+    misfit: float
+    covariance: NDArray[np.float64]
+    n_iterations: int
+    converged: bool
+
+
+def solve_robust(
+    residual: Residual,
+    x0: NDArray[np.float64],
+    prior: Prior,
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+    *,
+    n_independent: float,
+    floor: float,
+    robust: float = 0.5,
+    max_iterations: int = 20,
+    tolerance: float = 5e-3,
+    max_step: float = 1.0,
+) -> Solution:
+    """Minimise n/2 · ln(s² + ⟨ρ(|r|²)⟩) + ½ Σ ((x - mean)/std)² by Levenberg-Marquardt steps within bounds.
+
+    The noise level is estimated with the unknowns, which is what the logarithm says: while the misfit is large the priors
+    hold, and when it is small the data speak. ρ is the pseudo-Huber function of complex residuals
+    ρ = 2c² (√(1 + |r|²/c²) - 1).
+
+    Parameters
+    ----------
+    residual : callable
+        Gives r (m,) and, if asked, its Jacobian (n, m).
+    x0 : ndarray (n,)
+        Start.
+    prior : Prior
+    bounds : (ndarray (n,), ndarray (n,))
+    n_independent : float
+        How many independent data the residuals stand for.
+    floor : float
+        Residual level s below which nothing is gained [same unit as r].
+    robust : float
+        c, where the loss turns from quadratic to linear.
+    max_iterations : int
+    tolerance : float
+        The iteration ends when the cost falls by less than this.
+    max_step : float
+        Longest step in each unknown in one iteration.
+    """
+    lo, hi = bounds
+    weight = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
+    mean = np.where(np.isfinite(prior.std), prior.mean, 0.0)
+
+    def loss(r: NDArray[np.complex128]) -> float:
+        return float((2 * robust**2 * (np.sqrt(1 + np.abs(r) ** 2 / robust**2) - 1)).mean())
+
+    def total(x: NDArray[np.float64], misfit: float) -> float:
+        return 0.5 * n_independent * np.log(floor**2 + misfit) + 0.5 * float(weight @ (x - mean) ** 2)
+
+    x = np.clip(x0, lo, hi)
+    r, J = residual(x, True)
+    assert J is not None
+    misfit = loss(r)
+    cost = total(x, misfit)
+    damping, converged, iteration = 1e-2, False, 0
+    A = np.eye(len(x))
+    for iteration in range(1, max_iterations + 1):  # noqa: B007
+        w = 1 / np.sqrt(1 + np.abs(r) ** 2 / robust**2)
+        strength = n_independent / (floor**2 + misfit) / len(r)
+        JH = np.hstack([J.real, J.imag])
+        A = strength * (JH * np.concatenate([w, w])) @ JH.T + np.diag(weight)
+        g = strength * (JH @ np.concatenate([w * r.real, w * r.imag])) + weight * (x - mean)
+        pinned = ((x <= lo) & (g > 0)) | ((x >= hi) & (g < 0))
+        free = ~pinned
+        if not free.any():
+            converged = True
+            break
+        improved, worthwhile = False, True
+        for _ in range(6):
+            scale = np.diag(A)[free]
+            H = A[np.ix_(free, free)] + np.diag(damping * np.maximum(scale, 1e-12 * scale.max(initial=1e-300)))
+            step = np.zeros_like(x)
+            step[free] = -np.linalg.solve(H, g[free])
+            worthwhile = -0.5 * float(g @ step) > tolerance
+            if not worthwhile:
+                break
+            longest = np.abs(step).max()
+            if longest > max_step:
+                step *= max_step / longest
+            trial = np.clip(x + step, lo, hi)
+            r_new, _ = residual(trial, False)
+            misfit_new = loss(r_new)
+            cost_new = total(trial, misfit_new)
+            if np.isfinite(cost_new) and cost_new < cost:
+                improved = True
+                break
+            damping = min(damping * 8, 1e8)
+        if not improved:
+            converged = True
+            break
+        gain = cost - cost_new
+        x, misfit, cost = trial, misfit_new, cost_new
+        damping = max(damping / 6, 1e-6)
+        if gain < tolerance:
+            converged = True
+            break
+        if iteration < max_iterations:
+            r, J = residual(x, True)
+            assert J is not None
+    covariance = np.linalg.pinv(A, hermitian=True)
+    return Solution(x, cost, misfit, covariance, iteration, converged)
