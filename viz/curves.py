@@ -390,6 +390,7 @@ def plot_staircase(
                         _number(data[k], 1), (k, data[k]), xytext=(0, 4 if above else -4),
                         textcoords="offset points", ha="center", va="bottom" if above else "top",
                         fontsize=8, color=colour, weight="bold", zorder=4,
+                        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8},
                     )  # fmt: skip
         ax.set_ylim(low - pad, high + pad)
         ax.set_xlim(-0.5, n - 0.5)

@@ -47,13 +47,20 @@ DPI = 200
 
 _MARKERS = {
     "support": ("^", style.SUPPORT),
+    "support_flexibility": ("v", style.SUPPORT),
     "joint": ("D", style.JOINT),
+    "joint_stiffness": ("D", style.PURPLE),
+    "joint_viscous_damping": ("h", style.PURPLE),
+    "joint_structural_damping": ("H", style.PURPLE),
     "added_mass": ("o", style.GREEN),
-    "spring": ("s", style.ORANGE),
-    "damper": ("P", style.SKY),
+    "point_mass": ("o", style.GREEN),
+    "member_density": ("s", style.GREEN),
+    "member_stiffness": ("s", style.ORANGE),
     "stiffness_loss": ("X", style.VERMILION),
+    "preload": ("P", style.SKY),
 }
-_OTHER_MARKERS = ("v", "h", "p", "*", "<", ">")
+"""Shape and colour of the marker of each kind of effect; a kind that is not here gets one of the others."""
+_OTHER_MARKERS = ("p", "*", "<", ">", "d", "8")
 
 
 def render_model(
@@ -389,7 +396,7 @@ class _Scene:
     @property
     def lift(self) -> Floats:
         """Return the step towards the eye that keeps edges in front of their surfaces [m]."""
-        return 1e-3 * float(np.ptp(self.bounds[0], axis=0).max()) * self.axes[2]
+        return 3e-4 * float(np.ptp(self.bounds[0], axis=0).max()) * self.axes[2]
 
     # ---------------------------------------------------------------------------------- what is in it
 
@@ -405,7 +412,7 @@ class _Scene:
     def add_ghost(self, surface: Surface) -> None:
         """Add the structure at rest as a veil with its edges."""
         veil = _polydata(surface.rest, surface.triangles)
-        self.actors.append((veil, {"color": style.AT_REST, "opacity": 0.13}))
+        self.actors.append((veil, {"color": style.AT_REST, "opacity": 0.2, "culling": "back"}))
         self.actors.append((_wire(surface.rest, surface.edges), {"color": style.AT_REST, "line_width": 1.0}))
 
     def add_moving(self, surface: Surface, scale: float) -> list[pv.PolyData]:
@@ -608,22 +615,20 @@ class _Scene:
                 ax.annotate("", xy=tip, xytext=tail, arrowprops={**look, "shrinkA": 0, "shrinkB": 0})
 
     def _draw_marks(self, ax: Any, view: _View) -> None:
+        drawn: list[tuple[float, float]] = []
         for place, shape, colour, size in self.marks:
-            x, y = view.project(place)[0]
+            x, y = (float(v) for v in view.project(place)[0])
             if shape == "ring":
                 for edge, width in (("white", 3.4), (colour, 1.8)):
-                    ax.plot(
-                        x,
-                        y,
-                        "o",
-                        markersize=size,
-                        markerfacecolor="none",
-                        markeredgecolor=edge,
-                        markeredgewidth=width,
-                    )
+                    look = {"markeredgecolor": edge, "markeredgewidth": width}
+                    ax.plot(x, y, "o", markersize=size, markerfacecolor="none", **look)
                 continue
-            if shape == "^":
-                y += size * self.dpi / 72 / 2
+            step = size * self.dpi / 72
+            if shape in "^v":
+                y += step / 2
+            while any(abs(x - u) < 0.8 * step and abs(y - v) < 0.8 * step for u, v in drawn):
+                x += step  # beside the marker of another effect at the same place
+            drawn.append((x, y))
             ax.plot(x, y, shape, color=colour, markersize=size, markeredgecolor="white", markeredgewidth=0.7)
 
     def _draw_triad(self, ax: Any, view: _View) -> tuple[float, float, float, float]:
