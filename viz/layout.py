@@ -106,15 +106,6 @@ def merge_names(names: Sequence[str], points: ArrayLike, tolerance: float) -> li
     return out
 
 
-def spread(count: int, at_most: int) -> NDArray[np.int64]:
-    """Return indices of at most so many of ``count`` things, evenly spread."""
-    return (
-        np.unique(np.linspace(0, count - 1, min(count, at_most)).round().astype(np.int64))
-        if count
-        else np.empty(0, np.int64)
-    )
-
-
 def shorten(text: str, length: int) -> str:
     """Return a text cut to a length with an ellipsis."""
     return text if len(text) <= length else text[: max(length - 1, 1)].rstrip() + "…"

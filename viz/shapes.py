@@ -239,19 +239,6 @@ def extrude(
     return Surface(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def axis_curves(
-    points: ArrayLike, lines: ArrayLike, rotations: ArrayLike, motion: ArrayLike, pieces: int = 6
-) -> tuple[Floats, Floats]:
-    """Return each line's axis at rest and its displacement, both (n_lines, pieces + 1, 3) [m]."""
-    points, motion = np.asarray(points, dtype=float), np.asarray(motion, dtype=float)
-    none = np.zeros((2, 3))
-    axes = [
-        _axis(points[ab], motion[ab], R, none, none[:, 0], pieces)
-        for ab, R in zip(np.asarray(lines, dtype=np.int64), np.asarray(rotations, dtype=float), strict=True)
-    ]
-    return np.stack([a[0] for a in axes]), np.stack([a[1] for a in axes])
-
-
 def amplification(surface: Surface, size: float, fraction: float = 0.08, largest_turn: float = 0.7) -> float:
     """Choose the scale of a deformed picture.
 
