@@ -211,7 +211,10 @@ def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDA
     node = np.arange(system.model.n_dof) // 6
     coo = sp.coo_array(stiffness)
     keep = coo.data > 0
-    graph = sp.coo_array((np.ones(keep.sum()), (node[coo.row[keep]], node[coo.col[keep]])), shape=(mesh.n_points,) * 2)
+    # a line ties its ends, also where a support has taken all of an end's motion
+    rows = np.concatenate([node[coo.row[keep]], mesh.lines[:, 0]])
+    cols = np.concatenate([node[coo.col[keep]], mesh.lines[:, 1]])
+    graph = sp.coo_array((np.ones(rows.size), (rows, cols)), shape=(mesh.n_points,) * 2)
     n_parts, label = connected_components(graph, directed=False)
     attached = np.isin(np.arange(mesh.n_points), mesh.lines)
     parts = [k for k in range(n_parts) if attached[label == k].any()]
