@@ -103,6 +103,9 @@ def read_members(
         groups = [tables[g] for g, names in mesh.groups.items() if name in names and g in tables]
         chain = MemberTables([*([tables[name]] if name in tables else []), *groups, defaults], own)
         out[name] = _properties(chain, name, materials, sections)
+        zones, length = out[name].rigid1 + out[name].rigid2, mesh.member_length(name)
+        if zones >= 0.999 * length:
+            raise own.error("", f"the rigid end zones of member '{name}' are {zones:g} m long together; it has {length:g} m")
         sizes[name] = _element_size(chain)
     for table in (*tables.values(), defaults):
         table.finish()
