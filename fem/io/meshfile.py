@@ -121,10 +121,14 @@ def _by_meshio(file: Path, sets: str | None) -> RawMesh:
         except (Exception, SystemExit) as reason:
             text = "" if isinstance(reason, SystemExit) else f"{type(reason).__name__}: {reason}"
             words = " ".join(f"{text} {said.getvalue()}".split())
-            why = words[:300] or "meshio gave no reason"
+            hint = "; .vtu files are read more surely" if file.suffix.lower() == ".vtk" else ""
+            why = (words[:300] or "meshio gave no reason") + hint
             msg = f"{file.name}: it cannot be read as {file.suffix or 'a mesh'} ({why})"
             raise MeshError(msg) from reason
-    return _raw_of(found, file.name, sets)
+    raw = _raw_of(found, file.name, sets)
+    if said.getvalue():
+        raw.notes.append(f"meshio says: {' '.join(said.getvalue().split())}")
+    return raw
 
 
 @contextlib.contextmanager
@@ -218,9 +222,9 @@ def write_mesh(
 ) -> None:
     """Write a mesh; the suffix says the format, and the file is replaced whole or not at all.
 
-    Members, groups and named points are kept in ``.inp``, members and named points in ``.msh`` (format 2.2)
-    and ``.uff``, members in ``.vtu`` and what else meshio writes: as an integer array ``member`` and one
-    array of 0 and 1 for each, ``set:name``.
+    Members, groups and named points are kept in ``.inp``, members and named points in ``.msh`` (format 2.2),
+    members in ``.uff``, and in ``.vtu`` and what else meshio writes: there as an integer array ``member`` and
+    one array of 0 and 1 for each, ``set:name``.
 
     Parameters
     ----------

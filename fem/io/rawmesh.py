@@ -33,6 +33,7 @@ class RawMesh:
     lines : list of point indices, two or three each
     sets, point_sets : name to indices of lines, of points
     left_out : count of what was not read, by type
+    notes : what else there is to say
     """
 
     points: list[Sequence[float]] = field(default_factory=list)
@@ -40,6 +41,7 @@ class RawMesh:
     sets: dict[str, list[int]] = field(default_factory=dict)
     point_sets: dict[str, list[int]] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
+    notes: list[str] = field(default_factory=list)
 
     def add_to_set(self, name: str, line: int) -> None:
         """Put a line into a set."""
@@ -55,7 +57,9 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
         If there are no lines, or they do not make a mesh.
     """
     if not raw.lines:
-        found = ", ".join(f"{n} {name}" for name, n in raw.left_out.items()) or "no cells at all"
+        found = (
+            ", ".join([*(f"{n} {name}" for name, n in raw.left_out.items()), *raw.notes]) or "no cells at all"
+        )
         msg = f"{file}: no lines; it has {found}, and a frame needs two-node or three-node lines"
         raise MeshError(msg)
     if not (np.isfinite(scale) and scale > 0):
@@ -63,7 +67,8 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
         raise MeshError(msg)
     points = np.array(raw.points, dtype=float).reshape(-1, 3) * scale
     lines, origin = _two_node_lines(points, raw.lines, file)
-    notes = [f"{n} {name} left out (only lines are read)" for name, n in raw.left_out.items()]
+    notes = [*raw.notes]
+    notes += [f"{n} {name} left out (only lines are read)" for name, n in raw.left_out.items()]
     if len(lines) > len(raw.lines):
         notes.append(f"{len(lines) - len(raw.lines)} quadratic lines became two lines each")
     sets = {name: np.flatnonzero(np.isin(origin, rows)) for name, rows in raw.sets.items()}

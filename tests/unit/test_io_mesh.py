@@ -316,6 +316,13 @@ def test_what_meshio_cannot_read_is_a_mesh_error_and_silent(tmp_path, capfd, nam
     assert capfd.readouterr() == ("", "")
 
 
+def test_what_meshio_only_prints_becomes_part_of_the_message(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    pyvista.UnstructuredGrid(np.array([4, 0, 1, 2, 3]), np.array([4]), POINTS).save(tmp_path / "a.vtu")
+    with pytest.raises(MeshError, match=r"a\.vtu: no lines; it has meshio says: .*cannot handle \(type 4\)"):
+        read_mesh(tmp_path / "a.vtu")
+
+
 def test_no_such_file(tmp_path):
     with pytest.raises(MeshError, match="there is no such file"):
         read_mesh(tmp_path / "a.msh")
