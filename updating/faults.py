@@ -68,6 +68,11 @@ def find_gain_faults(log_ratio: NDArray[np.complex128], n_blocks: int = 10) -> t
             seen = part[:, i][np.isfinite(part[:, i])]
             if seen.size >= 4:
                 medians[b, i] = np.median(seen)
+    heard = np.isfinite(medians).sum(axis=0) >= n_blocks // 2
+    if heard.sum() < 4:
+        return ()
+    index = np.flatnonzero(heard)
+    medians = medians[:, index]
     centre = np.nanmedian(medians, axis=0)
     usual = np.nanmedian(centre)
     spread = 1.4826 * np.nanmedian(np.abs(centre - usual))
@@ -77,5 +82,5 @@ def find_gain_faults(log_ratio: NDArray[np.complex128], n_blocks: int = 10) -> t
         scatter = 1.4826 * np.nanmedian(np.abs(medians[:, i] - centre[i]))
         agree = np.nanmean((medians[:, i] - usual) * np.sign(deviation) > 0.5 * abs(deviation))
         if abs(deviation) > max(GAIN_LEAST, 6 * spread) and scatter < 0.35 * abs(deviation) and agree >= 0.8:
-            out.append((int(i), deviation))
+            out.append((int(index[i]), deviation))
     return tuple(out)
