@@ -75,36 +75,77 @@ def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
     plain = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser("dovetail", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain)
+    parser = argparse.ArgumentParser(
+        "dovetail", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
+    )
     parser.add_argument("--version", action="version", version=f"dovetail {_version()}")
     parser.set_defaults(debug=False)
     sub = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
     def command(name: str, run: Any, help: str, example: str, study: bool = True) -> argparse.ArgumentParser:
-        p = sub.add_parser(name, help=help, description=f"{help[0].upper()}{help[1:]}.", epilog=f"example:\n  {example}", formatter_class=plain)
+        p = sub.add_parser(
+            name,
+            help=help,
+            description=f"{help[0].upper()}{help[1:]}.",
+            epilog=f"example:\n  {example}",
+            formatter_class=plain,
+        )
         p.set_defaults(run=run)
         if study:
             p.add_argument("study", type=Path, help="the study file (TOML)")
-            p.add_argument("--json", type=Path, metavar="FILE", help="write the result as JSON; - for standard output")
+            p.add_argument(
+                "--json", type=Path, metavar="FILE", help="write the result as JSON; - for standard output"
+            )
         p.add_argument("--quiet", action="store_true", help="no table and no progress bar")
         p.add_argument("--debug", action="store_true", help="show the traceback of an error")
         return p
 
-    p = command("new", commands.new, "write a commented study to start from", "dovetail new my-frame", study=False)
+    p = command(
+        "new", commands.new, "write a commented study to start from", "dovetail new my-frame", study=False
+    )
     p.add_argument("folder", type=Path, metavar="DIR", help="folder to make")
     p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
-    p = command("modes", commands.modes, "compute natural frequencies and mode shapes", "dovetail modes study.toml --number 12 --pictures out/modes")
-    p.add_argument("--number", type=_count, metavar="N", help="number of modes besides rigid-body ones (default 10)")
+    p = command(
+        "modes",
+        commands.modes,
+        "compute natural frequencies and mode shapes",
+        "dovetail modes study.toml --number 12 --pictures out/modes",
+    )
+    p.add_argument(
+        "--number", type=_count, metavar="N", help="number of modes besides rigid-body ones (default 10)"
+    )
     p.add_argument("--max", type=_positive, metavar="HZ", help="all modes up to this frequency instead")
-    p.add_argument("--pictures", type=Path, metavar="DIR", help="also draw each elastic mode as a PNG into this folder")
+    p.add_argument(
+        "--pictures", type=Path, metavar="DIR", help="also draw each elastic mode as a PNG into this folder"
+    )
     p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
-    p = command("frf", commands.frf, "compute FRFs from the excitations to the sensors", "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5")
-    p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .npz, .csv or .uff")
-    p.add_argument("--kind", choices=["receptance", "mobility", "accelerance"], help="kind of FRF (default: that of the measurement, or accelerance)")
-    for key, text in (("start", "first frequency"), ("stop", "last frequency"), ("step", "distance of the lines")):
-        p.add_argument(f"--{key}", type=_positive, metavar="HZ", help=f"{text} (default: the measurement's lines, or [frequency])")
+    p = command(
+        "frf",
+        commands.frf,
+        "compute FRFs from the excitations to the sensors",
+        "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5",
+    )
+    p.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="file to write: .npz, .csv or .uff"
+    )
+    p.add_argument(
+        "--kind",
+        choices=["receptance", "mobility", "accelerance"],
+        help="kind of FRF (default: that of the measurement, or accelerance)",
+    )
+    for key, text in (
+        ("start", "first frequency"),
+        ("stop", "last frequency"),
+        ("step", "distance of the lines"),
+    ):
+        p.add_argument(
+            f"--{key}",
+            type=_positive,
+            metavar="HZ",
+            help=f"{text} (default: the measurement's lines, or [frequency])",
+        )
 
     p = command(
         "identify-joint",
@@ -113,10 +154,26 @@ def build_parser() -> argparse.ArgumentParser:
         "dovetail identify-joint study.toml --joint J --directions z,rx --out Z.npz",
     )
     p.add_argument("--joint", required=True, metavar="NAME", help="name of the joint in the study")
-    p.add_argument("--directions", required=True, metavar="LIST", help="relative motions to identify, such as z,rx; the others keep the study's values")
-    p.add_argument("--out", type=Path, metavar="FILE", help="write frequency, Z, condition numbers and residual to an .npz file")
+    p.add_argument(
+        "--directions",
+        required=True,
+        metavar="LIST",
+        help="relative motions to identify, such as z,rx; the others keep the study's values",
+    )
+    p.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write frequency, Z, condition numbers and residual to an .npz file",
+    )
     p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
-    p.add_argument("--amplification", type=_positive, default=1e3, metavar="X", help="largest amplification of errors, cond(A)·cond(B), of a line that counts (default 1000)")
+    p.add_argument(
+        "--amplification",
+        type=_positive,
+        default=1e3,
+        metavar="X",
+        help="largest amplification of errors, cond(A)·cond(B), of a line that counts (default 1000)",
+    )
     return parser
 
 

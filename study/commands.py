@@ -38,7 +38,8 @@ def new(options: Options, progress: Progress) -> None:
     say(
         options,
         f"{options.folder / 'study.toml'} is written: a portal frame, to be changed into yours.",
-        f"{options.folder / 'frf.npz'} stands for a measurement: computed, with noise and with something that the study lacks.",
+        f"{options.folder / 'frf.npz'} stands for a measurement: computed, with noise and with "
+        "something that the study lacks.",
         "Next:",
         f"  dovetail modes {options.folder / 'study.toml'}",
     )
@@ -54,7 +55,12 @@ def modes(options: Options, progress: Progress) -> None:
     else:
         found = solve_modes(system, n=(options.number or 10) + 6)
         keep = min(found.n_modes, found.n_rigid + (options.number or 10))
-        found = type(found)(found.frequency[:keep], found.shapes[:, :keep], None if found.zeta is None else found.zeta[:keep], n_rigid=found.n_rigid)
+        found = type(found)(
+            found.frequency[:keep],
+            found.shapes[:, :keep],
+            None if found.zeta is None else found.zeta[:keep],
+            n_rigid=found.n_rigid,
+        )
     zeta = np.zeros(found.n_modes) if found.zeta is None else found.zeta
     if options.pictures is not None:
         from viz.render import render_mode
@@ -69,13 +75,24 @@ def modes(options: Options, progress: Progress) -> None:
         {
             "study": study.name,
             "n_rigid": found.n_rigid,
-            "modes": [{"frequency_Hz": f, "damping_ratio": z} for f, z in zip(found.frequency, zeta, strict=True)],
+            "modes": [
+                {"frequency_Hz": f, "damping_ratio": z} for f, z in zip(found.frequency, zeta, strict=True)
+            ],
             "elements": study.model.mesh.n_lines,
             "assumptions": study.assumptions,
         },
     )
-    rows = [f"{k + 1:5d}  {f:12.4f}  {100 * z:8.3f}{'   rigid body' if k < found.n_rigid else ''}" for k, (f, z) in enumerate(zip(found.frequency, zeta, strict=True))]
-    say(options, f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates", " mode  frequency Hz  damping %", *rows, *_assumed(study))
+    rows = [
+        f"{k + 1:5d}  {f:12.4f}  {100 * z:8.3f}{'   rigid body' if k < found.n_rigid else ''}"
+        for k, (f, z) in enumerate(zip(found.frequency, zeta, strict=True))
+    ]
+    say(
+        options,
+        f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates",
+        " mode  frequency Hz  damping %",
+        *rows,
+        *_assumed(study),
+    )
 
 
 def _assumed(study: Study) -> list[str]:
@@ -101,7 +118,11 @@ def frf(options: Options, progress: Progress) -> None:
     kind = options.kind or (study.measurements[0].frf.kind if study.measurements else "accelerance")
     progress("computing FRFs")
     H = compute_frf(
-        assemble(study.model), frequency, sensor_rows(study.model, study.sensors), sensor_rows(study.model, study.excitations), kind
+        assemble(study.model),
+        frequency,
+        sensor_rows(study.model, study.sensors),
+        sensor_rows(study.model, study.excitations),
+        kind,
     )
     names = [tuple(s.name for s in part) for part in (study.sensors, study.excitations)]
     computed = FRF.from_arrays(frequency, H.H, kind, *names)
@@ -124,7 +145,8 @@ def frf(options: Options, progress: Progress) -> None:
     write_json(options.json, words)
     say(
         options,
-        f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to {len(names[1])} force(s), "
+        f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to "
+        f"{len(names[1])} force(s), "
         f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
     )
 
@@ -164,7 +186,9 @@ def identify_joint(options: Options, progress: Progress) -> None:
         raise OutputError(msg)
     study = load_study(options.study)
     progress("identifying the joint")
-    found, directions = identify(study, options.joint, options.directions, options.measurement, options.amplification)
+    found, directions = identify(
+        study, options.joint, options.directions, options.measurement, options.amplification
+    )
     summary = summarise(found, directions)
     progress.close()
     if options.out is not None:
@@ -194,20 +218,29 @@ def identify_joint(options: Options, progress: Progress) -> None:
     bands = np.array_split(np.arange(found.frequency.size), min(8, found.frequency.size))
     say(
         options,
-        f"joint {options.joint}: {regular} of {found.frequency.size} lines count (amplification at most {options.amplification:g})",
+        f"joint {options.joint}: {regular} of {found.frequency.size} lines count (amplification "
+        f"at most {options.amplification:g})",
         "         band Hz   cond(A)   cond(B)  residual  lines that count",
         *(
-            f"{found.frequency[b[0]]:8.1f}-{found.frequency[b[-1]]:<8.1f} {np.median(found.condition_A[b]):8.2g}  {np.median(found.condition_B[b]):8.2g}  "
-            f"{np.nanmedian(np.append(found.residual[b], np.nan if np.isfinite(found.residual[b]).any() else 1.0)):8.2g}  {int(found.regular[b].sum())} of {b.size}"
+            f"{found.frequency[b[0]]:8.1f}-{found.frequency[b[-1]]:<8.1f} "
+            f"{np.median(found.condition_A[b]):8.2g}  {np.median(found.condition_B[b]):8.2g}  "
+            f"{_middle(found.residual[b]):8.2g}  {int(found.regular[b].sum())} of {b.size}"
             for b in bands
         ),
         "constant values over the lines that count (medians, with the scatter of a single line):",
         *(
-            f"  {s['direction']:>2}: k = {s['k']:.4g} {s['unit']} (scatter {s['k_scatter']:.2g}), loss factor {s['eta']:.3g}, "
+            f"  {s['direction']:>2}: k = {s['k']:.4g} {s['unit']} (scatter "
+            f"{s['k_scatter']:.2g}), loss factor {s['eta']:.3g}, "
             f"or viscous c = {s['c']:.3g} {s['unit_c']}; the study has k = {s['k_study']:.4g}"
             for s in summary_with_study(study, options.joint, summary)
         ),
     )
+
+
+def _middle(values: np.ndarray) -> float:
+    """Return the median of the finite values."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")
 
 
 def summary_with_study(study: Study, joint: str, summary: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -215,6 +248,11 @@ def summary_with_study(study: Study, joint: str, summary: list[dict[str, Any]]) 
     effect: Any = study.model.effect(joint)
     names = ("x", "y", "z", "rx", "ry", "rz")
     return [
-        {**s, "k_study": np.inf if s["direction"] in effect.rigid else float(effect.K[(i := names.index(s["direction"])), i])}
+        {
+            **s,
+            "k_study": np.inf
+            if s["direction"] in effect.rigid
+            else float(effect.K[(i := names.index(s["direction"])), i]),
+        }
         for s in summary
     ]

@@ -137,12 +137,31 @@ class _Reader:
     def read(self) -> Study:
         top, notes = self.top, []
         head = top.table("study")
-        name = head.text("name", self.path.parent.resolve().name if self.path.stem == "study" else self.path.stem)
+        name = head.text(
+            "name", self.path.parent.resolve().name if self.path.stem == "study" else self.path.stem
+        )
         description = head.get("description", "")
         head.finish()
-        sections = ("study", "mesh", "points", "members", "defaults", "materials", "sections", "supports", "joints",
-                    "masses", "damping", "sensors", "excitations", "measurements", "uncertain", "candidates", "fit",
-                    "frequency")  # fmt: skip
+        sections = (
+            "study",
+            "mesh",
+            "points",
+            "members",
+            "defaults",
+            "materials",
+            "sections",
+            "supports",
+            "joints",
+            "masses",
+            "damping",
+            "sensors",
+            "excitations",
+            "measurements",
+            "uncertain",
+            "candidates",
+            "fit",
+            "frequency",
+        )
         for key in sections:
             top.get(key, None)
         top.finish()
@@ -151,12 +170,16 @@ class _Reader:
         inline = "file" not in top.table("mesh").values
         materials, known_sections = read_materials(top), read_sections(top)
         properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
-        supports, joints, masses = (read(top, geometry) for read in (read_supports, read_joints, read_masses))
+        supports, joints = read_supports(top, geometry), read_joints(top, geometry)
+        masses = read_masses(top, geometry)
         raw, nodes = read_files(top, self.path.parent, notes)
         sensors = read_sensors(top, geometry, nodes, notes)
         if raw and not sensors:
             sensors = channels_of_labels(top, labels_of(raw, "outputs"), geometry, nodes, "sensors", notes)
-            notes.append(f"no sensors are given: the {len(sensors)} responses of the measured files are taken, at their nodes")
+            notes.append(
+                f"no sensors are given: the {len(sensors)} responses of the measured files are "
+                "taken, at their nodes"
+            )
         excitations = read_excitations(top, geometry, sensors, nodes, notes)
         if raw and not excitations:
             excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
@@ -167,7 +190,10 @@ class _Reader:
         fit.finish()
         for word in held_out:
             if word not in [c.sensor.name for c in excitations]:
-                raise fit.error("held_out", f"there is no excitation '{word}'; {suggest(word, [c.sensor.name for c in excitations])}")
+                fit.refuse(
+                    "held_out",
+                    f"there is no excitation '{word}'; {suggest(word, [c.sensor.name for c in excitations])}",
+                )
         frequency, highest = self._frequency(top_frequency(raw, band), bool(raw), notes)
 
         mesh_table = top.table("mesh")
@@ -178,7 +204,9 @@ class _Reader:
         mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes)
         if size is None and not all(any(v) for v in sizes.values()):
             notes.append(
-                f"no element size is given{' for all members' if any(any(v) for v in sizes.values()) else ''}: elements of {describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
+                "no element size is "
+                f"given{' for all members' if any(any(v) for v in sizes.values()) else ''}: elements of "
+                f"{describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
         damping = read_damping(top, notes)
@@ -187,29 +215,56 @@ class _Reader:
             model = Model(mesh, effects, damping)
             model.contributions()
         measurements = match(raw, sensors, excitations, notes)
-        nuisances, damping_std = self._uncertain(model, properties, joints, notes)
+        nuisances, damping_std = self._uncertain(model, joints, notes)
         kinds, exclude = self._candidates()
         with top.at():
             check_units(model, measurements, raw, notes)
         if not supports:
             grounded = [j.name for j in joints if j.point2 is None]
-            notes.append("no supports are given: the structure is free" if not grounded else f"no supports are given: {', '.join(grounded)} alone hold the structure")
+            notes.append(
+                "no supports are given: the structure is free"
+                if not grounded
+                else f"no supports are given: {', '.join(grounded)} alone hold the structure"
+            )
         return Study(
-            name, description, self.path, self.text, model, measurements,
-            tuple(c.sensor for c in sensors), tuple(c.sensor for c in excitations), nuisances, damping_std,
-            kinds, exclude, band, n_lines, held_out, frequency, highest, (float(aimed.min()), float(aimed.max())),
+            name,
+            description,
+            self.path,
+            self.text,
+            model,
+            measurements,
+            tuple(c.sensor for c in sensors),
+            tuple(c.sensor for c in excitations),
+            nuisances,
+            damping_std,
+            kinds,
+            exclude,
+            band,
+            n_lines,
+            held_out,
+            frequency,
+            highest,
+            (float(aimed.min()), float(aimed.max())),
             tuple(dict.fromkeys(notes)),
-        )  # fmt: skip
+        )
 
     def _excitations_of(
-        self, labels: list[str], sensors: list[Channel], geometry: Geometry, nodes: dict[int, np.ndarray], notes: list[str]
+        self,
+        labels: list[str],
+        sensors: list[Channel],
+        geometry: Geometry,
+        nodes: dict[int, np.ndarray],
+        notes: list[str],
     ) -> list[Channel]:
         """Take the forces of the files: at the sensors of the same channel, or else at their nodes."""
         out = []
         for label in labels:
             found = [c for c in sensors if c.find([label]) is not None]
             out += found[:1] or channels_of_labels(self.top, [label], geometry, nodes, "excitations", notes)
-        notes.append(f"no excitations are given: the forces of the measured files are taken, {', '.join(c.sensor.name for c in out)}")
+        notes.append(
+            "no excitations are given: the forces of the measured files are taken, "
+            f"{', '.join(c.sensor.name for c in out)}"
+        )
         return out
 
     def _frequency(self, highest: float | None, measured: bool, notes: list[str]) -> tuple[np.ndarray, float]:
@@ -220,26 +275,41 @@ class _Reader:
         t.finish()
         if stop is None:
             if highest is None:
-                notes.append(f"neither a measurement nor a frequency range is given: the mesh is made for {DEFAULT_FREQUENCY:g} Hz")
+                notes.append(
+                    "neither a measurement nor a frequency range is given: the mesh is made "
+                    f"for {DEFAULT_FREQUENCY:g} Hz"
+                )
             stop = highest or DEFAULT_FREQUENCY
         if start is not None and start >= stop:
-            raise t.error("start", f"{start:g} Hz is not below stop, {stop:g} Hz")
+            t.refuse("start", f"{start:g} Hz is not below stop, {stop:g} Hz")
         step = step or stop / 1000
         start = step if start is None else start
         n = int(np.floor((stop - start) / step + 1e-9)) + 1
         return start + step * np.arange(n), max(stop, highest or 0.0)
 
     def _uncertain(
-        self, model: Model, properties: dict[str, object], joints: tuple[Joint, ...], notes: list[str]
+        self, model: Model, joints: tuple[Joint, ...], notes: list[str]
     ) -> tuple[tuple[Nuisance, ...], float]:
         """Read ``[uncertain]``: relative standard deviations; 0 for what is known."""
         t = self.top.table("uncertain")
         default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "damping": 0.5}
         std = {key: t.number(key, None, least=0) for key in default}
-        assumed = [key for key, value in std.items() if value is None and (key != "joints" or any(j.elastic for j in joints))]
-        words = {"E": "E 2 %", "rho": "density 1 %", "joints": "joint stiffness 5 %", "damping": "damping by a factor of 1.6 (0.5 of its logarithm)"}
+        assumed = [
+            key
+            for key, value in std.items()
+            if value is None and (key != "joints" or any(j.elastic for j in joints))
+        ]
+        words = {
+            "E": "E 2 %",
+            "rho": "density 1 %",
+            "joints": "joint stiffness 5 %",
+            "damping": "damping by a factor of 1.6 (0.5 of its logarithm)",
+        }
         if assumed:
-            notes.append(f"not said how uncertain: {', '.join(words[key] for key in assumed)} (standard deviations) are assumed")
+            notes.append(
+                f"not said how uncertain: {', '.join(words[key] for key in assumed)} (standard "
+                "deviations) are assumed"
+            )
         std = {key: default[key] if value is None else value for key, value in std.items()}
         frame = model.effect("frame")
         materials: dict[str, Material] = frame.materials if isinstance(frame, Frame) else {}
@@ -259,10 +329,14 @@ class _Reader:
                 if d in joint.elastic:
                     out.append(Nuisance(joint.name, f"k{d}", value))
                 elif f"k{d}" in own.values:
-                    raise own.error(f"k{d}", f"joint '{joint.name}' has no stiffness in {d}; elastic are {', '.join(joint.elastic) or 'none'}")
+                    own.refuse(
+                        f"k{d}",
+                        f"joint '{joint.name}' has no stiffness in {d}; elastic are "
+                        f"{', '.join(joint.elastic) or 'none'}",
+                    )
             eta = own.number("eta", 0.0, least=0)
             if eta and not joint.eta:
-                raise own.error("eta", f"joint '{joint.name}' has no loss factor")
+                own.refuse("eta", f"joint '{joint.name}' has no loss factor")
             out.append(Nuisance(joint.name, "eta", eta))
             own.finish()
         by_joint.finish()

@@ -4,6 +4,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +48,17 @@ class Geometry:
                 return self.mesh.points[self.mesh.point_names[value]]
             if value in self.places:
                 return self.places[value]
-            raise table.error(key, f"there is no point '{value}'; {suggest(value, {**self.places, **self.mesh.point_names})}")
+            table.refuse(
+                key,
+                f"there is no point '{value}'; {suggest(value, {**self.places, **self.mesh.point_names})}",
+            )
         if isinstance(value, dict):
             return self.on_member(table.table(key))
         return as_vector(table, key, value, 3, "m")
 
-    def on_member(self, table: Table, member: str = "member", position: str = "position") -> NDArray[np.float64]:
+    def on_member(
+        self, table: Table, member: str = "member", position: str = "position"
+    ) -> NDArray[np.float64]:
         """Return the coordinates of a place on a member; a table of its own is finished."""
         name = self.member(table, member)
         s = self.position(table, position, name)
@@ -67,8 +73,8 @@ class Geometry:
         members = self.mesh.groups.get(name, (name,))
         if len(members) != 1 or members[0] not in self.mesh.members:
             if len(members) > 1:
-                raise table.error(key, f"'{name}' is the group of {merge_names(members)}; name one of them")
-            raise table.error(key, f"there is no member '{name}'; {suggest(name, self.mesh.members)}")
+                table.refuse(key, f"'{name}' is the group of {merge_names(members)}; name one of them")
+            table.refuse(key, f"there is no member '{name}'; {suggest(name, self.mesh.members)}")
         return members[0]
 
     def position(self, table: Table, key: str, member: str) -> float:
@@ -78,11 +84,11 @@ class Geometry:
         words = {"start": 0.0, "middle": length / 2, "end": length}
         if isinstance(value, str):
             if value not in words:
-                raise table.error(key, f"'{value}' is not allowed; a number [m], start, middle or end is needed")
+                table.refuse(key, f"'{value}' is not allowed; a number [m], start, middle or end is needed")
             return words[value]
         s = table.number(key, least=0.0, unit="m")
         if s > length * (1 + TOUCH):
-            raise table.error(key, f"{s:g} m is beyond the end of member '{member}', which is {length:g} m long")
+            table.refuse(key, f"{s:g} m is beyond the end of member '{member}', which is {length:g} m long")
         return min(s, length)
 
     def point(self, table: Table, key: str = "point") -> int:
@@ -100,9 +106,10 @@ class Geometry:
             return near
         member, s, distance = self.mesh.nearest_on_members(xyz)
         if distance > TOUCH * self.mesh.size:
-            raise table.error(
+            table.refuse(
                 key,
-                f"{value!r} is not on the structure: it is {distance:.3g} m from the nearest member, '{member}', "
+                f"{value!r} is not on the structure: it is {distance:.3g} m from the nearest "
+                f"member, '{member}', "
                 f"at {s:.4g} m along it",
             )
         return self.point_on(member, s)
@@ -123,10 +130,12 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
     connect = mesh.flag("connect", True)
     if file:
         if points.values:
-            raise points.error("", "points and members have no ends of their own where [mesh] gives a file; leave one out")
+            points.refuse(
+                "", "points and members have no ends of their own where [mesh] gives a file; leave one out"
+            )
         path = folder / file
         if not path.is_file():
-            raise mesh.error("file", f"there is no file '{os.fspath(path)}'")
+            mesh.refuse("file", f"there is no file '{os.fspath(path)}'")
         with mesh.at("file"), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             read = read_mesh(path, scale=scale, merge_tolerance=tolerance, sets=mesh.text("sets", None))
@@ -134,14 +143,18 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
         return Geometry(read)
     for key in ("scale", "merge_tolerance", "sets"):
         if key in mesh:
-            raise mesh.error(key, "it belongs to a mesh file, and [mesh] gives no file")
+            mesh.refuse(key, "it belongs to a mesh file, and [mesh] gives no file")
     places = {key: points.vector(key) for key in points.values}
     if not members.values:
-        raise top.error("", "there is no structure: give [mesh] file, or [points] and [members.NAME] with from and to")
+        top.refuse(
+            "", "there is no structure: give [mesh] file, or [points] and [members.NAME] with from and to"
+        )
     return Geometry(_inline_mesh(members, places, connect, notes), places)
 
 
-def _inline_mesh(members: Table, places: dict[str, NDArray[np.float64]], connect: bool, notes: list[str]) -> Mesh:
+def _inline_mesh(
+    members: Table, places: dict[str, NDArray[np.float64]], connect: bool, notes: list[str]
+) -> Mesh:
     ends: list[NDArray[np.float64]] = []
     names: dict[str, int] = {}
     pairs: dict[str, tuple[int, int]] = {}
@@ -150,7 +163,7 @@ def _inline_mesh(members: Table, places: dict[str, NDArray[np.float64]], connect
         value = table.get(key)
         if isinstance(value, str):
             if value not in places:
-                raise table.error(key, f"there is no point '{value}'; {suggest(value, places)}")
+                table.refuse(key, f"there is no point '{value}'; {suggest(value, places)}")
             if value not in names:
                 names[value] = len(ends)
                 ends.append(places[value])
@@ -168,7 +181,7 @@ def _inline_mesh(members: Table, places: dict[str, NDArray[np.float64]], connect
     size = float(np.ptp(xyz, axis=0).max())
     for name, (a, b) in pairs.items():
         if np.linalg.norm(xyz[b] - xyz[a]) <= max(TOUCH * size, 1e-12):
-            raise members.error(name, f"the member has no length: both ends are at {xyz[a].tolist()} m")
+            members.refuse(name, f"the member has no length: both ends are at {xyz[a].tolist()} m")
     lines: list[tuple[int, int]] = []
     sets: dict[str, list[int]] = {}
     welds: dict[str, list[str]] = {}
@@ -178,7 +191,7 @@ def _inline_mesh(members: Table, places: dict[str, NDArray[np.float64]], connect
             welds.setdefault(name, []).extend(other for other, pair in pairs.items() if k in pair)
         chain = [a, *between, b]
         sets[name] = list(range(len(lines), len(lines) + len(chain) - 1))
-        lines += list(zip(chain, chain[1:], strict=False))
+        lines += list(pairwise(chain))
     if welds:
         words = "; ".join(f"{', '.join(dict.fromkeys(others))} on {name}" for name, others in welds.items())
         notes.append(f"members that end on another are welded to it there: {words}")

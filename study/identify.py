@@ -22,10 +22,10 @@ def identify(
 ) -> tuple[JointIdentification, tuple[str, ...]]:
     """Identify a joint's dynamic stiffness in some directions of its relative motion.
 
-    The substructures are the study's model without the joint's stiffness and damping in these directions; in the
-    others it keeps those of the study. Their receptances are those of the model with elastic springs k in these
-    directions, which are then taken out again, H = H' + H'_d (1/k - H'_dd)⁻¹ H'_d: parts that nothing else connects
-    need no treatment of their own.
+    The substructures are the study's model without the joint's stiffness and damping in these directions; in
+    the others it keeps those of the study. Their receptances are those of the model with elastic springs k in
+    these directions, which are then taken out again, H = H' + H'_d (1/k - H'_dd)⁻¹ H'_d: so parts that nothing
+    else connects need no treatment of their own.
 
     Parameters
     ----------
@@ -84,7 +84,9 @@ def _measurement(study: Study, name: str | None) -> Measurement:
     return by_name[name] if name is not None else study.measurements[0]
 
 
-def _without(model: Model, joint: Joint, wanted: tuple[str, ...], measured: Measurement, frequency: Any) -> SubstructureFRF:
+def _without(
+    model: Model, joint: Joint, wanted: tuple[str, ...], measured: Measurement, frequency: Any
+) -> SubstructureFRF:
     """Return the receptances of the model without a joint's stiffness in some directions."""
     index = [DIRECTIONS.index(d) for d in wanted]
     K, C, D = (np.array(X, dtype=float) for X in (joint.K, joint.C, joint.D))
@@ -94,7 +96,7 @@ def _without(model: Model, joint: Joint, wanted: tuple[str, ...], measured: Meas
         X[:, index] = 0.0
     k = np.where(own > 0, own, _typical(model, wanted))
     K[index, index] = k
-    # loss factors multiply K as a whole: taken over into D, so that the springs to be taken out again have none
+    # the loss factor multiplies all of K: put into D, so that the springs to be taken out have none
     D = D + joint.eta * (K - np.diag(np.isin(np.arange(6), index) * np.diag(K)))
     tied = replace(joint, K=K, C=C, D=D, eta=0.0, rigid=tuple(d for d in joint.rigid if d not in wanted))
     whole = replace(model, effects=tuple(tied if e.name == joint.name else e for e in model.effects))
@@ -102,11 +104,21 @@ def _without(model: Model, joint: Joint, wanted: tuple[str, ...], measured: Meas
     rows = np.zeros((len(index), model.n_dof))
     rows[:, dofs] = B[index]
     outputs, inputs = sensor_rows(model, measured.sensors), sensor_rows(model, measured.excitations)
+    # the direct method is exact, and asks for damping without modal ratios
+    method = "reduced" if model.damping.ratio.any() else "direct"
     H = compute_frf(
-        assemble(whole), frequency, np.vstack([outputs, rows]), np.vstack([inputs, rows]), "receptance"
+        assemble(whole),
+        frequency,
+        np.vstack([outputs, rows]),
+        np.vstack([inputs, rows]),
+        "receptance",
+        method,
     ).H
     m, n = len(outputs), len(inputs)
-    H = H + H[:, :, n:] @ np.linalg.solve(np.diag(1 / k) - H[:, m:, n:], H[:, m:, :])
+    # the structure's own damping acts on these springs as on everything else
+    omega = 2 * np.pi * frequency[:, None, None]
+    z = np.diag(k) * (1 + 1j * (model.damping.loss_factor + omega * model.damping.beta))
+    H = H + H[:, :, n:] @ np.linalg.solve(np.linalg.inv(z) - H[:, m:, n:], H[:, m:, :])
     interface = Interface(
         joint=CoordinateSet(tuple(f"{joint.name}:{d}" for d in wanted)),
         outputs=CoordinateSet(tuple(f"{s.name}:x" for s in measured.sensors)),
@@ -121,7 +133,9 @@ def _typical(model: Model, directions: tuple[str, ...]) -> np.ndarray:
     out = []
     for d in directions:
         values = [
-            p.material.E * (p.section.A if d in "xyz" else p.section.Iy + p.section.Iz) / model.mesh.member_length(name)
+            p.material.E
+            * (p.section.A if d in "xyz" else p.section.Iy + p.section.Iz)
+            / model.mesh.member_length(name)
             for name, p in frame.members.items()
         ]
         out.append(float(np.median(values)))

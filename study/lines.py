@@ -112,6 +112,8 @@ class _Scan:
         while not self.text.startswith(quote, self.at):
             self.at += 2 if quote[0] == '"' and self.text[self.at] == "\\" else 1
         self.at += len(quote)
-        while len(quote) == 3 and self.text.startswith(quote[0], self.at):  # up to two quotes before the closing three
+        while len(quote) == 3 and self.text.startswith(
+            quote[0], self.at
+        ):  # up to two quotes before the closing three
             self.at += 1
         return self.text[start : self.at]

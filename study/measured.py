@@ -68,7 +68,7 @@ def read_files(
         file = t.text("file")
         path = folder / file
         if not path.is_file():
-            raise t.error("file", f"there is no file '{os.fspath(path)}'")
+            t.refuse("file", f"there is no file '{os.fspath(path)}'")
         name = t.text("name", Path(file).name)
         kind = t.text("kind", None, [str(k) for k in FRFKind])
         level = t.number("force_level", None, above=0, unit="N")
@@ -76,7 +76,7 @@ def read_files(
         band = read_band(t)
         scale = t.number("scale", 1.0)
         if scale == 0:
-            raise t.error("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
+            t.refuse("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
         with t.at("file"):
             frfs = _read(t, path, kind, nodes, notes, "scale" in t)
         t.finish()
@@ -95,12 +95,17 @@ def read_band(t: Table) -> tuple[float, float] | None:
     if band is None:
         return None
     if not 0 <= band[0] < band[1]:
-        raise t.error("band", f"{band.tolist()} is not allowed; two rising frequencies [Hz] are needed")
+        t.refuse("band", f"{band.tolist()} is not allowed; two rising frequencies [Hz] are needed")
     return float(band[0]), float(band[1])
 
 
 def _read(
-    t: Table, path: Path, kind: str | None, nodes: dict[int, NDArray[np.float64]], notes: list[str], scaled: bool
+    t: Table,
+    path: Path,
+    kind: str | None,
+    nodes: dict[int, NDArray[np.float64]],
+    notes: list[str],
+    scaled: bool,
 ) -> list[FRF]:
     suffix = path.suffix.lower()
     outputs, inputs = t.texts("outputs", None), t.texts("inputs", None)
@@ -111,11 +116,15 @@ def _read(
             if not file.frfs:
                 file.frf()  # says what the file holds instead
             if file.points is not None:
-                nodes.update({int(k): xyz for k, xyz in zip(file.points.labels, file.points.coordinates, strict=True)})
+                nodes.update(
+                    {int(k): xyz for k, xyz in zip(file.points.labels, file.points.coordinates, strict=True)}
+                )
             frfs = []
             for frf, (unit, _) in zip(file.frfs, file.frf_units, strict=True):
                 if unit.strip().lower() in ("g", "g/n", "(g)/n") and not scaled:
-                    notes.append(f"{path.name} says its unit is '{unit}': its FRFs are multiplied by {G0} to m/s²")
+                    notes.append(
+                        f"{path.name} says its unit is '{unit}': its FRFs are multiplied by {G0} to m/s²"
+                    )
                     frf = replace(frf, H=G0 * frf.H)
                 frfs.append(frf)
         elif suffix == ".npz":
@@ -144,19 +153,26 @@ def _read(
 def _renamed(t: Table, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> FRF:
     for key, have, want in (("outputs", frf.outputs, outputs), ("inputs", frf.inputs, inputs)):
         if want is not None and len(want) != len(have):
-            raise t.error(key, f"{len(want)} labels are given for the {len(have)} {key} of the file ({', '.join(have[:6])} …)")
+            t.refuse(
+                key,
+                f"{len(want)} labels are given for the {len(have)} {key} of the file "
+                f"({', '.join(have[:6])} …)",
+            )
     return FRF.from_arrays(frf.frequency, frf.H, frf.kind, outputs or frf.outputs, inputs or frf.inputs)
 
 
 def match(
-    raw: Sequence[RawMeasurement], sensors: Sequence[Channel], excitations: Sequence[Channel], notes: list[str]
+    raw: Sequence[RawMeasurement],
+    sensors: Sequence[Channel],
+    excitations: Sequence[Channel],
+    notes: list[str],
 ) -> tuple[Measurement, ...]:
     """Return the measurements by the names of their sensors and excitations.
 
     Raises
     ------
     StudyError
-        If a sensor or excitation is in no file, two share a channel, a file has none of them, or an FRF is all zero.
+        If a sensor or excitation is in no file, two share a channel, a file has none of them, or an FRF is zero.
     """
     out = []
     used: set[str] = set()
@@ -167,12 +183,17 @@ def match(
         for word, have, got in (("responses", r.frf.outputs, rows), ("forces", r.frf.inputs, columns)):
             rest = [x for x in have if x not in {label for _, label, _ in got}]
             if rest:
-                notes.append(f"{r.name}: the {word} {', '.join(rest[:8])}{' …' if len(rest) > 8 else ''} belong to nothing in the study and are not used")
+                notes.append(
+                    f"{r.name}: the {word} {', '.join(rest[:8])}{' …' if len(rest) > 8 else ''} "
+                    "belong to nothing in the study and are not used"
+                )
         frf = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
         sign = np.outer([s for _, _, s in rows], [s for _, _, s in columns])
         for c, label, s in (*rows, *columns):
             if s < 0:
-                notes.append(f"{r.name}: channel {label} is turned round, for {c.sensor.name} points the other way")
+                notes.append(
+                    f"{r.name}: channel {label} is turned round, for {c.sensor.name} points the other way"
+                )
         names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
         frf = FRF.from_arrays(frf.frequency, frf.H * sign, frf.kind, *names)
         _refuse_zero(r, frf)
@@ -184,7 +205,11 @@ def match(
                 have = dict.fromkeys(x for r in raw for x in (r.frf.outputs if mark == "s" else r.frf.inputs))
                 word = "sensor" if mark == "s" else "excitation"
                 asked = f"channel '{c.label}'" if c.label else "channel"
-                raise c.table.error("", f"{word} '{c.sensor.name}' has no {asked} in the measured files; they have {', '.join(list(have)[:20])}{' …' if len(have) > 20 else ''}; give label")
+                c.table.refuse(
+                    "",
+                    f"{word} '{c.sensor.name}' has no {asked} in the measured files; they have "
+                    f"{', '.join(list(have)[:20])}{' …' if len(have) > 20 else ''}; give label",
+                )
     return tuple(out)
 
 
@@ -198,21 +223,31 @@ def _pick(
         if found is None:
             continue
         if found[0] in owner:
-            raise c.table.error("", f"'{c.sensor.name}' and '{owner[found[0]]}' are both channel {found[0]} of {r.name}")
+            c.table.refuse(
+                "", f"'{c.sensor.name}' and '{owner[found[0]]}' are both channel {found[0]} of {r.name}"
+            )
         owner[found[0]] = c.sensor.name
         out.append((c, *found))
     if not out:
-        raise r.table.error("file", f"none of its {word} ({', '.join(labels[:8])}{' …' if len(labels) > 8 else ''}) belongs to a sensor or excitation of the study; give them a label or a node")
+        r.table.refuse(
+            "file",
+            f"none of its {word} ({', '.join(labels[:8])}{' …' if len(labels) > 8 else ''}) "
+            "belongs to a sensor or excitation of the study; give them a label or a node",
+        )
     return out
 
 
 def _refuse_zero(r: RawMeasurement, frf: FRF) -> None:
     zero = ~np.any(frf.H, axis=0)
     if zero.all():
-        raise r.table.error("file", "all its FRFs are zero; the file holds no measurement")
+        r.table.refuse("file", "all its FRFs are zero; the file holds no measurement")
     if zero.any():
         i, j = np.argwhere(zero)[0]
-        raise r.table.error("file", f"{zero.sum()} of its FRFs are zero at all frequencies, the first '{frf.outputs[i]}' to a force at '{frf.inputs[j]}'; leave dead channels out")
+        r.table.refuse(
+            "file",
+            f"{zero.sum()} of its FRFs are zero at all frequencies, the first "
+            f"'{frf.outputs[i]}' to a force at '{frf.inputs[j]}'; leave dead channels out",
+        )
 
 
 def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
@@ -227,11 +262,13 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     return rows
 
 
-def check_units(model: Model, measurements: Sequence[Measurement], raw: Sequence[RawMeasurement], notes: list[str]) -> None:
+def check_units(
+    model: Model, measurements: Sequence[Measurement], raw: Sequence[RawMeasurement], notes: list[str]
+) -> None:
     """Compare the order of magnitude of the measured FRFs with the model's.
 
-    The median over channels of |measured| / |computed|, a line of data at a time, hardly depends on where resonances are.
-    Its size tells another unit, its slope over frequency another kind of FRF.
+    The median over channels of |measured| / |computed|, a line at a time, hardly depends on where resonances
+    are. Its size tells another unit, its slope over frequency another kind of FRF.
 
     Raises
     ------
@@ -246,7 +283,11 @@ def check_units(model: Model, measurements: Sequence[Measurement], raw: Sequence
         if pick.size < 8 or not r.check_units:
             continue
         frf = compute_frf(
-            system, frequency[pick], sensor_rows(model, m.sensors), sensor_rows(model, m.excitations), m.frf.kind
+            system,
+            frequency[pick],
+            sensor_rows(model, m.sensors),
+            sensor_rows(model, m.excitations),
+            m.frf.kind,
         )
         with np.errstate(divide="ignore"):
             log = np.log10(np.abs(m.frf.H[pick])) - np.log10(np.abs(frf.H))
@@ -256,33 +297,67 @@ def check_units(model: Model, measurements: Sequence[Measurement], raw: Sequence
             _judge(r, m.frf.kind, frequency[pick], np.nanmedian(log, axis=1), notes)
 
 
-def _judge(r: RawMeasurement, kind: FRFKind, frequency: NDArray[np.float64], log: NDArray[np.float64], notes: list[str]) -> None:
+def _judge(
+    r: RawMeasurement,
+    kind: FRFKind,
+    frequency: NDArray[np.float64],
+    log: NDArray[np.float64],
+    notes: list[str],
+) -> None:
     good = np.isfinite(log)
     x, y = np.log10(frequency[good]), log[good]
     if x.size < 8:
         return
-    level, slope = float(np.median(y)), 0.0
-    if np.ptp(x) > 0.5:
-        i, j = np.triu_indices(x.size, 1)
-        far = np.abs(x[i] - x[j]) > 0.25 * np.ptp(x)
-        slope = float(np.median((y[i] - y[j])[far] / (x[i] - x[j])[far]))  # Theil and Sen
-    power = round(slope)
-    # (iω)^n with n = slope: what is called one kind is another
-    if power != 0 and abs(slope - power) < 0.4 and 0 <= kind.derivatives + power <= 2:
-        centre = float(np.median(y - power * np.log10(2 * np.pi * 10**x)))
-        if abs(centre) < 1.3:
-            like = list(FRFKind)[kind.derivatives + power]
-            raise r.table.error("kind" if "kind" in r.table.values else "file", f"called {kind}, the FRFs of {r.name} rise with frequency as (iω)^{power} against the model: they look like {like}; give kind = \"{like}\", or check_units = false if the data are right")
+    level, spread = _centre(y)
+    slope = _slope(x, y)
+    for like in FRFKind:
+        power = like.derivatives - kind.derivatives
+        if power == 0:
+            continue
+        # (iω)^power lies between what the data are called and what they look like
+        other, other_spread = _centre(y - power * np.log10(2 * np.pi * 10**x))
+        by_slope = abs(slope - power) < 0.4 and abs(other) < 1.3
+        by_size = abs(level) > np.log10(2.5) and abs(other) < np.log10(1.6) and other_spread < 0.9 * spread
+        if by_slope or by_size:
+            place = "kind" if "kind" in r.table.values else "file"
+            text = (
+                f"the FRFs of {r.name} are called {kind}, and beside the model's they look like {like}; give "
+                f'kind = "{like}", or check_units = false if the data are right'
+            )
+            r.table.refuse(place, text)
     if abs(level) < np.log10(2.5):
         return
     near = [(abs(level - np.log10(f)), f, words) for f, words in SUSPECTS]
     distance, factor, words = min(near)
     found = f"the FRFs of {r.name} are {10**level:.3g} times those of the model (median over {x.size} lines)"
     if distance < np.log10(1.5):
-        raise r.table.error("file", f"{found}: they look as if {words}; give scale = {1 / factor:.6g}, or check_units = false if the data are right")
+        r.table.refuse(
+            "file",
+            f"{found}: they look as if {words}; give scale = {1 / factor:.6g}, or check_units = "
+            "false if the data are right",
+        )
     if abs(level) > 1.0:
-        raise r.table.error("file", f"{found}: their unit or the model is wrong; give scale = …, or check_units = false if the data are right")
+        r.table.refuse(
+            "file",
+            f"{found}: their unit or the model is wrong; give scale = …, or check_units = false "
+            "if the data are right",
+        )
     notes.append(f"{found}: check their unit")
+
+
+def _centre(y: NDArray[np.float64]) -> tuple[float, float]:
+    """Return median and median absolute deviation."""
+    centre = float(np.median(y))
+    return centre, float(np.median(np.abs(y - centre)))
+
+
+def _slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """Return the median slope between points far apart (Theil and Sen); 0 over less than half a decade."""
+    if np.ptp(x) <= 0.5:
+        return 0.0
+    i, j = np.triu_indices(x.size, 1)
+    far = np.abs(x[i] - x[j]) > 0.25 * np.ptp(x)
+    return float(np.median((y[i] - y[j])[far] / (x[i] - x[j])[far]))
 
 
 def labels_of(raw: Sequence[RawMeasurement], which: str) -> list[str]:

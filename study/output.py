@@ -25,8 +25,8 @@ class OutputError(ValueError):
 def result_folder(path: Path, force: bool = False) -> Iterator[Path]:
     """Give a temporary folder beside ``path``, which takes its place when the block ends without an error.
 
-    A folder that an earlier run made is replaced. One with other files is refused, or with ``force`` kept: what is new
-    goes into it and replaces files of the same names.
+    A folder that an earlier run made is replaced. One with other files is refused, or with ``force`` kept: what
+    is new goes into it and replaces files of the same names.
 
     Raises
     ------
@@ -38,14 +38,19 @@ def result_folder(path: Path, force: bool = False) -> Iterator[Path]:
         raise OutputError(msg)
     ours = not path.exists() or (path / MARK).is_file() or not any(path.iterdir())
     if not ours and not force:
-        msg = f"{path} holds files that are not results of dovetail; choose another folder, or give --force to write into it"
+        msg = (
+            f"{path} holds files that are not results of dovetail; choose another folder, or "
+            "give --force to write into it"
+        )
         raise OutputError(msg)
     path.parent.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     try:
         scratch.chmod(0o777 & ~_umask())
         yield scratch
-        (scratch / MARK).write_text("This folder is written by dovetail and replaced as a whole.\n", encoding="utf-8")
+        (scratch / MARK).write_text(
+            "This folder is written by dovetail and replaced as a whole.\n", encoding="utf-8"
+        )
         if ours:
             _replace(scratch, path)
         else:
@@ -130,7 +135,10 @@ class Progress:
 
         if self._bar is None:
             self._bar = tqdm(
-                file=sys.stderr, leave=False, dynamic_ncols=True, bar_format="{desc} {bar:30} {percentage:3.0f} % {elapsed}"
+                file=sys.stderr,
+                leave=False,
+                dynamic_ncols=True,
+                bar_format="{desc} {bar:30} {percentage:3.0f} % {elapsed}",
             )
         self._bar.set_description_str(text, refresh=False)
         self._bar.total = total or 1

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.added_mass import AddedMass
-from fem.effects.frame import THEORIES, MemberProperties
+from fem.effects.frame import THEORIES, MemberProperties, local_axes
 from fem.effects.joint import Joint
 from fem.effects.support import Support
 from fem.mesh import Mesh
@@ -49,15 +49,19 @@ def read_sections(top: Table) -> dict[str, Section]:
 
 
 def read_section(t: Table, label: str = "") -> Section:
-    """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz; both: the constants go before the shape's."""
+    """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz; these go before the shape's own."""
     shape = t.text("shape", "", tuple(SHAPES))
     constants = ("A", "Iy", "Iz", "J")
     if not shape:
         if not any(key in t for key in constants):
-            raise t.error("", f"the section has neither a shape ({', '.join(SHAPES)}) nor A, Iy, Iz and J")
-        values = {key: t.number(key, above=0, unit={"A": "m²"}.get(key, "m⁴")) for key in constants}
+            t.refuse("", f"the section has neither a shape ({', '.join(SHAPES)}) nor A, Iy, Iz and J")
+        values: dict[str, Any] = {
+            key: t.number(key, above=0, unit={"A": "m²"}.get(key, "m⁴")) for key in constants
+        }
         with t.at():
-            section = Section(**values, ky=t.number("ky", 0.0, least=0), kz=t.number("kz", 0.0, least=0), label=label)
+            section = Section(
+                **values, ky=t.number("ky", 0.0, least=0), kz=t.number("kz", 0.0, least=0), label=label
+            )
         t.finish()
         return section
     sizes = {key: t.number(key, above=0, unit="m") for key in SHAPES[shape]}
@@ -66,8 +70,10 @@ def read_section(t: Table, label: str = "") -> Section:
         own = {key: t.number(key, above=0, unit={"A": "m²"}.get(key, "m⁴")) for key in constants if key in t}
         own |= {key: t.number(key, least=0) for key in ("ky", "kz") if key in t}
         if own:
-            fields = {key: getattr(section, key) for key in (*constants, "ky", "kz")} | own
-            section = Section(**fields, outlines=section.outlines, label=f"{section.label}, {', '.join(own)} as given")
+            fields: dict[str, Any] = {key: getattr(section, key) for key in (*constants, "ky", "kz")} | own
+            section = Section(
+                **fields, outlines=section.outlines, label=f"{section.label}, {', '.join(own)} as given"
+            )
     t.finish()
     return section
 
@@ -93,19 +99,27 @@ def read_members(
     tables = dict(members.named())
     for name, table in tables.items():
         if inline:
-            table.get("from"), table.get("to")
+            for end in ("from", "to"):
+                table.get(end)
         elif name not in mesh.members and name not in mesh.groups:
             known = [*mesh.members, *mesh.groups]
-            raise members.error(name, f"the mesh has no member or group '{name}'; {suggest(name, known)}")
+            members.refuse(name, f"the mesh has no member or group '{name}'; {suggest(name, known)}")
     out, sizes = {}, {}
     for name in mesh.members:
         own = tables.get(name, members)
         groups = [tables[g] for g, names in mesh.groups.items() if name in names and g in tables]
         chain = MemberTables([*([tables[name]] if name in tables else []), *groups, defaults], own)
         out[name] = _properties(chain, name, materials, sections)
+        points = mesh.points[mesh.lines[mesh.members[name]]]
+        holder = chain.holder("orientation") or own
+        with holder.at("orientation"):
+            local_axes(points[:, 1] - points[:, 0], out[name].orientation, name)
         zones, length = out[name].rigid1 + out[name].rigid2, mesh.member_length(name)
         if zones >= 0.999 * length:
-            raise own.error("", f"the rigid end zones of member '{name}' are {zones:g} m long together; it has {length:g} m")
+            own.refuse(
+                "",
+                f"the rigid end zones of member '{name}' are {zones:g} m long together; it has {length:g} m",
+            )
         sizes[name] = _element_size(chain)
     for table in (*tables.values(), defaults):
         table.finish()
@@ -122,12 +136,19 @@ def _properties(
     material = read("material", lambda t: _named(t, "material", materials), None)
     if material is None:
         if len(materials) != 1:
-            raise chain.own.error("", f"member '{name}' has no material; give it one, or one to [defaults]; {suggest('', materials)}")
+            chain.own.refuse(
+                "",
+                f"member '{name}' has no material; give it one, or one to [defaults]; "
+                f"{suggest('', materials)}",
+            )
         (material,) = materials.values()
     section = read("section", lambda t: _section(t, sections), None)
     if section is None:
         if len(sections) != 1:
-            raise chain.own.error("", f"member '{name}' has no section; give it one, or one to [defaults]; {suggest('', sections)}")
+            chain.own.refuse(
+                "",
+                f"member '{name}' has no section; give it one, or one to [defaults]; {suggest('', sections)}",
+            )
         (section,) = sections.values()
     zero = np.zeros(3)
     holder = chain.holder("orientation") or chain.own
@@ -148,7 +169,7 @@ def _properties(
 def _named(t: Table, key: str, known: Mapping[str, Any]) -> Any:
     name = t.text(key)
     if name not in known:
-        raise t.error(key, f"there is no {key} '{name}'; {suggest(name, known)}")
+        t.refuse(key, f"there is no {key} '{name}'; {suggest(name, known)}")
     return known[name]
 
 
@@ -176,7 +197,9 @@ def read_supports(top: Table, geometry: Geometry) -> tuple[Support, ...]:
         with t.at("fixed"):
             fixed = directions_from(t.get("fixed", "all"), "fixed")
         if not fixed:
-            raise t.error("fixed", "no direction is held; name some of x y z rx ry rz, all, translations, rotations")
+            t.refuse(
+                "fixed", "no direction is held; name some of x y z rx ry rz, all, translations, rotations"
+            )
         t.finish()
         out.append(Support(name=name, point=point, fixed=fixed))
     return tuple(out)
@@ -190,7 +213,11 @@ def read_joints(top: Table, geometry: Geometry) -> tuple[Joint, ...]:
         point1 = _side(t, geometry, "1")
         point2 = _side(t, geometry, "2") if "point2" in t or "member2" in t else None
         if point1 is None or point1 == point2:
-            raise t.error("", "both sides of the joint are the same point; give point1 or member1 and position1, and a second side or none for the ground")
+            t.refuse(
+                "",
+                "both sides of the joint are the same point; give point1 or member1 and "
+                "position1, and a second side or none for the ground",
+            )
         points = geometry.mesh.points
         middle = points[point1] if point2 is None else (points[point1] + points[point2]) / 2
         location = geometry.coordinates(t, "location") if "location" in t else middle
@@ -202,15 +229,25 @@ def read_joints(top: Table, geometry: Geometry) -> tuple[Joint, ...]:
         eta = t.number("eta", 0.0, least=0)
         t.finish()
         with t.at():
-            out.append(Joint(name=name, point1=point1, point2=point2, location=location, eta=eta, rigid=rigid, **matrices))
+            out.append(
+                Joint(
+                    name=name,
+                    point1=point1,
+                    point2=point2,
+                    location=location,
+                    eta=eta,
+                    rigid=rigid,
+                    **matrices,
+                )
+            )
         if not (rigid or out[-1].elastic or out[-1].C.any() or out[-1].M.any()):
-            raise t.error("", f"joint '{name}' does nothing: give k, K, C, M or rigid")
+            t.refuse("", f"joint '{name}' does nothing: give k, K, C, M or rigid")
     return tuple(out)
 
 
 def _side(t: Table, geometry: Geometry, side: str) -> int | None:
     if f"point{side}" in t and f"member{side}" in t:
-        raise t.error(f"point{side}", f"give either point{side}, or member{side} and position{side}")
+        t.refuse(f"point{side}", f"give either point{side}, or member{side} and position{side}")
     if f"point{side}" in t:
         return geometry.point(t, f"point{side}")
     member = geometry.member(t, f"member{side}")
@@ -223,10 +260,15 @@ def _joint_matrices(t: Table) -> dict[str, NDArray[np.float64]]:
         if key not in t:
             continue
         if key.upper() in out:
-            raise t.error(key, f"give either {key} or {key.upper()}")
+            t.refuse(key, f"give either {key} or {key.upper()}")
         inner = t.table(key)
         diagonal = [
-            inner.number(f"{key}{d}", 0.0, least=0, unit=("N/m" if key == "k" else "N·s/m") + (" or per radian")[: 14 * (len(d) > 1)])
+            inner.number(
+                f"{key}{d}",
+                0.0,
+                least=0,
+                unit=("N/m" if key == "k" else "N·s/m") + (" or per radian")[: 14 * (len(d) > 1)],
+            )
             for d in DIRECTIONS
         ]
         inner.finish()
@@ -243,9 +285,13 @@ def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
         inertia = np.zeros((3, 3))
         if "inertia" in t:
             rows = t.get("inertia")
-            inertia = t.matrix("inertia", 3) if isinstance(rows, list) else t.number("inertia", least=0) * np.eye(3)
+            inertia = (
+                t.matrix("inertia", 3) if isinstance(rows, list) else t.number("inertia", least=0) * np.eye(3)
+            )
             if np.linalg.eigvalsh((inertia + inertia.T) / 2)[0] < 0 or not np.allclose(inertia, inertia.T):
-                raise t.error("inertia", "the tensor must be symmetric and have no negative principal value [kg·m²]")
+                t.refuse(
+                    "inertia", "the tensor must be symmetric and have no negative principal value [kg·m²]"
+                )
         mass = AddedMass(
             name=name,
             point=geometry.point(t),
@@ -269,7 +315,10 @@ def read_damping(top: Table, notes: list[str]) -> Damping:
     ratio, frequency = np.zeros(1), np.zeros(1)
     if "modal" in t and isinstance(t.get("modal"), dict):
         inner = t.table("modal")
-        ratio, frequency = inner.vector("ratio", size=None, unit="-"), inner.vector("frequency", size=None, unit="Hz")
+        ratio, frequency = (
+            inner.vector("ratio", size=None, unit="-"),
+            inner.vector("frequency", size=None, unit="Hz"),
+        )
         inner.finish()
     elif "modal" in t:
         ratio = np.array([t.number("modal", least=0)])

@@ -60,7 +60,10 @@ def read_sensors(top: Table, geometry: Geometry, nodes: Nodes, notes: list[str])
     for t in top.tables("sensors"):
         for channel in _sensors_of(t, geometry, nodes, notes):
             if channel.sensor.name in seen:
-                raise t.error("name" if "name" in t.values else "", f"two sensors have the name '{channel.sensor.name}'; names must differ")
+                t.refuse(
+                    "name" if "name" in t.values else "",
+                    f"two sensors have the name '{channel.sensor.name}'; names must differ",
+                )
             seen.add(channel.sensor.name)
             out.append(channel)
         t.finish()
@@ -70,12 +73,15 @@ def read_sensors(top: Table, geometry: Geometry, nodes: Nodes, notes: list[str])
 def _sensors_of(t: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) -> Iterator[Channel]:
     sign = t.number("sign", 1.0)
     if abs(sign) != 1:
-        raise t.error("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
+        t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
     mass = t.number("mass", 0.0, least=0, unit="kg")
     if "directions" in t:
         for key in ("name", "label", "direction"):
             if key in t:
-                raise t.error(key, f"one {key} does not fit several directions; leave it out, or write [[sensors]] for each")
+                t.refuse(
+                    key,
+                    f"one {key} does not fit several directions; leave it out, or write [[sensors]] for each",
+                )
         words = list(t.text("directions").replace(" ", "").replace(",", ""))
         places = list(_places(t, geometry, nodes))
     else:
@@ -87,7 +93,7 @@ def _sensors_of(t: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) ->
                 direction = sign * direction_vector(word)
             name = t.text("name", f"{word_of_place}{word if isinstance(word, str) else ''}")
             if not name:
-                raise t.error("", "the sensor needs a name, for its place has none")
+                t.refuse("", "the sensor needs a name, for its place has none")
             sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, mass=mass), notes)
             yield Channel(sensor, t, t.text("label", ""), node)
 
@@ -100,14 +106,14 @@ def _places(
         key = "points" if "points" in t else "nodes"
         values = t.get(key)
         if not isinstance(values, list) or not values:
-            raise t.error(key, "a list is needed")
+            t.refuse(key, "a list is needed")
         names = t.texts("names", None)
         if names is not None and len(names) != len(values):
-            raise t.error("names", f"{len(names)} names are given for {len(values)} {key}")
+            t.refuse("names", f"{len(names)} names are given for {len(values)} {key}")
         for i, value in enumerate(values):
             inner = Table(t.source, (*t.path, key, i), {key[:-1]: value})
-            for word, *place in _places(inner, geometry, nodes, many=False):
-                yield names[i] if names else word, *place
+            for word, xyz, member, node in _places(inner, geometry, nodes, many=False):
+                yield names[i] if names else word, xyz, member, node
         return
     node = t.whole("node", None)
     if "point" in t:
@@ -120,10 +126,16 @@ def _places(
     elif node is not None:
         if node not in nodes:
             held = f"have {len(nodes)} nodes" if nodes else "have no coordinates of nodes"
-            raise t.error("node", f"there is no node {node} in the measured files, which {held}; give point, or member and position")
+            t.refuse(
+                "node",
+                f"there is no node {node} in the measured files, which {held}; give point, or "
+                "member and position",
+            )
         yield str(node), nodes[node], None, node
     else:
-        raise t.error("", "a place is missing: give point, or member and position, or node (a number of the UFF file)")
+        t.refuse(
+            "", "a place is missing: give point, or member and position, or node (a number of the UFF file)"
+        )
 
 
 def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> Sensor:
@@ -131,7 +143,10 @@ def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> S
     with t.at():
         geometry.mesh = place_sensors(geometry.mesh, (sensor,))
     if sensor.member is not None:  # a member's own point where several meet or lie close
-        s = [float(np.linalg.norm(geometry.mesh.points[p] - sensor.point)) for p in geometry.mesh.member_points(sensor.member)]
+        s = [
+            float(np.linalg.norm(geometry.mesh.points[p] - sensor.point))
+            for p in geometry.mesh.member_points(sensor.member)
+        ]
         near = int(geometry.mesh.member_points(sensor.member)[int(np.argmin(s))])
         distance = min(s)
     else:
@@ -151,7 +166,7 @@ def read_excitations(
         if "sensor" in t:
             name = t.text("sensor")
             if name not in by_name:
-                raise t.error("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
+                t.refuse("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
             at = by_name[name]
             out.append(Channel(at.sensor, t, t.text("label", at.label), at.node))
             t.finish()
@@ -160,7 +175,7 @@ def read_excitations(
             t.finish()
         names = [c.sensor.name for c in out]
         if len(set(names)) < len(names):
-            raise t.error("", f"two excitations have the name '{names[-1]}'; names must differ")
+            t.refuse("", f"two excitations have the name '{names[-1]}'; names must differ")
     return out
 
 
@@ -181,7 +196,11 @@ def channels_of_labels(
         except UffError:
             node, d = -1, 0
         if node not in nodes or not 1 <= abs(d) <= 3:
-            raise top.error("", f"there is no [[{what}]], and the channel '{label}' of the measured files does not say where it is; give [[{what}]]")
+            top.refuse(
+                "",
+                f"there is no [[{what}]], and the channel '{label}' of the measured files does "
+                f"not say where it is; give [[{what}]]",
+            )
         direction = np.sign(d) * np.eye(3)[abs(d) - 1]
         sensor = _placed(top, geometry, Sensor(label, nodes[node], direction), notes)
         out.append(Channel(sensor, top, label, node))

@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ class Source:
     lines: dict[Path, int]
 
     def place(self, path: Path) -> str:
-        """Return ``file, line, key`` of a path; of the nearest table around it where it is not in the file."""
+        """Return ``file, line, key`` of a path; of the table around it where it is not in the file."""
         known = path
         while known and known not in self.lines:
             known = known[:-1]
@@ -59,6 +59,10 @@ class Table:
         """Return an error at a key, or at the table for an empty key."""
         return self.source.error((*self.path, key) if key else self.path, text)
 
+    def refuse(self, key: str, text: str) -> NoReturn:
+        """Raise an error at a key, or at the table for an empty key."""
+        raise self.error(key, text)
+
     @contextmanager
     def at(self, key: str = "") -> Iterator[None]:
         """Give the place of a key to errors of the layers below."""
@@ -81,7 +85,7 @@ class Table:
             if key not in self._known:
                 close = difflib.get_close_matches(key, self._known, 1, 0.6)
                 hint = f"did you mean '{close[0]}'? " if close else ""
-                raise self.error(key, f"unknown key; {hint}allowed are {', '.join(sorted(self._known))}")
+                self.refuse(key, f"unknown key; {hint}allowed are {', '.join(sorted(self._known))}")
 
     def get(self, key: str, default: Any = MISSING) -> Any:
         """Return a value as it is."""
@@ -89,11 +93,17 @@ class Table:
         if key in self.values:
             return self.values[key]
         if default is MISSING:
-            raise self.error("", f"'{key}' is missing")
+            self.refuse("", f"'{key}' is missing")
         return default
 
     def number(
-        self, key: str, default: Any = MISSING, *, above: float | None = None, least: float | None = None, unit: str = ""
+        self,
+        key: str,
+        default: Any = MISSING,
+        *,
+        above: float | None = None,
+        least: float | None = None,
+        unit: str = "",
     ) -> float:
         """Return a finite number, above or at least a bound."""
         value = self.get(key, default)
@@ -104,7 +114,7 @@ class Table:
         words = {"a number above 0": "a positive number"}.get(words, words) + (f" [{unit}]" if unit else "")
         ok = _is_number(value) and (above is None or value > above) and (least is None or value >= least)
         if not ok:
-            raise self.error(key, f"{_shown(value)} is not allowed; {words} is needed")
+            self.refuse(key, f"{_shown(value)} is not allowed; {words} is needed")
         return float(value)
 
     def whole(self, key: str, default: Any = MISSING, least: int = 1) -> int:
@@ -113,7 +123,7 @@ class Table:
         if value is default and default is not MISSING:
             return value
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise self.error(key, f"{_shown(value)} is not allowed; a whole number of at least {least} is needed")
+            self.refuse(key, f"{_shown(value)} is not allowed; a whole number of at least {least} is needed")
         return value
 
     def text(self, key: str, default: Any = MISSING, choices: Sequence[str] = ()) -> str:
@@ -122,16 +132,16 @@ class Table:
         if value is default and default is not MISSING:
             return value
         if not isinstance(value, str) or not value.strip():
-            raise self.error(key, f"{_shown(value)} is not allowed; a text is needed")
+            self.refuse(key, f"{_shown(value)} is not allowed; a text is needed")
         if choices and value not in choices:
-            raise self.error(key, f"{_shown(value)} is not allowed; {suggest(value, choices)}")
+            self.refuse(key, f"{_shown(value)} is not allowed; {suggest(value, choices)}")
         return value
 
     def flag(self, key: str, default: bool) -> bool:
         """Return true or false."""
         value = self.get(key, default)
         if not isinstance(value, bool):
-            raise self.error(key, f"{_shown(value)} is not allowed; true or false is needed")
+            self.refuse(key, f"{_shown(value)} is not allowed; true or false is needed")
         return value
 
     def vector(self, key: str, default: Any = MISSING, size: int | None = 3, unit: str = "m") -> Any:
@@ -149,7 +159,7 @@ class Table:
         if isinstance(value, str):
             value = value.replace(",", " ").split()
         if not isinstance(value, list) or not all(isinstance(v, str) for v in value) or not value:
-            raise self.error(key, f"{_shown(value)} is not allowed; a list of texts is needed")
+            self.refuse(key, f"{_shown(value)} is not allowed; a list of texts is needed")
         return tuple(value)
 
     def matrix(self, key: str, size: int = 6) -> NDArray[np.float64]:
@@ -162,21 +172,23 @@ class Table:
         if array.shape == (size,):
             array = np.diag(array)
         if array.shape != (size, size) or not np.isfinite(array).all():
-            raise self.error(key, f"{size} rows of {size} numbers, or the {size} numbers of a diagonal, are needed")
+            self.refuse(
+                key, f"{size} rows of {size} numbers, or the {size} numbers of a diagonal, are needed"
+            )
         return array
 
     def table(self, key: str) -> "Table":
         """Return a table, empty where there is none."""
         value = self.get(key, {})
         if not isinstance(value, dict):
-            raise self.error(key, f"{_shown(value)} is not allowed; a table, [{key}], is needed")
+            self.refuse(key, f"{_shown(value)} is not allowed; a table, [{key}], is needed")
         return Table(self.source, (*self.path, key), value)
 
     def tables(self, key: str) -> list["Table"]:
         """Return an array of tables."""
         value = self.get(key, [])
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
-            raise self.error(key, f"an array of tables is needed: write [[{key}]] over each")
+            self.refuse(key, f"an array of tables is needed: write [[{key}]] over each")
         return [Table(self.source, (*self.path, key, i), v) for i, v in enumerate(value)]
 
     def named(self) -> Iterator[tuple[str, "Table"]]:
@@ -188,7 +200,7 @@ class Table:
 def as_vector(table: Table, key: str, value: Any, size: int | None, unit: str) -> NDArray[np.float64]:
     """Return a list of finite numbers as an array."""
     if not isinstance(value, list) or not all(_is_number(v) for v in value) or (size and len(value) != size):
-        raise table.error(key, f"{_shown(value)} is not allowed; {size or 'some'} numbers [{unit}] are needed")
+        table.refuse(key, f"{_shown(value)} is not allowed; {size or 'some'} numbers [{unit}] are needed")
     return np.array(value, dtype=float)
 
 

@@ -1,6 +1,6 @@
-"""Turn the nominal.json of an independent case into a study file: python -m tests.independent.convert nominal.json study.toml
+"""Turn an independent case into a study file: python -m tests.independent.convert nominal.json study.toml
 
-What the analyst knows beforehand, and nothing else: truth.json is never opened. What is not understood is an error.
+It reads what the analyst knows beforehand, and never truth.json. What is not understood is an error.
 """
 
 import argparse
@@ -13,10 +13,26 @@ from pathlib import Path
 import numpy as np
 
 KNOWN = {
-    "case", "structure", "units", "material", "points", "members", "joints", "supports", "preload", "sensors",
-    "sensors_note", "excitations", "frequency", "response", "damping_guess_modal", "tolerances", "files", "levels_N",
+    "case",
+    "structure",
+    "units",
+    "material",
+    "points",
+    "members",
+    "joints",
+    "supports",
+    "preload",
+    "sensors",
+    "sensors_note",
+    "excitations",
+    "frequency",
+    "response",
+    "damping_guess_modal",
+    "tolerances",
+    "files",
+    "levels_N",
     "files_note",
-}  # fmt: skip
+}
 SHAPES = {
     "rect": ("rectangle", ("b", "h")),
     "rhs": ("hollow_rectangle", ("b", "h", "t")),
@@ -79,14 +95,19 @@ def convert(nominal, folder, target):
     points = {name: [float(x) for x in xyz] for name, xyz in nominal["points"].items()}
     material = only(nominal["material"], {"name", "E", "nu", "rho", "loss_factor"}, "material")
     supports = supports_of(nominal)
-    members = {m["name"]: only(m, {"name", "end1", "end2", "section"}, f"member {m['name']}") for m in nominal["members"]}
+    members = {
+        m["name"]: only(m, {"name", "end1", "end2", "section"}, f"member {m['name']}")
+        for m in nominal["members"]
+    }
     zones = rigid_zones(nominal["joints"], members, [points[s["point"]] for s in supports])
     parts = [
         block("[study]", name=nominal["case"], description=nominal["structure"]),
         block(f"[materials.{material['name']}]", **{k: v for k, v in material.items() if k != "name"}),
         block("[damping]", modal=nominal["damping_guess_modal"]),
         uncertain(nominal),
-        block("[points]", **{toml(n): xyz for n, xyz in points.items() if n in used_points(nominal, supports)}),
+        block(
+            "[points]", **{toml(n): xyz for n, xyz in points.items() if n in used_points(nominal, supports)}
+        ),
         *(member_block(m, zones.get(m["name"], {})) for m in members.values()),
         *(joint_block(j, members) for j in nominal["joints"] if isinstance(nominal["joints"], list)),
         *(block("[[supports]]", **s) for s in supports),
@@ -94,7 +115,9 @@ def convert(nominal, folder, target):
         *(excitation_block(e, nominal) for e in nominal["excitations"]),
         *measurement_blocks(nominal, folder, target),
     ]
-    return f"# {nominal['case']}: written by tests/independent/convert.py from nominal.json\n\n" + "\n".join(parts)
+    return f"# {nominal['case']}: written by tests/independent/convert.py from nominal.json\n\n" + "\n".join(
+        parts
+    )
 
 
 def used_points(nominal, supports):
@@ -135,7 +158,7 @@ def supports_of(nominal):
 
 
 def rigid_zones(joints, members, held):
-    """Return the rigid end zones that the text about welded joints states, at member ends that meet another member."""
+    """Return the rigid end zones that the text on joints states, at member ends that meet another member."""
     if isinstance(joints, list):
         return {}
     if not re.search(r"all .*connections welded \(rigid\)", joints):
@@ -164,25 +187,43 @@ def distance(xyz, a, b):
 def member_block(m, zones):
     s, name = m["section"], m["name"]
     if s.get("type") not in SHAPES:
-        refuse(f"member {name}: section type '{s.get('type')}' is not understood; known are {', '.join(SHAPES)}")
+        refuse(
+            f"member {name}: section type '{s.get('type')}' is not understood; known are {', '.join(SHAPES)}"
+        )
     shape, sizes = SHAPES[s["type"]]
     only(s, {"type", *sizes, *CONSTANTS, "h_direction", "Iy_note"}, f"member {name}, section")
     if "Iy_note" in s and "Iy: bending in the vertical plane" not in s["Iy_note"]:
         refuse(f"member {name}: '{s['Iy_note']}' is not understood")
     orientation = s.get("h_direction")
     if isinstance(orientation, str):
-        orientation = [0, 0, 1] if orientation == "vertical" else refuse(f"member {name}: h_direction '{orientation}' is not understood")
+        orientation = (
+            [0, 0, 1]
+            if orientation == "vertical"
+            else refuse(f"member {name}: h_direction '{orientation}' is not understood")
+        )
     section = {"shape": shape} | {k: s[k] for k in (*sizes, *CONSTANTS) if k in s}
     return block(
         f"[members.{toml(name) if not re.fullmatch(r'[A-Za-z0-9_-]+', name) else name}]",
         **{"from": [float(x) for x in m["end1"]], "to": [float(x) for x in m["end2"]]},
-        section=section, orientation=orientation, **zones,
-    )  # fmt: skip
+        section=section,
+        orientation=orientation,
+        **zones,
+    )
 
 
 def joint_block(j, members):
-    only(j, {"name", "type", "member1", "s1", "member2", "s2", "location", "note", "k"}, f"joint {j.get('name')}")
-    keys = {"name": j["name"], "member1": j["member1"], "position1": j["s1"], "member2": j["member2"], "position2": j["s2"]}
+    only(
+        j,
+        {"name", "type", "member1", "s1", "member2", "s2", "location", "note", "k"},
+        f"joint {j.get('name')}",
+    )
+    keys = {
+        "name": j["name"],
+        "member1": j["member1"],
+        "position1": j["s1"],
+        "member2": j["member2"],
+        "position2": j["s2"],
+    }
     for member in (j["member1"], j["member2"]):
         if member not in members:
             refuse(f"joint {j['name']}: there is no member {member}")
@@ -192,7 +233,10 @@ def joint_block(j, members):
             refuse(f"joint {j['name']}: it is rigid and has k")
         return block("[[joints]]", j["type"], **keys, rigid="all")
     if not j["type"].startswith("elastic, 6 uncoupled springs in global directions"):
-        refuse(f"joint {j['name']}: type '{j['type']}' is not understood; 'rigid …' and 'elastic, 6 uncoupled springs in global directions …' are")
+        refuse(
+            f"joint {j['name']}: type '{j['type']}' is not understood; 'rigid …' and 'elastic, "
+            "6 uncoupled springs in global directions …' are"
+        )
     rest = j["type"].removeprefix("elastic, 6 uncoupled springs in global directions").strip(" ,")
     found = re.fullmatch(r"loss factor (\d*\.?\d+)", rest)
     if rest and not found:
@@ -216,7 +260,9 @@ def sensor_blocks(nominal, points, members):
         keys = {"node": node, "point": str(node)}
         if name:
             (s,) = sensors
-            keys = {"name": name} | keys | {"direction": s["direction"], "sign": -1 if s["sign"] == -1 else None}
+            keys = (
+                {"name": name} | keys | {"direction": s["direction"], "sign": -1 if s["sign"] == -1 else None}
+            )
         else:
             keys["directions"] = "".join(s["direction"] for s in sensors)
         out.append(block("[[sensors]]", **keys))
@@ -224,11 +270,13 @@ def sensor_blocks(nominal, points, members):
 
 
 def check_place(s, points, members):
-    """Refuse a sensor whose point is not on its member at its position, whichever way positions are counted."""
+    """Refuse a sensor whose point is not on its member at its position, in any way of counting positions."""
     node, member = str(s["node"]), s["member"]
     if node not in points or member not in members:
         refuse(f"sensor {s['name']}: there is no point {node}, or no member {member}")
-    xyz, a, b = (np.array(v, dtype=float) for v in (points[node], members[member]["end1"], members[member]["end2"]))
+    xyz, a, b = (
+        np.array(v, dtype=float) for v in (points[node], members[member]["end1"], members[member]["end2"])
+    )
     arc, length = float(np.linalg.norm(xyz - a)), float(np.linalg.norm(b - a))
     counted = (arc, arc / length, *xyz)
     if distance(xyz, a, b) > 1e-6 or min(abs(s["position"] - c) for c in counted) > 1e-6:
@@ -252,14 +300,18 @@ def measurement_blocks(nominal, folder, target):
         if re.fullmatch(r"(sub|joint6)_\w+\.uff", file):
             continue  # the parts by themselves: not a measurement of the assembly
         if not re.fullmatch(r"frf(_level\d+)?\.uff", file):
-            refuse(f"files: '{file}' is not understood; frf.uff, frf_levelN.uff, sub_*.uff and joint6_*.uff are")
+            refuse(
+                f"files: '{file}' is not understood; frf.uff, frf_levelN.uff, sub_*.uff and joint6_*.uff are"
+            )
         path = Path(os.path.relpath(Path(folder).resolve() / file, Path(target).resolve().parent)).as_posix()
         out.append(block("[[measurements]]", file=path, kind=kind, force_level=levels.get(file)))
     return out
 
 
 def main(argv=None):
-    parser = argparse.ArgumentParser(description="Turn the nominal.json of an independent case into a study file.")
+    parser = argparse.ArgumentParser(
+        description="Turn the nominal.json of an independent case into a study file."
+    )
     parser.add_argument("nominal", type=Path)
     parser.add_argument("study", type=Path)
     options = parser.parse_args(argv)

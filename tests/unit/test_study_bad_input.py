@@ -64,9 +64,21 @@ def test_the_good_one_is_good(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("rho = 7850", "rho = 7850\nrho2 = 1", ["line 4, materials.steel.rho2", "unknown key", "did you mean 'rho'?"]),
-        ("[materials.steel]", "[material.steel]", ["line 1, material:", "unknown key", "did you mean 'materials'?"]),
-        ("b = 0.03", "b = -0.03", ["line 12, members.bar.section.b: -0.03 is not allowed; a positive number [m]"]),
+        (
+            "rho = 7850",
+            "rho = 7850\nrho2 = 1",
+            ["line 4, materials.steel.rho2", "unknown key", "did you mean 'rho'?"],
+        ),
+        (
+            "[materials.steel]",
+            "[material.steel]",
+            ["line 1, material:", "unknown key", "did you mean 'materials'?"],
+        ),
+        (
+            "b = 0.03",
+            "b = -0.03",
+            ["line 12, members.bar.section.b: -0.03 is not allowed; a positive number [m]"],
+        ),
         ("b = 0.03", 'b = "3 cm"', ["line 12, members.bar.section.b", "a positive number [m]"]),
         ("b = 0.03", "b = nan", ["line 12, members.bar.section.b: nan"]),
         ("b = 0.03", "b = true", ["line 12, members.bar.section.b: True"]),
@@ -77,33 +89,85 @@ def test_the_good_one_is_good(tmp_path, capsys):
         ("E = 210e9", "E = 0", ["line 2, materials.steel.E: 0 is not allowed"]),
         ("E = 210e9", "E = 210e9\nnu = 0.7", ["line 1, materials.steel", "nu is 0.7"]),
         ("E = 210e9", "E = 210 GPa", ["study.toml", "line 2"]),
-        ("[materials.steel]", "[materials.lead]\nE = 1e9\nrho = 1e4\n[materials.steel]", ["'bar' has no material"]),
-        ("section = {", 'material = "stel"\nsection = {', ["line 12, members.bar.material", "no material 'stel'"]),
+        (
+            "[materials.steel]",
+            "[materials.lead]\nE = 1e9\nrho = 1e4\n[materials.steel]",
+            ["'bar' has no material"],
+        ),
+        (
+            "section = {",
+            'material = "stel"\nsection = {',
+            ["line 12, members.bar.material", "no material 'stel'"],
+        ),
         ('to = "B"', 'to = "Q"', ["line 11, members.bar.to: there is no point 'Q'", "allowed are A, B"]),
         ('to = "B"', "to = [1, 0]", ["line 11, members.bar.to: [1, 0] is not allowed; 3 numbers [m]"]),
         ('to = "B"', "to = [0, 0, 0]", ["line 9, members.bar: the member has no length"]),
         ("B = [1, 0, 0]", "B = [1, 0, inf]", ["line 7, points.B"]),
-        ('to = "B"', 'to = "B"\norientation = "x"', ["orientation"]),
-        ('to = "B"', 'to = "B"\norientation = "w"', ["line 12, members.bar.orientation", "'w' is not a direction"]),
-        ('to = "B"', 'to = "B"\nrigid1 = 0.6\nrigid2 = 0.6', ["members.bar: the rigid end zones", "1.2 m long together"]),
+        (
+            'to = "B"',
+            'to = "B"\norientation = "x"',
+            ["line 12, members.bar.orientation", "parallel to its axis"],
+        ),
+        (
+            'to = "B"',
+            'to = "B"\norientation = "w"',
+            ["line 12, members.bar.orientation", "'w' is not a direction"],
+        ),
+        (
+            'to = "B"',
+            'to = "B"\nrigid1 = 0.6\nrigid2 = 0.6',
+            ["members.bar: the rigid end zones", "1.2 m long together"],
+        ),
         ('to = "B"', 'to = "B"\nelements = 0', ["line 12, members.bar.elements: 0", "at least 1"]),
         ('to = "B"', 'to = "B"\ntheory = "bernoulli"', ["members.bar.theory", "euler-bernoulli"]),
-        ('[[supports]]\npoint = "A"', '[[supports]]\npoint = "Z"', ["line 15, supports[1].point: there is no point 'Z'"]),
-        ('[[supports]]\npoint = "A"', "[[supports]]\npoint = [0, 1, 0]", ["supports[1].point", "not on the structure"]),
-        ('point = "A"', 'point = "A"\nfixed = "x q"', ["line 16, supports[1].fixed", "'q' is not a direction"]),
+        (
+            '[[supports]]\npoint = "A"',
+            '[[supports]]\npoint = "Z"',
+            ["line 15, supports[1].point: there is no point 'Z'"],
+        ),
+        (
+            '[[supports]]\npoint = "A"',
+            "[[supports]]\npoint = [0, 1, 0]",
+            ["supports[1].point", "not on the structure"],
+        ),
+        (
+            'point = "A"',
+            'point = "A"\nfixed = "x q"',
+            ["line 16, supports[1].fixed", "'q' is not a direction"],
+        ),
         ('point = "A"', 'point = "A"\n[[supports]]\npoint = "A"', ["two effects have the name 'A'"]),
         ("[[supports]]", "[supports]", ["supports: an array of tables is needed: write [[supports]]"]),
-        ('point = "B"', "point = [1, 0, 0.5]", ["line 17, sensors[1]", "sensor 'tip'", "from the nearest member"]),
-        ('point = "B"', 'point = {member = "bar", position = 1.2}', ["sensors[1].point.position", "beyond the end"]),
-        ('point = "B"', 'point = {member = "baz", position = 1}', ["sensors[1].point.member", "did you mean 'bar'?"]),
+        (
+            'point = "B"',
+            "point = [1, 0, 0.5]",
+            ["line 17, sensors[1]", "sensor 'tip'", "from the nearest member"],
+        ),
+        (
+            'point = "B"',
+            'point = {member = "bar", position = 1.2}',
+            ["sensors[1].point.position", "beyond the end"],
+        ),
+        (
+            'point = "B"',
+            'point = {member = "baz", position = 1}',
+            ["sensors[1].point.member", "did you mean 'bar'?"],
+        ),
         ('point = "B"', "node = 7", ["sensors[1].node: there is no node 7"]),
         ('point = "B"', "", ["sensors[1]: a place is missing"]),
         ('direction = "z"', "direction = [0, 0, 0]", ["sensors[1].direction"]),
         ('direction = "z"', 'direction = "z"\nsign = 2', ["sensors[1].sign: 2"]),
-        ("[[excitations]]", '[[sensors]]\nname = "tip"\npoint = "A"\ndirection = "z"\n[[excitations]]', ["two sensors have the name 'tip'"]),
-        ('sensor = "tip"', 'sensor = "top"', ["excitations[1].sensor: there is no sensor 'top'", "did you mean 'tip'?"]),
+        (
+            "[[excitations]]",
+            '[[sensors]]\nname = "tip"\npoint = "A"\ndirection = "z"\n[[excitations]]',
+            ["two sensors have the name 'tip'"],
+        ),
+        (
+            'sensor = "tip"',
+            'sensor = "top"',
+            ["excitations[1].sensor: there is no sensor 'top'", "did you mean 'tip'?"],
+        ),
     ],
-)  # fmt: skip
+)
 def test_study(tmp_path, capsys, old, new, words):
     assert old in GOOD
     fails(tmp_path, capsys, GOOD.replace(old, new, 1), *words)
@@ -125,17 +189,20 @@ def test_study(tmp_path, capsys, old, new, words):
         ('[fit]\nheld_out = ["x"]', ["fit.held_out", "no excitation 'x'"]),
         ("[frequency]\nstart = 100\nstop = 10", ["frequency.start", "not below"]),
         ('[[masses]]\npoint = "B"', ["masses[1]: 'mass' is missing"]),
-        ('[[masses]]\npoint = "B"\nmass = 1\ninertia = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]', ["masses[1].inertia"]),
+        (
+            '[[masses]]\npoint = "B"\nmass = 1\ninertia = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]',
+            ["masses[1].inertia"],
+        ),
         ('[[joints]]\npoint1 = "A"\npoint2 = "B"', ["joints[1]: joint 'joint1' does nothing"]),
         ('[[joints]]\npoint1 = "A"\npoint2 = "A"\nrigid = "all"', ["joints[1]", "same point"]),
         ('[[joints]]\npoint1 = "B"\nk = {kxx = 1}', ["joints[1].k.kxx: unknown key"]),
         ('[[joints]]\npoint1 = "B"\nK = [[1, 2], [3, 4]]', ["joints[1].K", "6 rows of 6 numbers"]),
         ('[[joints]]\npoint1 = "B"\nname = "frame"\nrigid = "x"', ["two effects have the name 'frame'"]),
-        ('[candidates]\nkinds = [1]', ["candidates.kinds", "a list of texts"]),
+        ("[candidates]\nkinds = [1]", ["candidates.kinds", "a list of texts"]),
         ("[study]\nname = 3", ["study.name: 3 is not allowed; a text"]),
         ("study = 3", ["supports"]),
     ],
-)  # fmt: skip
+)
 def test_study_with_more(tmp_path, capsys, extra, words):
     if extra == "study = 3":  # a key of the last table, not of the file
         words = ["excitations[1].study: unknown key"]
@@ -162,12 +229,16 @@ def test_mechanisms(tmp_path, capsys):
     two = GOOD + '[members.apart]\nfrom = [0, 5, 0]\nto = [1, 5, 0]\nsection = {shape = "circle", d = 0.01}\n'
     fails(tmp_path, capsys, two, "2 parts that nothing connects", "apart")
     hinge = GOOD.replace('point = "A"', 'point = "A"\nfixed = "x y z rx rz"')
-    assert "mechanism" in fails(tmp_path, capsys, hinge.replace("B = [1, 0, 0]", "B = [1, 0, 0]\nC = [1, 0, 0]\nD = [2, 0, 0]")
+    assert "mechanism" in fails(
+        tmp_path,
+        capsys,
+        hinge.replace("B = [1, 0, 0]", "B = [1, 0, 0]\nC = [1, 0, 0]\nD = [2, 0, 0]")
         + '[members.b2]\nfrom = "C"\nto = "D"\nsection = {shape = "circle", d = 0.01}\n'
-        + '[[joints]]\npoint1 = "B"\npoint2 = "C"\nrigid = "x y z rx rz"\n')  # fmt: skip
+        + '[[joints]]\npoint1 = "B"\npoint2 = "C"\nrigid = "x y z rx rz"\n',
+    )
 
 
-# Measurements -------------------------------------------------------------------------------------------------------
+# Measurements -------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -242,7 +313,14 @@ def test_csv_without_its_kind(tmp_path, capsys, measured):
     write_csv(tmp_path / "m.csv", measured)
     body = (tmp_path / "m.csv").read_text(encoding="utf-8").split("\n", 1)[1]
     (tmp_path / "m.csv").write_text(body, encoding="utf-8")
-    fails(tmp_path, capsys, GOOD + FILE.replace("npz", "csv"), "measurements[1].file", "does not say the kind", "accelerance")
+    fails(
+        tmp_path,
+        capsys,
+        GOOD + FILE.replace("npz", "csv"),
+        "measurements[1].file",
+        "does not say the kind",
+        "accelerance",
+    )
 
 
 @pytest.mark.parametrize(
@@ -253,10 +331,16 @@ def test_csv_without_its_kind(tmp_path, capsys, measured):
         ("force_level = -1", ["measurements[1].force_level: -1"]),
         ("scale = 0", ["measurements[1].scale"]),
         ('outputs = ["a", "b"]', ["measurements[1].outputs: 2 labels are given for the 1 outputs"]),
-        ('[[sensors]]\nname = "mid"\npoint = [0.5, 0, 0]\ndirection = "z"', ["sensors[2]: sensor 'mid' has no channel", "tip"]),
-        ('[[sensors]]\nname = "mid"\npoint = [0.5, 0, 0]\ndirection = "z"\nlabel = "tip"', ["both channel tip"]),
+        (
+            '[[sensors]]\nname = "mid"\npoint = [0.5, 0, 0]\ndirection = "z"',
+            ["sensors[2]: sensor 'mid' has no channel", "tip"],
+        ),
+        (
+            '[[sensors]]\nname = "mid"\npoint = [0.5, 0, 0]\ndirection = "z"\nlabel = "tip"',
+            ["both channel tip"],
+        ),
     ],
-)  # fmt: skip
+)
 def test_measurement_keys(tmp_path, capsys, measured, extra, words):
     fails(tmp_path, capsys, GOOD + FILE + extra + "\n", *words)
 
@@ -267,14 +351,40 @@ def test_commands_that_need_more(tmp_path, capsys, measured):
     joint = GOOD + '[[joints]]\nname = "J"\npoint1 = "B"\nk = {kz = 1000}\n'
     asked = ("identify-joint", "--joint", "J", "--directions", "z")
     fails(tmp_path, capsys, joint, "no [[measurements]]", command=asked)
-    fails(tmp_path, capsys, joint + FILE, "no joint 'K'", command=("identify-joint", "--joint", "K", "--directions", "z"))
-    fails(tmp_path, capsys, joint + FILE, "'w' is not a direction", command=("identify-joint", "--joint", "J", "--directions", "w"))
-    fails(tmp_path, capsys, joint + FILE, "1 internal outputs cannot determine 2", command=("identify-joint", "--joint", "J", "--directions", "z,rx"))
+    fails(
+        tmp_path,
+        capsys,
+        joint + FILE,
+        "no joint 'K'",
+        command=("identify-joint", "--joint", "K", "--directions", "z"),
+    )
+    fails(
+        tmp_path,
+        capsys,
+        joint + FILE,
+        "'w' is not a direction",
+        command=("identify-joint", "--joint", "J", "--directions", "w"),
+    )
+    fails(
+        tmp_path,
+        capsys,
+        joint + FILE,
+        "1 internal outputs cannot determine 2",
+        command=("identify-joint", "--joint", "J", "--directions", "z,rx"),
+    )
 
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["mode"], ["modes"], ["modes", "x.toml", "--number", "0"], ["modes", "x.toml", "--max", "nan"], ["frf", "x.toml"], ["modes", "x", "--what"]],
+    [
+        [],
+        ["mode"],
+        ["modes"],
+        ["modes", "x.toml", "--number", "0"],
+        ["modes", "x.toml", "--max", "nan"],
+        ["frf", "x.toml"],
+        ["modes", "x", "--what"],
+    ],
 )
 def test_arguments(arguments, capsys):
     assert main(arguments) == 2

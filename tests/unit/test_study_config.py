@@ -90,7 +90,11 @@ def test_what_is_given_is_not_assumed(tmp_path):
 def test_default_elements_follow_the_shortest_wave(tmp_path, stop):
     study = load(tmp_path, BEAM + CLAMP + f"[frequency]\nstop = {stop}\n")
     p = study.model.effect("frame").members["bar"]
-    wave = 2 * np.pi * (p.material.E * p.section.Iy / (p.material.rho * p.section.A * (2 * np.pi * stop) ** 2)) ** 0.25
+    wave = (
+        2
+        * np.pi
+        * (p.material.E * p.section.Iy / (p.material.rho * p.section.A * (2 * np.pi * stop) ** 2)) ** 0.25
+    )
     assert study.model.mesh.lengths().max() <= min(wave / 12, 1 / 4) * (1 + 1e-9)
     assert element_size(p, stop) <= wave / 12 * (1 + 1e-12)
 
@@ -105,7 +109,11 @@ def test_finer_mesh_changes_frequencies_by_no_more_than_foreseen(tmp_path):
 
 
 def test_members_that_touch_are_welded_or_not(tmp_path):
-    cross = BEAM + '[members.post]\nfrom = [0.4, 0, 0]\nto = [0.4, 0, 0.5]\nsection = {shape = "circle", d = 0.01}\n' + CLAMP
+    cross = (
+        BEAM
+        + '[members.post]\nfrom = [0.4, 0, 0]\nto = [0.4, 0, 0.5]\nsection = {shape = "circle", d = 0.01}\n'
+        + CLAMP
+    )
     study = load(tmp_path, cross)
     bar, post = (set(study.model.mesh.member_points(name)) for name in ("bar", "post"))
     assert len(bar & post) == 1
@@ -116,9 +124,13 @@ def test_members_that_touch_are_welded_or_not(tmp_path):
 
 
 def test_two_points_at_one_place_may_be_a_hinge(tmp_path):
-    text = BEAM.replace('B = [1, 0, 0]', 'B = [1, 0, 0]\nC = [1, 0, 0]\nD = [2, 0, 0]')
-    text += '[members.bar2]\nfrom = "C"\nto = "D"\nsection = {shape = "rectangle", b = 0.03, h = 0.01}\n' + CLAMP
-    hinge = '[[joints]]\nname = "hinge"\npoint1 = "B"\npoint2 = "C"\nrigid = "x y z rx rz"\nk = {kry = 0.001}\n'
+    text = BEAM.replace("B = [1, 0, 0]", "B = [1, 0, 0]\nC = [1, 0, 0]\nD = [2, 0, 0]")
+    text += (
+        '[members.bar2]\nfrom = "C"\nto = "D"\nsection = {shape = "rectangle", b = 0.03, h = 0.01}\n' + CLAMP
+    )
+    hinge = (
+        '[[joints]]\nname = "hinge"\npoint1 = "B"\npoint2 = "C"\nrigid = "x y z rx rz"\nk = {kry = 0.001}\n'
+    )
     study = load(tmp_path, text + hinge)
     (joint,) = study.model.of_kind(Joint)
     assert joint.point1 != joint.point2
@@ -127,9 +139,17 @@ def test_two_points_at_one_place_may_be_a_hinge(tmp_path):
 
 
 def test_joint_between_places_on_members(tmp_path):
-    text = BEAM + '[members.over]\nfrom = [0.5, -0.5, 0.02]\nto = [0.5, 0.5, 0.02]\nsection = {shape = "circle", d = 0.02}\n'
-    text += '[[joints]]\nname = "J"\nmember1 = "over"\nposition1 = "middle"\nmember2 = "bar"\nposition2 = 0.5\n'
-    text += "k = { kx = 1e6, ky = 1e6, kz = 1e6, krx = 10, kry = 10, krz = 10 }\neta = 0.1\nM = [0.1, 0.1, 0.1, 0, 0, 0]\n"
+    text = (
+        BEAM + "[members.over]\nfrom = [0.5, -0.5, 0.02]\nto = [0.5, 0.5, 0.02]\nsection = {shape = "
+        '"circle", d = 0.02}\n'
+    )
+    text += (
+        '[[joints]]\nname = "J"\nmember1 = "over"\nposition1 = "middle"\nmember2 = "bar"\nposition2 = 0.5\n'
+    )
+    text += (
+        "k = { kx = 1e6, ky = 1e6, kz = 1e6, krx = 10, kry = 10, krz = 10 }\neta = 0.1\nM "
+        "= [0.1, 0.1, 0.1, 0, 0, 0]\n"
+    )
     text += "[uncertain]\njoints = 0.1\n[uncertain.joint.J]\nkrx = 0.5\neta = 1.0\n"
     study = load(tmp_path, text)
     joint = study.model.effect("J")
@@ -145,19 +165,24 @@ def test_joint_between_places_on_members(tmp_path):
         ('{shape = "hollow_rectangle", b = 0.04, h = 0.06, t = 0.002}', 0.04 * 0.06 - 0.036 * 0.056),
         ('{shape = "circle", d = 0.02}', np.pi * 0.02**2 / 4),
         ('{shape = "tube", d = 0.02, t = 0.001}', np.pi * (0.02**2 - 0.018**2) / 4),
-        ('{shape = "i_section", b = 0.05, h = 0.1, tf = 0.004, tw = 0.003}', 2 * 0.05 * 0.004 + 0.092 * 0.003),
+        (
+            '{shape = "i_section", b = 0.05, h = 0.1, tf = 0.004, tw = 0.003}',
+            2 * 0.05 * 0.004 + 0.092 * 0.003,
+        ),
         ("{A = 1e-4, Iy = 1e-9, Iz = 2e-9, J = 1e-9}", 1e-4),
         ('{shape = "circle", d = 0.02, A = 3e-4}', 3e-4),
     ],
 )
 def test_sections(tmp_path, section, area):
     study = load(tmp_path, BEAM.replace('{ shape = "rectangle", b = 0.03, h = 0.01 }', section) + CLAMP)
-    assert study.model.effect("frame").members["bar"].section.A == pytest.approx(area, rel=1e-12)
+    assert pytest.approx(area, rel=1e-12) == study.model.effect("frame").members["bar"].section.A
 
 
 def test_members_of_a_mesh_file_and_their_groups(tmp_path):
     points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    write_mesh(Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3]], {"legs": [0, 2], "top": [1]}), tmp_path / "m.inp")
+    write_mesh(
+        Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3]], {"legs": [0, 2], "top": [1]}), tmp_path / "m.inp"
+    )
     text = """
 [mesh]
 file = "m.inp"
@@ -184,12 +209,16 @@ point = [0, 0, 0]
     legs = study.model.mesh.members_of("legs")
     assert len(legs) == 2
     assert {frame.members[name].section.A for name in legs} == {np.pi * 0.03**2 / 4}
-    assert frame.members["top"].section.A == np.pi * 0.02**2 / 4
+    assert np.pi * 0.02**2 / 4 == frame.members["top"].section.A
     assert [len(study.model.mesh.members[name]) for name in legs] == [6, 6]
 
 
 def test_rigid_end_zones_fit_into_their_elements(tmp_path):
-    zones = BEAM.replace('to = "B"', 'to = "B"\nrigid1 = 0.03\nrigid2 = 0.02') + CLAMP + "[frequency]\nstop = 9000\n"
+    zones = (
+        BEAM.replace('to = "B"', 'to = "B"\nrigid1 = 0.03\nrigid2 = 0.02')
+        + CLAMP
+        + "[frequency]\nstop = 9000\n"
+    )
     study = load(tmp_path, zones)
     shorter = BEAM.replace("B = [1, 0, 0]", "B = [0.97, 0, 0]") + CLAMP + "[frequency]\nstop = 9000\n"
     # the zone at the clamp stands still; the one at the tip is stiff and has mass
@@ -197,21 +226,31 @@ def test_rigid_end_zones_fit_into_their_elements(tmp_path):
 
 
 def test_masses_and_damping(tmp_path):
-    text = BEAM + CLAMP + '[[masses]]\npoint = "B"\nmass = 2.0\ninertia = 0.001\n[damping]\nalpha = 1.0\nbeta = 1e-6\n'
+    text = (
+        BEAM
+        + CLAMP
+        + '[[masses]]\npoint = "B"\nmass = 2.0\ninertia = 0.001\n[damping]\nalpha = 1.0\nbeta = 1e-6\n'
+    )
     study = load(tmp_path, text)
-    assert frequencies(study)[0] == pytest.approx(np.sqrt(3 * 210e9 * 2.5e-9 / (2.0 + 33 / 140 * 2.355)) / 2 / np.pi, rel=2e-3)
-    table = load(tmp_path, BEAM + CLAMP + "[damping]\nmodal = {frequency = [10, 100], ratio = [0.01, 0.02]}\n")
+    assert frequencies(study)[0] == pytest.approx(
+        np.sqrt(3 * 210e9 * 2.5e-9 / (2.0 + 33 / 140 * 2.355)) / 2 / np.pi, rel=2e-3
+    )
+    table = load(
+        tmp_path, BEAM + CLAMP + "[damping]\nmodal = {frequency = [10, 100], ratio = [0.01, 0.02]}\n"
+    )
     assert table.model.damping.ratio_at(55) == pytest.approx(0.015)
 
 
-# Sensors and measurements --------------------------------------------------------------------------------------------
+# Sensors and measurements -------------------------------------------------------------------------------
 
 
 def measured(study, frequency=None, kind="accelerance"):
     frequency = np.arange(5.0, 400.0, 2.0) if frequency is None else frequency
     rows = (sensor_rows(study.model, s) for s in (study.sensors, study.excitations))
     H = compute_frf(assemble(study.model), frequency, *rows, kind).H
-    return FRF.from_arrays(frequency, H, kind, [s.name for s in study.sensors], [s.name for s in study.excitations])
+    return FRF.from_arrays(
+        frequency, H, kind, [s.name for s in study.sensors], [s.name for s in study.excitations]
+    )
 
 
 def test_a_measurement_gets_the_sensors_names(tmp_path):
@@ -250,7 +289,10 @@ def test_sensors_may_be_left_to_the_universal_file(tmp_path):
 
 
 def test_compact_sensors(tmp_path):
-    text = BEAM + CLAMP + '[[sensors]]\npoints = ["A", [0.5, 0, 0], {member = "bar", position = "end"}]\nnames = ["a", "b", "c"]\ndirections = "xz"\n'
+    text = (
+        BEAM + CLAMP + '[[sensors]]\npoints = ["A", [0.5, 0, 0], {member = "bar", position = "end"}]\nnames '
+        '= ["a", "b", "c"]\ndirections = "xz"\n'
+    )
     study = load(tmp_path, text)
     assert [s.name for s in study.sensors] == ["ax", "az", "bx", "bz", "cx", "cz"]
     np.testing.assert_allclose([s.point[0] for s in study.sensors], [0, 0, 0.5, 0.5, 1, 1])

@@ -70,7 +70,11 @@ def test_line_of(path, start):
     assert TEXT.splitlines()[key_lines(TEXT)[path] - 1].startswith(start)
 
 
-SCALARS = st.one_of(st.integers(-99, 99), st.booleans(), st.sampled_from(['"a]b"', "'}'", '"""x\ny"""', "''", '"\\""', "1e-3"]))
+SCALARS = st.one_of(
+    st.integers(-99, 99),
+    st.booleans(),
+    st.sampled_from(['"a]b"', "'}'", '"""x\ny"""', "''", '"\\""', "1e-3"]),
+)
 
 
 @st.composite
