@@ -14,7 +14,7 @@ from fem.modes import solve_modes
 from fem.system import assemble
 from study.config import Study, load_study
 from study.measured import sensor_rows
-from study.output import OutputError, Progress, result_folder, write_json
+from study.output import OutputError, Progress, check_writable, result_folder, write_json
 from study.table import StudyError
 
 Options = argparse.Namespace
@@ -47,6 +47,7 @@ def new(options: Options, progress: Progress) -> None:
 
 def modes(options: Options, progress: Progress) -> None:
     """Print natural frequencies; draw mode shapes."""
+    check_writable(options.json)
     study = load_study(options.study)
     progress("solving for modes")
     system = assemble(study.model)
@@ -106,9 +107,7 @@ def frf(options: Options, progress: Progress) -> None:
     if suffix not in writers:
         msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
         raise OutputError(msg)
-    if not options.out.parent.is_dir():
-        msg = f"{options.out}: there is no folder {options.out.parent} to write it into"
-        raise OutputError(msg)
+    check_writable(options.out, options.json)
     study = load_study(options.study)
     if not study.sensors or not study.excitations:
         missing = "sensors" if not study.sensors else "excitations"
@@ -184,6 +183,7 @@ def identify_joint(options: Options, progress: Progress) -> None:
     if options.out is not None and options.out.suffix.lower() != ".npz":
         msg = f"{options.out}: the result is written as .npz"
         raise OutputError(msg)
+    check_writable(options.out, options.json)
     study = load_study(options.study)
     progress("identifying the joint")
     found, directions = identify(

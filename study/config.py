@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fem.effects import candidate_kinds
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint
 from fem.model import DIRECTIONS, Effect, Model
@@ -347,4 +348,9 @@ class _Reader:
         t = self.top.table("candidates")
         kinds, exclude = t.texts("kinds", None), t.texts("exclude", ())
         t.finish()
+        known = candidate_kinds()
+        for key, words in (("kinds", kinds or ()), ("exclude", exclude)):
+            for word in words:
+                if word not in known:
+                    t.refuse(key, f"there is no kind of effect '{word}'; {suggest(word, known)}")
         return kinds, exclude

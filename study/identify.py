@@ -24,8 +24,8 @@ def identify(
 
     The substructures are the study's model without the joint's stiffness and damping in these directions; in
     the others it keeps those of the study. Their receptances are those of the model with elastic springs k in
-    these directions, which are then taken out again, H = H' + H'_d (1/k - H'_dd)⁻¹ H'_d: so parts that nothing
-    else connects need no treatment of their own.
+    these directions, which are then taken out again, H = H' + H'_d (1/k - H'_dd)⁻¹ H'_d; so parts that
+    nothing else connects need no treatment of their own.
 
     Parameters
     ----------

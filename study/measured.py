@@ -172,7 +172,7 @@ def match(
     Raises
     ------
     StudyError
-        If a sensor or excitation is in no file, two share a channel, a file has none of them, or an FRF is zero.
+        If a sensor or excitation is in no file, two share a channel, a file has none, or an FRF is zero.
     """
     out = []
     used: set[str] = set()

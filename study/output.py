@@ -25,8 +25,8 @@ class OutputError(ValueError):
 def result_folder(path: Path, force: bool = False) -> Iterator[Path]:
     """Give a temporary folder beside ``path``, which takes its place when the block ends without an error.
 
-    A folder that an earlier run made is replaced. One with other files is refused, or with ``force`` kept: what
-    is new goes into it and replaces files of the same names.
+    A folder that an earlier run made is replaced. One with other files is refused, or with ``force`` kept:
+    what is new goes into it and replaces files of the same names.
 
     Raises
     ------
@@ -83,6 +83,25 @@ def _umask() -> int:
     return mask
 
 
+def check_writable(*paths: Path | None) -> None:
+    """Refuse files whose folder is not there, before anything is computed for them.
+
+    Raises
+    ------
+    OutputError
+        For the first of them, or for one that is a folder.
+    """
+    for path in paths:
+        if path is None or str(path) == "-":
+            continue
+        if not path.parent.is_dir():
+            msg = f"{path}: there is no folder {path.parent} to write it into"
+            raise OutputError(msg)
+        if path.is_dir():
+            msg = f"{path} is a folder; give a file"
+            raise OutputError(msg)
+
+
 def write_json(path: Path | None, data: Any) -> None:
     """Write data as JSON to a file, whole or not at all; to standard output for ``-``; nowhere for None."""
     if path is None:
@@ -91,9 +110,7 @@ def write_json(path: Path | None, data: Any) -> None:
     if str(path) == "-":
         sys.stdout.write(text)
         return
-    if not path.parent.is_dir():
-        msg = f"{path}: there is no folder {path.parent} to write it into"
-        raise OutputError(msg)
+    check_writable(path)
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
 

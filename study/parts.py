@@ -49,7 +49,7 @@ def read_sections(top: Table) -> dict[str, Section]:
 
 
 def read_section(t: Table, label: str = "") -> Section:
-    """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz; these go before the shape's own."""
+    """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz, which go before it."""
     shape = t.text("shape", "", tuple(SHAPES))
     constants = ("A", "Iy", "Iz", "J")
     if not shape:
