@@ -16,6 +16,9 @@ from fem.system import System
 Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
 """DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
 
+LOCAL_DAMPING = 48
+"""A contribution to the damping that touches more DOFs than this is not local: members with a loss factor, not dampers."""
+
 
 class FRFKind(StrEnum):
     """Response per unit force: displacement, velocity or acceleration."""
@@ -211,8 +214,9 @@ def compute_frf(
 ) -> FRF:
     """Compute frequency response functions.
 
-    ``"reduced"`` projects the system on its modes up to 1.5 times the highest frequency and on four block-Krylov vectors of each
-    input, which makes the result exact at low frequency and leaves an error far below one part in 10⁴ elsewhere.
+    ``"reduced"`` projects the system on its modes up to 1.5 times the highest frequency and on six block-Krylov vectors of each
+    input and of each motion that a local damper resists, which makes the result exact at low frequency and leaves an error of
+    about 10⁻⁶ of an FRF's root mean square at the highest.
     ``"direct"`` factorises Z(ω) at every line; it takes local, Rayleigh and structural damping, not modal ratios.
 
     Parameters
@@ -295,7 +299,7 @@ def _reduced_receptance(
 ) -> NDArray[np.complex128]:
     damping = system.model.damping
     highest = max(float(frequency[-1]), 1.0)
-    basis = reduced_basis(system, inn, highest, margin=1.5, n_krylov=4)
+    basis = reduced_basis(system, np.hstack([inn, _damped_motions(system)]), highest, margin=1.5, n_krylov=6)
     V = system.Q.T @ basis.T[:, : basis.n_main]
     K, M, C, D = (V.T @ (X @ V) for X in (system.K, system.M, system.C, system.D))
     lam, phi = sla.eigh(K, M)
@@ -321,6 +325,25 @@ def _reduced_receptance(
         except np.linalg.LinAlgError:
             H[k] = np.inf
     return H
+
+
+def _damped_motions(system: System) -> NDArray[np.float64]:
+    """Return the forces of local dampers, shape (n_dof, n): for each, an orthonormal basis of the range of its C and D.
+
+    Damping of whole members (a material's loss factor) follows the stiffness there and needs none.
+    """
+    columns = [np.zeros((system.model.n_dof, 0))]
+    for part in system.model.contributions():
+        damping = [X for X in (part.C, part.D) if X is not None and X.any()]
+        if not damping or part.dofs.size > LOCAL_DAMPING:
+            continue
+        for dofs, *matrices in zip(part.dofs, *damping, strict=True):
+            U, s, _ = np.linalg.svd(np.hstack([X / max(np.abs(X).max(), 1e-300) for X in matrices]))
+            keep = s > 1e-12 * s[0]
+            forces = np.zeros((system.model.n_dof, int(keep.sum())))
+            np.add.at(forces, dofs, U[:, keep])
+            columns.append(forces)
+    return np.hstack(columns)
 
 
 def _direct_receptance(

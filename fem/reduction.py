@@ -67,28 +67,44 @@ def reduced_basis(
     """
     pairs = solve_eigenpairs(system, max_frequency=margin * max_frequency)
     columns = [pairs.vectors]
-    load = system.Q.T @ forces
-    for _ in range(n_krylov if forces.shape[1] else 0):
-        response = pairs.factor.solve(np.asarray(load))
-        columns.append(response / np.maximum(np.linalg.norm(response, axis=0), 1e-300))
-        load = system.M @ columns[-1]
+    load = np.asarray(system.Q.T @ forces)
+    for _ in range(n_krylov):
+        # Without the modes: each step amplifies the lowest, which would drown what they leave behind.
+        response = _without(system, pairs.vectors, pairs.factor.solve(load))
+        if not response.shape[1]:
+            break
+        columns.append(response)
+        load = system.M @ response
     main = system.Q @ _orthonormal(system, columns)
     released = _constraint_modes(system, pairs, release)
     T = np.hstack([main, released])
     return Basis(T, main.shape[1], tuple(c.key for c in release), pairs.vectors.shape[1], pairs.n_rigid)
 
 
+def _without(system: System, V: NDArray[np.float64], block: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return columns of M-norm 1 without their part in M-orthonormal V; those that V contains but for rounding are dropped."""
+
+    def size(X: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, system.M @ X), 0.0))
+
+    before = size(block)
+    for _ in range(2):
+        block = block - V @ (V.T @ (system.M @ block))
+    after = size(block)
+    keep = after > 1e-9 * before
+    return block[:, keep] / after[keep]
+
+
 def _orthonormal(system: System, columns: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return M-orthonormal columns that span the given ones; modes come first and stay as they are."""
     V = columns[0]
     for block in columns[1:]:
-        for _ in range(2):
-            block = block - V @ (V.T @ (system.M @ block))
-        gram = block.T @ (system.M @ block)
-        scale = 1 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        eigenvalues, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+        block = _without(system, V, block)[:, : system.n_free - V.shape[1]]
+        if not block.shape[1]:
+            continue
+        eigenvalues, vectors = np.linalg.eigh(block.T @ (system.M @ block))
         keep = eigenvalues > 1e-10 * eigenvalues[-1]
-        block = block @ (scale[:, None] * vectors[:, keep] / np.sqrt(eigenvalues[keep]))
+        block = block @ (vectors[:, keep] / np.sqrt(eigenvalues[keep]))
         block = block - V @ (V.T @ (system.M @ block))
         L = np.linalg.cholesky(block.T @ (system.M @ block))
         V = np.hstack([V, np.linalg.solve(L, block.T).T])
