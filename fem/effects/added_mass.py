@@ -57,7 +57,7 @@ class AddedMass(Effect):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PointMass(Effect):
-    """A mass on the axis of a member at a position that may be estimated.
+    """A mass on the line of a member at a position that may be estimated.
 
     Attributes
     ----------

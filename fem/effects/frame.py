@@ -59,6 +59,9 @@ class _Lines:
     dofs: NDArray[np.int64]  # (b, 12)
     T: NDArray[np.float64]  # (b, 12, 12): local end displacements from global DOFs
     R: NDArray[np.float64]  # (b, 3, 3)
+    end: NDArray[np.float64]  # (b, 2, 3): from the nodes to the ends of the flexible part
+    span: NDArray[np.float64]  # length of the axis between the nodes' offsets
+    skip: NDArray[np.float64]  # length of the rigid zone at the first end
     L: NDArray[np.float64]  # flexible length
     A: NDArray[np.float64]
     Iy: NDArray[np.float64]
@@ -132,9 +135,17 @@ class Frame(Effect):
         """Return the local axes of each line as rows, shape (n_lines, 3, 3)."""
         R = np.zeros((mesh.n_lines, 3, 3))
         for name, rows in mesh.members.items():
-            t = mesh.points[mesh.lines[rows, 1]] - mesh.points[mesh.lines[rows, 0]]
-            R[rows] = local_axes(t, self._of(name).orientation, name)
+            R[rows] = self._axis(mesh, name)[1]
         return R
+
+    def _axis(self, mesh: Mesh, member: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the offsets of a member's points (n + 1, 3), and the local axes (n, 3, 3) and lengths (n,) of its lines' axes."""
+        p, chain = self._of(member), mesh.members[member]
+        s = mesh.member_positions(member)
+        at = p.offset1 + (s / s[-1])[:, None] * (p.offset2 - p.offset1)
+        # Offsets that change along the member turn its axis against the line.
+        t = mesh.points[mesh.lines[chain, 1]] - mesh.points[mesh.lines[chain, 0]] + np.diff(at, axis=0)
+        return at, local_axes(t, p.orientation, member), np.linalg.norm(t, axis=1)
 
     def _of(self, member: str) -> MemberProperties:
         try:
@@ -149,7 +160,7 @@ class Frame(Effect):
         wanted[rows] = True
         n = mesh.n_lines
         R = np.zeros((n, 3, 3))
-        end = np.zeros((n, 2, 3))  # from the node to the end of the flexible part
+        end, span, skip = np.zeros((n, 2, 3)), np.ones(n), np.zeros(n)
         names = ("A", "Iy", "Iz", "Ip", "J", "ky", "kz")
         columns = {key: np.ones(n) for key in (*names, "nu", "rotary")}
         E, rho, eta = (np.zeros(n, dtype=np.result_type(float, *map(type, self.values.values()))) for _ in range(3))
@@ -157,19 +168,19 @@ class Frame(Effect):
             if not wanted[chain].any():
                 continue
             p = self._of(member)
-            t = mesh.points[mesh.lines[chain, 1]] - mesh.points[mesh.lines[chain, 0]]
-            R[chain] = local_axes(t, p.orientation, member)
-            s = mesh.member_positions(member)
-            at = p.offset1 + (s / s[-1])[:, None] * (p.offset2 - p.offset1)
+            at, R[chain], span[chain] = self._axis(mesh, member)
             end[chain, 0], end[chain, 1] = at[:-1], at[1:]
-            for k, zone, line in ((0, p.rigid1, chain[0]), (1, -p.rigid2, chain[-1])):
-                if abs(zone) >= 0.999 * np.linalg.norm(t[0 if k == 0 else -1]):
+            room = span.copy()
+            for k, zone, line in ((0, p.rigid1, chain[0]), (1, p.rigid2, chain[-1])):
+                room[line] -= zone
+                if room[line] <= 0.001 * span[line]:
                     msg = (
-                        f"member '{member}': the rigid end zone of {abs(zone):g} m does not fit into the element at "
-                        f"that end ({np.linalg.norm(t[0 if k == 0 else -1]):g} m); use larger elements"
+                        f"member '{member}': the rigid end zone of {zone:g} m does not fit into the element at "
+                        f"that end ({span[line]:g} m); use larger elements"
                     )
                     raise ModelError(msg)
-                end[line, k] += zone * R[line, 0]
+                end[line, k] += (1 - 2 * k) * zone * R[line, 0]
+            skip[chain[0]] = p.rigid1
             for key in names:
                 columns[key][chain] = getattr(p.section, key)
             timoshenko = p.theory == "timoshenko"
@@ -180,7 +191,7 @@ class Frame(Effect):
             E[chain] = self.values.get(f"E:{p.material.name}", p.material.E)
             rho[chain] = self.values.get(f"rho:{p.material.name}", p.material.rho)
             eta[chain] = p.material.loss_factor
-        R, end = R[rows], end[rows]
+        R, end, span, skip = R[rows], end[rows], span[rows], skip[rows]
         c = {key: value[rows] for key, value in columns.items()}
         line = mesh.lines[rows]
         axis = mesh.points[line[:, 1]] + end[:, 1] - mesh.points[line[:, 0]] - end[:, 0]
@@ -197,7 +208,7 @@ class Frame(Effect):
             return np.divide(12 * EG * I, k * c["A"] * L**2, out=np.zeros_like(L), where=k > 0)
 
         return _Lines(
-            rows=rows, dofs=dofs_of(line).reshape(len(rows), 12), T=T, R=R, L=L, **c,
+            rows=rows, dofs=dofs_of(line).reshape(len(rows), 12), T=T, R=R, end=end, span=span, skip=skip, L=L, **c,
             phi_y=shear(c["Iz"], c["ky"]), phi_z=shear(c["Iy"], c["kz"]), E=E[rows], rho=rho[rows], eta=eta[rows],
         )  # fmt: skip
 
@@ -226,8 +237,7 @@ class Frame(Effect):
             for zone, line, k in ((p.rigid1, chain[0], 0), (p.rigid2, chain[-1], 1)):
                 if zone == 0 or int(line) not in wanted:
                     continue
-                t = mesh.points[mesh.lines[line, 1]] - mesh.points[mesh.lines[line, 0]]
-                R = local_axes(t[None], p.orientation, member)[0]
+                R = self._axis(mesh, member)[1][-k]
                 rho = self.values.get(f"rho:{p.material.name}", p.material.rho)
                 s, A = p.section, p.section.A
                 arm = (p.offset1, p.offset2)[k] + (0.5 - k) * zone * R[0]
@@ -248,26 +258,18 @@ class Frame(Effect):
             u(place) = N u[dofs]; global axes, at the line of the mesh.
         """
         g = self._lines(mesh, [at.line for at in locations])
-        xi = np.array([at.xi for at in locations])
-        N = np.einsum("bij,bjk->bik", _shape(g, xi), g.T)
-        G = np.zeros((len(locations), 6, 6))
-        G[:, :3, :3] = G[:, 3:, 3:] = np.swapaxes(g.R, 1, 2)
-        return g.dofs, G @ N
+        return g.dofs, _motion(g, mesh, np.array([at.xi for at in locations]))
 
     def interpolate_slope(self, mesh: Mesh, locations: list[Location]) -> Array:
         """Return the derivative of :meth:`interpolate`'s N with respect to arc length, shape (n, 6, 12) [1/m]."""
         g = self._lines(mesh, [at.line for at in locations])
-        length = mesh.lengths()[g.rows]
-        xi = np.array([at.xi for at in locations]) + 1j * 1e-200 / length
-        slope = np.imag(_shape(g, xi)) / 1e-200 @ g.T
-        G = np.zeros((len(locations), 6, 6))
-        G[:, :3, :3] = G[:, 3:, 3:] = np.swapaxes(g.R, 1, 2)
-        return G @ slope
+        step = 1j * 1e-200 / mesh.lengths()[g.rows]
+        return np.imag(_motion(g, mesh, np.array([at.xi for at in locations]) + step)) / 1e-200
 
     def strain_energy_matrix(
         self, model: Model, member: str, start: Array, stop: Array, factors: ArrayLike = (1, 1, 1, 1, 1, 1)
     ) -> Contribution:
-        """Return the stiffness of the part of a member between two arc lengths; complex ends give derivatives.
+        """Return stiffness and structural damping of the part of a member between two arc lengths; complex ends give derivatives.
 
         Parameters
         ----------
@@ -287,12 +289,14 @@ class Frame(Effect):
         h = s[touched + 1] - s[touched]
         lo = np.array([(start - s[k]) if np.real(start) > s[k] else 0.0 for k in touched]) / h
         hi = np.array([(stop - s[k]) if np.real(stop) < s[k + 1] else h[i] for i, k in enumerate(touched)]) / h
+        lo, hi = _flexible(g, lo), _flexible(g, hi)
         K = 0.0
         for x, weight in zip(*_gauss(3), strict=True):
             B = _strain(g, lo + x * (hi - lo))
             scale = (weight * (hi - lo) * g.L)[:, None] * _rigidity(g) * np.asarray(factors)
             K = K + np.einsum("bki,bk,bkj->bij", B, scale, B, optimize=True)
-        return Contribution(g.dofs, _to_global(K, g.T))
+        K = _to_global(K, g.T)
+        return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
     def geometric_stiffness(self, model: Model, member: str, tension: Any) -> Contribution:
         """Return the geometric stiffness of a member under a constant tension N: ∫ N (v'² + w'²) dx."""
@@ -327,7 +331,7 @@ def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: st
 
 
 def _skew(v: NDArray[np.float64]) -> NDArray[np.float64]:
-    S = np.zeros((len(v), 3, 3))
+    S = np.zeros((len(v), 3, 3), dtype=v.dtype)
     S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
     return S - np.swapaxes(S, 1, 2)
 
@@ -361,6 +365,24 @@ def _plane(xi: Array, L: Array, phi: Array) -> tuple[Array, Array, Array, Array]
          (-6 * xi**2 + 6 * xi + phi) / L, 3 * xi**2 - (2 - phi) * xi - phi / 2]  # fmt: skip
     v, r, c, s = (np.stack([d * q for q in group], axis=1) for group in (v, r, c, s))
     return v, r, c, s
+
+
+def _flexible(g: _Lines, xi: Array) -> Array:
+    """Return the fraction of the flexible part at a fraction of the line; rigid zones are at 0 and 1. Complex steps pass."""
+    x = (xi * g.span - g.skip) / g.L
+    return np.where(np.real(x) < 0, 0.0, np.where(np.real(x) > 1, 1.0, x))
+
+
+def _motion(g: _Lines, mesh: Mesh, xi: Array) -> Array:
+    """Return the motion of places on the mesh's lines, global axes, from the DOFs, shape (b, 6, 12)."""
+    x = _flexible(g, xi)
+    G = np.zeros((len(xi), 6, 6))
+    G[:, :3, :3] = G[:, 3:, 3:] = np.swapaxes(g.R, 1, 2)
+    N = G @ _shape(g, x) @ g.T
+    ends = mesh.points[mesh.lines[g.rows]]
+    arm = xi[:, None] * (ends[:, 1] - ends[:, 0]) - g.end[:, 0] - (x * g.L)[:, None] * g.R[:, 0]
+    N[:, :3] = N[:, :3] - _skew(arm) @ N[:, 3:]
+    return N
 
 
 _Y = [1, 5, 7, 11]  # v and θz of both ends

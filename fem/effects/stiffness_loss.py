@@ -13,7 +13,7 @@ from fem.model import Contribution, Effect, Model, Parameter
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class StiffnessLoss(Effect):
-    """A fraction of the stiffness that is lost over a stretch of a member: ΔK = -loss ∫ BᵀEB dx.
+    """A fraction of the stiffness that is lost over a stretch of a member: ΔK = -loss ∫ BᵀEB dx, and the material's damping with it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class StiffnessLoss(Effect):
         part = frame.strain_energy_matrix(
             model, self.member, self.position - self.width / 2, self.position + self.width / 2
         )
-        return (Contribution(part.dofs, -self.loss * part.K),)
+        return (Contribution(part.dofs, -self.loss * part.K, D=None if part.D is None else -self.loss * part.D),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
         """Losses of 10 to 90 % at ten places along the member."""
