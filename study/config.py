@@ -33,6 +33,10 @@ DEFAULT_FREQUENCY = 1000.0
 """Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
 
 
+MOST_LINES = 1_000_000
+"""Frequency lines beyond which a mistake is taken for granted."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
     """A structure, what was measured on it, and what is uncertain.
@@ -202,7 +206,8 @@ class _Reader:
         for key in ("file", "scale", "merge_tolerance", "sets", "connect"):
             mesh_table.get(key, None)
         mesh_table.finish()
-        mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes)
+        with mesh_table.at():
+            mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes)
         if size is None and not all(any(v) for v in sizes.values()):
             notes.append(
                 "no element size is "
@@ -285,6 +290,10 @@ class _Reader:
             t.refuse("start", f"{start:g} Hz is not below stop, {stop:g} Hz")
         step = step or stop / 1000
         start = step if start is None else start
+        if (stop - start) / step > MOST_LINES:
+            t.refuse(
+                "step", f"{(stop - start) / step:.3g} lines of {step:g} Hz are too many; at most {MOST_LINES}"
+            )
         n = int(np.floor((stop - start) / step + 1e-9)) + 1
         return start + step * np.arange(n), max(stop, highest or 0.0)
 

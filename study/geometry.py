@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import MemberProperties
 from fem.io import read_mesh
-from fem.mesh import Mesh, merge_names
+from fem.mesh import Mesh, MeshError, merge_names
 from study.table import Table, as_vector, suggest
 
 TOUCH = 1e-6
 """Points nearer than this part of the structure's size are one place."""
+
+MOST_ELEMENTS = 20_000
+"""Elements of one member beyond which something in the study is taken for a mistake."""
 
 PER_BENDING_WAVE = 12
 """Elements per shortest bending wave: too stiff by (2π/12)⁴/1440 = 5e-5 in frequency there."""
@@ -244,6 +247,13 @@ def refine(
         else:
             given = own_size if own_size is not None else size
             h = given if given is not None else min(element_size(p, max_frequency), total / at_least)
+        if not total / h < MOST_ELEMENTS:
+            msg = (
+                f"member '{name}' would have {total / h:.3g} elements of {h:.3g} m up to {max_frequency:g} Hz; "
+                f"at most {MOST_ELEMENTS} are made: look at its section and material and at the frequency "
+                "range, or give element_size"
+            )
+            raise MeshError(msg)
         n = np.maximum(1, np.ceil(length[rows] / h - 1e-6)).astype(np.int64)
         for zone, k in ((p.rigid1, 0), (p.rigid2, -1)):
             if zone > 0:  # the zone must fit into the element at its end, with as much flexible length again

@@ -12,7 +12,7 @@ from fem.effects.frame import THEORIES, MemberProperties, local_axes
 from fem.effects.joint import Joint
 from fem.effects.support import Support
 from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Damping, direction_vector, directions_from
+from fem.model import DIRECTIONS, Damping
 from fem.properties import Material, Section
 from study.geometry import Geometry
 from study.table import Table, suggest
@@ -151,9 +151,7 @@ def _properties(
             )
         (section,) = sections.values()
     zero = np.zeros(3)
-    holder = chain.holder("orientation") or chain.own
-    with holder.at("orientation"):
-        orientation = read("orientation", lambda t: direction_vector(t.get("orientation")), None)
+    orientation = read("orientation", lambda t: t.direction("orientation"), None)
     return MemberProperties(
         material,
         section,
@@ -194,8 +192,7 @@ def read_supports(top: Table, geometry: Geometry) -> tuple[Support, ...]:
         point = geometry.point(t)
         value = t.get("point")
         name = t.text("name", value if isinstance(value, str) else f"support{len(out) + 1}")
-        with t.at("fixed"):
-            fixed = directions_from(t.get("fixed", "all"), "fixed")
+        fixed = t.directions("fixed", "all")
         if not fixed:
             t.refuse(
                 "fixed", "no direction is held; name some of x y z rx ry rz, all, translations, rotations"
@@ -221,10 +218,7 @@ def read_joints(top: Table, geometry: Geometry) -> tuple[Joint, ...]:
         points = geometry.mesh.points
         middle = points[point1] if point2 is None else (points[point1] + points[point2]) / 2
         location = geometry.coordinates(t, "location") if "location" in t else middle
-        rigid: tuple[str, ...] = ()
-        if "rigid" in t:
-            with t.at("rigid"):
-                rigid = directions_from(t.get("rigid"), "rigid")
+        rigid = t.directions("rigid", "")
         matrices = _joint_matrices(t)
         eta = t.number("eta", 0.0, least=0)
         t.finish()

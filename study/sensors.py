@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.uff import UffError, label_of, parse_label
-from fem.model import direction_vector
 from study.geometry import TOUCH, Geometry
 from study.table import Table, suggest
 from updating.measurement import Sensor, place_sensors
@@ -89,8 +88,7 @@ def _sensors_of(t: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) ->
         places = list(_places(t, geometry, nodes, many=False))
     for word_of_place, xyz, member, node in places:
         for word in words:
-            with t.at("directions" if "directions" in t else "direction"):
-                direction = sign * direction_vector(word)
+            direction = sign * t.direction("directions" if "directions" in t else "direction", word)
             name = t.text("name", f"{word_of_place}{word if isinstance(word, str) else ''}")
             if not name:
                 t.refuse("", "the sensor needs a name, for its place has none")

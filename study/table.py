@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.model import direction_vector, directions_from
 from study.lines import Path
 
 MISSING: Any = object()
@@ -162,6 +163,26 @@ class Table:
             self.refuse(key, f"{_shown(value)} is not allowed; a list of texts is needed")
         return tuple(value)
 
+    def direction(self, key: str, value: Any = MISSING) -> NDArray[np.float64]:
+        """Return a unit vector from ``"x"``, ``"-z"`` or three numbers, of the key or as given."""
+        value = self.get(key) if value is MISSING else value
+        if not isinstance(value, str):
+            value = as_vector(self, key, value, 3, "-")
+        with self.at(key):
+            return direction_vector(value)
+
+    def directions(self, key: str, default: Any = MISSING) -> tuple[str, ...]:
+        """Return some of x y z rx ry rz, from ``"all"``, ``"x ry"`` or a list."""
+        value = self.get(key, default)
+        if not isinstance(value, str | list):
+            self.refuse(
+                key,
+                f"{_shown(value)} is not allowed; all, translations, rotations or "
+                "some of x y z rx ry rz are needed",
+            )
+        with self.at(key):
+            return directions_from(value, key)
+
     def matrix(self, key: str, size: int = 6) -> NDArray[np.float64]:
         """Return a square matrix from rows or from its diagonal."""
         value = self.get(key)
@@ -213,7 +234,8 @@ def suggest(word: str, known: Iterable[str]) -> str:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+    # no quantity in SI units is larger; the powers of sizes must not overflow
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(abs(value) <= 1e30)
 
 
 def _shown(value: Any) -> str:

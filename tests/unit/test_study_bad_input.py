@@ -102,6 +102,9 @@ def test_the_good_one_is_good(tmp_path, capsys):
         ('to = "B"', 'to = "Q"', ["line 11, members.bar.to: there is no point 'Q'", "allowed are A, B"]),
         ('to = "B"', "to = [1, 0]", ["line 11, members.bar.to: [1, 0] is not allowed; 3 numbers [m]"]),
         ('to = "B"', "to = [0, 0, 0]", ["line 9, members.bar: the member has no length"]),
+        ("b = 0.03", "b = 1e-9", ["member 'bar' would have", "at most 20000"]),
+        ('point = "A"', 'point = "A"\nfixed = 3', ["line 16, supports[1].fixed: 3 is not allowed"]),
+        ('direction = "z"', "direction = {a = 1}", ["sensors[1].direction: {'a': 1} is not allowed"]),
         ("B = [1, 0, 0]", "B = [1, 0, inf]", ["line 7, points.B"]),
         (
             'to = "B"',
