@@ -249,9 +249,9 @@ def refine(
             h = given if given is not None else min(element_size(p, max_frequency), total / at_least)
         if not total / h < MOST_ELEMENTS:
             msg = (
-                f"member '{name}' would have {total / h:.3g} elements of {h:.3g} m up to {max_frequency:g} Hz; "
-                f"at most {MOST_ELEMENTS} are made: look at its section and material and at the frequency "
-                "range, or give element_size"
+                f"member '{name}' would have {total / h:.3g} elements of {h:.3g} m to reach "
+                f"{max_frequency:g} Hz; at most {MOST_ELEMENTS} are made: look at its section and material "
+                "and at the frequency range, or give element_size"
             )
             raise MeshError(msg)
         n = np.maximum(1, np.ceil(length[rows] / h - 1e-6)).astype(np.int64)

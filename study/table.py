@@ -234,8 +234,9 @@ def suggest(word: str, known: Iterable[str]) -> str:
 
 
 def _is_number(value: Any) -> bool:
-    # no quantity in SI units is larger; the powers of sizes must not overflow
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(abs(value) <= 1e30)
+    # no quantity in SI units is larger or smaller; powers of sizes must not overflow
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and (value == 0 or 1e-30 <= abs(value) <= 1e30)
 
 
 def _shown(value: Any) -> str:

@@ -1,7 +1,11 @@
 """Bad input ends in one clear line on stderr and exit code 2, and nothing is half-written."""
 
+import re
+
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from fem.frf import FRF
 from fem.io import write_csv, write_npz, write_uff
@@ -393,3 +397,21 @@ def test_commands_that_need_more(tmp_path, capsys, measured):
 def test_arguments(arguments, capsys):
     assert main(arguments) == 2
     assert "usage: dovetail" in capsys.readouterr().err
+
+
+ODD = (
+    "0", "-1", "1e300", "1e-300", "nan", "-inf", '""', '"x"', "[]", "[1]", "[nan, 0, 0]", "{}", "{a = 1}",
+    "true",
+    '"all"', "[[1, 2], [3]]", "1979-05-27", '{ member = "bar", position = "end" }',
+)  # fmt: skip
+VALUES = [m.span(1) for m in re.finditer(r"= (.+)$", GOOD, re.MULTILINE)]
+
+
+@given(st.sampled_from(VALUES), st.sampled_from(ODD))
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_no_value_is_a_fault_of_the_program(tmp_path, capsys, place, value):
+    (tmp_path / "odd.toml").write_text(GOOD[: place[0]] + value + GOOD[place[1] :], encoding="utf-8")
+    code = main(["modes", str(tmp_path / "odd.toml")])
+    said = capsys.readouterr().err
+    assert code in (0, 2), said
+    assert said.count("\n") == (code == 2)
