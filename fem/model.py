@@ -68,7 +68,7 @@ class Parameter:
     log : bool
         True if it is estimated on a logarithmic scale (positive quantities).
     linear : bool
-        True if K, M, C and D are affine functions of it, whatever the effect's other parameters are.
+        True if K, M, C and D are affine functions of all the effect's linear parameters together, the others fixed.
     """
 
     name: str

@@ -16,7 +16,7 @@ from fem.model import Contribution, Effect, Model, ParameterRef
 from fem.reduction import Basis, reduced_basis
 from fem.system import assemble, sum_contributions
 
-LOCAL_LIMIT = 24
+LOCAL_LIMIT = 60
 """Contributions that touch at most this many DOFs are kept in factored form."""
 
 _STEP = 1e-200
@@ -116,7 +116,13 @@ class ReducedModel:
 
 
 def reduce_model(
-    model: Model, forces: NDArray[np.float64], max_frequency: float, *, margin: float = 2.0, releasable: bool = True
+    model: Model,
+    forces: NDArray[np.float64],
+    max_frequency: float,
+    *,
+    margin: float = 2.0,
+    n_krylov: int = 1,
+    releasable: bool = True,
 ) -> ReducedModel:
     """Project a model on modes and attachment vectors.
 
@@ -129,12 +135,14 @@ def reduce_model(
         Highest frequency of interest [Hz].
     margin : float
         Modes are taken up to this multiple of it.
+    n_krylov : int
+        Attachment vectors for each force.
     releasable : bool
         Whether effects may release the model's constraints later.
     """
     system = assemble(model)
     release = model.constraints() if releasable else ()
-    return ReducedModel(model, reduced_basis(system, forces, max_frequency, margin=margin, release=release))
+    return ReducedModel(model, reduced_basis(system, forces, max_frequency, margin=margin, n_krylov=n_krylov, release=release))
 
 
 class ParametricFRF:
@@ -151,6 +159,8 @@ class ParametricFRF:
         The parameters that vary: of the model's effects or of the candidates.
     candidates : sequence of Effect
         Effects that are added to the model.
+    release : sequence of (str, str)
+        Keys of constraints that are released besides those that the candidates release.
     """
 
     def __init__(
@@ -161,13 +171,14 @@ class ParametricFRF:
         frequency: NDArray[np.float64],
         refs: Sequence[ParameterRef],
         candidates: Sequence[Effect] = (),
+        release: Sequence[tuple[str, str]] = (),
     ) -> None:
         basis = reduced.basis
         self.reduced = reduced
         self.refs = tuple(refs)
         self.omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         self._frequency = np.asarray(frequency, dtype=float)
-        released = {key for effect in candidates for key in effect.released()}
+        released = {key for effect in candidates for key in effect.released()} | set(release)
         columns = [basis.n_main + i for i, key in enumerate(basis.keys) if key in released]
         self._active = np.concatenate([np.arange(basis.n_main), np.array(columns, dtype=np.int64)])
         n = len(self._active)
@@ -260,33 +271,13 @@ class ParametricFRF:
             With respect to the damping ratio at that line.
         """
         total, slopes = self._matrices(np.asarray(values, dtype=float), gradient)
-        damping = self.reduced.model.damping
-        omega = self.omega
-        lam, V = sla.eigh(total["K"], total["M"], check_finite=False)
-        n_rigid = self.reduced.basis.n_rigid
-        near_zero = np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])
-        lam[:n_rigid] = np.where(near_zero, 0.0, lam[:n_rigid])
-        stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta) + 1j * omega * damping.beta
-        mass = 1j * omega * damping.alpha - omega**2
-        # Arrays over modes, DOFs and lines are kept as (rows, columns, lines): a product from the left is one GEMM.
-        inverse = 1 / (lam[:, None] * stiffness + mass)
-        Bo, Bi = V.T @ self._out, V.T @ self._in
-        inverse = inverse[:, None, :]
-        Xi = Bi[:, :, None] * inverse
-        Xo = Bo[:, :, None] * inverse if gradient else None
-        local = _range(total["C"], total["D"])
-        if local is not None:
-            U, C, D = local
-            Um = V.T @ U
-            S = 1j * (omega[:, None, None] * C + D)
-            G = np.moveaxis(_times(Um.T, Um[:, :, None] * inverse), 2, 0)
-            correct = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
-            Xi = _corrected(Xi, inverse, Um, correct)
-            if Xo is not None:
-                Xo = _corrected(Xo, inverse, Um, correct)
+        state = _State.of(self.reduced, total, self.omega, zeta)
+        Bo, Xi = state.V.T @ self._out, state.solve(self._in)
         H = np.moveaxis(_times(Bo.T, Xi), 2, 0)
-        if Xo is None:
+        if not gradient:
             return H, None, None
+        Xo, V, lam, omega = state.solve(self._out), state.V, state.lam, self.omega
+        stiffness, mass = state.stiffness, state.mass
         dH = np.zeros((len(self.refs), *H.shape), dtype=complex)
         Xot = np.ascontiguousarray(Xo.transpose(2, 1, 0))
         one = np.ones_like(stiffness)
@@ -306,18 +297,120 @@ class ParametricFRF:
         return H, dH, -2j * (Xot @ np.moveaxis(lam[:, None, None] * Xi, 2, 0))
 
 
+    def local(self, values: NDArray[np.float64], zeta: NDArray[np.float64]) -> "LocalChanges":
+        """Solve once, so that many changes at few DOFs can be tried at little cost each.
+
+        Parameters
+        ----------
+        values : ndarray (n_par,)
+            Values of the parameters ``refs``.
+        zeta : ndarray (n_freq,)
+            Damping ratio at each line [-].
+        """
+        total, _ = self._matrices(np.asarray(values, dtype=float), False)
+        state = _State.of(self.reduced, total, self.omega, zeta)
+        Xo, Xi = state.solve(self._out), state.solve(self._in)
+        H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
+        return LocalChanges(self, state, Xo, Xi, H)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalChanges:
+    """A solved state to which effects that touch few DOFs are added by low-rank updates.
+
+    Attributes
+    ----------
+    engine : ParametricFRF
+    state : _State
+    Xo, Xi : ndarray (r, n, n_freq)
+        Responses to unit forces at outputs and inputs.
+    H : ndarray (n_freq, n_out, n_in)
+        Receptances without the effects.
+    """
+
+    engine: ParametricFRF
+    state: "_State"
+    Xo: NDArray[np.complex128]
+    Xi: NDArray[np.complex128]
+    H: NDArray[np.complex128]
+
+    def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128] | None]:
+        """Return the receptances with each of some effects added, one at a time; None for one that touches too many DOFs.
+
+        H' = H - Hₒ ΔZ (I + G ΔZ)⁻¹ Hᵢ, with G the receptance of the touched DOFs. Effects at the same place share Hₒ, Hᵢ and G.
+        """
+        out: list[NDArray[np.complex128] | None] = []
+        state, omega = self.state, self.engine.omega
+        factors = {"K": state.stiffness, "M": state.mass, "C": 1j * omega, "D": np.full(len(omega), 1j)}
+        place: NDArray[np.float64] | None = None
+        uo = ui = G = np.zeros(0)
+        for effect in effects:
+            term = self.engine._restrict(self.engine.reduced.value_of(effect))
+            if term.L is None:
+                out.append(None)
+                continue
+            if place is None or place.shape != term.L.shape or not np.array_equal(place, term.L):
+                place = term.L
+                Lm = place @ state.V
+                uo, ui = np.moveaxis(_times(Lm, self.Xo), 2, 0), np.moveaxis(_times(Lm, self.Xi), 2, 0)
+                G = np.moveaxis(_times(Lm, state.solve(place.T)), 2, 0)
+            parts = [factors[key][:, None, None] * X for key in "KMCD" if (X := getattr(term, key)) is not None]
+            if not parts:
+                out.append(self.H)
+                continue
+            dZ = sum(parts[1:], parts[0])
+            out.append(self.H - np.swapaxes(uo, 1, 2) @ (dZ @ np.linalg.solve(np.eye(len(place)) + G @ dZ, ui)))
+        return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """A solved eigenproblem and the damping at each line: applies Z(ω)⁻¹ in modal coordinates."""
+
+    lam: NDArray[np.float64]
+    V: NDArray[np.float64]
+    stiffness: NDArray[np.complex128]
+    mass: NDArray[np.complex128]
+    inverse: NDArray[np.complex128]
+    U: NDArray[np.float64] | None
+    correct: NDArray[np.complex128] | None
+
+    @classmethod
+    def of(cls, reduced: ReducedModel, total: dict[str, Any], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> "_State":
+        damping = reduced.model.damping
+        lam, V = sla.eigh(total["K"], total["M"], check_finite=False)
+        n_rigid = reduced.basis.n_rigid
+        near_zero = np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])
+        lam[:n_rigid] = np.where(near_zero, 0.0, lam[:n_rigid])
+        stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta) + 1j * omega * damping.beta
+        mass = 1j * omega * damping.alpha - omega**2
+        # Arrays over modes, columns and lines are kept in this order: a product from the left is then one GEMM.
+        inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
+        local = _range(total["C"], total["D"])
+        if local is None:
+            return cls(lam, V, stiffness, mass, inverse, None, None)
+        U, C, D = local
+        Um = V.T @ U
+        S = 1j * (omega[:, None, None] * C + D)
+        G = np.moveaxis(_times(Um.T, Um[:, :, None] * inverse), 2, 0)
+        return cls(lam, V, stiffness, mass, inverse, Um, np.linalg.solve(np.eye(U.shape[1]) + S @ G, S))
+
+    def solve(self, B: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return Z⁻¹ B in modal coordinates, (r, n, n_freq), for forces B (r, n) on the reduced coordinates.
+
+        Local damping enters by Woodbury's identity, line by line.
+        """
+        X = (self.V.T @ B)[:, :, None] * self.inverse
+        if self.U is None:
+            return X
+        z = self.correct @ np.moveaxis(_times(self.U.T, X), 2, 0)
+        return X - self.inverse * _times(self.U, np.moveaxis(z, 0, 2))
+
+
 def _times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Multiply a real matrix (m, r) with a complex array (r, n, n_freq) over r, by one real product."""
     flat = np.ascontiguousarray(X).reshape(len(X), -1).view(float)
     return (A @ flat).view(complex).reshape(len(A), *X.shape[1:])
-
-
-def _corrected(
-    X: NDArray[np.complex128], inverse: NDArray[np.complex128], U: NDArray[np.float64], correct: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return X - Z⁻¹ U (I + S G)⁻¹ S Uᵀ X: Woodbury's identity for a change of low rank, line by line."""
-    z = correct @ np.moveaxis(_times(U.T, X), 2, 0)
-    return X - inverse * _times(U, np.moveaxis(z, 0, 2))
 
 
 def _range(C: Any, D: Any) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:

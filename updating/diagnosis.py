@@ -172,7 +172,9 @@ class Diagnosis:
 
 def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
     """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
-    columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
+    columns = [sensor_vectors(model, measurement.excitations)]
+    if len(measurement.sensors) <= 24:  # with many sensors the modes above the band do the same
+        columns.append(sensor_vectors(model, measurement.sensors))
     for joint in model.of_kind(Joint):
         dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
         held = [d not in joint.rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
@@ -394,41 +396,39 @@ def _find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitR
 
 
 def _round(
-    problem: FitProblem, current: FitResult, candidates: Sequence[Effect], say: Progress, n_refined: int = 8
+    problem: FitProblem, current: FitResult, candidates: Sequence[Effect], say: Progress, n_screened: int = 30, n_refined: int = 8
 ) -> tuple[tuple[Ranked, ...], FitResult | None]:
     """Fit every candidate quickly, the best of them fully; return all, best first, and the best fit."""
     if not candidates:
         return (), None
     have = list(current.effects)
     have_start = [{p.name: p.value for p in e.parameters()} for e in have]
-    bases = (current, problem.at_nominal(current))
-    all_lines, low_lines = problem.lines_up_to(np.inf, 50), problem.lines_up_to(problem.stages[0], 30)
-    screened: list[tuple[float, Effect, dict[str, float], FitResult]] = []
     quick = np.unique([problem.stages[0], problem.stages[-1]])
+    scanned: list[tuple[float, Effect, list[dict[str, float]]]] = []
     for i, effect in enumerate(candidates):
-        say(f"screening {_label(effect)}", 0.6 * i / len(candidates))
-        grid = effect.starts(problem.surroundings)
-        chosen: list[int] = []
-        for base in bases:
-            for lines in (all_lines, low_lines):
-                levels = problem.scan(base, [*have, effect], grid, lines)
-                chosen += [k for k in np.argsort(levels)[:2] if k not in chosen][:1]
-        for k in chosen[:3]:
-            start = grid[k]
+        say(f"scanning {_label(effect)}", 0.2 * i / len(candidates))
+        scanned.append((*_scan(problem, current, have, effect),))
+    scanned.sort(key=lambda s: s[0])
+    screened: list[tuple[float, Effect, dict[str, float], FitResult]] = []
+    for i, (_, effect, grid) in enumerate(scanned[:n_screened]):
+        say(f"screening {_label(effect)}", 0.2 + 0.4 * i / min(len(scanned), n_screened))
+        for start in grid:
             fit = problem.fit([*have, effect], [*have_start, start], stages=quick, n_lines=50, max_iterations=6, assess=False)
             screened.append((fit.level, effect, start, fit))
     screened.sort(key=lambda s: s[0])
     by_name: dict[str, list[tuple[float, Effect, dict[str, float], FitResult]]] = {}
     for entry in screened:
         by_name.setdefault(entry[1].name, []).append(entry)
-    finalists = list(by_name)[:n_refined]
+    near = [name for name, entries in by_name.items() if entries[0][0] < 1.8 * screened[0][0]]
+    finalists = list(by_name)[: int(np.clip(len(near), 3, n_refined))]
     fits: dict[str, FitResult] = {}
     for i, name in enumerate(finalists):
         effect = by_name[name][0][1]
         say(f"fitting {_label(effect)}", 0.6 + 0.4 * i / len(finalists))
-        # From the start that did best, and from where the quick fit ended.
         options = []
-        for _, _, start, quick_fit in by_name[name][:2]:
+        for level, _, start, quick_fit in by_name[name][:2]:
+            if options and level > 1.3 * by_name[name][0][0]:
+                continue
             options.append(problem.fit([*have, effect], [*have_start, start], assess=False))
             ended = {p.name: quick_fit.values[effect.name, p.name] for p in effect.parameters()}
             options.append(problem.fit([*have, effect], [*have_start, ended], assess=False))
@@ -446,6 +446,26 @@ def _round(
         )
     ranked.sort(key=lambda r: (not r.refined, r.level))
     return tuple(ranked), best
+
+
+def _scan(
+    problem: FitProblem, current: FitResult, have: Sequence[Effect], effect: Effect
+) -> tuple[float, Effect, list[dict[str, float]]]:
+    """Evaluate an effect on its grid, nuisance parameters as fitted and nominal, in the whole and the low band.
+
+    Returns the lowest level on the whole band and up to three points to start from.
+    """
+    grid = effect.starts(problem.surroundings)
+    chosen: list[int] = []
+    lowest = np.inf
+    for base in (current, problem.at_nominal(current)):
+        for lines in (problem.lines_up_to(np.inf, 50), problem.lines_up_to(problem.stages[0], 30)):
+            levels = problem.scan(base, [*have, effect], grid, lines)
+            order = np.argsort(levels)
+            chosen += [int(k) for k in order[:2] if k not in chosen][:1]
+            if len(lines) > 30:
+                lowest = min(lowest, float(levels[order[0]]))
+    return lowest, effect, [grid[k] for k in chosen[:3]]
 
 
 def _change(problem: FitProblem, fit: FitResult, base: FitResult) -> NDArray[np.complex128]:

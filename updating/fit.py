@@ -333,18 +333,22 @@ class FitProblem:
             Parameter values of the last effect.
         lines : ndarray of int
         """
-        last = effects[-1]
-        refs = [*base.values, *((last.name, p.name) for p in last.parameters())]
+        have, last = effects[:-1], effects[-1]
         outputs, inputs = self.vectors
         f = self.data.frequency[lines]
-        engine = ParametricFRF(self.reduced, outputs, inputs, f, refs, effects)
         zeta = np.exp(self.damping.hats(f) @ np.log(base.zeta))
         fixed = list(base.values.values())
+        refs = list(base.values)
+        engine = ParametricFRF(self.reduced, outputs, inputs, f, refs, have, release=last.released())
+        points = [last.with_values(**point) for point in grid]
+        receptances = engine.local(np.array(fixed), zeta).receptances(points)
         keep, weight = self.data.mask[lines], self.data.weight[lines]
         measured = self.data.H[lines] / base.gains[:, None]
         out = np.empty(len(grid))
-        for i, point in enumerate(grid):
-            H, _, _ = engine.evaluate(np.array(fixed + [point[p] for n, p in refs if n == last.name]), zeta, gradient=False)
+        for i, (point, H) in enumerate(zip(points, receptances, strict=True)):
+            if H is None:
+                whole = ParametricFRF(self.reduced, outputs, inputs, f, refs, (*have, point))
+                H, _, _ = whole.evaluate(np.array(fixed), zeta, gradient=False)
             r = np.abs((weight * log_ratio(H, measured))[keep])
             out[i] = np.sqrt(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1)))
         return out

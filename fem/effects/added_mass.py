@@ -111,7 +111,7 @@ class PointMass(Effect):
         lo, hi = self.span
         places = np.linspace(0.01, 0.99, 13)
         return tuple(
-            {"mass": f * self.scale, "position": float(lo + x * (hi - lo))} for f in (0.005, 0.02, 0.06, 0.2) for x in places
+            {"mass": f * self.scale, "position": float(lo + x * (hi - lo))} for x in places for f in (0.005, 0.02, 0.06, 0.2)
         )
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -1,7 +1,8 @@
 """The frame itself: two-node, 12-DOF beams along the members of a mesh."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -154,10 +155,13 @@ class Frame(Effect):
             msg = f"member '{member}' of the mesh has no material and section; given are {', '.join(self.members)}"
             raise ModelError(msg) from None
 
-    def _lines(self, mesh: Mesh, rows: ArrayLike | None = None) -> _Lines:
-        rows = np.arange(mesh.n_lines) if rows is None else np.asarray(rows, dtype=np.int64)
-        wanted = np.zeros(mesh.n_lines, dtype=bool)
-        wanted[rows] = True
+    def _lines(self, mesh: Mesh, rows: ArrayLike) -> _Lines:
+        whole = _all_lines(self, mesh)
+        rows = np.asarray(rows, dtype=np.int64)
+        return _Lines(**{f.name: getattr(whole, f.name)[rows] for f in fields(_Lines)})
+
+    def _build_lines(self, mesh: Mesh) -> _Lines:
+        rows = np.arange(mesh.n_lines)
         n = mesh.n_lines
         R = np.zeros((n, 3, 3))
         end, span, skip = np.zeros((n, 2, 3)), np.ones(n), np.zeros(n)
@@ -165,8 +169,6 @@ class Frame(Effect):
         columns = {key: np.ones(n) for key in (*names, "nu", "rotary")}
         E, rho, eta = (np.zeros(n, dtype=np.result_type(float, *map(type, self.values.values()))) for _ in range(3))
         for member, chain in mesh.members.items():
-            if not wanted[chain].any():
-                continue
             p = self._of(member)
             at, R[chain], span[chain] = self._axis(mesh, member)
             end[chain, 0], end[chain, 1] = at[:-1], at[1:]
@@ -191,9 +193,7 @@ class Frame(Effect):
             E[chain] = self.values.get(f"E:{p.material.name}", p.material.E)
             rho[chain] = self.values.get(f"rho:{p.material.name}", p.material.rho)
             eta[chain] = p.material.loss_factor
-        R, end, span, skip = R[rows], end[rows], span[rows], skip[rows]
-        c = {key: value[rows] for key, value in columns.items()}
-        line = mesh.lines[rows]
+        c, line = columns, mesh.lines
         axis = mesh.points[line[:, 1]] + end[:, 1] - mesh.points[line[:, 0]] - end[:, 0]
         L = np.einsum("bi,bi->b", axis, R[:, 0])
         T = np.zeros((len(rows), 12, 12))
@@ -209,7 +209,7 @@ class Frame(Effect):
 
         return _Lines(
             rows=rows, dofs=dofs_of(line).reshape(len(rows), 12), T=T, R=R, end=end, span=span, skip=skip, L=L, **c,
-            phi_y=shear(c["Iz"], c["ky"]), phi_z=shear(c["Iy"], c["kz"]), E=E[rows], rho=rho[rows], eta=eta[rows],
+            phi_y=shear(c["Iz"], c["ky"]), phi_z=shear(c["Iy"], c["kz"]), E=E, rho=rho, eta=eta,
         )  # fmt: skip
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -300,12 +300,30 @@ class Frame(Effect):
 
     def geometric_stiffness(self, model: Model, member: str, tension: Any) -> Contribution:
         """Return the geometric stiffness of a member under a constant tension N: ∫ N (v'² + w'²) dx."""
-        g = self._lines(model.mesh, model.mesh.members[member])
-        K = 0.0
-        for xi, weight in zip(*_gauss(4), strict=True):
-            S = _slope(g, np.full(len(g.L), xi))
-            K = K + weight * np.einsum("bki,b,bkj->bij", S, g.L * tension, S, optimize=True)
-        return Contribution(g.dofs, _to_global(K, g.T))
+        unit = _unit_tension(self, model, member)
+        return Contribution(unit.dofs, tension * unit.K)
+
+
+@lru_cache(maxsize=8)
+def _all_lines(frame: Frame, mesh: Mesh) -> _Lines:
+    """Return the geometry and properties of all lines, kept for the last few frames and meshes."""
+    return frame._build_lines(mesh)
+
+
+@lru_cache(maxsize=256)
+def member_contribution(frame: Frame, model: Model, member: str) -> tuple[Contribution, ...]:
+    """Return one member's stiffness, mass and structural damping, kept for the last few hundred members."""
+    return frame.contribution_of(model, model.mesh.members[member])
+
+
+@lru_cache(maxsize=256)
+def _unit_tension(frame: Frame, model: Model, member: str) -> Contribution:
+    g = frame._lines(model.mesh, model.mesh.members[member])
+    K = 0.0
+    for xi, weight in zip(*_gauss(4), strict=True):
+        S = _slope(g, np.full(len(g.L), xi))
+        K = K + weight * np.einsum("bki,b,bkj->bij", S, g.L, S, optimize=True)
+    return Contribution(g.dofs, _to_global(K, g.T))
 
 
 def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: str) -> NDArray[np.float64]:

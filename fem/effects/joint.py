@@ -106,7 +106,7 @@ class Joint(Effect):
         """The diagonal stiffnesses ``kx … krz`` of its elastic directions, the loss factor ``eta``, dampers ``cx … crz``."""
         k = np.diag(self.K)
         out = [
-            Parameter(f"k{d}", joint_unit(d), k[i], 0.0, 1e-6 * abs(k[i]), 1e6 * abs(k[i]), log=True, linear=np.real(self.eta) == 0)
+            Parameter(f"k{d}", joint_unit(d), k[i], 0.0, 1e-6 * abs(k[i]), 1e6 * abs(k[i]), log=True, linear=True)
             for i, d in enumerate(DIRECTIONS)
             if d in self.elastic
         ]

@@ -58,7 +58,7 @@ class StiffnessLoss(Effect):
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
         """Losses of 10 to 90 % at ten places along the member."""
         return tuple(
-            {"loss": f, "position": float(x * self.length)} for f in (0.1, 0.3, 0.6, 0.9) for x in np.linspace(0.06, 0.94, 10)
+            {"loss": f, "position": float(x * self.length)} for x in np.linspace(0.06, 0.94, 10) for f in (0.1, 0.3, 0.6, 0.9)
         )
 
     @classmethod
