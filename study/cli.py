@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from study import commands
+from study import commands, investigate
 from study.output import Progress
 
 OURS = ("fem", "updating", "joint", "viz", "study")
@@ -146,6 +146,53 @@ def build_parser() -> argparse.ArgumentParser:
             metavar="HZ",
             help=f"{text} (default: the measurement's lines, or [frequency])",
         )
+
+    p = command(
+        "run",
+        investigate.run,
+        "compare, locate, diagnose and write a report",
+        "dovetail run study.toml --out out/report",
+    )
+    p.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for report.html, result.json, frf.npz and pictures/",
+    )
+    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+
+    p = command(
+        "compare",
+        investigate.compare,
+        "compare the model's FRFs with the measured ones",
+        "dovetail compare study.toml --fitted",
+    )
+    p.add_argument("--fitted", action="store_true", help="fit the uncertain parameters first")
+    p.add_argument(
+        "--bands", type=_count, default=6, metavar="N", help="number of equal frequency bands (default 6)"
+    )
+
+    p = command(
+        "locate",
+        investigate.locate,
+        "find the sensors, bands and places that carry the misfit",
+        "dovetail locate study.toml",
+    )
+    p.add_argument(
+        "--bands", type=_count, default=6, metavar="N", help="number of equal frequency bands (default 6)"
+    )
+    p.add_argument(
+        "--number", type=_count, default=20, metavar="N", help="sensors and places to print (default 20)"
+    )
+
+    p = command(
+        "diagnose",
+        investigate.diagnose,
+        "find which effect the model lacks, without a report",
+        "dovetail diagnose study.toml",
+    )
+    p.add_argument("--number", type=_count, default=20, metavar="N", help="candidates to print (default 20)")
 
     p = command(
         "identify-joint",

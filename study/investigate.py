@@ -1,0 +1,175 @@
+"""What the commands compare, locate, diagnose and run do: load the study, search, print, write."""
+
+import argparse
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from study.commands import say
+from study.config import load_study
+from study.output import Progress, write_json
+
+if TYPE_CHECKING:
+    from updating.diagnosis import Diagnosis
+
+Options = argparse.Namespace
+
+
+def compare(options: Options, progress: Progress) -> None:
+    """Print how far the model's FRFs are from the measured ones."""
+    from study import result, run
+    from updating.correlation import compare as compare_frfs
+
+    study = load_study(options.study)
+    progress("reducing the model")
+    problem = run.fit_problem(study)
+    if options.fitted:
+        progress("fitting the uncertain parameters", 0.3)
+    found = problem.fit() if options.fitted else problem.nominal()
+    c = compare_frfs(result.measured_frf(problem), problem.frf(found), options.bands, problem.data.mask)
+    progress.close()
+    what = "with fitted parameters" if options.fitted else "nominal"
+    write_json(
+        options.json,
+        {"study": study.name, "model": what, **result.comparison_dict(c), "noise_db": problem.data.noise_db},
+    )
+    head = "  ".join(f"{word:>11}" for word in _band_names(c.bands))
+    width = _width(c.outputs)
+    say(
+        options,
+        f"{study.name}, {what}: error of the amplitude {c.total_db:.2f} dB, noise of the measurement {problem.data.noise_db:.2f} dB",
+        f"{'sensor':{width}}  {'all dB':>7}  {head}  {'least FRAC':>10}",
+        *(
+            f"{name:{width}}  {total:7.2f}  {'  '.join(f'{db:11.2f}' for db in row)}  {frac.min():10.3f}"
+            for name, total, row, frac in zip(c.outputs, c.by_sensor(), c.by_band(), c.frac, strict=True)
+        ),
+    )
+
+
+def locate(options: Options, progress: Progress) -> None:
+    """Print which sensors, bands, members and places carry the misfit."""
+    from study import result, run, words
+    from updating.localisation import locate as find_places
+
+    study = load_study(options.study)
+    progress("reducing the model")
+    problem = run.fit_problem(study)
+    progress("fitting the uncertain parameters", 0.2)
+    fitted = problem.fit()
+    progress("locating the misfit", 0.5)
+    where = find_places(problem, fitted, options.bands)
+    progress.close()
+    write_json(options.json, {"study": study.name, **result.localisation_dict(where)})
+    order = np.argsort(-np.nan_to_num(where.by_sensor_db), kind="stable")[: options.number]
+    head = "  ".join(f"{word:>11}" for word in _band_names(where.bands))
+    width = _width(where.sensors)
+    places = sorted(
+        [(f"member {m}", s) for m, s in where.members.items()] + list(where.places), key=lambda t: -t[1]
+    )
+    wide = _width([words.place(p) for p, _ in places])
+    say(
+        options,
+        f"{study.name}: {fitted.fit_db:.2f} dB once the uncertain parameters are fitted; sensors, the worst first",
+        f"{'sensor':{width}}  {'all dB':>7}  {head}",
+        *(
+            f"{where.sensors[i]:{width}}  {where.by_sensor_db[i]:7.2f}  {'  '.join(f'{db:11.2f}' for db in where.by_band_db[i])}"
+            for i in order
+        ),
+        "",
+        f"{'place':{wide}}  share of the misfit that a small change would explain",
+        *(f"{words.place(name):{wide}}  {100 * share:5.1f} %" for name, share in places[: options.number]),
+        "",
+        where.note,
+    )
+
+
+def diagnose(options: Options, progress: Progress) -> None:
+    """Print what is missing and how all candidates did."""
+    from study import result, run, words
+    from updating.correlation import DB_PER_NEPER
+
+    study = load_study(options.study)
+    found = run.diagnose_study(study, progress)
+    progress.close()
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            **result.diagnosis_dict(found),
+            "notes": list(found.notes),
+            "seconds": found.seconds,
+        },
+    )
+    lines = [f"{study.name}: {found.verdict}; {found.reason}", *_found(found), "", *_staircase(found)]
+    for k, ranked in enumerate(found.rounds):
+        shown = ranked[: options.number]
+        width = _width([words.ranked_label(r) for r in shown])
+        lines += [
+            "",
+            f"round {k + 1}, {len(shown)} of {len(ranked)} candidates",
+            f"{'':{width}}  level dB  fitted dB  held-out dB  similarity",
+            *(
+                f"{words.ranked_label(r):{width}}  {r.level * DB_PER_NEPER:8.2f}  {r.fit_db:9.2f}  {r.held_out_db:11.2f}  "
+                f"{r.similarity:10.2f}  {words.parameters_text(r.parameters)}{'' if r.refined else ' (quick fit)'}"
+                for r in shown
+            ),
+        ]
+    say(options, *lines, *(f"note: {note}" for note in found.notes))
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Do the whole loop and print the verdict."""
+    from study import run as loop
+    from study import words
+    from study.result import result_dict
+
+    study = load_study(options.study)
+    done = loop.run(study, options.out, progress, force=options.force)
+    progress.close()
+    write_json(options.json, result_dict(done))
+    say(
+        options,
+        f"{study.name}: {done.diagnosis.verdict}",
+        words.headline(done),
+        *_found(done.diagnosis),
+        "",
+        *_staircase(done.diagnosis, done.held_out_inputs),
+        *(f"note: {note}" for note in done.notes),
+        "",
+        str(done.report),
+    )
+
+
+def _found(d: "Diagnosis") -> list[str]:
+    """Return found effects with values and twins, and sensor faults, a line each."""
+    from study import words
+
+    out = []
+    for f in d.findings:
+        out.append(f"  {words.finding_text(f)}")
+        if f.twins:
+            out.append(f"    cannot be told from: {'; '.join(words.ranked_label(t) for t in f.twins)}")
+    return [*out, *(f"  {words.fault_text(f)}" for f in d.faults)]
+
+
+def _staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> list[str]:
+    """Return the table of errors after each step."""
+    held_out = held_out or {}
+    width = _width([s.label for s in d.steps])
+    names = "".join(f"  {'excitation ' + n:>16}" for n in held_out)
+    rows = [
+        f"{s.label:{width}}  {s.fit_db:9.2f}  {s.held_out_db:11.2f}"
+        + "".join(f"  {db[k]:16.2f}" for db in held_out.values())
+        for k, s in enumerate(d.steps)
+    ]
+    floor = f"{'noise floor':{width}}  {d.noise_floor_db:9.2f}"
+    return [f"{'error after each step':{width}}  fitted dB  held-out dB{names}", *rows, floor]
+
+
+def _width(names: Iterable[str]) -> int:
+    return max([len(n) for n in names] + [21])
+
+
+def _band_names(bands: np.ndarray) -> list[str]:
+    return [f"{a:.4g}-{b:.4g}" for a, b in zip(bands[:-1], bands[1:], strict=True)]

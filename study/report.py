@@ -1,0 +1,663 @@
+"""The report: one HTML file with everything in it, for an engineer who has not seen the study before."""
+
+import ast
+import importlib
+import inspect
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from fem.io.atomic import replacing
+from study import words
+from study.page import Markup, bullets, facts, folded, image, join, page, paragraph, section, table, tag
+from study.pictures import Album, Picture, held_out_bands
+from study.result import RunResult, Uncertain, program_version
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Finding, Ranked
+from updating.fit import FitData
+
+CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
+
+MODULES = ("updating.diagnosis", "updating.fit", "updating.faults")
+"""Modules whose constants decide the verdict; the report lists them."""
+
+
+def write_report(result: RunResult, album: Album, path: Path) -> None:
+    """Write the report, whole or not at all."""
+    with replacing(path) as scratch:
+        scratch.write_text(report_html(result, album), encoding="utf-8")
+
+
+def report_html(result: RunResult, album: Album) -> str:
+    """Return the report as one HTML page that loads nothing else."""
+    parts = [
+        _verdict(result, album),
+        _compared(result, album),
+        _misfit(result, album),
+        _missing(result),
+        _search(result, album),
+        _frfs(result, album),
+        _modes(result, album),
+        _uncertain(result),
+        _faults(result),
+        _notes(result, album),
+        _assumptions(result),
+        _about(result),
+    ]
+    return page(f"{result.study.name}: {result.diagnosis.verdict}", *parts)
+
+
+def _figure(picture: Picture | None) -> Markup:
+    return image(picture.file, picture.alt, picture.caption) if picture else Markup()
+
+
+# -------------------------------------------------------------------------------------------------- verdict
+
+
+def _verdict(result: RunResult, album: Album) -> Markup:
+    d, study = result.diagnosis, result.study
+    values = [tag("p", words.finding_text(f), class_="value") for f in d.findings]
+    box = tag(
+        "div",
+        tag("p", f"Verdict: {d.verdict}", class_="kind"),
+        tag("p", words.headline(result), class_="sentence"),
+        *values,
+        class_=f"verdict {CLASS.get(d.verdict, 'unexplained')}",
+    )
+    more = [tag("p", study.description)] if study.description else []
+    advice = [tag("h3", "What would help"), bullets(words.advice(result))] if d.verdict == UNEXPLAINED else []
+    return tag(
+        "header",
+        tag("h1", study.name),
+        *more,
+        box,
+        tag("h3", "How sure"),
+        bullets(words.confidence(result)),
+        _figure(album["staircase"]),
+        _steps(result),
+        *advice,
+    )
+
+
+def _steps(result: RunResult) -> Markup:
+    d = result.diagnosis
+    head = ["step", "fitted lines [dB]", "held-out lines [dB]", "residual level [dB]"]
+    rows = [
+        [
+            s.label,
+            _db(s.fit_db),
+            _db(s.held_out_db),
+            _db(s.level * DB_PER_NEPER),
+            *(_db(e[k]) for e in result.held_out_inputs.values()),
+        ]
+        for k, s in enumerate(d.steps)
+    ]
+    head += [f"excitation {name}, held out [dB]" for name in result.held_out_inputs]
+    return join(
+        [
+            table(head, rows, numbers=range(1, len(head))),
+            paragraph(
+                "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level also counts the phase and weighs outliers less; "
+                "it is what fits minimise and candidates are ranked by."
+            ),
+        ]
+    )
+
+
+def _db(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "–"
+
+
+# ------------------------------------------------------------------------------------------- what was compared
+
+
+def _compared(result: RunResult, album: Album) -> Markup:
+    d, study = result.diagnosis, result.study
+    data = d.problem.data
+    rows = []
+    for m in study.measurements:
+        f = m.frf.frequency
+        force = f"{m.force_level:g}" if m.force_level else "–"
+        rows.append(
+            [
+                m.name,
+                str(m.frf.kind),
+                m.frf.kind.unit,
+                len(m.frf.outputs),
+                len(m.frf.inputs),
+                m.frf.n_freq,
+                f"{f[0]:g} to {f[-1]:g}",
+                force,
+            ]
+        )
+    head = ["data", "kind", "unit", "responses", "forces", "lines", "band [Hz]", "force [N]"]
+    mesh = study.model.mesh
+    return section(
+        "What was compared",
+        _figure(album["structure"]),
+        table(head, rows, numbers=(3, 4, 5), caption="Measured FRFs"),
+        facts(
+            [
+                (
+                    "band compared",
+                    f"{data.frequency[0]:g} to {data.frequency[-1]:g} Hz, {data.frequency.size} lines",
+                ),
+                ("held out", _held_out_words(result)),
+                ("values that count", _counted(data)),
+                ("noise", f"{d.noise_db:.2f} dB, estimated from the scatter between neighbouring lines"),
+                (
+                    "model",
+                    f"{len(mesh.members)} members, {mesh.n_lines} beam elements, {mesh.n_points} points",
+                ),
+            ]
+        ),
+        folded(
+            f"{len(study.sensors)} sensors and {len(study.excitations)} excitations", _sensor_places(result)
+        ),
+    )
+
+
+def _held_out_words(result: RunResult) -> str:
+    data = result.diagnosis.problem.data
+    bands = held_out_bands(result)
+    text = (
+        f"{int(data.held_out.sum())} lines in {len(bands)} bands: "
+        + ", ".join(f"{a:.4g}–{b:.4g}" for a, b in bands)
+        + " Hz"
+        if bands
+        else "no lines"
+    )
+    return text + (f"; excitation {', '.join(result.held_out_inputs)}" if result.held_out_inputs else "")
+
+
+def _counted(data: FitData) -> str:
+    mask = np.broadcast_to(data.mask, data.H.shape)
+    silent = [
+        f"{o}/{i}"
+        for r, o in enumerate(data.measurement.frf.outputs)
+        for c, i in enumerate(data.measurement.frf.inputs)
+        if not mask[:, r, c].any()
+    ]
+    text = f"{100 * mask.mean():.0f} % of all; left out are FRFs that are zero by symmetry and lines with too much noise"
+    if silent:
+        text += f". Left out as a whole: {', '.join(silent[:12])}" + (
+            f" and {len(silent) - 12} more" if len(silent) > 12 else ""
+        )
+    return text
+
+
+def _sensor_places(result: RunResult) -> Markup:
+    rows = []
+    for word, sensors in (("sensor", result.study.sensors), ("excitation", result.study.excitations)):
+        for s in sensors:
+            rows.append(
+                [
+                    s.name,
+                    word,
+                    *(f"{x:.4g}" for x in s.point),
+                    " ".join(f"{x:g}" for x in np.round(s.direction, 4) + 0.0),
+                ]
+            )
+    return table(
+        ["name", "what", "x [m]", "y [m]", "z [m]", "direction"], rows, numbers=(2, 3, 4), at_most=1000
+    )
+
+
+# ----------------------------------------------------------------------------------------------- where it fails
+
+
+def _misfit(result: RunResult, album: Album) -> Markup:
+    where = result.localisation
+    parts: list[Markup] = [
+        paragraph(
+            "The model as given, with its uncertain parameters fitted and nothing added. A model that lacks nothing is equally good everywhere; a missing effect shows near it, or in the modes that bend it."
+        ),
+        _figure(album["misfit-fitted"]),
+        _figure(album["misfit-bands-fitted"]),
+    ]
+    if where is not None:
+        shares = sorted(
+            [(f"member {m}", s) for m, s in where.members.items()] + list(where.places), key=lambda t: -t[1]
+        )
+        rows = [[words.place(name), f"{100 * s:.0f}"] for name, s in shares]
+        parts += [
+            tag("h3", "Where a small change would help"),
+            table(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=12),
+            paragraph(where.note),
+        ]
+    if album["misfit-final"] or album["misfit-bands-final"]:
+        parts.append(
+            folded(
+                "The same with what was found",
+                _figure(album["misfit-final"]),
+                _figure(album["misfit-bands-final"]),
+            )
+        )
+    parts.append(folded("Error of each sensor", _sensor_errors(result)))
+    return section("Where it fails", *parts)
+
+
+def _sensor_errors(result: RunResult) -> Markup:
+    first, last = result.comparisons[0], result.comparisons[-1]
+    middle = result.comparisons[min(1, len(result.comparisons) - 1)]
+    columns = [c.by_sensor() for c in (first, middle, last)]
+    frac = last.frac.min(axis=1)
+    order = np.argsort(-np.nan_to_num(columns[1]), kind="stable")
+    rows = [[first.outputs[i], *(_db(c[i]) for c in columns), f"{frac[i]:.3f}"] for i in order]
+    head = ["sensor", "nominal [dB]", "fitted [dB]", "in the end [dB]", "least FRAC in the end [-]"]
+    return table(head, rows, numbers=(1, 2, 3, 4))
+
+
+# ----------------------------------------------------------------------------------------------- what is missing
+
+
+def _missing(result: RunResult) -> Markup:
+    d = result.diagnosis
+    if not d.findings:
+        return section("What is missing", *_nothing_found(result))
+    rows = [
+        [
+            words.effect_label(f.effect.kind, f.effect.where),
+            p.name.replace("_", " "),
+            words.with_unit(p.value, p.unit, p.std),
+            _absent(f, p.name),
+            _percent(p.std, p.value),
+        ]
+        for f in d.findings
+        for p in f.parameters
+    ]
+    parts = [
+        paragraph(f"{d.reason[:1].upper()}{d.reason[1:]}."),
+        table(["effect", "parameter", "value ± std", "model has", "std [%]"], rows, numbers=(2, 3, 4)),
+    ]
+    for k, finding in enumerate(d.findings):
+        parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else (), k))
+    parts.append(
+        paragraph(
+            "Standard deviations are linearised and hold if the effect is the right one; the uncertain parameters vary with it. They do not cover errors of the model that no parameter describes."
+        )
+    )
+    return section("What is missing", *parts)
+
+
+def _absent(finding: Finding, name: str) -> str:
+    absent = next((p.absent for p in finding.effect.parameters() if p.name == name), math.nan)
+    p = next(p for p in finding.parameters if p.name == name)
+    if absent == p.value:
+        return "–"
+    return words.with_unit(absent, p.unit)
+
+
+def _percent(std: float, value: float) -> str:
+    return f"{100 * std / abs(value):.2g}" if value and math.isfinite(std) and std > 0 else "–"
+
+
+def _why(finding: Finding, ranked: tuple[Ranked, ...], k: int) -> Markup:
+    own = next((r for r in ranked if r.name == finding.effect.name), None)
+    rival = words.rival_of(finding, ranked)
+    rows, marked = [], []
+    for r, what in [(own, "accepted"), *((t, "twin") for t in finding.twins), (rival, "best other")]:
+        if r is not None:
+            marked += [len(rows)] if what == "accepted" else []
+            rows.append(
+                [
+                    words.ranked_label(r),
+                    what,
+                    words.parameters_text(r.parameters),
+                    *_errors(r),
+                    f"{r.similarity:.2f}",
+                ]
+            )
+    twins = (
+        "Twins bring nearly the same reduction; the data cannot say which of them it is, only knowledge of the structure can."
+        if finding.twins
+        else "No candidate brings nearly the same reduction."
+    )
+    title = (
+        f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"
+        if k or finding.twins or rival
+        else "Why this effect"
+    )
+    return join(
+        [
+            tag("h3", title),
+            table(
+                [
+                    "candidate",
+                    "",
+                    "value",
+                    "level [dB]",
+                    "fitted lines [dB]",
+                    "held-out lines [dB]",
+                    "similarity [-]",
+                ],
+                rows,
+                numbers=(3, 4, 5, 6),
+                marked=marked,
+            ),
+            paragraph(
+                twins
+                + " Similarity is the correlation of what two effects do to the FRFs; 1 means that these sensors cannot tell them apart."
+            ),
+        ]
+    )
+
+
+def _errors(r: Ranked) -> list[str]:
+    return [_db(r.level * DB_PER_NEPER), _db(r.fit_db), _db(r.held_out_db)]
+
+
+def _nothing_found(result: RunResult) -> list[Markup]:
+    d = result.diagnosis
+    best, tried = words.best_of(d.rounds), len(d.rounds[0]) if d.rounds else 0
+    gained = (
+        f" The best, {words.ranked_label(best)} ({words.parameters_text(best.parameters)}), lowers the residual level from {d.steps[-1].level * DB_PER_NEPER:.2f} to {best.level * DB_PER_NEPER:.2f} dB."
+        if best
+        else ""
+    )
+    kinds = sorted({r.kind.replace("_", " ") for r in (d.rounds[0] if d.rounds else ())})
+    text = {
+        NOTHING: "Nothing that these data can show. This does not prove that the model is right where no mode of the band strains it.",
+        FAULT: "Nothing, once the sensors below are set right.",
+        UNEXPLAINED: "Something, but none of the candidates. The model should not be trusted for what it was made for until the cause is known.",
+    }.get(d.verdict, d.reason)
+    return [
+        paragraph(text),
+        paragraph(
+            f"{tried} candidates were tried: {', '.join(kinds)}.{gained}"
+            if tried
+            else "No candidates were tried."
+        ),
+        paragraph(f"{d.reason[:1].upper()}{d.reason[1:]}."),
+    ]
+
+
+# ---------------------------------------------------------------------------------------------------- the search
+
+
+def _search(result: RunResult, album: Album) -> Markup:
+    d = result.diagnosis
+    if not any(d.rounds):
+        return Markup()
+    parts = [
+        paragraph(
+            "Each round fits every candidate together with the uncertain parameters, quickly at first, the best fully. The best is accepted if the residual "
+            "level and the error on held-out lines both fall enough; then the search is repeated with it."
+        )
+    ]
+    for k, ranked in enumerate(d.rounds):
+        body = join(
+            [
+                _figure(album[f"ranking-{k + 1}"]),
+                _ranking(ranked, d.findings[k] if k < len(d.findings) else None, k),
+            ]
+        )
+        parts.append(body if k == 0 else folded(f"Round {k + 1}: {_outcome(result, k)}", body))
+    return section("How the candidates did", *parts)
+
+
+def _outcome(result: RunResult, k: int) -> str:
+    d = result.diagnosis
+    if k < len(d.findings):
+        f = d.findings[k]
+        return f"{words.effect_label(f.effect.kind, f.effect.where)} is accepted"
+    return "no candidate improves the model enough; the search ends"
+
+
+def _ranking(ranked: tuple[Ranked, ...], finding: Finding | None, k: int) -> Markup:
+    twins = {t.name for t in finding.twins} if finding else set()
+    rows = []
+    for r in ranked:
+        what = (
+            "accepted"
+            if finding and r.name == finding.effect.name
+            else "twin"
+            if r.name in twins
+            else ""
+            if r.refined
+            else "quick fit"
+        )
+        rows.append(
+            [
+                words.ranked_label(r),
+                words.parameters_text(r.parameters),
+                *_errors(r),
+                f"{r.similarity:.2f}",
+                what,
+            ]
+        )
+    head = [
+        "candidate",
+        "value ± std",
+        "level [dB]",
+        "fitted lines [dB]",
+        "held-out lines [dB]",
+        "similarity [-]",
+        "",
+    ]
+    marked = [i for i, r in enumerate(ranked) if finding and r.name == finding.effect.name]
+    return folded(
+        f"Round {k + 1} in numbers: {len(ranked)} candidates",
+        table(head, rows, numbers=(2, 3, 4, 5), marked=marked),
+    )
+
+
+# -------------------------------------------------------------------------------------------- FRFs, modes, parameters
+
+
+def _frfs(result: RunResult, album: Album) -> Markup:
+    pictures = [
+        _figure(p)
+        for p in (
+            *album.starting("frf-error"),
+            *(p for p in album.starting("frf-") if p is not album["frf-error"]),
+        )
+    ]
+    text = (
+        "Signs and gains of sensors are as in the table of sensor faults." if result.diagnosis.faults else ""
+    )
+    return section("FRFs before and after", *([paragraph(text)] if text else []), *pictures)
+
+
+def _modes(result: RunResult, album: Album) -> Markup:
+    rows = [
+        [
+            k + 1,
+            _number(m.nominal, 5),
+            _number(m.fitted, 5),
+            _shift(m.nominal, m.fitted),
+            _number(100 * m.nominal_zeta, 3),
+            _number(100 * m.fitted_zeta, 3),
+            f"{m.mac:.3f}" if math.isfinite(m.mac) else "–",
+        ]
+        for k, m in enumerate(result.modes)
+    ]
+    head = [
+        "elastic mode",
+        "nominal [Hz]",
+        "fitted [Hz]",
+        "change [%]",
+        "damping nominal [%]",
+        "damping fitted [%]",
+        "MAC [-]",
+    ]
+    what = " and what was found" if result.diagnosis.findings else ""
+    shapes = [p for p in album.starting("mode-") if p is not album["mode-changed"]]
+    return section(
+        "Natural frequencies and mode shapes",
+        paragraph(
+            f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, paired by their shapes. Damping is the fitted curve and what local dampers take from each mode."
+        ),
+        table(head, rows, numbers=range(7), at_most=15),
+        _figure(album["mode-changed"]),
+        tag("div", *(_figure(p) for p in shapes), class_="pair") if shapes else "",
+    )
+
+
+def _number(value: float, digits: int) -> str:
+    return words.number(value, digits) if math.isfinite(value) else "–"
+
+
+def _shift(before: float, after: float) -> str:
+    return (
+        f"{100 * (after / before - 1):+.2f}".replace("-", "−")
+        if math.isfinite(before) and before > 0
+        else "–"
+    )
+
+
+def _uncertain(result: RunResult) -> Markup:
+    rows = [[_parameter_name(u.name), *_parameter_row(u)] for u in result.uncertain]
+    bound = sum(u.at_bound for u in result.uncertain)
+    text = (
+        f" {bound} of them end at the edge of what was allowed, four prior standard deviations from nominal: doubt the nominal value, or widen it."
+        if bound
+        else ""
+    )
+    return section(
+        "Uncertain parameters",
+        paragraph(f"Fitted in every step within their prior standard deviations.{text}"),
+        table(
+            ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""],
+            rows,
+            numbers=(1, 2, 3, 4),
+            at_most=25,
+        ),
+    )
+
+
+def _parameter_name(name: str) -> str:
+    effect, dot, parameter = name.partition(".")
+    if not dot or " " in effect:
+        return name
+    if effect == "frame":
+        key, _, material = parameter.partition(":")
+        return f"{ {'E': 'E', 'rho': 'density'}.get(key, key) } of {material}" if material else parameter
+    return f"{parameter} of {effect}"
+
+
+def _parameter_row(u: Uncertain) -> list[object]:
+    flag = tag("span", "at bound", class_="tag") if u.at_bound else ""
+    if not math.isfinite(u.fitted):
+        return [
+            words.with_unit(u.nominal, u.unit),
+            "replaced by the effect",
+            "–",
+            _percent(u.prior_std, u.nominal),
+            flag,
+        ]
+    moved = (u.fitted - u.nominal) / u.prior_std if u.prior_std > 0 else math.nan
+    return [
+        words.with_unit(u.nominal, u.unit),
+        words.with_unit(u.fitted, u.unit, u.std),
+        f"{moved:+.1f}".replace("-", "−") if math.isfinite(moved) else "–",
+        _percent(u.prior_std, u.nominal),
+        flag,
+    ]
+
+
+def _faults(result: RunResult) -> Markup:
+    faults = result.diagnosis.faults
+    if not faults:
+        return section(
+            "Sensor faults",
+            paragraph(
+                "None was found: no sensor has the opposite sign of the model over most lines, none is off by one factor over the whole band."
+            ),
+        )
+    rows = [
+        [
+            f.sensor,
+            {"sensor_sign": "wrong sign", "sensor_gain": "wrong gain"}.get(f.kind, f.kind.replace("_", " ")),
+            words.with_unit(f.value, "-", f.std),
+            _remedy(f.kind, f.value),
+        ]
+        for f in faults
+    ]
+    return section(
+        "Sensor faults",
+        paragraph(
+            "These sensors were set right before anything was fitted. The factor is what their readings carry: measured = factor × motion."
+        ),
+        table(["sensor", "fault", "factor [-]", "remedy"], rows, numbers=(2,)),
+    )
+
+
+def _remedy(kind: str, value: float) -> str:
+    if kind == "sensor_sign":
+        return "turn its direction round in the study, or set its sign to −1"
+    return f"check its calibration: divide its readings by {words.number(value)}"
+
+
+# ----------------------------------------------------------------------------------------------- the small print
+
+
+def _notes(result: RunResult, album: Album) -> Markup:
+    notes = [*result.notes, *album.failures]
+    return section("Notes", bullets(notes)) if notes else Markup()
+
+
+def _assumptions(result: RunResult) -> Markup:
+    rows = [[tag("code", name), words.number(value), text] for name, value, text in thresholds()]
+    study = result.study
+    return section(
+        "Assumptions and thresholds",
+        bullets(study.assumptions)
+        if study.assumptions
+        else paragraph("The study says everything; nothing was assumed."),
+        folded(
+            "Thresholds of the search", table(["name", "value", "meaning"], rows, numbers=(1,), at_most=100)
+        ),
+        folded("The study file", tag("pre", study.text)),
+    )
+
+
+def thresholds() -> Iterator[tuple[str, float, str]]:
+    """Yield name, value and meaning of every constant that decides a verdict, from the docstring under each."""
+    for name in MODULES:
+        module = importlib.import_module(name)
+        body = ast.parse(inspect.getsource(module)).body
+        for statement, after in pairwise(body):
+            if not isinstance(statement, ast.Assign) or not isinstance(statement.targets[0], ast.Name):
+                continue
+            value = getattr(module, statement.targets[0].id)
+            known = (
+                isinstance(after, ast.Expr)
+                and isinstance(after.value, ast.Constant)
+                and isinstance(after.value.value, str)
+            )
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                text = str(after.value.value) if known else ""  # pyright: ignore[reportAttributeAccessIssue]
+                yield statement.targets[0].id, value, " ".join(text.replace("``", "").split())
+
+
+def _about(result: RunResult) -> Markup:
+    d, study = result.diagnosis, result.study
+    mesh = study.model.mesh
+    return section(
+        "About this run",
+        facts(
+            [
+                ("study file", study.path.name),
+                ("program", f"Dovetail {program_version()}"),
+                ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
+                ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
+                (
+                    "mesh",
+                    f"{mesh.n_lines} elements of {1e3 * mesh.lengths().min():.3g} to {1e3 * mesh.lengths().max():.3g} mm, {study.model.n_dof} degrees of freedom before constraints",
+                ),
+                ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),
+                (
+                    "error of the reduced basis",
+                    f"{d.basis_db:.2g} dB, against direct solutions of the full model",
+                ),
+                (
+                    "files beside this one",
+                    "result.json (for programs), frf.npz (measured and computed FRFs of each step), pictures/",
+                ),
+            ]
+        ),
+    )

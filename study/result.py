@@ -1,0 +1,268 @@
+"""What a run found: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.frf import FRF
+from study.config import Study
+from study.modal import ModePair
+from updating.correlation import Comparison
+from updating.diagnosis import Diagnosis, EffectParameter, Finding, Ranked, Step
+from updating.fit import FitProblem
+from updating.localisation import Localisation
+
+SCHEMA = "dovetail-result/1"
+REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertain:
+    """An uncertain parameter before and after the fit.
+
+    Attributes
+    ----------
+    name : str
+        ``effect.parameter``, or the damping at a frequency.
+    unit : str
+    nominal, fitted : float
+        ``fitted`` is NaN where a found effect took its place.
+    prior_std, std : float
+        Standard deviations before and after.
+    at_bound : bool
+        True if the fit ended at the edge of what was allowed.
+    """
+
+    name: str
+    unit: str
+    nominal: float
+    fitted: float
+    prior_std: float
+    std: float
+    at_bound: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunResult:
+    """Everything that a run found.
+
+    Attributes
+    ----------
+    study : Study
+    diagnosis : Diagnosis
+    comparisons : tuple of Comparison
+        For each step of the diagnosis, on all lines.
+    held_out_inputs : mapping of str to tuple of float
+        For excitations that no fit has seen, the error of each step [dB].
+    localisation : Localisation or None
+        Where the model fails once its uncertain parameters are fitted.
+    modes : tuple of ModePair
+        Natural frequencies and damping before and after.
+    uncertain : tuple of Uncertain
+    notes : tuple of str
+    finished : datetime
+    seconds : float
+    folder : Path
+        Where the files are.
+    """
+
+    study: Study
+    diagnosis: Diagnosis
+    comparisons: tuple[Comparison, ...]
+    held_out_inputs: Mapping[str, tuple[float, ...]]
+    localisation: Localisation | None
+    modes: tuple[ModePair, ...]
+    uncertain: tuple[Uncertain, ...]
+    notes: tuple[str, ...]
+    finished: datetime
+    seconds: float
+    folder: Path
+
+    @property
+    def report(self) -> Path:
+        """The report."""
+        return self.folder / REPORT
+
+    @property
+    def json(self) -> Path:
+        """The result for programs."""
+        return self.folder / JSON
+
+
+def measured_frf(problem: FitProblem) -> FRF:
+    """Return the measured FRFs as they were compared: in the band, wrong signs set right, in the kind of the measurement."""
+    frf = problem.data.measurement.frf
+    return FRF.from_arrays(
+        problem.data.frequency, problem.data.H, "receptance", frf.outputs, frf.inputs
+    ).as_kind(frf.kind)
+
+
+def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
+    """Return the uncertain parameters before and after the last fit."""
+    problem, final = d.problem, d.steps[-1].result
+    out = []
+    for n in problem.nuisances:
+        (p,) = (p for p in problem.reduced.model.effect(n.effect).parameters() if p.name == n.parameter)
+        ref = (n.effect, n.parameter)
+        fitted = final.values.get(ref, np.nan)
+        moved = (
+            np.log(fitted / p.value) if p.log and fitted > 0 else (fitted - p.value) / (abs(p.value) or 1.0)
+        )
+        at_bound = bool(np.isfinite(moved) and abs(moved) > 3.9 * n.std)
+        out.append(
+            Uncertain(
+                f"{n.effect}.{n.parameter}", p.unit, float(p.value), float(fitted), float(n.std * (abs(p.value) or 1.0)),
+                float(final.std.get(ref, np.nan)), at_bound,
+            )
+        )  # fmt: skip
+    curve = problem.damping
+    first = len(final.values)
+    sd = np.sqrt(np.maximum(np.diag(final.solution.covariance), 0.0))[first : first + len(curve.knots)]
+    sd = sd if len(sd) == len(curve.knots) else np.full(len(curve.knots), np.nan)
+    for f, nominal, fitted, s in zip(curve.knots, curve.nominal, final.zeta, sd, strict=True):
+        at_bound = abs(np.log(fitted / nominal)) > 3.9 * curve.std
+        out.append(
+            Uncertain(
+                f"damping ratio at {f:.4g} Hz", "-", float(nominal), float(fitted), float(nominal * curve.std),
+                float(fitted * s), bool(at_bound),
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+def program_version() -> str:
+    """Return the version of the program."""
+    try:
+        return metadata.version("dovetail")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
+    """Return a diagnosis in plain types: verdict, effects, faults, errors, ranking."""
+    return {
+        "verdict": d.verdict,
+        "reason": d.reason,
+        "effects": [_finding(f) for f in d.findings],
+        "faults": [{"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std} for f in d.faults],
+        "error_db": [_step(s) for s in d.steps],
+        "noise_floor_db": d.noise_floor_db,
+        "noise_db": d.noise_db,
+        "discretisation_db": d.discretisation_db,
+        "basis_db": d.basis_db,
+        "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
+    }
+
+
+def result_dict(result: RunResult) -> dict[str, Any]:
+    """Return a result in plain types, as in ``result.json``; see docs/result.md."""
+    d, study = result.diagnosis, result.study
+    last = d.steps[-1].result
+    return {
+        "schema": SCHEMA,
+        "version": program_version(),
+        "study": study.name,
+        "finished": result.finished.isoformat(timespec="seconds"),
+        "seconds": result.seconds,
+        **diagnosis_dict(d),
+        "held_out_inputs": [{"input": name, "error_db": list(db)} for name, db in result.held_out_inputs.items()],
+        "uncertain": [
+            {
+                "name": u.name, "unit": u.unit, "nominal": u.nominal, "fitted": u.fitted, "prior_std": u.prior_std,
+                "std": u.std, "at_bound": u.at_bound,
+            }
+            for u in result.uncertain
+        ],
+        "model": {
+            "values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()},
+            "damping": {"frequency_Hz": d.problem.damping.knots, "ratio": last.zeta},
+        },
+        "modes": [
+            {
+                "nominal_Hz": m.nominal, "fitted_Hz": m.fitted, "nominal_damping": m.nominal_zeta,
+                "fitted_damping": m.fitted_zeta, "mac": m.mac,
+            }
+            for m in result.modes
+        ],
+        "misfit": localisation_dict(result.localisation) if result.localisation else None,
+        "assumptions": list(study.assumptions),
+        "notes": list(result.notes),
+    }  # fmt: skip
+
+
+def localisation_dict(where: Localisation) -> dict[str, Any]:
+    """Return a localisation in plain types."""
+    return {
+        "sensors": [
+            {"sensor": s, "error_db": db, "by_band_db": row}
+            for s, db, row in zip(where.sensors, where.by_sensor_db, where.by_band_db, strict=True)
+        ],
+        "inputs": [
+            {"input": s, "error_db": db} for s, db in zip(where.inputs, where.by_input_db, strict=True)
+        ],
+        "bands_Hz": where.bands,
+        "members": [{"member": m, "share": share} for m, share in where.members.items()],
+        "places": [{"place": p, "share": share} for p, share in where.places],
+        "note": where.note,
+    }
+
+
+def comparison_dict(c: Comparison) -> dict[str, Any]:
+    """Return a comparison in plain types."""
+    return {
+        "error_db": c.total_db,
+        "bands_Hz": c.bands,
+        "sensors": [
+            {"sensor": s, "error_db": db, "by_band_db": row, "frac": fracs}
+            for s, db, row, fracs in zip(c.outputs, c.by_sensor(), c.by_band(), c.frac, strict=True)
+        ],
+        "inputs": list(c.inputs),
+    }
+
+
+def frf_arrays(d: Diagnosis) -> dict[str, NDArray[Any]]:
+    """Return the arrays of ``frf.npz``: measured FRFs and those of each step."""
+    measured, data = measured_frf(d.problem), d.problem.data
+    return {
+        "frequency": measured.frequency,
+        "H": measured.H,
+        "kind": np.array(str(measured.kind)),
+        "outputs": np.array(measured.outputs, dtype=str),
+        "inputs": np.array(measured.inputs, dtype=str),
+        "steps": np.array([s.label for s in d.steps], dtype=str),
+        "H_model": np.stack([d.frf(k).as_kind(measured.kind).H for k in range(len(d.steps))]),
+        "compared": np.broadcast_to(data.mask, measured.H.shape),
+        "held_out": data.held_out,
+        "noise": np.broadcast_to(data.noise, measured.H.shape),
+    }
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    return {
+        "kind": f.effect.kind,
+        "where": f.effect.where,
+        "name": f.effect.name,
+        "parameters": [_parameter(p) for p in f.parameters],
+        "twins": [_ranked(t) for t in f.twins],
+    }
+
+
+def _ranked(r: Ranked) -> dict[str, Any]:
+    return {
+        "kind": r.kind, "where": r.where, "name": r.name, "parameters": [_parameter(p) for p in r.parameters],
+        "level": r.level, "fit_db": r.fit_db, "held_out_db": r.held_out_db, "similarity": r.similarity, "refined": r.refined,
+    }  # fmt: skip
+
+
+def _parameter(p: EffectParameter) -> dict[str, Any]:
+    return {"name": p.name, "value": p.value, "unit": p.unit, "std": p.std}
+
+
+def _step(s: Step) -> dict[str, Any]:
+    return {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level}

@@ -1,0 +1,167 @@
+"""The whole loop, from a study to a report: compare, locate, diagnose, draw, write. The place to begin reading."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from fem.io.atomic import replacing
+from study.config import Study
+from study.modal import modes_of, pair_modes
+from study.output import result_folder, write_json
+from study.result import (
+    FRFS,
+    JSON,
+    PICTURES,
+    REPORT,
+    RunResult,
+    frf_arrays,
+    measured_frf,
+    result_dict,
+    uncertain_parameters,
+)
+from study.table import StudyError
+from updating.correlation import compare, rms_db
+from updating.diagnosis import Diagnosis, build_problem, diagnose
+from updating.fit import FitProblem, prepare
+from updating.localisation import locate
+from updating.measurement import Measurement
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the fraction done, 0 to 1."""
+
+N_BANDS = 8
+"""Bands of the comparison."""
+
+
+def run(study: Study, out: Path, progress: Progress | None = None, *, force: bool = False) -> RunResult:
+    """Find what a study's model lacks, and write a report.
+
+    ``out`` gets ``report.html``, ``result.json``, ``frf.npz`` and ``pictures/``, all of them or none.
+
+    Parameters
+    ----------
+    study : Study
+    out : Path
+        Folder that is new, empty, or of an earlier run.
+    progress : callable, optional
+        Called with a text and the fraction done.
+    force : bool
+        Whether to write into a folder that holds other files.
+
+    Raises
+    ------
+    StudyError
+        If the study has no measurement.
+    OutputError
+        If ``out`` holds something else.
+    """
+    say = progress or (lambda text, done: None)
+    measured(study)
+    with result_folder(out, force) as scratch:
+        result = analyse(study, out, _part(say, 0.0, 0.85))
+        write(result, scratch, _part(say, 0.85, 1.0))
+    return result
+
+
+def analyse(study: Study, folder: Path, say: Progress) -> RunResult:
+    """Compare, diagnose and locate; nothing is drawn or written."""
+    begun = time.perf_counter()
+    diagnosis = diagnose_study(study, say)
+    say("comparing", 1.0)
+    problem, steps = diagnosis.problem, diagnosis.steps
+    frf = measured_frf(problem)
+    comparisons = tuple(compare(frf, diagnosis.frf(k), N_BANDS, problem.data.mask) for k in range(len(steps)))
+    nominal, _, fitted = modes_of(diagnosis)
+    return RunResult(
+        study,
+        diagnosis,
+        comparisons,
+        held_out_errors(study, diagnosis),
+        locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
+        pair_modes(nominal, fitted),
+        uncertain_parameters(diagnosis),
+        diagnosis.notes,
+        datetime.now().astimezone(),
+        time.perf_counter() - begun,
+        folder,
+    )
+
+
+def write(result: RunResult, folder: Path, say: Progress) -> None:
+    """Write pictures, FRFs, ``result.json`` and the report into a folder."""
+    from study.pictures import draw_all
+    from study.report import write_report
+
+    album = draw_all(result, folder / PICTURES, say)
+    with replacing(folder / FRFS) as scratch, scratch.open("wb") as file:
+        np.savez_compressed(file, **frf_arrays(result.diagnosis))
+    write_json(folder / JSON, result_dict(result))
+    write_report(result, album, folder / REPORT)
+
+
+def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
+    """Diagnose with what the study says about uncertainty, band and candidates."""
+    fitted = [_without_held_out(study, m) for m in measured(study)]
+    return diagnose(
+        study.model, fitted, study.nuisances, damping_std=study.damping_std, band=study.band, kinds=study.kinds,
+        exclude=study.exclude, progress=say,
+    )  # fmt: skip
+
+
+def fit_problem(study: Study) -> FitProblem:
+    """Return the reduced model and the prepared data of a study's first measurement."""
+    first = _without_held_out(study, measured(study)[0])
+    return build_problem(study.model, first, study.nuisances, damping_std=study.damping_std, band=study.band)
+
+
+def measured(study: Study) -> tuple[Measurement, ...]:
+    """Return the measurements of a study.
+
+    Raises
+    ------
+    StudyError
+        If it has none, or holds all of its excitations out.
+    """
+    if not study.measurements:
+        msg = f"{study.path}: it has no [[measurements]]; there is nothing to compare the model with"
+        raise StudyError(msg)
+    if study.held_out and set(study.held_out) >= set(study.measurements[0].frf.inputs):
+        msg = f"{study.path}: [fit] held_out names every measured excitation; at least one must be left for the fit"
+        raise StudyError(msg)
+    return study.measurements
+
+
+def _without_held_out(study: Study, measurement: Measurement) -> Measurement:
+    """Return a measurement without the excitations that are kept from the fit."""
+    keep = [name for name in measurement.frf.inputs if name not in study.held_out]
+    return (
+        measurement
+        if len(keep) == len(measurement.frf.inputs)
+        else measurement.with_frf(measurement.frf.select(inputs=keep))
+    )
+
+
+def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
+    """Return, for each excitation that no fit has seen, the error of each step [dB]."""
+    out = {}
+    whole = study.measurements[0]
+    signs = np.array(
+        [
+            -1.0 if any(f.sensor == n and f.kind == "sensor_sign" for f in d.faults) else 1.0
+            for n in whole.frf.outputs
+        ]
+    )
+    for name in study.held_out:
+        if name in whole.frf.inputs:
+            data = prepare(whole.with_frf(whole.frf.select(inputs=[name])), None, study.band).corrected(signs)
+            problem = replace(d.problem, data=data)
+            out[name] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
+    return out
+
+
+def _part(say: Progress, start: float, end: float) -> Progress:
+    return lambda text, done: say(text, start + (end - start) * done)

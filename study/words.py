@@ -1,0 +1,234 @@
+"""What a diagnosis says, in words: names, numbers with their uncertainty, and the verdict."""
+
+import math
+import re
+from collections.abc import Sequence
+
+from fem.model import Parameter
+from study.result import RunResult
+from updating.diagnosis import (
+    EFFECT,
+    FAULT,
+    NOTHING,
+    UNEXPLAINED,
+    EffectParameter,
+    Finding,
+    Ranked,
+)
+from updating.faults import Fault
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+_DIRECTION = re.compile(r", (r?)([xyz])$")
+
+
+def place(where: str) -> str:
+    """Return a place with its direction spelt out: ``joint J, rx`` becomes ``joint J, about x``."""
+    return _DIRECTION.sub(lambda m: f", {'about' if m[1] else 'along'} {m[2]}", where)
+
+
+def effect_label(kind: str, where: str) -> str:
+    """Return an effect in words, such as ``joint stiffness: joint J, about x``."""
+    return f"{kind.replace('_', ' ')}: {place(where)}"
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits, an en dash where there is none."""
+    if not math.isfinite(value):
+        return "rigid" if value == math.inf else "–"
+    size = abs(value)
+    if value and not 1e-3 <= size < 1e5:
+        mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+        return f"{mantissa}·10{_superscript(int(exponent))}".replace("-", "−")
+    decimals = max(0, digits - 1 - (math.floor(math.log10(size)) if value else 0))
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def _superscript(exponent: int) -> str:
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def with_unit(value: float, unit: str, std: float = math.nan) -> str:
+    """Return a value with its standard deviation, as many digits as that leaves, and its unit.
+
+    Newtons and pascals get a prefix where the value is large.
+    """
+    if not math.isfinite(value):
+        return number(value)
+    factor, prefix = 1.0, ""
+    if unit[:1] == "N" or unit == "Pa":
+        factor, prefix = next(((f, p) for f, p in _PREFIXES if abs(value) >= f), (1.0, ""))
+    after = f"\u00a0{prefix}{unit}" if unit != "-" else ""
+    value, std = value / factor, std / factor
+    if not math.isfinite(std) or std <= 0:
+        return number(value) + after
+    decimals = 1 - math.floor(math.log10(std))
+    if decimals > 6 or decimals < -3:
+        return f"{number(value)} ± {number(std, 2)}{after}"
+    rounded, spread = round(value, decimals), round(std, decimals)
+    shown = max(decimals, 0)
+    return f"{rounded:.{shown}f} ± {spread:.{shown}f}{after}".replace("-", "−")
+
+
+def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:
+    """Return ``stiffness 571 ± 12 N·m/rad instead of 2980 N·m/rad``, the last where the model has a value."""
+    text = f"{p.name.replace('_', ' ')} {with_unit(p.value, p.unit, p.std)}"
+    absent = None if of is None else of.absent
+    if absent is None or absent in (0, p.value):
+        return text
+    return f"{text} instead of {with_unit(absent, p.unit) if math.isfinite(absent) else 'rigid'}"
+
+
+def parameters_text(parameters: Sequence[EffectParameter]) -> str:
+    """Return parameters with their values, on one line."""
+    return ", ".join(parameter_text(p) for p in parameters)
+
+
+def finding_text(finding: Finding) -> str:
+    """Return an effect with its values beside the model's, on one line."""
+    known = {p.name: p for p in finding.effect.parameters()}
+    values = ", ".join(parameter_text(p, known.get(p.name)) for p in finding.parameters)
+    return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
+
+
+def fault_text(fault: Fault) -> str:
+    """Return a sensor's fault in words."""
+    if fault.kind == "sensor_sign":
+        return f"{fault.sensor} reads with the opposite sign"
+    if fault.kind == "sensor_gain":
+        return f"{fault.sensor} reads {with_unit(fault.value, '-', fault.std)} times the motion"
+    return f"{fault.sensor}: {fault.kind.replace('_', ' ')} {with_unit(fault.value, '-', fault.std)}"
+
+
+def ranked_label(r: Ranked) -> str:
+    """Return a candidate in words."""
+    return effect_label(r.kind, r.where)
+
+
+def headline(result: RunResult) -> str:
+    """Return the verdict in one plain sentence."""
+    d = result.diagnosis
+    faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
+    if d.verdict == EFFECT:
+        names = [effect_label(f.effect.kind, f.effect.where) for f in d.findings]
+        what = (
+            f"The model lacks {len(names)} effects: {'; '.join(names)}."
+            if names[1:]
+            else f"The model lacks an effect: {names[0]}."
+        )
+        return what + (f" Besides, {faults}." if faults else "")
+    if d.verdict == NOTHING:
+        return "The model lacks nothing that these data can show."
+    if d.verdict == FAULT:
+        return f"The measurement is at fault, not the model: {faults}."
+    if d.verdict == UNEXPLAINED:
+        return "The model does not fit the data, and no effect known to the program explains why."
+    return d.verdict
+
+
+def ratio(before: float, after: float) -> float:
+    """Return by what factor an error fell; NaN where it cannot be said."""
+    return before / after if after > 0 and math.isfinite(before) else math.nan
+
+
+def confidence(result: RunResult) -> list[str]:
+    """Return how sure the verdict is, in a few sentences."""
+    d, out = result.diagnosis, []
+    base, last = d.steps[min(1, len(d.steps) - 1)], d.steps[-1]
+    if len(d.steps) > 2:
+        out.append(
+            f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to {last.fit_db:.2f} dB on the lines "
+            f"of the fit (factor {ratio(base.fit_db, last.fit_db):.1f}), and from {base.held_out_db:.2f} to {last.held_out_db:.2f} dB "
+            f"on lines that no fit has seen (factor {ratio(base.held_out_db, last.held_out_db):.1f})."
+        )
+    else:
+        out.append(
+            f"With the uncertain parameters fitted the error is {base.fit_db:.2f} dB on the lines of the fit and {base.held_out_db:.2f} dB "
+            f"on lines that no fit has seen; the nominal model had {d.steps[0].fit_db:.2f} dB and {d.steps[0].held_out_db:.2f} dB."
+        )
+    for label, errors in result.held_out_inputs.items():
+        out.append(
+            f"FRFs of the excitation {label}, which no fit has seen: {errors[0]:.2f} dB nominal, {errors[-1]:.2f} dB in the end."
+        )
+    out.append(
+        f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and {d.discretisation_db:.2f} dB error of "
+        f"the mesh. What is left is {ratio(last.fit_db, d.noise_floor_db):.1f} times that."
+    )
+    for k, finding in enumerate(d.findings):
+        out.append(_rivals(finding, d.rounds[k] if k < len(d.rounds) else (), len(d.findings) > 1))
+    if d.verdict in (NOTHING, FAULT) and (best := best_of(d.rounds)):
+        out.append(
+            f"The best of {len(d.rounds[0])} candidates, {ranked_label(best)}, would leave {best.fit_db:.2f} dB, on held-out lines "
+            f"{best.held_out_db:.2f} dB: too little to call it an effect."
+        )
+    return out
+
+
+def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
+    """Return the best candidate of the last round."""
+    return rounds[-1][0] if rounds and rounds[-1] else None
+
+
+def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
+    """Return the best candidate that is neither the effect nor one of its twins."""
+    same = {finding.effect.name, *(t.name for t in finding.twins)}
+    return next((r for r in ranked if r.refined and r.name not in same), None)
+
+
+def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
+    subject = effect_label(finding.effect.kind, finding.effect.where) if name_it else "It"
+    if finding.twins:
+        listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
+            " …" if len(finding.twins) > 4 else ""
+        )
+        text = f"{subject} cannot be told by these data from {listed}."
+    else:
+        text = f"{subject} has no twin: no other candidate explains the data nearly as well."
+    rival = rival_of(finding, ranked)
+    own = next((r for r in ranked if r.name == finding.effect.name), None)
+    if rival and own:
+        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB instead of {own.fit_db:.2f} dB."
+    return text
+
+
+def advice(result: RunResult) -> list[str]:
+    """Return what would help where the misfit stays unexplained."""
+    where = result.localisation
+    out = []
+    if where is not None:
+        order = sorted(
+            zip(where.by_sensor_db, where.sensors, strict=True),
+            key=lambda s: -s[0] if math.isfinite(s[0]) else 0.0,
+        )
+        worst = ", ".join(f"{name} ({db:.1f} dB)" for db, name in order[:3])
+        out.append(
+            f"Look at the sensors that fit worst: {worst}. Check their position, direction, cable and calibration."
+        )
+        best = [f"{n} ({100 * s:.0f} %)" for n, s in (*where.members.items(), *where.places) if s > 0]
+        best = sorted(best, key=lambda t: -float(t.rpartition("(")[2].split()[0]))[:3]
+        if best:
+            out.append(
+                f"Look at the places where a small change would help most: {', '.join(best)} of the misfit."
+            )
+    bound = [u.name for u in result.uncertain if u.at_bound]
+    if bound:
+        out.append(
+            f"These uncertain parameters end at their bounds: {', '.join(bound)}. Their nominal values or standard deviations may be wrong."
+        )
+    if result.study.kinds is not None or result.study.exclude:
+        out.append("Some kinds of candidates are left out in the study; let the program try them all.")
+    out.append(
+        "Check geometry, sections and supports of the model against the structure: the candidates change stiffness, mass and damping, not dimensions."
+    )
+    out.append(
+        "Sensors on both sides of joints and near supports, and a second excitation in another direction, tell more candidates apart."
+    )
+    out.append(
+        "Measure at two force levels: a difference would show that the structure is not linear, which no candidate can explain."
+    )
+    return out
+
+
+__all__ = [
+    "advice", "best_of", "confidence", "effect_label", "fault_text", "finding_text", "headline", "number", "parameter_text",
+    "parameters_text", "place", "ranked_label", "ratio", "rival_of", "with_unit",
+]  # fmt: skip
