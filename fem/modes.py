@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from fem.model import DIRECTIONS, ModelError, lever_matrix
+from fem.model import DIRECTIONS, ModelError
 from fem.solvers import Factor, factorise
-from fem.system import System
+from fem.system import System, reproduced, resistance, rigid_motions, unopposed
 
 DENSE_LIMIT = 300
 """Systems of at most this many coordinates are solved densely."""
@@ -117,20 +117,18 @@ def solve_eigenpairs(system: System, n: int | None = None, max_frequency: float 
     shift = -0.1 * reference
     factor = factorise(system.K - shift * system.M)
     rigid = rigid_body_motions(system)
-    want = min(n_free, n if n is not None else 20)
+    want = min(n_free, max(n if n is not None else 20, rigid.shape[1] + 1))
     limit = np.inf if max_frequency is None else (2 * np.pi * max_frequency) ** 2
     while True:
         eigenvalues, vectors = _lowest(system, factor, shift, want)
-        if len(eigenvalues) == n_free or n is not None or max_frequency is None or eigenvalues[-1] > limit:
+        if want == n_free or n is not None or max_frequency is None or eigenvalues[-1] > limit:
             break
         want = min(n_free, 2 * want)
-    elastic = eigenvalues[rigid.shape[1] : rigid.shape[1] + 1]
-    # A motion without stiffness has an eigenvalue of rounding size; elastic ones are far above it.
-    floor = 1e-6 * (max(float(elastic[0]), reference * 1e-3) if elastic.size else reference)
-    n_zero = int((eigenvalues < min(floor, 1e-7 * reference)).sum())
+    n_zero = int((eigenvalues < max(1e-7 * reference, 1e-14 * _highest(system))).sum())
     if n_zero > rigid.shape[1]:
-        raise ModelError(_describe_mechanism(system, vectors[:, :n_zero], rigid))
+        _check_mechanism(system, vectors[:, :n_zero], rigid)
     eigenvalues[: rigid.shape[1]] = 0.0
+    eigenvalues, vectors = eigenvalues[:n], vectors[:, :n]
     n_rigid = min(rigid.shape[1], len(eigenvalues))
     if max_frequency is not None and n is None:
         keep = max(1, int((eigenvalues <= limit).sum()))
@@ -141,41 +139,70 @@ def solve_eigenpairs(system: System, n: int | None = None, max_frequency: float 
 def _lowest(system: System, factor: Factor, shift: float, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     n_free = system.n_free
     if n_free <= DENSE_LIMIT or n > n_free // 3:
-        # The shifted flexibility is small where the stiffness is large: low modes keep their digits.
-        M = system.M.toarray()
-        S = factor.solve(M)
-        nu, vectors = sla.eigh(_symmetric(M @ S), M, subset_by_index=(n_free - n, n_free - 1))
+        # The shifted flexibility is small where the stiffness is large: low modes keep their digits. Coordinates of metres and
+        # radians are scaled alike; directions without mass have none, and no mode.
+        shifted = (system.K - shift * system.M).toarray()
+        scale = 1 / np.sqrt(shifted.diagonal())
+        outer = np.outer(scale, scale)
+        nu, vectors = sla.eigh(outer * system.M.toarray(), outer * shifted, subset_by_index=(n_free - n, n_free - 1))
         order = np.argsort(-nu)
-        return 1 / nu[order] + shift, vectors[:, order]
-    operator = LinearOperator(system.M.shape, matvec=factor.solve, dtype=float)
-    start = np.random.default_rng(0).standard_normal(n_free)
-    eigenvalues, vectors = eigsh(system.K, k=n, M=system.M, sigma=shift, OPinv=operator, v0=start, tol=1e-12)
-    order = np.argsort(eigenvalues)
-    return eigenvalues[order], vectors[:, order]
+        order = order[nu[order] > 1e-15 * nu[-1]]
+        nu, phi = nu[order], scale[:, None] * vectors[:, order]
+        phi /= np.sqrt(np.einsum("ij,ij->j", phi, system.M @ phi))
+        # High modes keep theirs in Rayleigh's quotient.
+        return np.where(nu > 1e-8 * nu[0], 1 / nu + shift, np.einsum("ij,ij->j", phi, system.K @ phi)), phi
+    random = np.random.default_rng(0)
+    eigenvalues, vectors = np.zeros(0), np.zeros((n_free, 0))
+    while True:
+        # Lanczos sees one motion of each set of repeated modes: ask again without those found until none of the rest is lower.
+        lam, phi = _arpack(system, factor, shift, n if not eigenvalues.size else 2, vectors, random.standard_normal(n_free))
+        done = eigenvalues.size and lam.min() > eigenvalues[n - 1] * (1 - 1e-9)
+        vectors, eigenvalues = np.hstack([vectors, phi]), np.concatenate([eigenvalues, lam])
+        order = np.argsort(eigenvalues)
+        eigenvalues, vectors = eigenvalues[order], vectors[:, order]
+        if done or len(eigenvalues) > n_free - 3:
+            return eigenvalues[:n], vectors[:, :n]
 
 
-def _symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:
-    return (A + A.T) / 2
+def _arpack(
+    system: System, factor: Factor, shift: float, n: int, found: NDArray[np.float64], start: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the n lowest modes that are M-orthogonal to those found."""
+
+    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = factor.solve(b)
+        return x - found @ (found.T @ (system.M @ x)) if found.shape[1] else x
+
+    operator = LinearOperator(system.M.shape, matvec=solve, dtype=float)
+    return eigsh(system.K, k=n, M=system.M, sigma=shift, OPinv=operator, v0=solve(start), tol=1e-12)
+
+
+def _highest(system: System) -> float:
+    """Return the order of the highest eigenvalues [rad²/s²]."""
+    return float(system.K.diagonal().sum() / max(system.M.diagonal().sum(), 1e-300))
 
 
 def _reference_eigenvalue(system: System) -> float:
-    """Estimate the order of the first elastic eigenvalue [rad²/s²]: three steps of inverse iteration on random loads."""
-    K, M = system.K, system.M
-    upper = float(K.diagonal().sum() / max(M.diagonal().sum(), 1e-300))
-    lower = upper * (1e-4 / max(system.model.mesh.n_lines, 1)) ** 2
-    shift = -max(lower, 1e-12 * upper)
+    """Estimate the order of the first elastic eigenvalue [rad²/s²]: three steps of subspace iteration.
+
+    It starts from the rigid-body motions that the constraints allow and random loads. As many of the lowest values as there are
+    such motions are left out, also where springs resist these: were the shift as small as the eigenvalues on soft springs, K - σM
+    would be singular but for rounding.
+    """
+    K, M, mesh = system.K, system.M, system.model.mesh
+    upper = _highest(system)
+    shift = -upper * max((1e-4 / max(mesh.n_lines, 1)) ** 2, 1e-12)
     factor = factorise(K - shift * M)
-    rigid = rigid_body_motions(system)
-    X = np.random.default_rng(1).standard_normal((system.n_free, 3))
+    q = system.Q.T @ rigid_motions(mesh) @ reproduced(mesh, system.Q)
+    X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3))])
     for _ in range(3):
-        if rigid.shape[1]:
-            X = X - rigid @ (rigid.T @ (M @ X))
-        X = factor.solve(M @ X)
-        X = X / np.linalg.norm(X, axis=0)
-    if rigid.shape[1]:
-        X = X - rigid @ (rigid.T @ (M @ X))
-    ratio = np.einsum("ij,ij->j", X, K @ X) / np.einsum("ij,ij->j", X, M @ X)
-    return float(max(ratio.min(), 1e-3 * -shift))
+        X = factor.solve(np.asarray(M @ X))
+        X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+        X = np.linalg.qr(X)[0]
+    mass, vectors = np.linalg.eigh(X.T @ (M @ X))
+    X = X @ (vectors[:, mass > 1e-14 * mass[-1]] / np.sqrt(mass[mass > 1e-14 * mass[-1]]))
+    ritz = np.linalg.eigvalsh(X.T @ (K @ X))
+    return float(max(ritz[min(q.shape[1], len(ritz) - 1)], 1e-12 * upper))
 
 
 def rigid_body_motions(system: System) -> NDArray[np.float64]:
@@ -185,24 +212,23 @@ def rigid_body_motions(system: System) -> NDArray[np.float64]:
     -------
     ndarray (n_free, n_rigid)
     """
-    points = system.model.mesh.points
-    centre = points.mean(axis=0)
-    size = max(system.model.mesh.size, 1e-300)
-    motions = np.vstack([lever_matrix(p - centre) for p in points])
-    motions[:, 3:] /= size
-    q = system.Q.T @ motions
-    # A motion is allowed where Q reproduces it and no spring to ground resists it.
-    missed = motions - system.Q @ q
-    weight = np.linalg.norm(motions, axis=0)
-    energy = q.T @ (system.K @ q)
-    stiff = abs(system.K).sum() / system.n_free
-    resist = missed.T @ missed / np.outer(weight, weight) + energy / (stiff * np.outer(weight, weight))
-    eigenvalues, vectors = np.linalg.eigh(_symmetric(resist * np.outer(weight, weight) / (weight @ weight)))
-    allowed = q @ vectors[:, eigenvalues < 1e-14]
+    allowed = system.rigid
     if allowed.shape[1] == 0:
         return np.zeros((system.n_free, 0))
     L = np.linalg.cholesky(allowed.T @ (system.M @ allowed))
     return np.linalg.solve(L, allowed.T).T
+
+
+def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> None:
+    """Raise an error if more motions than the rigid-body ones meet no resistance; on soft springs they meet some."""
+    size = system.model.mesh.size
+    motions = np.asarray(system.Q @ vectors)
+    reach = np.abs(motions).reshape(-1, 6, vectors.shape[1]).max(axis=0)
+    vectors = vectors / np.maximum(reach[:3].max(axis=0), size * reach[3:].max(axis=0))
+    # An element of a member that bends with wave number k opposes (kh)³ of what its entries give.
+    loose = unopposed(resistance(system.model.contributions(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10)
+    if loose.shape[1] > rigid.shape[1]:
+        raise ModelError(_describe_mechanism(system, vectors @ loose, rigid))
 
 
 def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> str:

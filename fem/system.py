@@ -8,7 +8,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fem.model import Constraint, Contribution, Model, ModelError
+from fem.mesh import Mesh
+from fem.model import DIRECTIONS, Constraint, Contribution, Model, ModelError, lever_matrix
+
+_ROUNDING = 1e-9
+"""Relative size below which the resistance to a rigid-body motion is rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,6 +25,8 @@ class System:
         Stiffness [N/m …], mass [kg …], viscous damping, structural damping of local effects.
     Q : sparse (n_dof, n_free)
         From the independent coordinates to all DOFs; orthonormal columns.
+    rigid : ndarray (n_free, n_rigid)
+        Rigid-body motions that constraints and springs allow, not normalised.
     model : Model
         Where they come from; its ``damping`` is that of the whole structure and not in C and D.
     """
@@ -30,6 +36,7 @@ class System:
     C: sp.csc_array
     D: sp.csc_array
     Q: sp.csr_array
+    rigid: NDArray[np.float64]
     model: Model
 
     @property
@@ -47,9 +54,10 @@ def assemble(model: Model) -> System:
     Raises
     ------
     ModelError
-        If a matrix is not finite, or constraints leave no motion at all.
+        If a matrix is not finite, constraints leave no motion at all, or a point has neither stiffness nor mass.
     """
-    full = sum_contributions(model.contributions(), model.n_dof)
+    contributions = model.contributions()
+    full = sum_contributions(contributions, model.n_dof)
     for name, X in zip("KMCD", full, strict=True):
         if not np.isfinite(X.data).all():
             msg = f"the matrix {name} of the model has entries that are not finite numbers"
@@ -59,7 +67,66 @@ def assemble(model: Model) -> System:
         msg = "the supports and rigid joints leave no motion at all; the model has nothing to compute"
         raise ModelError(msg)
     K, M, C, D = (sp.csc_array(Q.T @ X @ Q) for X in full)
-    return System(K, M, C, D, Q, model)
+    empty = np.flatnonzero(abs(K).sum(axis=0) + abs(M).sum(axis=0) == 0)
+    if empty.size:
+        dof = int(abs(Q[:, [empty[0]]]).argmax())
+        msg = (
+            f"point {dof // 6} of the mesh has neither stiffness nor mass in {DIRECTIONS[dof % 6]}; "
+            "leave it out of the mesh, or tie it with a line or a joint"
+        )
+        raise ModelError(msg)
+    return System(K, M, C, D, Q, _allowed(model.mesh, contributions, Q), model)
+
+
+def rigid_motions(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the six rigid-body motions about the mesh's centre, rotations divided by its size, shape (n_dof, 6)."""
+    motions = np.vstack([lever_matrix(p) for p in mesh.points - mesh.points.mean(axis=0)])
+    motions[:, 3:] /= max(mesh.size, 1e-300)
+    return motions
+
+
+def resistance(
+    contributions: tuple[Contribution, ...], motions: NDArray[np.float64], size: float, rounding: float
+) -> NDArray[np.float64]:
+    """Return the forces, as rows (n_rows, n), with which elements oppose motions (n_dof, n) of a structure of a size [m].
+
+    What an element opposes is judged by itself, against the forces that its entries would give one by one in a motion of 1 and a
+    rotation of 1/size, and left out below ``rounding`` of these: a spring to ground counts however soft it is beside the members.
+    """
+    rows = [np.zeros((0, motions.shape[1]))]
+    amplitude = np.repeat([1.0, 1 / max(size, 1e-300)], 3)
+    for part in contributions:
+        if part.K is None:
+            continue
+        at = motions[part.dofs]
+        terms = np.abs(part.K) @ amplitude[part.dofs % 6][:, :, None]
+        force = np.divide(part.K @ at, terms, out=np.zeros_like(at), where=terms > 0)
+        force = force.reshape(-1, motions.shape[1])
+        rows.append(force[np.abs(force).max(axis=1) > rounding])
+    return np.vstack(rows)
+
+
+def unopposed(rows: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
+    """Return the combinations (n, k) of motions that every row (n_rows, n) leaves below a tolerance."""
+    n = rows.shape[1]
+    _, s, Vt = np.linalg.svd(np.linalg.qr(np.vstack([rows, np.zeros((n, n))]), mode="r"))
+    return Vt[s < tolerance].T
+
+
+def reproduced(mesh: Mesh, Q: Any) -> NDArray[np.float64]:
+    """Return the combinations (6, n) of rigid-body motions that meet the constraints."""
+    motions = rigid_motions(mesh)
+    missed = motions - Q @ (Q.T @ motions)
+    missed.reshape(-1, 6, 6)[:, 3:] *= mesh.size
+    return unopposed(missed[np.abs(missed).max(axis=1) > _ROUNDING], 10 * _ROUNDING)
+
+
+def _allowed(mesh: Mesh, contributions: tuple[Contribution, ...], Q: Any) -> NDArray[np.float64]:
+    """Return the rigid-body motions (n_free, n_rigid) that Q reproduces and that no element resists."""
+    motions = rigid_motions(mesh) @ reproduced(mesh, Q)
+    if not motions.shape[1]:
+        return np.zeros((Q.shape[1], 0))
+    return Q.T @ motions @ unopposed(resistance(contributions, motions, mesh.size, _ROUNDING), 10 * _ROUNDING)
 
 
 def sum_contributions(contributions: tuple[Contribution, ...], n_dof: int) -> list[Any]:
