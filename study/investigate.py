@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,11 +39,14 @@ def compare(options: Options, progress: Progress) -> None:
     width = _width(c.outputs)
     say(
         options,
-        f"{study.name}, {what}: error of the amplitude {c.total_db:.2f} dB, noise of the measurement {problem.data.noise_db:.2f} dB",
+        f"{study.name}, {what}: error of the amplitude {c.total_db:.2f} dB, noise of the measurement "
+        f"{problem.data.noise_db:.2f} dB",
         f"{'sensor':{width}}  {'all dB':>7}  {head}  {'least FRAC':>10}",
         *(
-            f"{name:{width}}  {total:7.2f}  {'  '.join(f'{db:11.2f}' for db in row)}  {frac.min():10.3f}"
-            for name, total, row, frac in zip(c.outputs, c.by_sensor(), c.by_band(), c.frac, strict=True)
+            f"{name:{width}}  {total:7.2f}  {'  '.join(f'{db:11.2f}' for db in row)}  {frac:10.3f}"
+            for name, total, row, frac in zip(
+                c.outputs, c.by_sensor(), result.band_errors(c), result.least_frac(c), strict=True
+            )
         ),
     )
 
@@ -70,10 +74,12 @@ def locate(options: Options, progress: Progress) -> None:
     wide = _width([words.place(p) for p, _ in places])
     say(
         options,
-        f"{study.name}: {fitted.fit_db:.2f} dB once the uncertain parameters are fitted; sensors, the worst first",
+        f"{study.name}: {fitted.fit_db:.2f} dB once the uncertain parameters are fitted; sensors, the "
+        "worst first",
         f"{'sensor':{width}}  {'all dB':>7}  {head}",
         *(
-            f"{where.sensors[i]:{width}}  {where.by_sensor_db[i]:7.2f}  {'  '.join(f'{db:11.2f}' for db in where.by_band_db[i])}"
+            f"{where.sensors[i]:{width}}  {where.by_sensor_db[i]:7.2f}  "
+            f"{'  '.join(f'{db:11.2f}' for db in where.by_band_db[i])}"
             for i in order
         ),
         "",
@@ -110,8 +116,10 @@ def diagnose(options: Options, progress: Progress) -> None:
             f"round {k + 1}, {len(shown)} of {len(ranked)} candidates",
             f"{'':{width}}  level dB  fitted dB  held-out dB  similarity",
             *(
-                f"{words.ranked_label(r):{width}}  {r.level * DB_PER_NEPER:8.2f}  {r.fit_db:9.2f}  {r.held_out_db:11.2f}  "
-                f"{r.similarity:10.2f}  {words.parameters_text(r.parameters)}{'' if r.refined else ' (quick fit)'}"
+                f"{words.ranked_label(r):{width}}  {r.level * DB_PER_NEPER:8.2f}  {r.fit_db:9.2f}  "
+                f"{r.held_out_db:11.2f}  "
+                f"{r.similarity:10.2f}  "
+                f"{words.parameters_text(r.parameters)}{'' if r.refined else ' (quick fit)'}"
                 for r in shown
             ),
         ]
@@ -155,11 +163,13 @@ def _found(d: "Diagnosis") -> list[str]:
 
 def _staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> list[str]:
     """Return the table of errors after each step."""
+    from study.words import step_label
+
     held_out = held_out or {}
-    width = _width([s.label for s in d.steps])
+    width = _width([step_label(s.label) for s in d.steps])
     names = "".join(f"  {'excitation ' + n:>16}" for n in held_out)
     rows = [
-        f"{s.label:{width}}  {s.fit_db:9.2f}  {s.held_out_db:11.2f}"
+        f"{step_label(s.label):{width}}  {s.fit_db:9.2f}  {s.held_out_db:11.2f}"
         + "".join(f"  {db[k]:16.2f}" for db in held_out.values())
         for k, s in enumerate(d.steps)
     ]
@@ -172,4 +182,4 @@ def _width(names: Iterable[str]) -> int:
 
 
 def _band_names(bands: np.ndarray) -> list[str]:
-    return [f"{a:.4g}-{b:.4g}" for a, b in zip(bands[:-1], bands[1:], strict=True)]
+    return [f"{a:.4g}-{b:.4g}" for a, b in pairwise(bands)]

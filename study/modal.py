@@ -62,7 +62,7 @@ def damped_modes(model: Model, knots: NDArray[np.float64], ratio: NDArray[np.flo
 
 
 def modes_of(d: Diagnosis) -> tuple[Modes, Modes, Modes]:
-    """Return modes of the nominal model, of the fitted one without the found effects, and with them, in the band."""
+    """Return modes in the band: of the nominal model, of the fitted one without what was found, and with it."""
     curve, top = d.problem.damping, float(d.problem.data.frequency[-1])
     with_all = d.model
     without = with_all.without_effect(*(f.effect.name for f in d.findings)) if d.findings else with_all
@@ -99,7 +99,7 @@ def pair_modes(nominal: Modes, fitted: Modes) -> tuple[ModePair, ...]:
 
 
 def most_changed(pairs: tuple[ModePair, ...]) -> ModePair | None:
-    """Return the mode whose pole moved farthest for its frequency, |Δω|/ω and Δζ together; of equals that with another shape."""
+    """Return the mode whose pole moved farthest for its frequency, |Δω|/ω and Δζ together."""
     known = [p for p in pairs if p.nominal_index >= 0]
     return max(known, key=_change, default=None)
 

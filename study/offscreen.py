@@ -21,7 +21,8 @@ raise SystemExit(0 if numpy.ptp(plotter.screenshot(None, return_img=True)) > 100
 def can_draw() -> bool:
     """Return whether VTK draws off screen, and set the environment up for it.
 
-    VTK ends the process where a library is missing, hence the try in another one. Without a display it is told to use EGL. To be called before PyVista is imported.
+    VTK ends the process where a library is missing, hence the try in another one. Without a display it is
+    told to use EGL. To be called before PyVista is imported.
     """
     os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
     ways: list[dict[str, str]] = [{}]

@@ -1,4 +1,4 @@
-"""Small pieces of HTML: escaped text, tables, figures with embedded images. A page of them loads nothing else."""
+"""Small pieces of HTML: escaped text, tables, embedded images; a page of them loads nothing else."""
 
 import base64
 import html
@@ -10,7 +10,8 @@ from PIL import Image
 MIME = {".png": "image/png", ".gif": "image/gif"}
 
 CSS = """
-:root { color: #1f2328; background: #fff; font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
+:root { color: #1f2328; background: #fff;
+  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 62rem; padding: 1.5rem 1.25rem 4rem; }
 h1 { font-size: 1.15rem; font-weight: 600; color: #57606a; margin: 0 0 1rem; }
@@ -21,8 +22,10 @@ ul { margin: .5rem 0; padding-left: 1.3rem; max-width: 48rem; }
 li { margin: .25rem 0; }
 .verdict { border-left: .45rem solid #6e7781; background: #f6f8fa; padding: 1rem 1.25rem 1.1rem; }
 .verdict p { max-width: none; }
-.verdict .kind { text-transform: uppercase; letter-spacing: .06em; font-size: .8rem; font-weight: 600; color: #57606a; margin: 0; }
-.verdict .sentence { font-size: 1.6rem; line-height: 1.25; font-weight: 600; margin: .2rem 0 .4rem; text-wrap: balance; }
+.verdict .kind { text-transform: uppercase; letter-spacing: .06em; font-size: .8rem;
+  font-weight: 600; color: #57606a; margin: 0; }
+.verdict .sentence { font-size: 1.6rem; line-height: 1.25; font-weight: 600; margin: .2rem 0 .4rem;
+  text-wrap: balance; }
 .verdict .value { font-size: 1.15rem; margin: .25rem 0; }
 .verdict.effect { border-color: #D55E00; }
 .verdict.nothing { border-color: #009E73; }
@@ -31,17 +34,24 @@ li { margin: .25rem 0; }
 .wide { overflow-x: auto; margin: .8rem 0; }
 table { border-collapse: collapse; font-size: .92rem; }
 caption { text-align: left; color: #57606a; padding-bottom: .3rem; }
-th, td { padding: .28rem .8rem .28rem 0; text-align: left; vertical-align: top; border-bottom: 1px solid #eaeef2; }
+th, td { padding: .28rem .8rem .28rem 0; text-align: left; vertical-align: top;
+  border-bottom: 1px solid #eaeef2; }
 thead th { border-bottom: 1.5px solid #6e7781; font-weight: 600; vertical-align: bottom; }
-tbody th { font-weight: 400; }
+tbody th { font-weight: 400; min-width: 8rem; }
+.verdict .why { color: #57606a; margin: .5rem 0 0; font-size: .95rem; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 tr.mark th, tr.mark td { font-weight: 600; }
 tr.mark { background: #fdf1e8; }
-.tag { display: inline-block; font-size: .8rem; font-weight: 600; padding: 0 .45em; border-radius: .3em; background: #fbe3d2; color: #8a3c00; white-space: nowrap; }
+.tag { display: inline-block; font-size: .8rem; font-weight: 600; padding: 0 .45em; border-radius: .3em;
+  background: #fbe3d2; color: #8a3c00; white-space: nowrap; }
+tr:not(.mark) .tag { background: #eaeef2; color: #57606a; }
+.tag.bound { background: #fbe3d2 !important; color: #8a3c00 !important; }
 figure { margin: 1rem 0; }
+figure.small { max-width: 34rem; }
 figure img { display: block; max-width: 100%; height: auto; }
 figcaption { color: #57606a; font-size: .9rem; margin-top: .3rem; max-width: 48rem; }
-.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 0 1.2rem; align-items: start; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 0 1.2rem;
+  align-items: start; }
 details { margin: .6rem 0; }
 summary { cursor: pointer; color: #0b5394; }
 code { font: .9em ui-monospace, "SF Mono", Menlo, Consolas, monospace; overflow-wrap: anywhere; }
@@ -146,14 +156,14 @@ def _table(
     return tag("div", whole, class_="wide") + Markup("\n")
 
 
-def image(file: Path, alt: str, caption: str = "") -> Markup:
+def image(file: Path, alt: str, caption: str = "", class_: str = "") -> Markup:
     """Return a figure with the image in it."""
     with Image.open(file) as picture:
         width, height = picture.size
     data = base64.b64encode(file.read_bytes()).decode("ascii")
     source = Markup(f"data:{MIME[file.suffix]};base64,{data}")
     img = Markup(f'<img src="{source}" alt="{esc(alt)}" width="{width}" height="{height}">')
-    return tag("figure", img, tag("figcaption", caption) if caption else "") + Markup("\n")
+    return tag("figure", img, tag("figcaption", caption) if caption else "", class_=class_) + Markup("\n")
 
 
 def section(title: str, *content: object) -> Markup:
@@ -176,5 +186,6 @@ def page(title: str, *content: object) -> str:
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{esc(title)}</title>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<link rel="icon" href="data:,">\n<style>{CSS}</style>\n</head>\n<body>\n{join(content)}</body>\n</html>\n'
+        f'<link rel="icon" href="data:,">\n<style>{CSS}</style>\n</head>\n'
+        f"<body>\n{join(content)}</body>\n</html>\n"
     )

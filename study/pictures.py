@@ -1,19 +1,20 @@
-"""The pictures of a run, as files; a picture that cannot be drawn is left out and named, for the result is worth more."""
+"""The pictures of a run, as files; one that cannot be drawn is left out and named."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from study import words
-from study.modal import ModePair, most_changed, modes_of, pair_modes
+from study.modal import ModePair, modes_of, most_changed, pair_modes
 from study.offscreen import can_draw
-from study.result import RunResult, measured_frf
+from study.result import RunResult, band_errors, measured_frf
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import EFFECT, Ranked
-from viz import curves
+from updating.diagnosis import ACCEPT_LEVEL, EFFECT, Ranked
+from viz import curves, style
 from viz.style import save
 
 N_MODES = 4
@@ -98,7 +99,8 @@ def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
         _draw_modes(result, album, say)
     else:
         album.failures.append(
-            "Pictures of the structure are missing: VTK cannot draw off screen on this machine (on Debian and Ubuntu, install libegl1 and libgl1-mesa-dri)."
+            "Pictures of the structure are missing: VTK cannot draw off screen on this machine (on "
+            "Debian and Ubuntu, install libegl1 and libgl1-mesa-dri)."
         )
     return album
 
@@ -106,7 +108,7 @@ def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
 def _draw_errors(result: RunResult, album: Album) -> None:
     d = result.diagnosis
     steps = [
-        (_step_label(s.label), s.fit_db, s.held_out_db if np.isfinite(s.held_out_db) else None)
+        (words.step_label(s.label), s.fit_db, s.held_out_db if np.isfinite(s.held_out_db) else None)
         for s in d.steps
     ]
     album.add(
@@ -117,16 +119,17 @@ def _draw_errors(result: RunResult, album: Album) -> None:
         "Error after each step: "
         + "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
         + f"; noise floor {d.noise_floor_db:.2f} dB.",
-        "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on lines held out from it. The grey floor is measurement noise and mesh error.",
+        "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
+        "lines held out from it. The grey floor is measurement noise and mesh error.",
     )
+    top = _misfit_limit(result)
     for name, step, what in _misfit_steps(result):
         c = result.comparisons[step]
-        values, order = c.by_band(), np.arange(len(c.outputs))
+        values, order = band_errors(c), np.arange(len(c.outputs))
         if len(order) > MANY:
             order = np.argsort(-np.nan_to_num(c.by_sensor()), kind="stable")[:MANY]
         edges = np.round(c.bands) if c.bands[-1] - c.bands[0] > 20 * len(c.bands) else c.bands
-        bands = list(zip(edges[:-1], edges[1:], strict=True))
-        top = _misfit_limit(result)
+        bands = list(pairwise(edges))
         album.add(
             f"misfit-bands-{name}",
             lambda p, v=values[order], o=[c.outputs[i] for i in order], b=bands: save(
@@ -151,7 +154,7 @@ def _misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
 
 def _misfit_limit(result: RunResult) -> float:
     """Return one end of the colours for all misfit pictures, so that they can be compared [dB]."""
-    return float(max(np.nanmax(result.comparisons[k].by_band()) for _, k, _ in _misfit_steps(result)))
+    return float(max(np.nanmax(band_errors(result.comparisons[k])) for _, k, _ in _misfit_steps(result)))
 
 
 def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Album) -> None:
@@ -166,23 +169,38 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     accepted = by_name.get(found.effect.name) if found else None
     levels = [r.level * DB_PER_NEPER for r in ranked]
     outcome = f"{accepted} is accepted" if accepted else "none of them lowers it enough"
+
+    def draw(path: Path) -> None:
+        figure = curves.plot_ranking(
+            labels,
+            levels,
+            baseline,
+            twins=twins,
+            accepted=accepted,
+            xlabel="residual level, amplitude and phase [dB]",
+        )
+        _mark_limit(figure.axes[0], baseline / ACCEPT_LEVEL)
+        save(figure, path, DPI)
+
     album.add(
         f"ranking-{k + 1}",
-        lambda p: save(
-            curves.plot_ranking(
-                labels,
-                levels,
-                baseline,
-                twins=twins,
-                accepted=accepted,
-                xlabel="residual level, amplitude and phase [dB]",
-            ),
-            p,
-            DPI,
-        ),
+        draw,
         f"Round {k + 1}: residual level that each of {len(ranked)} candidates leaves; {outcome}.",
-        f"Round {k + 1} of the search: residual level after fitting each candidate together with the uncertain parameters; {outcome}.",
+        f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
+        "uncertain "
+        f"parameters; {outcome}. A candidate must reach the dotted line to be accepted.",
     )
+
+
+def _mark_limit(ax: Any, limit: float) -> None:
+    """Draw the level that a candidate must reach to be accepted."""
+    low, high = ax.get_xlim()
+    ax.set_xlim(min(low, limit - 0.06 * (high - min(low, limit))), high)
+    ax.axvline(limit, color=style.EFFECT, linewidth=1, linestyle=":", zorder=1)
+    ax.annotate(
+        "to be accepted", (limit, 0), xycoords=("data", "axes fraction"), xytext=(3, 3),
+        textcoords="offset points", fontsize=7.5, color=style.EFFECT, ha="left", va="bottom",
+    )  # fmt: skip
 
 
 def _distinct(labels: list[str]) -> list[str]:
@@ -194,12 +212,6 @@ def _distinct(labels: list[str]) -> list[str]:
     return out
 
 
-def _step_label(label: str) -> str:
-    return (
-        label.removesuffix(" added") if not label.endswith(" added") else f"+ {label.removesuffix(' added')}"
-    )
-
-
 def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
     """Return the bands of lines that no fit has seen [Hz]."""
     data = result.diagnosis.problem.data
@@ -209,7 +221,7 @@ def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
 
 
 def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
-    """Return the FRFs worth a look with the reason: where most was gained, drive points, and where the fit is worst."""
+    """Return FRFs worth a look and why: most gained, drive points, worst in the end."""
     first = (
         result.comparisons[min(1, len(result.comparisons) - 1)]
         if len(result.comparisons) > 2
@@ -222,20 +234,21 @@ def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
         (o, i) for o in range(len(last.outputs)) for i in range(len(last.inputs)) if np.isfinite(after[o, i])
     ]
     gained = sorted(pairs, key=lambda p: after[p] - before[p])
-    worst = sorted(pairs, key=lambda p: -after[p])
+    by_input = {p[1]: p for p in reversed(gained)}
     drive = [p for p in pairs if last.outputs[p[0]] == last.inputs[p[1]]]
+    worst = sorted(pairs, key=lambda p: -after[p])
     chosen: dict[tuple[int, int], str] = {}
     for which, why in (
-        (gained[: n - 3], "most gained"),
+        ([*sorted(by_input.values(), key=gained.index), *gained][: n - 3], "most gained"),
         (drive[:2], "drive point"),
         (worst[:1], "worst in the end"),
         (gained, ""),
     ):
         for p in which:
             if len(chosen) < n and p not in chosen:
-                chosen[p] = why
+                chosen[p] = f"{why}, " if why else ""
     return [
-        (last.outputs[o], last.inputs[i], why or f"{before[o, i]:.1f} → {after[o, i]:.1f} dB")
+        (last.outputs[o], last.inputs[i], f"{why}{before[o, i]:.1f} → {after[o, i]:.1f} dB")
         for (o, i), why in chosen.items()
     ]
 
@@ -279,7 +292,8 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
             DPI,
         ),
         "Relative error of all FRFs together over frequency, for " + ", ".join(models) + ".",
-        "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response itself.",
+        "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response "
+        "itself.",
     )
 
 
@@ -297,7 +311,7 @@ def _draw_structure(result: RunResult, album: Album) -> None:
         word = "wrong sign" if fault.kind == "sensor_sign" else f"gain {fault.value:.2f}"
         places.setdefault(tuple(np.round(sensor.point, 9)), []).append(f"{fault.sensor}: {word}")
     marks = [(np.array(xyz), " and ".join(dict.fromkeys(names))) for xyz, names in places.items()]
-    seen = f"; marked: {', '.join(label for _, label in marks)}" if marks else ""
+    seen = f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
     album.add(
         "structure",
         lambda p: render.render_model(study.model, p, m.sensors, m.excitations, marks),
@@ -314,19 +328,27 @@ def _draw_structure(result: RunResult, album: Album) -> None:
         album.add(
             f"misfit-{name}",
             lambda p, db=db, known=known, members=members: render.render_misfit(
-                study.model, points[known], directions[known], db[known], [s.name for s, k in zip(m.sensors, known, strict=True) if k], p,
-                members=members, label="error [dB]", members_label="share of the misfit [-]", limits=(0.0, top),
+                study.model,
+                points[known],
+                directions[known],
+                db[known],
+                [s.name for s, k in zip(m.sensors, known, strict=True) if k],
+                p,
+                members=members,
+                label="error [dB]",
+                members_label="share of the misfit [-]",
+                limits=(0.0, top),
             ),
             f"The structure with its sensors coloured by their error, {what}.",
             f"Error of each sensor on the structure, {what}"
-            + ("; members are coloured by the share of the misfit that a small change of them would explain." if members else "."),
-        )  # fmt: skip
+            + ("; members by the share of it that a small change would explain." if members else "."),
+        )
 
 
 def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
     from viz import render
 
-    nominal, without, fitted = modes_of(result.diagnosis)
+    _, without, fitted = modes_of(result.diagnosis)
     model = result.diagnosis.model
     elastic = range(fitted.n_rigid, fitted.n_modes)
     for k in elastic[:N_MODES]:
@@ -337,7 +359,9 @@ def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
         album.add(
             f"mode-{k - fitted.n_rigid + 1}",
             lambda p, k=k, title=title: render.render_mode(model, fitted, k, p, title=title),
-            f"Shape of elastic mode {k - fitted.n_rigid + 1} of the fitted model at {fitted.frequency[k]:.4g} Hz.",
+            f"Shape of elastic mode {k - fitted.n_rigid + 1} of the fitted model at "
+            f"{fitted.frequency[k]:.4g} Hz.",
+            title,
         )
     if result.diagnosis.verdict != EFFECT:
         return
@@ -364,11 +388,7 @@ def mode_heading(k: int, n_rigid: int, frequency: float, zeta: float | None) -> 
 
 def _moved(pair: ModePair) -> str:
     return (
-        f"{pair.nominal:.4g} Hz and {100 * pair.nominal_zeta:.2g} % damping without it, {pair.fitted:.4g} Hz and "
+        f"{pair.nominal:.4g} Hz and {100 * pair.nominal_zeta:.2g} % damping without it, {pair.fitted:.4g} "
+        "Hz and "
         f"{100 * pair.fitted_zeta:.2g} % with it"
     )
-
-
-def names_of(pictures: Mapping[str, Picture]) -> list[str]:
-    """Return the names of picture files."""
-    return [p.file.name for p in pictures.values()]

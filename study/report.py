@@ -14,7 +14,7 @@ from fem.io.atomic import replacing
 from study import words
 from study.page import Markup, bullets, facts, folded, image, join, page, paragraph, section, table, tag
 from study.pictures import Album, Picture, held_out_bands
-from study.result import RunResult, Uncertain, program_version
+from study.result import RunResult, Uncertain, least_frac, program_version
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Finding, Ranked
 from updating.fit import FitData
@@ -23,6 +23,16 @@ CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "une
 
 MODULES = ("updating.diagnosis", "updating.fit", "updating.faults")
 """Modules whose constants decide the verdict; the report lists them."""
+
+
+RANKING = [
+    "candidate",
+    "value ± std",
+    "level [dB]",
+    "fitted lines [dB]",
+    "held-out lines [dB]",
+    "similarity [-]",
+]
 
 
 def write_report(result: RunResult, album: Album, path: Path) -> None:
@@ -50,8 +60,8 @@ def report_html(result: RunResult, album: Album) -> str:
     return page(f"{result.study.name}: {result.diagnosis.verdict}", *parts)
 
 
-def _figure(picture: Picture | None) -> Markup:
-    return image(picture.file, picture.alt, picture.caption) if picture else Markup()
+def _figure(picture: Picture | None, class_: str = "") -> Markup:
+    return image(picture.file, picture.alt, picture.caption, class_) if picture else Markup()
 
 
 # -------------------------------------------------------------------------------------------------- verdict
@@ -65,6 +75,7 @@ def _verdict(result: RunResult, album: Album) -> Markup:
         tag("p", f"Verdict: {d.verdict}", class_="kind"),
         tag("p", words.headline(result), class_="sentence"),
         *values,
+        tag("p", f"{d.reason[:1].upper()}{d.reason[1:]}.", class_="why"),
         class_=f"verdict {CLASS.get(d.verdict, 'unexplained')}",
     )
     more = [tag("p", study.description)] if study.description else []
@@ -87,7 +98,7 @@ def _steps(result: RunResult) -> Markup:
     head = ["step", "fitted lines [dB]", "held-out lines [dB]", "residual level [dB]"]
     rows = [
         [
-            s.label,
+            words.step_label(s.label),
             _db(s.fit_db),
             _db(s.held_out_db),
             _db(s.level * DB_PER_NEPER),
@@ -100,7 +111,8 @@ def _steps(result: RunResult) -> Markup:
         [
             table(head, rows, numbers=range(1, len(head))),
             paragraph(
-                "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level also counts the phase and weighs outliers less; "
+                "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
+                "also counts the phase and weighs outliers less; "
                 "it is what fits minimise and candidates are ranked by."
             ),
         ]
@@ -111,7 +123,7 @@ def _db(value: float) -> str:
     return f"{value:.2f}" if math.isfinite(value) else "–"
 
 
-# ------------------------------------------------------------------------------------------- what was compared
+# ------------------------------------------------------------------------------------------ what was compared
 
 
 def _compared(result: RunResult, album: Album) -> Markup:
@@ -181,7 +193,7 @@ def _counted(data: FitData) -> str:
         for c, i in enumerate(data.measurement.frf.inputs)
         if not mask[:, r, c].any()
     ]
-    text = f"{100 * mask.mean():.0f} % of all; left out are FRFs that are zero by symmetry and lines with too much noise"
+    text = f"{100 * mask.mean():.0f} % of all; left out: FRFs that are zero by symmetry, lines with too much noise"
     if silent:
         text += f". Left out as a whole: {', '.join(silent[:12])}" + (
             f" and {len(silent) - 12} more" if len(silent) > 12 else ""
@@ -206,52 +218,57 @@ def _sensor_places(result: RunResult) -> Markup:
     )
 
 
-# ----------------------------------------------------------------------------------------------- where it fails
+# --------------------------------------------------------------------------------------------- where it fails
 
 
 def _misfit(result: RunResult, album: Album) -> Markup:
-    where = result.localisation
-    parts: list[Markup] = [
+    after = [_figure(album[name]) for name in ("misfit-final", "misfit-bands-final")]
+    return section(
+        "Where it fails",
         paragraph(
-            "The model as given, with its uncertain parameters fitted and nothing added. A model that lacks nothing is equally good everywhere; a missing effect shows near it, or in the modes that bend it."
+            "The model with its uncertain parameters fitted and nothing added. One that lacks nothing is "
+            "equally good "
+            "everywhere; a missing effect shows near it, or in the modes that strain it."
         ),
         _figure(album["misfit-fitted"]),
         _figure(album["misfit-bands-fitted"]),
+        *_shares(result),
+        folded("The same with what was found", *after) if any(after) else "",
+        folded("Error of each sensor", _sensor_errors(result)),
+    )
+
+
+def _shares(result: RunResult) -> list[Markup]:
+    where = result.localisation
+    if where is None:
+        return []
+    shares = [*((f"member {m}", s) for m, s in where.members.items()), *where.places]
+    rows = [
+        [words.place(name), f"{100 * s:.0f}"] for name, s in sorted(shares, key=lambda t: -t[1]) if s >= 0.005
     ]
-    if where is not None:
-        shares = sorted(
-            [(f"member {m}", s) for m, s in where.members.items()] + list(where.places), key=lambda t: -t[1]
-        )
-        rows = [[words.place(name), f"{100 * s:.0f}"] for name, s in shares]
-        parts += [
-            tag("h3", "Where a small change would help"),
-            table(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=12),
-            paragraph(where.note),
-        ]
-    if album["misfit-final"] or album["misfit-bands-final"]:
-        parts.append(
-            folded(
-                "The same with what was found",
-                _figure(album["misfit-final"]),
-                _figure(album["misfit-bands-final"]),
-            )
-        )
-    parts.append(folded("Error of each sensor", _sensor_errors(result)))
-    return section("Where it fails", *parts)
+    return [
+        tag("h3", "Where a small change would help"),
+        table(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=8)
+        if rows
+        else paragraph(
+            "Nowhere: no small change of any member, joint or support explains a share of the misfit."
+        ),
+        paragraph(where.note),
+    ]
 
 
 def _sensor_errors(result: RunResult) -> Markup:
     first, last = result.comparisons[0], result.comparisons[-1]
     middle = result.comparisons[min(1, len(result.comparisons) - 1)]
     columns = [c.by_sensor() for c in (first, middle, last)]
-    frac = last.frac.min(axis=1)
+    frac = least_frac(last)
     order = np.argsort(-np.nan_to_num(columns[1]), kind="stable")
-    rows = [[first.outputs[i], *(_db(c[i]) for c in columns), f"{frac[i]:.3f}"] for i in order]
+    rows = [[first.outputs[i], *(_db(c[i]) for c in columns), _number(frac[i], 3)] for i in order]
     head = ["sensor", "nominal [dB]", "fitted [dB]", "in the end [dB]", "least FRAC in the end [-]"]
     return table(head, rows, numbers=(1, 2, 3, 4))
 
 
-# ----------------------------------------------------------------------------------------------- what is missing
+# -------------------------------------------------------------------------------------------- what is missing
 
 
 def _missing(result: RunResult) -> Markup:
@@ -270,14 +287,14 @@ def _missing(result: RunResult) -> Markup:
         for p in f.parameters
     ]
     parts = [
-        paragraph(f"{d.reason[:1].upper()}{d.reason[1:]}."),
         table(["effect", "parameter", "value ± std", "model has", "std [%]"], rows, numbers=(2, 3, 4)),
     ]
     for k, finding in enumerate(d.findings):
-        parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else (), k))
+        parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
     parts.append(
         paragraph(
-            "Standard deviations are linearised and hold if the effect is the right one; the uncertain parameters vary with it. They do not cover errors of the model that no parameter describes."
+            "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
+            "parameters vary with it. They do not cover errors of the model that no parameter describes."
         )
     )
     return section("What is missing", *parts)
@@ -295,55 +312,35 @@ def _percent(std: float, value: float) -> str:
     return f"{100 * std / abs(value):.2g}" if value and math.isfinite(std) and std > 0 else "–"
 
 
-def _why(finding: Finding, ranked: tuple[Ranked, ...], k: int) -> Markup:
+def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
     own = next((r for r in ranked if r.name == finding.effect.name), None)
-    rival = words.rival_of(finding, ranked)
-    rows, marked = [], []
-    for r, what in [(own, "accepted"), *((t, "twin") for t in finding.twins), (rival, "best other")]:
-        if r is not None:
-            marked += [len(rows)] if what == "accepted" else []
-            rows.append(
-                [
-                    words.ranked_label(r),
-                    what,
-                    words.parameters_text(r.parameters),
-                    *_errors(r),
-                    f"{r.similarity:.2f}",
-                ]
-            )
+    known = [(own, "accepted"), *((t, "twin") for t in finding.twins)]
+    known.append((words.rival_of(finding, ranked), "best other"))
+    rows = [
+        [_tagged(r, what), words.parameters_text(r.parameters), *_errors(r), f"{r.similarity:.2f}"]
+        for r, what in known
+        if r is not None
+    ]
     twins = (
-        "Twins bring nearly the same reduction; the data cannot say which of them it is, only knowledge of the structure can."
+        "Twins bring nearly the same reduction; which of them it is only knowledge of the structure can say."
         if finding.twins
         else "No candidate brings nearly the same reduction."
     )
-    title = (
-        f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"
-        if k or finding.twins or rival
-        else "Why this effect"
-    )
     return join(
         [
-            tag("h3", title),
-            table(
-                [
-                    "candidate",
-                    "",
-                    "value",
-                    "level [dB]",
-                    "fitted lines [dB]",
-                    "held-out lines [dB]",
-                    "similarity [-]",
-                ],
-                rows,
-                numbers=(3, 4, 5, 6),
-                marked=marked,
-            ),
+            tag("h3", f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
+            table(RANKING, rows, numbers=(2, 3, 4, 5), marked=(0,) if own else ()),
             paragraph(
-                twins
-                + " Similarity is the correlation of what two effects do to the FRFs; 1 means that these sensors cannot tell them apart."
+                f"{twins} Similarity is the correlation of what two effects do to the FRFs; 1 means that "
+                "these "
+                "sensors cannot tell them apart."
             ),
         ]
     )
+
+
+def _tagged(r: Ranked, what: str) -> Markup:
+    return join([words.ranked_label(r), " ", tag("span", what, class_="tag") if what else ""])
 
 
 def _errors(r: Ranked) -> list[str]:
@@ -354,15 +351,23 @@ def _nothing_found(result: RunResult) -> list[Markup]:
     d = result.diagnosis
     best, tried = words.best_of(d.rounds), len(d.rounds[0]) if d.rounds else 0
     gained = (
-        f" The best, {words.ranked_label(best)} ({words.parameters_text(best.parameters)}), lowers the residual level from {d.steps[-1].level * DB_PER_NEPER:.2f} to {best.level * DB_PER_NEPER:.2f} dB."
+        f" The best, {words.ranked_label(best)} ({words.parameters_text(best.parameters)}), lowers the "
+        f"residual level from {d.steps[-1].level * DB_PER_NEPER:.2f} to {best.level * DB_PER_NEPER:.2f} "
+        "dB."
         if best
         else ""
     )
     kinds = sorted({r.kind.replace("_", " ") for r in (d.rounds[0] if d.rounds else ())})
     text = {
-        NOTHING: "Nothing that these data can show. This does not prove that the model is right where no mode of the band strains it.",
+        NOTHING: (
+            "Nothing that these data can show. This does not prove that the model is right where no mode "
+            "of the band strains it."
+        ),
         FAULT: "Nothing, once the sensors below are set right.",
-        UNEXPLAINED: "Something, but none of the candidates. The model should not be trusted for what it was made for until the cause is known.",
+        UNEXPLAINED: (
+            "Something, but none of the candidates. The model should not be trusted for what it was made "
+            "for until the cause is known."
+        ),
     }.get(d.verdict, d.reason)
     return [
         paragraph(text),
@@ -371,11 +376,10 @@ def _nothing_found(result: RunResult) -> list[Markup]:
             if tried
             else "No candidates were tried."
         ),
-        paragraph(f"{d.reason[:1].upper()}{d.reason[1:]}."),
     ]
 
 
-# ---------------------------------------------------------------------------------------------------- the search
+# ------------------------------------------------------------------------------------------------- the search
 
 
 def _search(result: RunResult, album: Album) -> Markup:
@@ -384,7 +388,8 @@ def _search(result: RunResult, album: Album) -> Markup:
         return Markup()
     parts = [
         paragraph(
-            "Each round fits every candidate together with the uncertain parameters, quickly at first, the best fully. The best is accepted if the residual "
+            "Each round fits every candidate together with the uncertain parameters, quickly at first, "
+            "the best fully. The best is accepted if the residual "
             "level and the error on held-out lines both fall enough; then the search is repeated with it."
         )
     ]
@@ -409,11 +414,12 @@ def _outcome(result: RunResult, k: int) -> str:
 
 def _ranking(ranked: tuple[Ranked, ...], finding: Finding | None, k: int) -> Markup:
     twins = {t.name for t in finding.twins} if finding else set()
+    accepted = finding.effect.name if finding else None
     rows = []
     for r in ranked:
         what = (
             "accepted"
-            if finding and r.name == finding.effect.name
+            if r.name == accepted
             else "twin"
             if r.name in twins
             else ""
@@ -421,31 +427,14 @@ def _ranking(ranked: tuple[Ranked, ...], finding: Finding | None, k: int) -> Mar
             else "quick fit"
         )
         rows.append(
-            [
-                words.ranked_label(r),
-                words.parameters_text(r.parameters),
-                *_errors(r),
-                f"{r.similarity:.2f}",
-                what,
-            ]
+            [_tagged(r, what), words.parameters_text(r.parameters), *_errors(r), f"{r.similarity:.2f}"]
         )
-    head = [
-        "candidate",
-        "value ± std",
-        "level [dB]",
-        "fitted lines [dB]",
-        "held-out lines [dB]",
-        "similarity [-]",
-        "",
-    ]
-    marked = [i for i, r in enumerate(ranked) if finding and r.name == finding.effect.name]
-    return folded(
-        f"Round {k + 1} in numbers: {len(ranked)} candidates",
-        table(head, rows, numbers=(2, 3, 4, 5), marked=marked),
-    )
+    marked = [i for i, r in enumerate(ranked) if r.name == accepted]
+    body = table(RANKING, rows, numbers=(2, 3, 4, 5), marked=marked)
+    return folded(f"Round {k + 1} in numbers: {len(ranked)} candidates", body)
 
 
-# -------------------------------------------------------------------------------------------- FRFs, modes, parameters
+# ------------------------------------------------------------------------------------ FRFs, modes, parameters
 
 
 def _frfs(result: RunResult, album: Album) -> Markup:
@@ -489,10 +478,12 @@ def _modes(result: RunResult, album: Album) -> Markup:
     return section(
         "Natural frequencies and mode shapes",
         paragraph(
-            f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, paired by their shapes. Damping is the fitted curve and what local dampers take from each mode."
+            f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, "
+            "paired by their shapes. Damping is the fitted curve and what local dampers take from each "
+            "mode."
         ),
         table(head, rows, numbers=range(7), at_most=15),
-        _figure(album["mode-changed"]),
+        _figure(album["mode-changed"], "small"),
         tag("div", *(_figure(p) for p in shapes), class_="pair") if shapes else "",
     )
 
@@ -513,7 +504,8 @@ def _uncertain(result: RunResult) -> Markup:
     rows = [[_parameter_name(u.name), *_parameter_row(u)] for u in result.uncertain]
     bound = sum(u.at_bound for u in result.uncertain)
     text = (
-        f" {bound} of them end at the edge of what was allowed, four prior standard deviations from nominal: doubt the nominal value, or widen it."
+        f" {bound} of them end at the edge of what was allowed, four prior standard deviations from "
+        "nominal: doubt the nominal value, or widen it."
         if bound
         else ""
     )
@@ -540,7 +532,7 @@ def _parameter_name(name: str) -> str:
 
 
 def _parameter_row(u: Uncertain) -> list[object]:
-    flag = tag("span", "at bound", class_="tag") if u.at_bound else ""
+    flag = tag("span", "at bound", class_="tag bound") if u.at_bound else ""
     if not math.isfinite(u.fitted):
         return [
             words.with_unit(u.nominal, u.unit),
@@ -565,7 +557,8 @@ def _faults(result: RunResult) -> Markup:
         return section(
             "Sensor faults",
             paragraph(
-                "None was found: no sensor has the opposite sign of the model over most lines, none is off by one factor over the whole band."
+                "None was found: no sensor has the opposite sign of the model over most lines, none is "
+                "off by one factor over the whole band."
             ),
         )
     rows = [
@@ -580,7 +573,8 @@ def _faults(result: RunResult) -> Markup:
     return section(
         "Sensor faults",
         paragraph(
-            "These sensors were set right before anything was fitted. The factor is what their readings carry: measured = factor × motion."
+            "These sensors were set right before anything was fitted. The factor is what their readings "
+            "carry: measured = factor × motion."
         ),
         table(["sensor", "fault", "factor [-]", "remedy"], rows, numbers=(2,)),
     )
@@ -592,7 +586,7 @@ def _remedy(kind: str, value: float) -> str:
     return f"check its calibration: divide its readings by {words.number(value)}"
 
 
-# ----------------------------------------------------------------------------------------------- the small print
+# -------------------------------------------------------------------------------------------- the small print
 
 
 def _notes(result: RunResult, album: Album) -> Markup:
@@ -616,7 +610,7 @@ def _assumptions(result: RunResult) -> Markup:
 
 
 def thresholds() -> Iterator[tuple[str, float, str]]:
-    """Yield name, value and meaning of every constant that decides a verdict, from the docstring under each."""
+    """Yield name, value and meaning (the docstring under it) of every constant that decides a verdict."""
     for name in MODULES:
         module = importlib.import_module(name)
         body = ast.parse(inspect.getsource(module)).body
@@ -647,7 +641,9 @@ def _about(result: RunResult) -> Markup:
                 ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
                 (
                     "mesh",
-                    f"{mesh.n_lines} elements of {1e3 * mesh.lengths().min():.3g} to {1e3 * mesh.lengths().max():.3g} mm, {study.model.n_dof} degrees of freedom before constraints",
+                    f"{mesh.n_lines} elements of {1e3 * mesh.lengths().min():.3g} to "
+                    f"{1e3 * mesh.lengths().max():.3g} mm, {study.model.n_dof} degrees of freedom before "
+                    "constraints",
                 ),
                 ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),
                 (
@@ -656,7 +652,8 @@ def _about(result: RunResult) -> Markup:
                 ),
                 (
                     "files beside this one",
-                    "result.json (for programs), frf.npz (measured and computed FRFs of each step), pictures/",
+                    "result.json (for programs), frf.npz (measured and computed FRFs of each step), "
+                    "pictures/",
                 ),
             ]
         ),

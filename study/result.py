@@ -1,7 +1,7 @@
 """What a run found: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
@@ -96,11 +96,26 @@ class RunResult:
 
 
 def measured_frf(problem: FitProblem) -> FRF:
-    """Return the measured FRFs as they were compared: in the band, wrong signs set right, in the kind of the measurement."""
+    """Return the measured FRFs as they were compared: in the band, wrong signs set right."""
     frf = problem.data.measurement.frf
     return FRF.from_arrays(
         problem.data.frequency, problem.data.H, "receptance", frf.outputs, frf.inputs
     ).as_kind(frf.kind)
+
+
+def band_errors(c: Comparison) -> NDArray[np.float64]:
+    """Return the error of each sensor in each band, (n_out, n_bands), NaN where nothing was compared [dB]."""
+    known = np.isfinite(c.error_db)
+    total = np.where(known, c.error_db, 0.0) ** 2
+    n = known.sum(axis=2)
+    return np.sqrt(np.divide(total.sum(axis=2), n, out=np.full(n.shape, np.nan), where=n > 0)).T
+
+
+def least_frac(c: Comparison) -> NDArray[np.float64]:
+    """Return the least FRAC of each sensor over the FRFs that count, (n_out,), NaN where there is none."""
+    known = np.isfinite(c.error_db).any(axis=0)
+    least = np.where(known, c.frac, np.inf).min(axis=1)
+    return np.where(np.isfinite(least), least, np.nan)
 
 
 def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
@@ -117,10 +132,15 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
         at_bound = bool(np.isfinite(moved) and abs(moved) > 3.9 * n.std)
         out.append(
             Uncertain(
-                f"{n.effect}.{n.parameter}", p.unit, float(p.value), float(fitted), float(n.std * (abs(p.value) or 1.0)),
-                float(final.std.get(ref, np.nan)), at_bound,
+                f"{n.effect}.{n.parameter}",
+                p.unit,
+                float(p.value),
+                float(fitted),
+                float(n.std * (abs(p.value) or 1.0)),
+                float(final.std.get(ref, np.nan)),
+                at_bound,
             )
-        )  # fmt: skip
+        )
     curve = problem.damping
     first = len(final.values)
     sd = np.sqrt(np.maximum(np.diag(final.solution.covariance), 0.0))[first : first + len(curve.knots)]
@@ -129,10 +149,15 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
         at_bound = abs(np.log(fitted / nominal)) > 3.9 * curve.std
         out.append(
             Uncertain(
-                f"damping ratio at {f:.4g} Hz", "-", float(nominal), float(fitted), float(nominal * curve.std),
-                float(fitted * s), bool(at_bound),
+                f"damping ratio at {f:.4g} Hz",
+                "-",
+                float(nominal),
+                float(fitted),
+                float(nominal * curve.std),
+                float(fitted * s),
+                bool(at_bound),
             )
-        )  # fmt: skip
+        )
     return tuple(out)
 
 
@@ -171,13 +196,9 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         "finished": result.finished.isoformat(timespec="seconds"),
         "seconds": result.seconds,
         **diagnosis_dict(d),
-        "held_out_inputs": [{"input": name, "error_db": list(db)} for name, db in result.held_out_inputs.items()],
+        "held_out_inputs": [{"input": name, "error_db": db} for name, db in result.held_out_inputs.items()],
         "uncertain": [
-            {
-                "name": u.name, "unit": u.unit, "nominal": u.nominal, "fitted": u.fitted, "prior_std": u.prior_std,
-                "std": u.std, "at_bound": u.at_bound,
-            }
-            for u in result.uncertain
+            asdict(u) for u in result.uncertain
         ],
         "model": {
             "values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()},
@@ -220,7 +241,7 @@ def comparison_dict(c: Comparison) -> dict[str, Any]:
         "bands_Hz": c.bands,
         "sensors": [
             {"sensor": s, "error_db": db, "by_band_db": row, "frac": fracs}
-            for s, db, row, fracs in zip(c.outputs, c.by_sensor(), c.by_band(), c.frac, strict=True)
+            for s, db, row, fracs in zip(c.outputs, c.by_sensor(), band_errors(c), c.frac, strict=True)
         ],
         "inputs": list(c.inputs),
     }
@@ -255,9 +276,16 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 def _ranked(r: Ranked) -> dict[str, Any]:
     return {
-        "kind": r.kind, "where": r.where, "name": r.name, "parameters": [_parameter(p) for p in r.parameters],
-        "level": r.level, "fit_db": r.fit_db, "held_out_db": r.held_out_db, "similarity": r.similarity, "refined": r.refined,
-    }  # fmt: skip
+        "kind": r.kind,
+        "where": r.where,
+        "name": r.name,
+        "parameters": [_parameter(p) for p in r.parameters],
+        "level": r.level,
+        "fit_db": r.fit_db,
+        "held_out_db": r.held_out_db,
+        "similarity": r.similarity,
+        "refined": r.refined,
+    }
 
 
 def _parameter(p: EffectParameter) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The whole loop, from a study to a report: compare, locate, diagnose, draw, write. The place to begin reading."""
+"""The whole loop: load, compare, diagnose, locate, draw, write. The place to begin reading."""
 
 import time
 from collections.abc import Callable
@@ -107,9 +107,15 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
     fitted = [_without_held_out(study, m) for m in measured(study)]
     return diagnose(
-        study.model, fitted, study.nuisances, damping_std=study.damping_std, band=study.band, kinds=study.kinds,
-        exclude=study.exclude, progress=say,
-    )  # fmt: skip
+        study.model,
+        fitted,
+        study.nuisances,
+        damping_std=study.damping_std,
+        band=study.band,
+        kinds=study.kinds,
+        exclude=study.exclude,
+        progress=say,
+    )
 
 
 def fit_problem(study: Study) -> FitProblem:
@@ -130,7 +136,7 @@ def measured(study: Study) -> tuple[Measurement, ...]:
         msg = f"{study.path}: it has no [[measurements]]; there is nothing to compare the model with"
         raise StudyError(msg)
     if study.held_out and set(study.held_out) >= set(study.measurements[0].frf.inputs):
-        msg = f"{study.path}: [fit] held_out names every measured excitation; at least one must be left for the fit"
+        msg = f"{study.path}: [fit] held_out names every measured excitation; leave at least one for the fit"
         raise StudyError(msg)
     return study.measurements
 

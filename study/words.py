@@ -19,11 +19,13 @@ from updating.faults import Fault
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 _DIRECTION = re.compile(r", (r?)([xyz])$")
+_MANY = re.compile(r"\b(supports|joints|members) ([^,]+(?:, [^,]+){2,}), (?!about|along)([^,]+)")
 
 
 def place(where: str) -> str:
-    """Return a place with its direction spelt out: ``joint J, rx`` becomes ``joint J, about x``."""
-    return _DIRECTION.sub(lambda m: f", {'about' if m[1] else 'along'} {m[2]}", where)
+    """Return a place with its direction spelt out (``joint J, rx``: joint J, about x) and long lists cut."""
+    where = _DIRECTION.sub(lambda m: f", {'about' if m[1] else 'along'} {m[2]}", where)
+    return _MANY.sub(lambda m: f"{m[2].count(',') + 2} {m[1]} ({m[2].partition(',')[0]} … {m[3]})", where)
 
 
 def effect_label(kind: str, where: str) -> str:
@@ -47,22 +49,23 @@ def _superscript(exponent: int) -> str:
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-def with_unit(value: float, unit: str, std: float = math.nan) -> str:
+def with_unit(value: float, unit: str, std: float = math.nan, like: float | None = None) -> str:
     """Return a value with its standard deviation, as many digits as that leaves, and its unit.
 
-    Newtons and pascals get a prefix where the value is large.
+    Newtons and pascals get a prefix where the value is large; that of ``like`` if it is given.
     """
     if not math.isfinite(value):
         return number(value)
     factor, prefix = 1.0, ""
     if unit[:1] == "N" or unit == "Pa":
-        factor, prefix = next(((f, p) for f, p in _PREFIXES if abs(value) >= f), (1.0, ""))
+        size = abs(value if like is None else like)
+        factor, prefix = next(((f, p) for f, p in _PREFIXES if size >= f), (1.0, ""))
     after = f"\u00a0{prefix}{unit}" if unit != "-" else ""
     value, std = value / factor, std / factor
     if not math.isfinite(std) or std <= 0:
         return number(value) + after
     decimals = 1 - math.floor(math.log10(std))
-    if decimals > 6 or decimals < -3:
+    if not -3 <= decimals <= 6:
         return f"{number(value)} ± {number(std, 2)}{after}"
     rounded, spread = round(value, decimals), round(std, decimals)
     shown = max(decimals, 0)
@@ -70,12 +73,14 @@ def with_unit(value: float, unit: str, std: float = math.nan) -> str:
 
 
 def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:
-    """Return ``stiffness 571 ± 12 N·m/rad instead of 2980 N·m/rad``, the last where the model has a value."""
+    """Return ``stiffness 147 ± 10 N·m/rad instead of 2980 N·m/rad``, the last where the model has a value."""
     text = f"{p.name.replace('_', ' ')} {with_unit(p.value, p.unit, p.std)}"
-    absent = None if of is None else of.absent
-    if absent is None or absent in (0, p.value):
+    if of is None or of.absent in (0, p.value):
         return text
-    return f"{text} instead of {with_unit(absent, p.unit) if math.isfinite(absent) else 'rigid'}"
+    if not math.isfinite(of.absent):
+        return f"{text} instead of rigid"
+    near = p.value if abs(p.value) * 1e4 > abs(of.absent) else None
+    return f"{text} instead of {with_unit(of.absent, p.unit, like=near)}"
 
 
 def parameters_text(parameters: Sequence[EffectParameter]) -> str:
@@ -105,17 +110,12 @@ def ranked_label(r: Ranked) -> str:
 
 
 def headline(result: RunResult) -> str:
-    """Return the verdict in one plain sentence."""
+    """Return the verdict in plain sentences."""
     d = result.diagnosis
     faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
     if d.verdict == EFFECT:
-        names = [effect_label(f.effect.kind, f.effect.where) for f in d.findings]
-        what = (
-            f"The model lacks {len(names)} effects: {'; '.join(names)}."
-            if names[1:]
-            else f"The model lacks an effect: {names[0]}."
-        )
-        return what + (f" Besides, {faults}." if faults else "")
+        told = " ".join(map(sentence, d.findings))
+        return f"{told} Besides, {faults}." if faults else told
     if d.verdict == NOTHING:
         return "The model lacks nothing that these data can show."
     if d.verdict == FAULT:
@@ -123,6 +123,46 @@ def headline(result: RunResult) -> str:
     if d.verdict == UNEXPLAINED:
         return "The model does not fit the data, and no effect known to the program explains why."
     return d.verdict
+
+
+def sentence(finding: Finding) -> str:
+    """Return what a finding says about the structure, in a plain sentence."""
+    where = place(finding.effect.where)
+    thing, comma, direction = where.rpartition(", ")
+    thing, direction = (thing, direction) if comma else (where, "")
+    member, _, at = where.partition(" at ")
+    change = _change(finding)
+    stiffer, heavier = ("stiffer", "heavier") if change > 0 else ("softer", "lighter")
+    give = "give" if "supports" in thing else "gives"
+    text = {
+        "joint_stiffness": f"{thing} is {stiffer} {direction} than in the model",
+        "joint_viscous_damping": f"{thing} has a damper {direction} that the model lacks",
+        "joint_structural_damping": f"{thing} dissipates more than in the model",
+        "member_density": f"{where} is {heavier} than in the model",
+        "member_stiffness": f"{where} is {stiffer} than in the model",
+        "point_mass": f"{member} carries a mass at {at} that the model lacks",
+        "preload": f"{where} is under {'tension' if change > 0 else 'compression'} that the model lacks",
+        "stiffness_loss": f"{member} has lost stiffness at {at}",
+        "support_flexibility": f"{thing} {give} way {direction}, which the model takes to be rigid",
+    }.get(finding.effect.kind, f"the model lacks {effect_label(finding.effect.kind, finding.effect.where)}")
+    n = len(finding.twins)
+    if n:
+        others = "another effect" if n == 1 else f"one of {n} others"
+        text += f", or it is {others} that these data cannot tell from it"
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _change(finding: Finding) -> float:
+    """Return how the first parameter differs from its value in the model."""
+    first = finding.parameters[0]
+    absent = next((p.absent for p in finding.effect.parameters() if p.name == first.name), 0.0)
+    return first.value - absent
+
+
+def step_label(label: str) -> str:
+    """Return the label of a step with the added effect's direction spelt out, behind a plus sign."""
+    added = label.removesuffix(" added")
+    return f"+ {place(added)}" if added != label else label
 
 
 def ratio(before: float, after: float) -> float:
@@ -136,28 +176,35 @@ def confidence(result: RunResult) -> list[str]:
     base, last = d.steps[min(1, len(d.steps) - 1)], d.steps[-1]
     if len(d.steps) > 2:
         out.append(
-            f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to {last.fit_db:.2f} dB on the lines "
-            f"of the fit (factor {ratio(base.fit_db, last.fit_db):.1f}), and from {base.held_out_db:.2f} to {last.held_out_db:.2f} dB "
+            f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to "
+            f"{last.fit_db:.2f} dB on the lines "
+            f"of the fit (factor {ratio(base.fit_db, last.fit_db):.1f}), and from {base.held_out_db:.2f} "
+            f"to {last.held_out_db:.2f} dB "
             f"on lines that no fit has seen (factor {ratio(base.held_out_db, last.held_out_db):.1f})."
         )
     else:
         out.append(
-            f"With the uncertain parameters fitted the error is {base.fit_db:.2f} dB on the lines of the fit and {base.held_out_db:.2f} dB "
-            f"on lines that no fit has seen; the nominal model had {d.steps[0].fit_db:.2f} dB and {d.steps[0].held_out_db:.2f} dB."
+            f"With the uncertain parameters fitted the error is {base.fit_db:.2f} dB on the lines of the "
+            f"fit and {base.held_out_db:.2f} dB "
+            f"on lines that no fit has seen; the nominal model had {d.steps[0].fit_db:.2f} dB and "
+            f"{d.steps[0].held_out_db:.2f} dB."
         )
     for label, errors in result.held_out_inputs.items():
         out.append(
-            f"FRFs of the excitation {label}, which no fit has seen: {errors[0]:.2f} dB nominal, {errors[-1]:.2f} dB in the end."
+            f"FRFs of the excitation {label}, which no fit has seen: {errors[0]:.2f} dB nominal, "
+            f"{errors[-1]:.2f} dB in the end."
         )
     out.append(
-        f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and {d.discretisation_db:.2f} dB error of "
+        f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
+        f"{d.discretisation_db:.2f} dB error of "
         f"the mesh. What is left is {ratio(last.fit_db, d.noise_floor_db):.1f} times that."
     )
     for k, finding in enumerate(d.findings):
         out.append(_rivals(finding, d.rounds[k] if k < len(d.rounds) else (), len(d.findings) > 1))
     if d.verdict in (NOTHING, FAULT) and (best := best_of(d.rounds)):
         out.append(
-            f"The best of {len(d.rounds[0])} candidates, {ranked_label(best)}, would leave {best.fit_db:.2f} dB, on held-out lines "
+            f"The best of {len(d.rounds[0])} candidates, {ranked_label(best)}, would leave "
+            f"{best.fit_db:.2f} dB, on held-out lines "
             f"{best.held_out_db:.2f} dB: too little to call it an effect."
         )
     return out
@@ -186,7 +233,7 @@ def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
     rival = rival_of(finding, ranked)
     own = next((r for r in ranked if r.name == finding.effect.name), None)
     if rival and own:
-        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB instead of {own.fit_db:.2f} dB."
+        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB."
     return text
 
 
@@ -201,7 +248,8 @@ def advice(result: RunResult) -> list[str]:
         )
         worst = ", ".join(f"{name} ({db:.1f} dB)" for db, name in order[:3])
         out.append(
-            f"Look at the sensors that fit worst: {worst}. Check their position, direction, cable and calibration."
+            f"Look at the sensors that fit worst: {worst}. Check their position, direction, cable and "
+            "calibration."
         )
         best = [f"{n} ({100 * s:.0f} %)" for n, s in (*where.members.items(), *where.places) if s > 0]
         best = sorted(best, key=lambda t: -float(t.rpartition("(")[2].split()[0]))[:3]
@@ -212,23 +260,21 @@ def advice(result: RunResult) -> list[str]:
     bound = [u.name for u in result.uncertain if u.at_bound]
     if bound:
         out.append(
-            f"These uncertain parameters end at their bounds: {', '.join(bound)}. Their nominal values or standard deviations may be wrong."
+            f"These uncertain parameters end at their bounds: {', '.join(bound)}. Their nominal values or "
+            "standard deviations may be wrong."
         )
     if result.study.kinds is not None or result.study.exclude:
         out.append("Some kinds of candidates are left out in the study; let the program try them all.")
     out.append(
-        "Check geometry, sections and supports of the model against the structure: the candidates change stiffness, mass and damping, not dimensions."
+        "Check geometry, sections and supports of the model against the structure: the candidates change "
+        "stiffness, mass and damping, not dimensions."
     )
     out.append(
-        "Sensors on both sides of joints and near supports, and a second excitation in another direction, tell more candidates apart."
+        "Sensors on both sides of joints and near supports, and a second excitation in another "
+        "direction, tell more candidates apart."
     )
     out.append(
-        "Measure at two force levels: a difference would show that the structure is not linear, which no candidate can explain."
+        "Measure at two force levels: a difference would show that the structure is not linear, which no "
+        "candidate can explain."
     )
     return out
-
-
-__all__ = [
-    "advice", "best_of", "confidence", "effect_label", "fault_text", "finding_text", "headline", "number", "parameter_text",
-    "parameters_text", "place", "ranked_label", "ratio", "rival_of", "with_unit",
-]  # fmt: skip

@@ -7,109 +7,13 @@ import numpy as np
 import pytest
 
 from fem.effects import candidate_kinds, effect_classes
-from fem.effects.added_mass import PointMass
-from fem.frf import FRF, compute_frf
-from fem.io import read_npz, write_npz
-from fem.system import assemble
+from fem.io import read_npz
 from study import load_study, pictures, run
 from study.cli import main
-from study.measured import sensor_rows
 from study.output import OutputError
 from study.result import SCHEMA
 from study.table import StudyError
-
-STUDY = """
-[study]
-name = "bent <bar>"
-description = "Two members & a hidden mass"
-
-[points]
-foot = [0, 0, 0]
-knee = [0, 0, 0.5]
-tip = [0.4, 0, 0.5]
-
-[members.post]
-from = "foot"
-to = "knee"
-material = "steel"
-section = { shape = "rectangle", b = 0.03, h = 0.012 }
-elements = 6
-
-[members.arm]
-from = "knee"
-to = "tip"
-material = "steel"
-section = { shape = "rectangle", b = 0.03, h = 0.012 }
-elements = 6
-
-[materials.steel]
-E = 210e9
-rho = 7850
-nu = 0.3
-
-[[supports]]
-point = "foot"
-
-[damping]
-modal = 0.01
-
-[[sensors]]
-member = "post"
-position = 0.25
-name = "P"
-direction = "x"
-
-[[sensors]]
-point = "knee"
-name = "K"
-direction = "x"
-
-[[sensors]]
-point = "tip"
-name = "T"
-direction = "z"
-
-[[sensors]]
-member = "arm"
-position = 0.2
-name = "A"
-direction = "z"
-
-[[excitations]]
-sensor = "T"
-
-[[excitations]]
-sensor = "K"
-
-[candidates]
-kinds = ["point_mass", "member_stiffness"]
-
-[fit]
-held_out = ["K"]
-"""
-
-MEASURED = """
-[[measurements]]
-file = "frf.npz"
-"""
-
-
-def write_study(folder, mass=0.25, at=0.3):
-    """Write the study and FRFs of it with a mass that it does not know."""
-    file = folder / "study.toml"
-    file.write_text(STUDY, encoding="utf-8")
-    study = load_study(file)
-    hidden = PointMass(name="hidden", member="arm", position=at, mass=mass)
-    model = study.model.with_effect(hidden) if mass else study.model
-    frequency = np.arange(4.0, 400.0, 2.0)
-    rows = [sensor_rows(study.model, part) for part in (study.sensors, study.excitations)]
-    H = compute_frf(assemble(model), frequency, *rows).H
-    rng = np.random.default_rng(3)
-    H = H * (1 + 0.003 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)))
-    names = [[s.name for s in part] for part in (study.sensors, study.excitations)]
-    write_npz(folder / "frf.npz", FRF.from_arrays(frequency, H, "accelerance", *names))
-    file.write_text(STUDY + MEASURED, encoding="utf-8")
-    return file
+from tests.small_frame import STUDY, write_study
 
 
 @pytest.fixture(scope="module")
@@ -255,7 +159,7 @@ def test_run_prints_verdict_errors_and_path(study_file, tmp_path, capsys):
     lines = printed.out.splitlines()
     assert lines[-1] == str(out / "report.html")
     assert lines[0] == "bent <bar>: effect"
-    assert "The model lacks an effect: point mass: member arm" in lines[1]
+    assert lines[1] == "Member arm carries a mass at 0.300 m that the model lacks."
     assert any(line.startswith("noise floor") for line in lines)
     assert printed.err == ""
     assert json.loads(file.read_text(encoding="utf-8"))["schema"] == SCHEMA

@@ -1,0 +1,233 @@
+"""The report: whole in one file, right for every verdict, and as a browser shows it."""
+
+import re
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from study import load_study, run, words
+from study.page import Markup, esc, table, tag
+from study.pictures import Album, draw_all
+from study.report import report_html, thresholds
+from tests.small_frame import write_study
+from updating.faults import Fault
+
+VOID = {"meta", "link", "img", "br", "hr"}
+
+
+class Reader(HTMLParser):
+    """What a page is made of; complains about tags that are not closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.images, self.addresses, self.tags = [], [], [], set()
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        known = dict(attrs)
+        self.tags.add(tag)
+        self.addresses += [v for k, v in attrs if k in ("src", "href", "data", "action", "srcset")]
+        if tag == "img":
+            self.images.append(known)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bar")
+    return run.analyse(load_study(write_study(folder)), folder, lambda text, done: None)
+
+
+@pytest.fixture(scope="module")
+def album(found, tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("study.pictures.can_draw", lambda: False)
+        return draw_all(found, tmp_path_factory.mktemp("pictures"), lambda text, done: None)
+
+
+@pytest.fixture(scope="module")
+def text(found, album):
+    return report_html(found, album)
+
+
+def without_findings(result, verdict, faults=()):
+    """Return a result as if nothing had been found."""
+    d = result.diagnosis
+    steps = d.steps[:2]
+    less = replace(d, verdict=verdict, reason="none does", findings=(), faults=faults, steps=steps)
+    return replace(result, diagnosis=less, comparisons=result.comparisons[:2])
+
+
+def test_the_page_loads_nothing(text):
+    page = Reader(text)
+    assert page.images
+    assert all(image["src"].startswith("data:image/") and image["alt"] for image in page.images)
+    assert all(address.startswith("data:") for address in page.addresses)
+    bare = re.sub(r"data:[\w/+;]*,[\w+/=]*", "", text)
+    assert not re.search(r"https?://|file:|url\(|@import|<script|<iframe|\bon\w+=", bare)
+    assert len(text) < 8e6
+
+
+def test_the_order_is_that_of_a_reader(text):
+    headings = re.findall(r"<h2>(.*?)</h2>", text)
+    assert headings == [
+        "What was compared",
+        "Where it fails",
+        "What is missing",
+        "How the candidates did",
+        "FRFs before and after",
+        "Natural frequencies and mode shapes",
+        "Uncertain parameters",
+        "Sensor faults",
+        "Notes",
+        "Assumptions and thresholds",
+        "About this run",
+    ]
+    assert text.index("Verdict: effect") < text.index("<h2>")
+
+
+def test_what_the_user_wrote_is_escaped(text):
+    assert "bent &lt;bar&gt;" in text
+    assert "<bar>" not in text
+    assert "Two members &amp; a hidden mass" in text
+
+
+def test_the_effect_is_told_with_its_numbers(text):
+    assert re.search(r"Member arm carries a mass at 0\.(29|30)\d m that the model lacks", text)
+    assert re.search(r"mass 0\.2[45]\d* ± 0\.\d+\u00a0kg", text)
+    assert "FRFs of the excitation K, which no fit has seen" in text
+    assert "instead of rigid" not in text
+
+
+@pytest.mark.parametrize(
+    ("verdict", "faults", "words_of_it"),
+    [
+        ("nothing missing", (), ["The model lacks nothing that these data can show", "does not prove"]),
+        (
+            "measurement fault",
+            (Fault("sensor_sign", "P", -1.0, 0.0), Fault("sensor_gain", "A", 1.2, 0.03)),
+            ["P reads with the opposite sign and A reads 1.200 ± 0.030 times the motion", "wrong gain"],
+        ),
+        (
+            "unexplained",
+            (),
+            ["no effect known to the program explains why", "What would help", "two force levels"],
+        ),
+    ],
+)
+def test_every_verdict_has_its_words(found, album, verdict, faults, words_of_it):
+    page = report_html(without_findings(found, verdict, faults), album)
+    Reader(page)
+    for words_ in words_of_it:
+        assert words_ in page
+    assert "inf" not in re.findall(r"\b(?:nan|inf)\b", re.sub(r"data:[^\"]*", "", page))
+    assert f"Verdict: {verdict}" in page
+
+
+def test_twins_are_named_in_the_headline(found, album):
+    d = found.diagnosis
+    (finding,) = d.findings
+    twins = d.rounds[0][1:3]
+    twofold = replace(found, diagnosis=replace(d, findings=(replace(finding, twins=twins),)))
+    page = report_html(twofold, album)
+    assert "or it is one of 2 others that these data cannot tell from it" in page
+    assert page.count(">twin<") >= 2
+
+
+def test_long_lists_are_folded():
+    rows = [[f"candidate {k}", k] for k in range(100)]
+    shown, folded = table(["name", "x [-]"], rows, numbers=[1], marked=[30]).split("<details>")
+    assert shown.count("<tr") == 21
+    assert folded.count("<tr") == 81
+    assert "80 more" in folded
+    assert folded.count('class="mark"') == 1
+
+
+def test_markup_is_escaped_once():
+    assert tag("p", "a < b", Markup("<b>"), class_=None, title='"') == '<p title="&quot;">a &lt; b<b></p>'
+    assert Markup("<i>") + "&" == "<i>&amp;"
+    assert esc(esc("&")) == "&amp;"
+
+
+def test_every_threshold_says_what_it_means():
+    known = {name: (value, text) for name, value, text in thresholds()}
+    assert "ACCEPT_LEVEL" in known
+    assert all(np.isfinite(value) for value, _ in known.values())
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "std", "shown"),
+    [
+        (146.63, "N·m/rad", 9.8, "146.6 ± 9.8\u00a0N·m/rad"),
+        (49.2e6, "N/m", 0.31e6, "49.20 ± 0.31\u00a0MN/m"),
+        (2980.0, "N·m/rad", 0.0, "2.98\u00a0kN·m/rad"),
+        (0.25, "kg", 0.0012, "0.2500 ± 0.0012\u00a0kg"),
+        (-0.1234, "-", np.nan, "−0.123"),
+        (3e-7, "-", 0.0, "3.00·10⁻⁷"),
+        (np.inf, "N/m", 0.0, "rigid"),
+        (np.nan, "kg", 0.0, "–"),
+        (0.0, "kg", 0.0, "0.00\u00a0kg"),
+        (4830.0, "N", 1234.0, "4.8 ± 1.2\u00a0kN"),
+    ],
+)
+def test_numbers_are_as_long_as_they_are_known(value, unit, std, shown):
+    assert words.with_unit(value, unit, std) == shown
+
+
+@pytest.mark.parametrize(
+    ("where", "shown"),
+    [
+        ("joint J, rx", "joint J, about x"),
+        ("support base, z", "support base, along z"),
+        ("supports 101, 102, 103, 104, ry", "4 supports (101 … 104), about y"),
+        ("supports a, b, x", "supports a, b, along x"),
+        ("member arm at 0.300 m", "member arm at 0.300 m"),
+    ],
+)
+def test_places_are_spelt_out(where, shown):
+    assert words.place(where) == shown
+
+
+def test_a_browser_shows_it(text, tmp_path, browser):
+    file = tmp_path / "report.html"
+    file.write_text(text, encoding="utf-8")
+    call = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    call += ["--host-resolver-rules=MAP * ~NOTFOUND", "--window-size=1000,2000", "--virtual-time-budget=3000"]
+    dom = subprocess.run(
+        [*call, "--dump-dom", file.as_uri()], capture_output=True, text=True, timeout=90, check=True
+    )
+    assert "Verdict: effect" in dom.stdout
+    assert dom.stdout.rstrip().endswith("</html>")
+    assert "ERR_" not in dom.stderr
+    picture = tmp_path / "page.png"
+    subprocess.run(
+        [*call, f"--screenshot={picture}", file.as_uri()], capture_output=True, timeout=90, check=True
+    )
+    from PIL import Image
+
+    with Image.open(picture) as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    band = np.abs(pixels - np.array([0xD5, 0x5E, 0x00])).max(axis=2) < 12  # the bar beside the verdict
+    assert band.any(axis=1).sum() > 60
+    assert (pixels[-200:] < 250).any()  # the page goes on below
+
+
+def test_an_empty_album_is_no_obstacle(found, tmp_path):
+    Reader(report_html(found, Album(tmp_path)))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("offscreen")
+def test_the_structure_is_drawn(found, tmp_path):
+    whole = draw_all(found, tmp_path, lambda text, done: None)
+    assert whole.failures == []
+    assert {"structure", "misfit-fitted", "misfit-final", "mode-1", "mode-changed"} <= set(whole.pictures)
+    Reader(report_html(found, whole))
