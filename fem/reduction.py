@@ -1,12 +1,13 @@
 """Reduced bases: modes, and the static and dynamic responses to the forces that will act."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Constraint
 from fem.modes import Eigenpairs, solve_eigenpairs
+from fem.solvers import factorise
 from fem.system import System, particular, sum_contributions
 
 
@@ -65,7 +66,7 @@ def reduced_basis(
     release : tuple of Constraint
         Constraints of the model that effects may release later.
     """
-    pairs = solve_eigenpairs(system, max_frequency=margin * max_frequency)
+    pairs = _nearly_static(system, solve_eigenpairs(system, max_frequency=margin * max_frequency))
     columns = [pairs.vectors]
     load = np.asarray(system.Q.T @ forces)
     for _ in range(n_krylov):
@@ -79,6 +80,19 @@ def reduced_basis(
     released = _constraint_modes(system, pairs, release)
     T = np.hstack([main, released])
     return Basis(T, main.shape[1], tuple(c.key for c in release), pairs.vectors.shape[1], pairs.n_rigid)
+
+
+def _nearly_static(system: System, pairs: Eigenpairs) -> Eigenpairs:
+    """Return the modes with a factor whose shift lies below the first elastic one.
+
+    The shift that was good enough for the modes may lie far above it; responses to it die away within a fraction of the structure and
+    complete the modes badly.
+    """
+    elastic = pairs.eigenvalues[pairs.n_rigid :]
+    shift = -max(0.1 * float(elastic[0]), 1e-8 * abs(pairs.shift)) if elastic.size else pairs.shift
+    if abs(pairs.shift) < 10 * abs(shift):
+        return pairs
+    return replace(pairs, factor=factorise(system.K - shift * system.M), shift=shift)
 
 
 def _without(system: System, V: NDArray[np.float64], block: NDArray[np.float64]) -> NDArray[np.float64]:

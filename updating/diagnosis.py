@@ -1,7 +1,7 @@
 """From a model and measured FRFs to the effect that is missing."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,9 @@ EXPLAINED_LEVEL = 0.3
 TWIN_SHARE = 0.9
 """A candidate that brings this share of the best one's reduction (of the logarithm of the level) is its twin."""
 MAX_EFFECTS = 3
+"""At most this many effects are added."""
+NOT_LINEAR = 1.5
+"""Two force levels differ if their FRFs do by this multiple of the noise."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""
@@ -172,9 +175,8 @@ class Diagnosis:
 
 def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
     """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
-    columns = [sensor_vectors(model, measurement.excitations)]
-    if len(measurement.sensors) <= 24:  # with many sensors the modes above the band do the same
-        columns.append(sensor_vectors(model, measurement.sensors))
+    # Sensors count too: where a response is mostly local stretching, modes alone converge slowly.
+    columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
     for joint in model.of_kind(Joint):
         dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
         held = [d not in joint.rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
@@ -396,7 +398,7 @@ def _find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitR
 
 
 def _round(
-    problem: FitProblem, current: FitResult, candidates: Sequence[Effect], say: Progress, n_screened: int = 30, n_refined: int = 8
+    problem: FitProblem, current: FitResult, candidates: Sequence[Effect], say: Progress, n_screened: int = 30, n_refined: int = 6
 ) -> tuple[tuple[Ranked, ...], FitResult | None]:
     """Fit every candidate quickly, the best of them fully; return all, best first, and the best fit."""
     if not candidates:
@@ -425,13 +427,10 @@ def _round(
     for i, name in enumerate(finalists):
         effect = by_name[name][0][1]
         say(f"fitting {_label(effect)}", 0.6 + 0.4 * i / len(finalists))
-        options = []
-        for level, _, start, quick_fit in by_name[name][:2]:
-            if options and level > 1.3 * by_name[name][0][0]:
-                continue
-            options.append(problem.fit([*have, effect], [*have_start, start], assess=False))
-            ended = {p.name: quick_fit.values[effect.name, p.name] for p in effect.parameters()}
-            options.append(problem.fit([*have, effect], [*have_start, ended], assess=False))
+        level, _, start, quick_fit = by_name[name][0]
+        ended = {p.name: quick_fit.values[effect.name, p.name] for p in effect.parameters()}
+        starts = [start, ended, *(s for lv, _, s, _ in by_name[name][1:2] if lv < 1.15 * level)]
+        options = [problem.fit([*have, effect], [*have_start, s], assess=False) for s in starts]
         fits[name] = problem.assessed(min(options, key=lambda r: r.solution.cost))
     best_name = min(fits, key=lambda n: fits[n].level)
     best = fits[best_name]
@@ -555,24 +554,20 @@ def _proportionality(problem: FitProblem, measurements: Sequence[Measurement]) -
         if other.frf.outputs != first.measurement.frf.outputs or same.sum() != len(first.frequency):
             notes.append(f"{other.name}: not compared with {first.measurement.name}, its lines or channels differ")
             continue
-        ratio = np.where(first.mask, log_ratio(frf.H[same], measurements[0].frf.select(lines=np.isin(measurements[0].frf.frequency, first.frequency)).as_kind("receptance").H), complex("nan"))
-        difference, expected = rms_db(ratio), first.noise_db * np.sqrt(2)
-        if difference > 1.5 * expected:
+        ratio = np.abs(log_ratio(frf.H[same], first.H).real)
+        # Robust: lines at resonances carry more noise than their neighbours say.
+        difference = float(np.median((ratio / first.noise)[first.mask]) / 0.6745 / np.sqrt(2))
+        if difference > NOT_LINEAR:
             notes.append(
-                f"{other.name} differs from {first.measurement.name} by {difference:.2g} dB, noise explains {expected:.2g} dB: "
-                "the structure is not linear"
+                f"{other.name} differs from {first.measurement.name} by {difference:.2g} times what noise explains: the structure "
+                "is not linear, or the two were not measured alike"
             )
         else:
-            notes.append(f"{other.name} and {first.measurement.name} agree within their noise ({difference:.2g} dB): linear")
+            notes.append(f"{other.name} and {first.measurement.name} agree within their noise: the structure is linear")
     return tuple(notes)
-
-
-def summary(values: Mapping[tuple[str, str], float]) -> dict[str, float]:
-    """Return parameter values with joined names, ``effect.parameter``."""
-    return {f"{a}.{b}": v for (a, b), v in values.items()}
 
 
 __all__ = [
     "Diagnosis", "EffectParameter", "FitData", "Finding", "Ranked", "Step", "attachment_forces", "basis_error", "build_problem",
-    "diagnose", "discretisation_error", "propose", "summary",
+    "diagnose", "discretisation_error", "propose",
 ]  # fmt: skip
