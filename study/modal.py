@@ -62,7 +62,7 @@ def damped_modes(model: Model, knots: NDArray[np.float64], ratio: NDArray[np.flo
 
 
 def modes_of(d: Diagnosis) -> tuple[Modes, Modes, Modes]:
-    """Return modes in the band: of the nominal model, of the fitted one without what was found, and with it."""
+    """Return modes in the band: nominal, fitted without what was found, and with it."""
     curve, top = d.problem.damping, float(d.problem.data.frequency[-1])
     with_all = d.model
     without = with_all.without_effect(*(f.effect.name for f in d.findings)) if d.findings else with_all
@@ -119,5 +119,5 @@ def _zeta(modes: Modes, k: int) -> float:
 
 
 def _translations(modes: Modes, which: NDArray[np.int64]) -> NDArray[np.float64]:
-    shapes = np.real(modes.shapes[:, which])
+    shapes = np.asarray(np.real(modes.shapes[:, which]), dtype=np.float64)
     return shapes.reshape(-1, 6, len(which))[:, :3].reshape(-1, len(which))

@@ -5,8 +5,6 @@ import html
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from PIL import Image
-
 MIME = {".png": "image/png", ".gif": "image/gif"}
 
 CSS = """
@@ -59,6 +57,7 @@ pre { overflow-x: auto; background: #f6f8fa; padding: .8rem; font-size: .82rem; 
 dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem; margin: .6rem 0; }
 dt { color: #57606a; } dd { margin: 0; overflow-wrap: anywhere; }
 @media (max-width: 40rem) {
+  th.n { white-space: normal; } tbody th { min-width: 6rem; }
   body { padding: 1rem .9rem 3rem; } .verdict .sentence { font-size: 1.3rem; }
   dl { grid-template-columns: 1fr; } dd { margin-bottom: .4rem; }
 }
@@ -158,12 +157,19 @@ def _table(
 
 def image(file: Path, alt: str, caption: str = "", class_: str = "") -> Markup:
     """Return a figure with the image in it."""
-    with Image.open(file) as picture:
-        width, height = picture.size
-    data = base64.b64encode(file.read_bytes()).decode("ascii")
+    content = file.read_bytes()
+    width, height = _size(content)
+    data = base64.b64encode(content).decode("ascii")
     source = Markup(f"data:{MIME[file.suffix]};base64,{data}")
     img = Markup(f'<img src="{source}" alt="{esc(alt)}" width="{width}" height="{height}">')
     return tag("figure", img, tag("figcaption", caption) if caption else "", class_=class_) + Markup("\n")
+
+
+def _size(content: bytes) -> tuple[int, int]:
+    """Return width and height of a PNG or a GIF, so that the page does not jump while it is laid out."""
+    if content.startswith(b"\x89PNG"):
+        return int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big")
+    return int.from_bytes(content[6:8], "little"), int.from_bytes(content[8:10], "little")
 
 
 def section(title: str, *content: object) -> Markup:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from study import words
 from study.modal import ModePair, modes_of, most_changed, pair_modes
@@ -113,9 +114,7 @@ def _draw_errors(result: RunResult, album: Album) -> None:
     ]
     album.add(
         "staircase",
-        lambda p: save(
-            curves.plot_staircase(steps, d.noise_floor_db, ylabel="error of the amplitude [dB]"), p, DPI
-        ),
+        lambda p: _save_staircase(steps, d.noise_floor_db, p),
         "Error after each step: "
         + "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
         + f"; noise floor {d.noise_floor_db:.2f} dB.",
@@ -141,6 +140,13 @@ def _draw_errors(result: RunResult, album: Album) -> None:
         )
     for k, ranked in enumerate(d.rounds):
         _draw_ranking(result, k, ranked, album)
+
+
+def _save_staircase(steps: Sequence[tuple[str, float, float | None]], floor_db: float, path: Path) -> None:
+    figure = curves.plot_staircase(steps, floor_db, ylabel="error of the amplitude [dB]")
+    low, high = figure.axes[0].get_ylim()
+    figure.axes[0].set_ylim(low, high + 0.17 * (high - low))  # room for the legend over the last step
+    save(figure, path, DPI)
 
 
 def _misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
@@ -222,14 +228,9 @@ def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
 
 def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
     """Return FRFs worth a look and why: most gained, drive points, worst in the end."""
-    first = (
-        result.comparisons[min(1, len(result.comparisons) - 1)]
-        if len(result.comparisons) > 2
-        else result.comparisons[0]
-    )
-    last = result.comparisons[-1]
-    with np.errstate(invalid="ignore"):
-        before, after = (np.sqrt(_mean(c.log_ratio.real**2)) * DB_PER_NEPER for c in (first, last))
+    n_steps = len(result.comparisons)
+    first, last = result.comparisons[1 if n_steps > 2 else 0], result.comparisons[n_steps - 1]
+    before, after = (np.sqrt(_mean(c.log_ratio.real**2)) * DB_PER_NEPER for c in (first, last))
     pairs = [
         (o, i) for o in range(len(last.outputs)) for i in range(len(last.inputs)) if np.isfinite(after[o, i])
     ]
@@ -253,7 +254,7 @@ def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
     ]
 
 
-def _mean(values: np.ndarray) -> np.ndarray:
+def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mean over the first axis without NaN, NaN where there is nothing else."""
     known = np.isfinite(values)
     total = np.where(known, values, 0.0).sum(axis=0)

@@ -193,7 +193,8 @@ def _counted(data: FitData) -> str:
         for c, i in enumerate(data.measurement.frf.inputs)
         if not mask[:, r, c].any()
     ]
-    text = f"{100 * mask.mean():.0f} % of all; left out: FRFs that are zero by symmetry, lines with too much noise"
+    text = f"{100 * mask.mean():.0f} % of all; left out are FRFs that are zero by symmetry "
+        "and lines with too much noise"
     if silent:
         text += f". Left out as a whole: {', '.join(silent[:12])}" + (
             f" and {len(silent) - 12} more" if len(silent) > 12 else ""
@@ -263,7 +264,9 @@ def _sensor_errors(result: RunResult) -> Markup:
     columns = [c.by_sensor() for c in (first, middle, last)]
     frac = least_frac(last)
     order = np.argsort(-np.nan_to_num(columns[1]), kind="stable")
-    rows = [[first.outputs[i], *(_db(c[i]) for c in columns), _number(frac[i], 3)] for i in order]
+    rows = [
+        [first.outputs[i], *(_db(float(c[i])) for c in columns), _number(float(frac[i]), 3)] for i in order
+    ]
     head = ["sensor", "nominal [dB]", "fitted [dB]", "in the end [dB]", "least FRAC in the end [-]"]
     return table(head, rows, numbers=(1, 2, 3, 4))
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -97,8 +98,9 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
     from study.report import write_report
 
     album = draw_all(result, folder / PICTURES, say)
+    arrays: dict[str, Any] = frf_arrays(result.diagnosis)
     with replacing(folder / FRFS) as scratch, scratch.open("wb") as file:
-        np.savez_compressed(file, **frf_arrays(result.diagnosis))
+        np.savez_compressed(file, **arrays)
     write_json(folder / JSON, result_dict(result))
     write_report(result, album, folder / REPORT)
 

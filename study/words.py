@@ -14,6 +14,7 @@ from updating.diagnosis import (
     EffectParameter,
     Finding,
     Ranked,
+    Step,
 )
 from updating.faults import Fault
 
@@ -172,23 +173,24 @@ def ratio(before: float, after: float) -> float:
 
 def confidence(result: RunResult) -> list[str]:
     """Return how sure the verdict is, in a few sentences."""
-    d, out = result.diagnosis, []
-    base, last = d.steps[min(1, len(d.steps) - 1)], d.steps[-1]
-    if len(d.steps) > 2:
-        out.append(
+    d = result.diagnosis
+    steps: Sequence[Step] = d.steps
+    base, last = steps[min(1, len(steps) - 1)], steps[-1]
+    if d.findings:
+        out = [
             f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to "
-            f"{last.fit_db:.2f} dB on the lines "
-            f"of the fit (factor {ratio(base.fit_db, last.fit_db):.1f}), and from {base.held_out_db:.2f} "
-            f"to {last.held_out_db:.2f} dB "
-            f"on lines that no fit has seen (factor {ratio(base.held_out_db, last.held_out_db):.1f})."
-        )
+            f"{last.fit_db:.2f} dB on the lines of the fit (factor "
+            f"{ratio(base.fit_db, last.fit_db):.1f}), and from "
+            f"{base.held_out_db:.2f} to {last.held_out_db:.2f} dB on lines that no fit has seen (factor "
+            f"{ratio(base.held_out_db, last.held_out_db):.1f})."
+        ]
     else:
-        out.append(
-            f"With the uncertain parameters fitted the error is {base.fit_db:.2f} dB on the lines of the "
-            f"fit and {base.held_out_db:.2f} dB "
-            f"on lines that no fit has seen; the nominal model had {d.steps[0].fit_db:.2f} dB and "
-            f"{d.steps[0].held_out_db:.2f} dB."
-        )
+        out = [
+            f"With the uncertain parameters fitted the error is {last.fit_db:.2f} dB on the lines of the "
+            "fit and "
+            f"{last.held_out_db:.2f} dB on lines that no fit has seen; the nominal model had "
+            f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
+        ]
     for label, errors in result.held_out_inputs.items():
         out.append(
             f"FRFs of the excitation {label}, which no fit has seen: {errors[0]:.2f} dB nominal, "
@@ -196,16 +198,17 @@ def confidence(result: RunResult) -> list[str]:
         )
     out.append(
         f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
-        f"{d.discretisation_db:.2f} dB error of "
-        f"the mesh. What is left is {ratio(last.fit_db, d.noise_floor_db):.1f} times that."
+        f"{d.discretisation_db:.2f} dB error of the mesh. What is left is "
+        f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
     )
-    for k, finding in enumerate(d.findings):
-        out.append(_rivals(finding, d.rounds[k] if k < len(d.rounds) else (), len(d.findings) > 1))
-    if d.verdict in (NOTHING, FAULT) and (best := best_of(d.rounds)):
+    for finding, ranked in zip(d.findings, d.rounds, strict=False):
+        out.append(_rivals(finding, ranked, len(d.findings) > 1))
+    best = best_of(d.rounds)
+    if best and not d.findings:
         out.append(
-            f"The best of {len(d.rounds[0])} candidates, {ranked_label(best)}, would leave "
-            f"{best.fit_db:.2f} dB, on held-out lines "
-            f"{best.held_out_db:.2f} dB: too little to call it an effect."
+            f"The best of {len(d.rounds[-1])} candidates, {ranked_label(best)}, would leave "
+            f"{best.fit_db:.2f} dB, on "
+            f"held-out lines {best.held_out_db:.2f} dB: too little to call it an effect."
         )
     return out
 
@@ -239,42 +242,49 @@ def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
 
 def advice(result: RunResult) -> list[str]:
     """Return what would help where the misfit stays unexplained."""
-    where = result.localisation
-    out = []
-    if where is not None:
-        order = sorted(
-            zip(where.by_sensor_db, where.sensors, strict=True),
-            key=lambda s: -s[0] if math.isfinite(s[0]) else 0.0,
-        )
-        worst = ", ".join(f"{name} ({db:.1f} dB)" for db, name in order[:3])
-        out.append(
-            f"Look at the sensors that fit worst: {worst}. Check their position, direction, cable and "
-            "calibration."
-        )
-        best = [f"{n} ({100 * s:.0f} %)" for n, s in (*where.members.items(), *where.places) if s > 0]
-        best = sorted(best, key=lambda t: -float(t.rpartition("(")[2].split()[0]))[:3]
-        if best:
-            out.append(
-                f"Look at the places where a small change would help most: {', '.join(best)} of the misfit."
-            )
+    out = [*_worst_sensors(result), *_best_places(result)]
     bound = [u.name for u in result.uncertain if u.at_bound]
     if bound:
         out.append(
             f"These uncertain parameters end at their bounds: {', '.join(bound)}. Their nominal values or "
-            "standard deviations may be wrong."
+            "standard "
+            "deviations may be wrong."
         )
     if result.study.kinds is not None or result.study.exclude:
-        out.append("Some kinds of candidates are left out in the study; let the program try them all.")
-    out.append(
-        "Check geometry, sections and supports of the model against the structure: the candidates change "
-        "stiffness, mass and damping, not dimensions."
-    )
-    out.append(
+        out.append("The study leaves some kinds of candidates out; let the program try them all.")
+    return [
+        *out,
+        "Check geometry, sections, supports and joints of the model against the structure: candidates change "
+        "stiffness, mass and damping where the model has something, not dimensions.",
         "Sensors on both sides of joints and near supports, and a second excitation in another "
-        "direction, tell more candidates apart."
-    )
-    out.append(
-        "Measure at two force levels: a difference would show that the structure is not linear, which no "
-        "candidate can explain."
-    )
-    return out
+        "direction, tell more "
+        "candidates apart.",
+        "Measure at two force levels: a difference shows that the structure is not linear, which no "
+        "candidate can "
+        "explain.",
+    ]
+
+
+def _worst_sensors(result: RunResult, n: int = 3) -> list[str]:
+    where = result.localisation
+    if where is None:
+        return []
+    known = [
+        (db, name) for db, name in zip(where.by_sensor_db, where.sensors, strict=True) if math.isfinite(db)
+    ]
+    worst = ", ".join(f"{name} ({db:.1f} dB)" for db, name in sorted(known, reverse=True)[:n])
+    return [
+        f"Look at the sensors that fit worst: {worst}. Check their place, direction, cable and calibration."
+    ]
+
+
+def _best_places(result: RunResult, n: int = 3, least: float = 0.05) -> list[str]:
+    where = result.localisation
+    if where is None:
+        return []
+    shares = [
+        *((s, f"member {m}") for m, s in where.members.items()),
+        *((s, place(p)) for p, s in where.places),
+    ]
+    best = [f"{name} ({100 * s:.0f}\u00a0%)" for s, name in sorted(shares, reverse=True)[:n] if s >= least]
+    return [f"A small change would explain most of the misfit here: {', '.join(best)}."] if best else []
