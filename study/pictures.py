@@ -14,7 +14,7 @@ from study.modal import ModePair, modes_of, most_changed, pair_modes
 from study.offscreen import can_draw
 from study.result import RunResult, band_errors, measured_frf
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import ACCEPT_LEVEL, EFFECT, Ranked
+from updating.diagnosis import ACCEPT_LEVEL, EFFECT, FAULT, NOTHING, Ranked
 from viz import curves, style
 from viz.style import save
 
@@ -320,7 +320,9 @@ def _draw_structure(result: RunResult, album: Album) -> None:
         f"The model with sections, {len(m.sensors)} sensors and {len(m.excitations)} excitation(s){seen}.",
     )
     points, directions = (np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction"))
-    top = max(float(np.nanmax(result.comparisons[k].by_sensor())) for _, k, _ in _misfit_steps(result))
+    before = result.comparisons[_misfit_steps(result)[0][1]].by_sensor()
+    good = result.diagnosis.verdict in (NOTHING, FAULT)
+    limits = (0.0 if good else float(np.nanmin(before)), float(np.nanmax(before)))
     shares = dict(result.localisation.members) if result.localisation else {}
     for name, step, what in _misfit_steps(result):
         db = result.comparisons[step].by_sensor()
@@ -338,7 +340,7 @@ def _draw_structure(result: RunResult, album: Album) -> None:
                 members=members,
                 label="error [dB]",
                 members_label="share of the misfit [-]",
-                limits=(0.0, top),
+                limits=limits,
             ),
             f"The structure with its sensors coloured by their error, {what}.",
             f"Error of each sensor on the structure, {what}"

@@ -193,8 +193,10 @@ def _counted(data: FitData) -> str:
         for c, i in enumerate(data.measurement.frf.inputs)
         if not mask[:, r, c].any()
     ]
-    text = f"{100 * mask.mean():.0f} % of all; left out are FRFs that are zero by symmetry "
+    text = (
+        f"{100 * mask.mean():.0f} % of all; left out are FRFs that are zero by symmetry "
         "and lines with too much noise"
+    )
     if silent:
         text += f". Left out as a whole: {', '.join(silent[:12])}" + (
             f" and {len(silent) - 12} more" if len(silent) > 12 else ""
@@ -304,11 +306,10 @@ def _missing(result: RunResult) -> Markup:
 
 
 def _absent(finding: Finding, name: str) -> str:
+    """Return the model's value of a found parameter, a dash where it has none."""
     absent = next((p.absent for p in finding.effect.parameters() if p.name == name), math.nan)
     p = next(p for p in finding.parameters if p.name == name)
-    if absent == p.value:
-        return "–"
-    return words.with_unit(absent, p.unit)
+    return "–" if absent == p.value else words.with_unit(absent, p.unit, like=words.near(absent, p.value))
 
 
 def _percent(std: float, value: float) -> str:
@@ -631,6 +632,11 @@ def thresholds() -> Iterator[tuple[str, float, str]]:
                 yield statement.targets[0].id, value, " ".join(text.replace("``", "").split())
 
 
+def _program() -> str:
+    version = program_version()
+    return "Dovetail, not installed" if version == "unknown" else f"Dovetail {version}"
+
+
 def _about(result: RunResult) -> Markup:
     d, study = result.diagnosis, result.study
     mesh = study.model.mesh
@@ -639,7 +645,7 @@ def _about(result: RunResult) -> Markup:
         facts(
             [
                 ("study file", study.path.name),
-                ("program", f"Dovetail {program_version()}"),
+                ("program", _program()),
                 ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
                 ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
                 (

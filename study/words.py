@@ -80,8 +80,12 @@ def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:
         return text
     if not math.isfinite(of.absent):
         return f"{text} instead of rigid"
-    near = p.value if abs(p.value) * 1e4 > abs(of.absent) else None
-    return f"{text} instead of {with_unit(of.absent, p.unit, like=near)}"
+    return f"{text} instead of {with_unit(of.absent, p.unit, like=near(of.absent, p.value))}"
+
+
+def near(value: float, other: float) -> float | None:
+    """Return ``other`` if it is near enough to share a unit's prefix with ``value``."""
+    return other if 1e-4 < abs(value / other if other else 0.0) < 1e4 else None
 
 
 def parameters_text(parameters: Sequence[EffectParameter]) -> str:
