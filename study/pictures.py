@@ -1,5 +1,6 @@
 """The pictures of a run, as files; one that cannot be drawn is left out and named."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -26,6 +27,8 @@ TELLING = 0.1
 """Members are coloured by their share of the misfit if one of them has at least this."""
 MANY = 40
 """With more sensors than this, the heat map shows the worst of them only."""
+
+_NAMES = re.compile(r" \([^()]* … [^()]*\)")
 
 Say = Callable[[str, float], None]
 
@@ -167,7 +170,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     d = result.diagnosis
     if not ranked:
         return
-    labels = _distinct([words.ranked_label(r) for r in ranked])
+    labels = _distinct([_NAMES.sub("", words.ranked_label(r)) for r in ranked])
     by_name = dict(zip([r.name for r in ranked], labels, strict=True))
     found = d.findings[k] if k < len(d.findings) else None
     baseline = d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER
@@ -204,8 +207,8 @@ def _mark_limit(ax: Any, limit: float) -> None:
     ax.set_xlim(min(low, limit - 0.06 * (high - min(low, limit))), high)
     ax.axvline(limit, color=style.EFFECT, linewidth=1, linestyle=":", zorder=1)
     ax.annotate(
-        "to be accepted", (limit, 0), xycoords=("data", "axes fraction"), xytext=(3, 3),
-        textcoords="offset points", fontsize=7.5, color=style.EFFECT, ha="left", va="bottom",
+        "to be accepted", (limit, 1), xycoords=("data", "axes fraction"), xytext=(0, 1),
+        textcoords="offset points", fontsize=7.5, color=style.EFFECT, ha="center", va="bottom",
     )  # fmt: skip
 
 

@@ -505,7 +505,7 @@ def _shift(before: float, after: float) -> str:
 
 
 def _uncertain(result: RunResult) -> Markup:
-    rows = [[_parameter_name(u.name), *_parameter_row(u)] for u in result.uncertain]
+    rows = [[u.words, *_parameter_row(u)] for u in result.uncertain]
     bound = sum(u.at_bound for u in result.uncertain)
     text = (
         f" {bound} of them end at the edge of what was allowed, four prior standard deviations from "
@@ -525,16 +525,6 @@ def _uncertain(result: RunResult) -> Markup:
     )
 
 
-def _parameter_name(name: str) -> str:
-    effect, dot, parameter = name.partition(".")
-    if not dot or " " in effect:
-        return name
-    if effect == "frame":
-        key, _, material = parameter.partition(":")
-        return f"{ {'E': 'E', 'rho': 'density'}.get(key, key) } of {material}" if material else parameter
-    return f"{parameter} of {effect}"
-
-
 def _parameter_row(u: Uncertain) -> list[object]:
     flag = tag("span", "at bound", class_="tag bound") if u.at_bound else ""
     if not math.isfinite(u.fitted):
@@ -545,11 +535,10 @@ def _parameter_row(u: Uncertain) -> list[object]:
             _percent(u.prior_std, u.nominal),
             flag,
         ]
-    moved = (u.fitted - u.nominal) / u.prior_std if u.prior_std > 0 else math.nan
     return [
         words.with_unit(u.nominal, u.unit),
         words.with_unit(u.fitted, u.unit, u.std),
-        f"{moved:+.1f}".replace("-", "−") if math.isfinite(moved) else "–",
+        f"{u.moved:+.1f}".replace("-", "−") if math.isfinite(u.moved) else "–",
         _percent(u.prior_std, u.nominal),
         flag,
     ]

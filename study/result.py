@@ -47,6 +47,20 @@ class Uncertain:
     std: float
     at_bound: bool
 
+    @property
+    def moved(self) -> float:
+        """Return how far the fit went from nominal, in prior standard deviations; NaN if it did not vary."""
+        return (self.fitted - self.nominal) / self.prior_std if self.prior_std > 0 else np.nan
+
+    @property
+    def words(self) -> str:
+        """Return its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
+        effect, _, parameter = self.name.partition(".")
+        if not parameter or " " in effect:
+            return self.name
+        key, _, of = parameter.partition(":")
+        return f"{'density' if key == 'rho' else key} of {of or effect}"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunResult:

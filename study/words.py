@@ -8,6 +8,7 @@ from fem.model import Parameter
 from study.result import RunResult
 from updating.diagnosis import (
     EFFECT,
+    EXPLAINED_LEVEL,
     FAULT,
     NOTHING,
     UNEXPLAINED,
@@ -18,6 +19,8 @@ from updating.diagnosis import (
 )
 from updating.faults import Fault
 
+FAR = 2.5
+"""An uncertain parameter that moved by this many prior standard deviations is pointed out."""
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 _DIRECTION = re.compile(r", (r?)([xyz])$")
 _MANY = re.compile(r"\b(supports|joints|members) ([^,]+(?:, [^,]+){2,}), (?!about|along)([^,]+)")
@@ -120,6 +123,8 @@ def headline(result: RunResult) -> str:
     faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
     if d.verdict == EFFECT:
         told = " ".join(map(sentence, d.findings))
+        if d.steps[-1].level >= EXPLAINED_LEVEL:
+            told += " That explains the misfit only in part."
         return f"{told} Besides, {faults}." if faults else told
     if d.verdict == NOTHING:
         return "The model lacks nothing that these data can show."
@@ -205,6 +210,14 @@ def confidence(result: RunResult) -> list[str]:
         f"{d.discretisation_db:.2f} dB error of the mesh. What is left is "
         f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
     )
+    if far := [
+        f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in result.uncertain if abs(u.moved) >= FAR
+    ]:
+        out.append(
+            "Beware of uncertain parameters far from nominal, in prior standard deviations: "
+            f"{', '.join(far)}. "
+            "They may stand in for something else that the model has wrong."
+        )
     for finding, ranked in zip(d.findings, d.rounds, strict=False):
         out.append(_rivals(finding, ranked, len(d.findings) > 1))
     best = best_of(d.rounds)
@@ -247,7 +260,7 @@ def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
 def advice(result: RunResult) -> list[str]:
     """Return what would help where the misfit stays unexplained."""
     out = [*_worst_sensors(result), *_best_places(result)]
-    bound = [u.name for u in result.uncertain if u.at_bound]
+    bound = [u.words for u in result.uncertain if u.at_bound]
     if bound:
         out.append(
             f"These uncertain parameters end at their bounds: {', '.join(bound)}. Their nominal values or "

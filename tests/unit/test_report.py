@@ -142,6 +142,16 @@ def test_twins_are_named_in_the_headline(found, album):
     assert page.count(">twin<") >= 2
 
 
+def test_doubts_are_told(found, album):
+    d = found.diagnosis
+    steps = (*d.steps[:-1], replace(d.steps[-1], level=1.0))
+    uncertain = (replace(found.uncertain[0], fitted=0.9 * found.uncertain[0].nominal), *found.uncertain[1:])
+    page = report_html(replace(found, diagnosis=replace(d, steps=steps), uncertain=uncertain), album)
+    assert "That explains the misfit only in part." in page
+    assert "E of steel (−5.0)" in page
+    assert "only in part" not in report_html(found, album)
+
+
 def test_long_lists_are_folded():
     rows = [[f"candidate {k}", k] for k in range(100)]
     shown, folded = table(["name", "x [-]"], rows, numbers=[1], marked=[30]).split("<details>")
