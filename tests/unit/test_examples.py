@@ -1,0 +1,32 @@
+"""Every example runs to its closing assertion, is short, and ends in a number."""
+
+import ast
+import runpy
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*.py"))
+DRAWN = {"60_mode_picture"}
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 5
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_runs(path, request, monkeypatch, tmp_path):
+    if path.stem in DRAWN:
+        request.getfixturevalue("offscreen")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    runpy.run_path(str(path), run_name="__main__")
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_is_short_and_ends_in_an_assertion_on_a_number(path):
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 60
+    last = ast.parse(text).body[-3:]
+    assert isinstance(last[-1], ast.Assert)
+    constants = [n.value for part in last for n in ast.walk(part) if isinstance(n, ast.Constant)]
+    assert any(isinstance(value, float) for value in constants)
