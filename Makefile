@@ -20,15 +20,16 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow check lint types contracts format lock clean
+.PHONY: help demo test slow independent check lint types contracts format lock clean
 help:
-	@echo 'make demo    run the example study, report in out/demo'
-	@echo 'make test    python -m pytest'
-	@echo 'make slow    the tests marked slow'
-	@echo 'make check   ruff, pyright and the import contracts'
-	@echo 'make format  let ruff rewrite the code'
-	@echo 'make lock    resolve requirements*.lock anew from pyproject.toml'
-	@echo 'make clean   remove .venv, out and caches'
+	@echo 'make demo        run the example study, report in out/demo'
+	@echo 'make test        python -m pytest'
+	@echo 'make slow        the tests marked slow'
+	@echo 'make independent the cases that other codes made: verdicts against the truth'
+	@echo 'make check       ruff, pyright and the import contracts'
+	@echo 'make format      let ruff rewrite the code'
+	@echo 'make lock        resolve requirements*.lock anew from pyproject.toml'
+	@echo 'make clean       remove .venv, out and caches'
 
 demo: $(READY)
 	$(IN) dovetail run examples/cross-beam/study.toml --out out/demo
@@ -38,6 +39,10 @@ test: $(DEV)
 
 slow: $(DEV)
 	$(IN) python -m pytest -m slow
+
+# needs ../shared/data/independent-cases; CASES=DIR for others of the same form
+independent: $(DEV)
+	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
 
 check: lint types contracts
 

@@ -1,0 +1,95 @@
+"""The table of independent cases: how it judges, and that the program ends on every case."""
+
+import json
+
+import pytest
+
+from tests.independent import table
+
+NOMINAL = {
+    "joints": [{"name": "J", "member1": "U", "member2": "D"}],
+    "members": [{"name": "U", "end1": [0, 0, 0], "end2": [0.8, 0, 0]}],
+    "supports": [{"point": 7, "fixed": "all six"}, {"point": 8, "fixed": "all six"}],
+    "sensors": [{"name": "U7z", "member": "U", "position": 0.6}],
+}
+SOFT = {
+    "type": "joint_rotational_flexibility",
+    "location": "lap joint U-D",
+    "direction": "rx",
+    "magnitude": {"krx_Nm_rad": 200.0},
+}
+MASS = {"type": "lumped_mass", "location": "U7 (x=0.6 on U)", "magnitude": {"kg": 0.08}}
+BASES = {
+    "type": "foundation_rotational_flexibility",
+    "location": "all four",
+    "direction": "ry",
+    "magnitude": {"kry_Nm_rad": 6e3},
+}
+SIGN = {"type": "sensor_fault", "location": "D6z", "magnitude": {"factor": -1}}
+NONE = {"type": "none", "location": "-", "magnitude": 0}
+
+
+def effect(kind, where, twins=(), **values):
+    parameters = [{"name": k, "value": v, "unit": "", "std": 0.1} for k, v in values.items()]
+    return {"kind": kind, "where": where, "parameters": parameters, "twins": list(twins)}
+
+
+def result(verdict, *effects, faults=()):
+    return {"verdict": verdict, "effects": list(effects), "faults": list(faults)}
+
+
+SOFT_FOUND = effect("joint_stiffness", "joint J, rx", stiffness=190.0)
+MASS_FOUND = effect("point_mass", "member U at 0.610 m", mass=0.08, position=0.61)
+MASS_ELSEWHERE = effect("point_mass", "member U at 0.500 m", mass=0.08, position=0.5)
+OTHER = effect("member_density", "member U", twins=[SOFT_FOUND], change=0.1)
+D6Z = {"kind": "sensor_sign", "sensor": "D6z", "value": -1.0, "std": 0.0}
+U4Z = {"kind": "sensor_gain", "sensor": "U4z", "value": 1.2, "std": 0.01}
+
+
+@pytest.mark.parametrize(
+    ("truth", "found", "verdict"),
+    [
+        (SOFT, result("effect", SOFT_FOUND), table.YES),
+        (SOFT, result("effect", effect("joint_stiffness", "joint J, ry", stiffness=190.0)), table.NO),
+        (SOFT, result("effect", SOFT_FOUND, MASS_FOUND), table.PARTLY),
+        (SOFT, result("effect", OTHER), table.TWIN),
+        (SOFT, result("unexplained"), table.NO),
+        (SOFT, result("effect", SOFT_FOUND, faults=[D6Z]), table.NO),
+        (MASS, result("effect", MASS_FOUND), table.YES),
+        (MASS, result("effect", MASS_ELSEWHERE), table.NO),
+        (BASES, result("effect", effect("support_flexibility", "supports 7, 8, ry")), table.YES),
+        (BASES, result("effect", effect("support_flexibility", "support 7, ry")), table.NO),
+        (SIGN, result("measurement fault", faults=[D6Z]), table.YES),
+        (SIGN, result("measurement fault", faults=[D6Z, U4Z]), table.NO),
+        (NONE, result("nothing missing"), table.YES),
+        (NONE, result("unexplained"), table.NO),
+        (NONE, result("effect", SOFT_FOUND), table.NO),
+    ],
+)
+def test_only_kind_and_place_without_more_are_right(truth, found, verdict):
+    assert table.judge(*table.hidden_effects({"effects": [truth]}, NOMINAL), found) == verdict
+
+
+def test_an_unknown_truth_is_an_error():
+    with pytest.raises(ValueError, match="'gap' at joint J is not understood"):
+        table.hidden_effects({"effects": [{"type": "gap", "location": "joint J", "magnitude": 1}]}, NOMINAL)
+
+
+@pytest.mark.shared("data/independent-cases")
+def test_every_truth_is_understood():
+    truth = json.loads((table.CASES / "truth.json").read_text(encoding="utf-8"))
+    for name, case in truth.items():
+        nominal = json.loads((table.CASES / name / "nominal.json").read_text(encoding="utf-8"))
+        effects, faults = table.hidden_effects(case, nominal)
+        assert bool(effects or faults) != name.endswith("nothing-missing")
+
+
+@pytest.mark.slow
+@pytest.mark.shared("data/independent-cases")
+def test_the_program_ends_on_every_case_and_raises_no_false_alarm(tmp_path, capsys):
+    """How many are right is for the table to say; an effect where nothing is hidden is a fault of the program."""
+    assert table.main(["--out", str(tmp_path)]) == 0
+    rows = [line.split("|")[1:-1] for line in capsys.readouterr().out.splitlines() if line.startswith("| ")]
+    cells = [[cell.strip() for cell in r] for r in rows[1:]]
+    assert len(cells) == 11
+    assert [name for name, hidden, verdict, *_ in cells if hidden == "nothing" and verdict == "effect"] == []
