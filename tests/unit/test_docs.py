@@ -1,0 +1,46 @@
+"""What the documentation says of the program is so: constants, links, and the README's code."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+CONSTANT = re.compile(r"^\| `([\w.]+)\.([A-Z_]+)` \| ([\d.]+) \|", re.MULTILINE)
+
+
+def constants():
+    return CONSTANT.findall((ROOT / "docs" / "finding-effects.md").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(("module", "name", "value"), constants())
+def test_constants_have_the_values_that_are_documented(module, name, value):
+    assert getattr(importlib.import_module(module), name) == float(value)
+
+
+@pytest.mark.parametrize("module", ["updating.diagnosis", "updating.fit", "updating.faults"])
+def test_every_constant_of_the_search_is_documented(module):
+    there = {
+        name
+        for name, value in vars(importlib.import_module(module)).items()
+        if name.isupper() and not name.startswith("_") and isinstance(value, int | float)
+    }
+    inherited = {"DB_PER_NEPER"}
+    listed = {name for _, name, _ in constants()}
+    assert there - inherited - listed == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files(page):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), target
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = {p.name for p in ROOT.glob("docs/*.md")} - {"index.md"}
+    assert {name for name in pages if name not in index} == set()
