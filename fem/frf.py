@@ -78,8 +78,8 @@ class FRF:
         Raises
         ------
         FRFError
-            For shapes that do not fit, frequencies that do not increase or are negative, values that are not finite,
-            labels given twice, or an unknown kind.
+            For shapes that do not fit, frequencies that do not increase or are negative, values that are not
+            finite, labels given twice, or an unknown kind.
         """
         try:
             kind = FRFKind(kind)
@@ -214,10 +214,12 @@ def compute_frf(
 ) -> FRF:
     """Compute frequency response functions.
 
-    ``"reduced"`` projects the system on its modes up to 1.5 times the highest frequency and on six block-Krylov vectors of each
-    input and of each motion that a local damper resists, which makes the result exact at low frequency and leaves an error of
-    about 10⁻⁶ of an FRF's root mean square at the highest.
-    ``"direct"`` factorises Z(ω) at every line; it takes local, Rayleigh and structural damping, not modal ratios.
+    ``"reduced"`` projects the system on its modes up to 1.5 times the highest frequency and on six
+    block-Krylov vectors of each
+    input and of each motion that a local damper resists, which makes the result exact at low frequency and
+    leaves an error of about 10⁻⁶ of an FRF's root mean square at the highest.
+    ``"direct"`` factorises Z(ω) at every line; it takes local, Rayleigh and structural damping, not modal
+    ratios.
 
     Parameters
     ----------
@@ -239,7 +241,8 @@ def compute_frf(
     Raises
     ------
     FRFError
-        For an unknown method, frequencies that cannot be used, 0 Hz on a free structure, or modal ratios with ``"direct"``.
+        For an unknown method, frequencies that cannot be used, 0 Hz on a free structure, or modal ratios
+        with ``"direct"``.
     """
     model = system.model
     out, out_labels = dof_vectors(model, outputs)
@@ -351,7 +354,9 @@ def _direct_receptance(
 ) -> NDArray[np.complex128]:
     damping = system.model.damping
     if damping.ratio.any():
-        msg = "the direct method needs damping matrices; modal damping ratios have none (use method='reduced')"
+        msg = (
+            "the direct method needs damping matrices; modal damping ratios have none (use method='reduced')"
+        )
         raise FRFError(msg)
     K = system.K * (1 + 1j * damping.loss_factor) + 1j * system.D
     C = system.C + damping.alpha * system.M + damping.beta * system.K

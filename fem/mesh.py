@@ -66,8 +66,8 @@ class Mesh:
     ) -> "Mesh":
         """Build a mesh from points and lines in any order and direction.
 
-        Each set becomes a member. A set that branches or is in several pieces becomes one member for each chain,
-        named ``set.1``, ``set.2``, …, and the set's name becomes a group. Lines in no set form the set
+        Each set becomes a member. A set that branches or is in several pieces becomes one member for each
+        chain, named ``set.1``, ``set.2``, …, and the set's name becomes a group. Lines in no set form the set
         ``"frame"``.
 
         Parameters
@@ -84,7 +84,8 @@ class Mesh:
         Raises
         ------
         MeshError
-            For coordinates that are not finite, indices out of range, lines of zero length, or lines in two sets.
+            For coordinates that are not finite, indices out of range, lines of zero length, or lines in two
+            sets.
         """
         points = np.array(points, dtype=float, ndmin=2)
         lines = np.array(lines, dtype=np.int64, ndmin=2)
@@ -102,9 +103,7 @@ class Mesh:
         if outside.any():
             row = int(np.flatnonzero(outside.any(axis=1))[0])
             node = int(lines[row][outside[row]][0])
-            msg = (
-                f"line {row} refers to point {node}, but the mesh has {len(points)} points; points count from 0"
-            )
+            msg = f"line {row} refers to point {node}, but the mesh has {len(points)} points; points count from 0"
             raise MeshError(msg)
         length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
         size = float(np.ptp(points, axis=0).max())
@@ -121,7 +120,9 @@ class Mesh:
                     msg = f"set '{name}' refers to line {row}, but the mesh has {len(lines)} lines, counted from 0"
                     raise MeshError(msg)
                 if row in owner:
-                    msg = f"line {row} is in the sets '{owner[row]}' and '{name}'; a line belongs to one member"
+                    msg = (
+                        f"line {row} is in the sets '{owner[row]}' and '{name}'; a line belongs to one member"
+                    )
                     raise MeshError(msg)
                 owner[int(row)] = name
         rest = np.array([row for row in range(len(lines)) if row not in owner], dtype=np.int64)

@@ -1,6 +1,7 @@
 """Models: a mesh and the effects on it, everything that enters K, M, C and D.
 
-An effect is the extension point of Dovetail. The frame itself, a joint, a support, an added mass or a loss of stiffness
+An effect is the extension point of Dovetail. The frame itself, a joint, a support, an added mass or a loss
+of stiffness
 are effects, one file each in ``fem.effects``. Effects are additive and know nothing of one another.
 """
 
@@ -47,7 +48,9 @@ def direction_vector(direction: str | ArrayLike) -> NDArray[np.float64]:
         v = np.asarray(direction, dtype=float)
         if v.shape == (3,) and np.isfinite(v).all() and np.linalg.norm(v) > 0:
             return v / np.linalg.norm(v)
-    msg = f"{direction!r} is not a direction; use x, y, z, -x, -y, -z or three components that are not all zero"
+    msg = (
+        f"{direction!r} is not a direction; use x, y, z, -x, -y, -z or three components that are not all zero"
+    )
     raise ModelError(msg)
 
 
@@ -68,7 +71,8 @@ class Parameter:
     log : bool
         True if it is estimated on a logarithmic scale (positive quantities).
     linear : bool
-        True if K, M, C and D are affine functions of all the effect's linear parameters together, the others fixed.
+        True if K, M, C and D are affine functions of all the effect's linear parameters together, the others
+        fixed.
     """
 
     name: str
@@ -175,8 +179,8 @@ class Effect(ABC):
         Parameters
         ----------
         scale : callable
-            Gives the stiffness that the rest of the structure opposes to a unit violation of a constraint, by its key
-            [N/m, N·m/rad].
+            Gives the stiffness that the rest of the structure opposes to a unit violation of a constraint,
+            by its key [N/m, N·m/rad].
         """
         return ({p.name: p.value for p in self.parameters()},)
 
@@ -219,7 +223,9 @@ class Damping:
         ratio = np.array(ratio, dtype=float, ndmin=1)
         frequency = np.zeros(1) if frequency is None else np.array(frequency, dtype=float, ndmin=1)
         if ratio.shape != frequency.shape or ratio.ndim != 1 or (np.diff(frequency) <= 0).any():
-            msg = f"{ratio.size} damping ratios need {ratio.size} increasing frequencies, found {frequency.size}"
+            msg = (
+                f"{ratio.size} damping ratios need {ratio.size} increasing frequencies, found {frequency.size}"
+            )
             raise ModelError(msg)
         if not ((ratio >= 0) & (ratio < 1)).all():
             msg = f"damping ratios are {ratio.tolist()}; they lie between 0 and 1 (0.01 is one per cent)"
@@ -329,7 +335,9 @@ class Model:
             by_effect.setdefault(name, {})[parameter] = value
         return replace(
             self,
-            effects=tuple(e.with_values(**by_effect[e.name]) if e.name in by_effect else e for e in self.effects),
+            effects=tuple(
+                e.with_values(**by_effect[e.name]) if e.name in by_effect else e for e in self.effects
+            ),
         )
 
     def contributions(self) -> tuple[Contribution, ...]:

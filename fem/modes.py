@@ -102,7 +102,9 @@ def solve_modes(system: System, n: int | None = None, max_frequency: float | Non
     frequency = np.sqrt(pairs.eigenvalues) / (2 * np.pi)
     damping = system.model.damping
     omega = 2 * np.pi * frequency
-    rayleigh = np.divide(damping.alpha, omega, out=np.zeros_like(omega), where=omega > 0) + damping.beta * omega
+    rayleigh = (
+        np.divide(damping.alpha, omega, out=np.zeros_like(omega), where=omega > 0) + damping.beta * omega
+    )
     zeta = damping.ratio_at(frequency) + (rayleigh + damping.loss_factor) / 2
     return Modes(frequency, system.Q @ pairs.vectors, zeta, n_rigid=pairs.n_rigid)
 
@@ -136,15 +138,20 @@ def solve_eigenpairs(system: System, n: int | None = None, max_frequency: float 
     return Eigenpairs(np.maximum(eigenvalues, 0.0), vectors, factor, shift, min(n_rigid, len(eigenvalues)))
 
 
-def _lowest(system: System, factor: Factor, shift: float, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lowest(
+    system: System, factor: Factor, shift: float, n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     n_free = system.n_free
     if n_free <= DENSE_LIMIT or n > n_free // 3:
-        # The shifted flexibility is small where the stiffness is large: low modes keep their digits. Coordinates of metres and
+        # The shifted flexibility is small where the stiffness is large: low modes keep their digits.
+        # Coordinates of metres and
         # radians are scaled alike; directions without mass have none, and no mode.
         shifted = (system.K - shift * system.M).toarray()
         scale = 1 / np.sqrt(shifted.diagonal())
         outer = np.outer(scale, scale)
-        nu, vectors = sla.eigh(outer * system.M.toarray(), outer * shifted, subset_by_index=(n_free - n, n_free - 1))
+        nu, vectors = sla.eigh(
+            outer * system.M.toarray(), outer * shifted, subset_by_index=(n_free - n, n_free - 1)
+        )
         order = np.argsort(-nu)
         order = order[nu[order] > 1e-15 * nu[-1]]
         nu, phi = nu[order], scale[:, None] * vectors[:, order]
@@ -154,8 +161,11 @@ def _lowest(system: System, factor: Factor, shift: float, n: int) -> tuple[NDArr
     random = np.random.default_rng(0)
     eigenvalues, vectors = np.zeros(0), np.zeros((n_free, 0))
     while True:
-        # Lanczos sees one motion of each set of repeated modes: ask again without those found until none of the rest is lower.
-        lam, phi = _arpack(system, factor, shift, n if not eigenvalues.size else 2, vectors, random.standard_normal(n_free))
+        # Lanczos sees one motion of each set of repeated modes: ask again without those found until none of
+        # the rest is lower.
+        lam, phi = _arpack(
+            system, factor, shift, n if not eigenvalues.size else 2, vectors, random.standard_normal(n_free)
+        )
         done = eigenvalues.size and lam.min() > eigenvalues[n - 1] * (1 - 1e-9)
         vectors, eigenvalues = np.hstack([vectors, phi]), np.concatenate([eigenvalues, lam])
         order = np.argsort(eigenvalues)
@@ -165,7 +175,12 @@ def _lowest(system: System, factor: Factor, shift: float, n: int) -> tuple[NDArr
 
 
 def _arpack(
-    system: System, factor: Factor, shift: float, n: int, found: NDArray[np.float64], start: NDArray[np.float64]
+    system: System,
+    factor: Factor,
+    shift: float,
+    n: int,
+    found: NDArray[np.float64],
+    start: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the n lowest modes that are M-orthogonal to those found."""
 
@@ -185,9 +200,10 @@ def _highest(system: System) -> float:
 def _reference_eigenvalue(system: System) -> float:
     """Estimate the order of the first elastic eigenvalue [rad²/s²]: three steps of subspace iteration.
 
-    It starts from the rigid-body motions that the constraints allow and random loads. As many of the lowest values as there are
-    such motions are left out, also where springs resist these: were the shift as small as the eigenvalues on soft springs, K - σM
-    would be singular but for rounding.
+    It starts from the rigid-body motions that the constraints allow and random loads. As many of the lowest
+    values as there are
+    such motions are left out, also where springs resist these: were the shift as small as the eigenvalues on
+    soft springs, K - σM would be singular but for rounding.
     """
     K, M, mesh = system.K, system.M, system.model.mesh
     upper = _highest(system)
@@ -226,7 +242,9 @@ def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArra
     reach = np.abs(motions).reshape(-1, 6, vectors.shape[1]).max(axis=0)
     vectors = vectors / np.maximum(reach[:3].max(axis=0), size * reach[3:].max(axis=0))
     # An element of a member that bends with wave number k opposes (kh)³ of what its entries give.
-    loose = unopposed(resistance(system.model.contributions(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10)
+    loose = unopposed(
+        resistance(system.model.contributions(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10
+    )
     if loose.shape[1] > rigid.shape[1]:
         raise ModelError(_describe_mechanism(system, vectors @ loose, rigid))
 
@@ -247,7 +265,9 @@ def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDA
     if len(parts) > 1:
         names = mesh.member_of_line()
         words = [
-            "/".join(sorted({str(m) for m in names[np.isin(mesh.lines, np.flatnonzero(label == k)).any(axis=1)]}))
+            "/".join(
+                sorted({str(m) for m in names[np.isin(mesh.lines, np.flatnonzero(label == k)).any(axis=1)]})
+            )
             for k in parts[:4]
         ]
         return (

@@ -1,7 +1,8 @@
 """Materials and cross-sections.
 
 Local axes of a member: x along it, z the direction of the section's height h, y that of its width b.
-``Iy`` is the second moment for bending in the x-z plane (rotation about y), ``Iz`` for bending in the x-y plane.
+``Iy`` is the second moment for bending in the x-z plane (rotation about y), ``Iz`` for bending in the x-y
+plane.
 """
 
 from dataclasses import dataclass
@@ -91,7 +92,9 @@ class Section:
         for key in ("A", "Iy", "Iz", "J"):
             value = getattr(self, key)
             if not (np.isfinite(value) and value > 0):
-                msg = f"section {self.label or 'given by its constants'}: {key} is {value}; it must be positive"
+                msg = (
+                    f"section {self.label or 'given by its constants'}: {key} is {value}; it must be positive"
+                )
                 raise PropertyError(msg)
         for key in ("ky", "kz"):
             value = getattr(self, key)
@@ -105,7 +108,8 @@ class Section:
     def rectangle(cls, b: float, h: float) -> "Section":
         """Solid rectangle: width b along y, height h along z [m].
 
-        J from the series of Timoshenko & Goodier, Theory of Elasticity, art. 109; shear coefficients 5/6 (Reissner).
+        J from the series of Timoshenko & Goodier, Theory of Elasticity, art. 109; shear coefficients 5/6
+        (Reissner).
         """
         _positive("rectangle", b=b, h=h)
         long, short = max(b, h), min(b, h)
@@ -125,7 +129,10 @@ class Section:
         """
         _positive("hollow rectangle", b=b, h=h, t=t)
         if 2 * t >= min(b, h):
-            msg = f"hollow rectangle: the wall t = {t:g} m fills the section {b:g} x {h:g} m; t must be below half of it"
+            msg = (
+                f"hollow rectangle: the wall t = {t:g} m fills the section {b:g} x {h:g} m; "
+                "t must be below half of it"
+            )
             raise PropertyError(msg)
         bi, hi = b - 2 * t, h - 2 * t
         A = b * h - bi * hi
@@ -158,7 +165,14 @@ class Section:
         di = d - 2 * t
         I = np.pi * (d**4 - di**4) / 64  # noqa: E741
         return cls(
-            np.pi * (d**2 - di**2) / 4, I, I, 2 * I, 0.5, 0.5, (_circle(d), _circle(di)), f"tube {d:g} x {t:g} m"
+            np.pi * (d**2 - di**2) / 4,
+            I,
+            I,
+            2 * I,
+            0.5,
+            0.5,
+            (_circle(d), _circle(di)),
+            f"tube {d:g} x {t:g} m",
         )
 
     @classmethod
@@ -169,7 +183,9 @@ class Section:
         """
         _positive("I section", b=b, h=h, tf=tf, tw=tw)
         if 2 * tf >= h or tw >= b:
-            msg = f"I section: flanges 2 x {tf:g} m in height {h:g} m, web {tw:g} m in width {b:g} m do not fit"
+            msg = (
+                f"I section: flanges 2 x {tf:g} m in height {h:g} m, web {tw:g} m in width {b:g} m do not fit"
+            )
             raise PropertyError(msg)
         hw = h - 2 * tf
         A = 2 * b * tf + hw * tw
@@ -180,7 +196,9 @@ class Section:
         half = [(-y, -z), (y, -z), (y, -z + tf), (tw / 2, -z + tf)]
         upper = [(tw / 2, z - tf), (y, z - tf), (y, z), (-y, z), (-y, z - tf), (-tw / 2, z - tf)]
         outline = np.array([*half, *upper, (-tw / 2, -z + tf), (-y, -z + tf)])
-        return cls(A, Iy, Iz, J, 5 / 3 * b * tf / A, hw * tw / A, (outline,), f"I {b:g} x {h:g} x {tf:g} x {tw:g} m")
+        return cls(
+            A, Iy, Iz, J, 5 / 3 * b * tf / A, hw * tw / A, (outline,), f"I {b:g} x {h:g} x {tf:g} x {tw:g} m"
+        )
 
 
 def _positive(shape: str, **sizes: float) -> None:

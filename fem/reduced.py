@@ -1,7 +1,7 @@
 """The fast engine: FRFs of a reduced model and their exact derivatives, for many parameter values and candidate effects.
 
-A model is projected once. After that nothing depends on the size of the mesh: a set of parameter values costs one small symmetric
-eigenproblem, and a candidate effect what its own few DOFs cost.
+A model is projected once. After that nothing depends on the size of the mesh: a set of parameter values
+costs one small symmetric eigenproblem, and a candidate effect what its own few DOFs cost.
 """
 
 from collections.abc import Mapping, Sequence
@@ -63,11 +63,14 @@ class ReducedModel:
 
     def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
-        dofs = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.dofs.ravel() for c in contributions)]))
+        dofs = np.unique(
+            np.concatenate([np.zeros(0, dtype=np.int64), *(c.dofs.ravel() for c in contributions)])
+        )
         T = self.basis.T
         if len(dofs) > LOCAL_LIMIT:
             parts = tuple(
-                Contribution(c.dofs, *(_part(getattr(c, key), imaginary) for key in "KMCD")) for c in contributions
+                Contribution(c.dofs, *(_part(getattr(c, key), imaginary) for key in "KMCD"))
+                for c in contributions
             )
             full = sum_contributions(parts, self.model.n_dof)
             return _Term(None, *(T.T @ (X @ T) if X.nnz else None for X in full))
@@ -90,7 +93,9 @@ class ReducedModel:
 
     def derivative_of(self, effect: Effect, parameter: str, value: float) -> _Term:
         """Project an effect's derivative with respect to a parameter, by a complex step."""
-        return self.project(effect.with_values(**{parameter: value + 1j * _STEP}).contribute(self.model), True)
+        return self.project(
+            effect.with_values(**{parameter: value + 1j * _STEP}).contribute(self.model), True
+        )
 
     def base(self) -> dict[str, _Term]:
         """Return the projection of each effect of the model at nominal values (computed once)."""
@@ -142,7 +147,9 @@ def reduce_model(
     """
     system = assemble(model)
     release = model.constraints() if releasable else ()
-    return ReducedModel(model, reduced_basis(system, forces, max_frequency, margin=margin, n_krylov=n_krylov, release=release))
+    return ReducedModel(
+        model, reduced_basis(system, forces, max_frequency, margin=margin, n_krylov=n_krylov, release=release)
+    )
 
 
 class ParametricFRF:
@@ -226,7 +233,9 @@ class ParametricFRF:
         for key in "KMCD":
             self._fixed[key] = self._fixed[key] + factor * term.dense(key)
 
-    def _matrices(self, values: NDArray[np.float64], gradient: bool) -> tuple[dict[str, Any], dict[int, _Term]]:
+    def _matrices(
+        self, values: NDArray[np.float64], gradient: bool
+    ) -> tuple[dict[str, Any], dict[int, _Term]]:
         total = dict(self._fixed)
         slopes: dict[int, _Term] = {}
         for i, start, term in self._linear:
@@ -283,7 +292,11 @@ class ParametricFRF:
         one = np.ones_like(stiffness)
         factors = {"K": stiffness, "M": mass, "C": 1j * omega, "D": 1j * one}
         for i, term in slopes.items():
-            present = [(getattr(term, key), factor) for key, factor in factors.items() if getattr(term, key) is not None]
+            present = [
+                (getattr(term, key), factor)
+                for key, factor in factors.items()
+                if getattr(term, key) is not None
+            ]
             if not present:
                 continue
             if term.L is None:
@@ -295,7 +308,6 @@ class ParametricFRF:
                 dZ = sum(factor[:, None, None] * X for X, factor in present)
                 dH[i] = -np.swapaxes(uo, 1, 2) @ (dZ @ ui)
         return H, dH, -2j * (Xot @ np.moveaxis(lam[:, None, None] * Xi, 2, 0))
-
 
     def local(self, values: NDArray[np.float64], zeta: NDArray[np.float64]) -> "LocalChanges":
         """Solve once, so that many changes at few DOFs can be tried at little cost each.
@@ -337,7 +349,8 @@ class LocalChanges:
     def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128] | None]:
         """Return the receptances with each of some effects added, one at a time; None for one that touches too many DOFs.
 
-        H' = H - Hₒ ΔZ (I + G ΔZ)⁻¹ Hᵢ, with G the receptance of the touched DOFs. Effects at the same place share Hₒ, Hᵢ and G.
+        H' = H - Hₒ ΔZ (I + G ΔZ)⁻¹ Hᵢ, with G the receptance of the touched DOFs. Effects at the same place
+        share Hₒ, Hᵢ and G.
         """
         out: list[NDArray[np.complex128] | None] = []
         state, omega = self.state, self.engine.omega
@@ -354,12 +367,16 @@ class LocalChanges:
                 Lm = place @ state.V
                 uo, ui = np.moveaxis(_times(Lm, self.Xo), 2, 0), np.moveaxis(_times(Lm, self.Xi), 2, 0)
                 G = np.moveaxis(_times(Lm, state.solve(place.T)), 2, 0)
-            parts = [factors[key][:, None, None] * X for key in "KMCD" if (X := getattr(term, key)) is not None]
+            parts = [
+                factors[key][:, None, None] * X for key in "KMCD" if (X := getattr(term, key)) is not None
+            ]
             if not parts:
                 out.append(self.H)
                 continue
             dZ = sum(parts[1:], parts[0])
-            out.append(self.H - np.swapaxes(uo, 1, 2) @ (dZ @ np.linalg.solve(np.eye(len(place)) + G @ dZ, ui)))
+            out.append(
+                self.H - np.swapaxes(uo, 1, 2) @ (dZ @ np.linalg.solve(np.eye(len(place)) + G @ dZ, ui))
+            )
         return out
 
 
@@ -376,7 +393,13 @@ class _State:
     correct: NDArray[np.complex128] | None
 
     @classmethod
-    def of(cls, reduced: ReducedModel, total: dict[str, Any], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> "_State":
+    def of(
+        cls,
+        reduced: ReducedModel,
+        total: dict[str, Any],
+        omega: NDArray[np.float64],
+        zeta: NDArray[np.float64],
+    ) -> "_State":
         damping = reduced.model.damping
         lam, V = sla.eigh(total["K"], total["M"], check_finite=False)
         n_rigid = reduced.basis.n_rigid
@@ -384,7 +407,8 @@ class _State:
         lam[:n_rigid] = np.where(near_zero, 0.0, lam[:n_rigid])
         stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta) + 1j * omega * damping.beta
         mass = 1j * omega * damping.alpha - omega**2
-        # Arrays over modes, columns and lines are kept in this order: a product from the left is then one GEMM.
+        # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
+        # GEMM.
         inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
         local = _range(total["C"], total["D"])
         if local is None:
@@ -424,7 +448,9 @@ def _range(C: Any, D: Any) -> tuple[NDArray[np.float64], NDArray[np.float64], ND
     return U, U.T @ C @ U, U.T @ D @ U
 
 
-def values_of(model: Model, refs: Sequence[ParameterRef], candidates: Sequence[Effect] = ()) -> NDArray[np.float64]:
+def values_of(
+    model: Model, refs: Sequence[ParameterRef], candidates: Sequence[Effect] = ()
+) -> NDArray[np.float64]:
     """Return the present values of parameters of a model's effects or of candidates."""
     effects: Mapping[str, Effect] = {e.name: e for e in (*model.effects, *candidates)}
     return np.array([{p.name: p.value for p in effects[n].parameters()}[q] for n, q in refs], dtype=float)

@@ -18,8 +18,8 @@ class Basis:
     Attributes
     ----------
     T : ndarray (n_dof, r + p)
-        The first r columns meet all constraints and are M-orthonormal; each of the last p violates one releasable
-        constraint by one unit.
+        The first r columns meet all constraints and are M-orthonormal; each of the last p violates one
+        releasable constraint by one unit.
     n_main : int
         r.
     keys : tuple of (str, str)
@@ -85,8 +85,8 @@ def reduced_basis(
 def _nearly_static(system: System, pairs: Eigenpairs) -> Eigenpairs:
     """Return the modes with a factor whose shift lies below the first elastic one.
 
-    The shift that was good enough for the modes may lie far above it; responses to it die away within a fraction of the structure and
-    complete the modes badly.
+    The shift that was good enough for the modes may lie far above it; responses to it die away within a
+    fraction of the structure and complete the modes badly.
     """
     elastic = pairs.eigenvalues[pairs.n_rigid :]
     shift = -max(0.1 * float(elastic[0]), 1e-8 * abs(pairs.shift)) if elastic.size else pairs.shift
@@ -125,7 +125,9 @@ def _orthonormal(system: System, columns: list[NDArray[np.float64]]) -> NDArray[
     return V
 
 
-def _constraint_modes(system: System, pairs: Eigenpairs, release: tuple[Constraint, ...]) -> NDArray[np.float64]:
+def _constraint_modes(
+    system: System, pairs: Eigenpairs, release: tuple[Constraint, ...]
+) -> NDArray[np.float64]:
     if not release:
         return np.zeros((system.model.n_dof, 0))
     K, M, _, _ = sum_contributions(system.model.contributions(), system.model.n_dof)

@@ -30,7 +30,8 @@ class Factor:
 def factorise(A: Any) -> Factor:
     """Factorise a sparse symmetric matrix, real or complex.
 
-    SuperLU with minimum degree on A + Aᵀ and no pivoting off the diagonal: for frames two to three times faster than SciPy's defaults.
+    SuperLU with minimum degree on A + Aᵀ and no pivoting off the diagonal: for frames two to three times
+    faster than SciPy's defaults.
 
     Raises
     ------
@@ -39,7 +40,10 @@ def factorise(A: Any) -> Factor:
     """
     try:
         lu = splu(
-            sp.csc_matrix(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+            sp.csc_matrix(A),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
         )
     except RuntimeError as error:
         msg = f"the matrix of {A.shape[0]} equations is singular"

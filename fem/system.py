@@ -48,13 +48,14 @@ class System:
 def assemble(model: Model) -> System:
     """Assemble a model's matrices and apply its constraints.
 
-    Constraints Σ c u = 0 are applied exactly: for each set of constraints that share DOFs an orthonormal basis of their null space
-    becomes columns of Q.
+    Constraints Σ c u = 0 are applied exactly: for each set of constraints that share DOFs an orthonormal
+    basis of their null space becomes columns of Q.
 
     Raises
     ------
     ModelError
-        If a matrix is not finite, constraints leave no motion at all, or a point has neither stiffness nor mass.
+        If a matrix is not finite, constraints leave no motion at all, or a point has neither stiffness nor
+        mass.
     """
     contributions = model.contributions()
     full = sum_contributions(contributions, model.n_dof)
@@ -90,8 +91,10 @@ def resistance(
 ) -> NDArray[np.float64]:
     """Return the forces, as rows (n_rows, n), with which elements oppose motions (n_dof, n) of a structure of a size [m].
 
-    What an element opposes is judged by itself, against the forces that its entries would give one by one in a motion of 1 and a
-    rotation of 1/size, and left out below ``rounding`` of these: a spring to ground counts however soft it is beside the members.
+    What an element opposes is judged by itself, against the forces that its entries would give one by one in
+    a motion of 1 and a
+    rotation of 1/size, and left out below ``rounding`` of these: a spring to ground counts however soft it
+    is beside the members.
     """
     rows = [np.zeros((0, motions.shape[1]))]
     amplitude = np.repeat([1.0, 1 / max(size, 1e-300)], 3)
@@ -170,7 +173,8 @@ def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
     cols.append(n_groups + np.arange(len(free)))
     data.append(np.ones(len(free)))
     Q = sp.coo_array(
-        (np.concatenate(data), (np.concatenate(rows), np.concatenate(cols))), shape=(n_dof, n_groups + len(free))
+        (np.concatenate(data), (np.concatenate(rows), np.concatenate(cols))),
+        shape=(n_dof, n_groups + len(free)),
     ).tocsr()
     return Q[:, np.argsort(_leading(Q))]
 

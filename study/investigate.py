@@ -28,7 +28,7 @@ def compare(options: Options, progress: Progress) -> None:
     if options.fitted:
         progress("fitting the uncertain parameters", 0.3)
     found = problem.fit() if options.fitted else problem.nominal()
-    c = compare_frfs(result.measured_frf(problem), problem.frf(found), options.bands, problem.data.mask)
+    c = compare_frfs(problem.measured, problem.frf(found), options.bands, problem.data.mask)
     progress.close()
     what = "with fitted parameters" if options.fitted else "nominal"
     write_json(
@@ -45,7 +45,7 @@ def compare(options: Options, progress: Progress) -> None:
         *(
             f"{name:{width}}  {total:7.2f}  {'  '.join(f'{db:11.2f}' for db in row)}  {frac:10.3f}"
             for name, total, row, frac in zip(
-                c.outputs, c.by_sensor(), result.band_errors(c), result.least_frac(c), strict=True
+                c.outputs, c.by_sensor(), c.by_band(), result.least_frac(c), strict=True
             )
         ),
     )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from study import words
 from study.modal import ModePair, modes_of, most_changed, pair_modes
 from study.offscreen import can_draw
-from study.result import RunResult, band_errors, measured_frf
+from study.result import RunResult
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis import ACCEPT_LEVEL, EFFECT, FAULT, NOTHING, Ranked
 from viz import curves, style
@@ -127,7 +127,7 @@ def _draw_errors(result: RunResult, album: Album) -> None:
     top = _misfit_limit(result)
     for name, step, what in _misfit_steps(result):
         c = result.comparisons[step]
-        values, order = band_errors(c), np.arange(len(c.outputs))
+        values, order = c.by_band(), np.arange(len(c.outputs))
         if len(order) > MANY:
             order = np.argsort(-np.nan_to_num(c.by_sensor()), kind="stable")[:MANY]
         edges = np.round(c.bands) if c.bands[-1] - c.bands[0] > 20 * len(c.bands) else c.bands
@@ -163,7 +163,7 @@ def _misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
 
 def _misfit_limit(result: RunResult) -> float:
     """Return one end of the colours for all misfit pictures, so that they can be compared [dB]."""
-    return float(max(np.nanmax(band_errors(result.comparisons[k])) for _, k, _ in _misfit_steps(result)))
+    return float(max(np.nanmax(result.comparisons[k].by_band()) for _, k, _ in _misfit_steps(result)))
 
 
 def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Album) -> None:
@@ -267,7 +267,7 @@ def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _draw_frfs(result: RunResult, album: Album) -> None:
     d = result.diagnosis
-    measured = measured_frf(d.problem)
+    measured = d.measured
     names = {0: "nominal", 1: "fitted"}
     steps = [0, 1, len(d.steps) - 1] if len(d.steps) > 2 else list(range(len(d.steps)))
     what = "with the effects" if len(d.findings) > 1 else "with the effect"

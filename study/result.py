@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.frf import FRF
 from study.config import Study
 from study.modal import ModePair
 from updating.correlation import Comparison
 from updating.diagnosis import Diagnosis, EffectParameter, Finding, Ranked, Step
-from updating.fit import FitProblem
 from updating.localisation import Localisation
 
 SCHEMA = "dovetail-result/1"
@@ -107,22 +105,6 @@ class RunResult:
     def json(self) -> Path:
         """The result for programs."""
         return self.folder / JSON
-
-
-def measured_frf(problem: FitProblem) -> FRF:
-    """Return the measured FRFs as they were compared: in the band, wrong signs set right."""
-    frf = problem.data.measurement.frf
-    return FRF.from_arrays(
-        problem.data.frequency, problem.data.H, "receptance", frf.outputs, frf.inputs
-    ).as_kind(frf.kind)
-
-
-def band_errors(c: Comparison) -> NDArray[np.float64]:
-    """Return the error of each sensor in each band, (n_out, n_bands), NaN where nothing was compared [dB]."""
-    known = np.isfinite(c.error_db)
-    total = np.where(known, c.error_db, 0.0) ** 2
-    n = known.sum(axis=2)
-    return np.sqrt(np.divide(total.sum(axis=2), n, out=np.full(n.shape, np.nan), where=n > 0)).T
 
 
 def least_frac(c: Comparison) -> NDArray[np.float64]:
@@ -255,7 +237,7 @@ def comparison_dict(c: Comparison) -> dict[str, Any]:
         "bands_Hz": c.bands,
         "sensors": [
             {"sensor": s, "error_db": db, "by_band_db": row, "frac": fracs}
-            for s, db, row, fracs in zip(c.outputs, c.by_sensor(), band_errors(c), c.frac, strict=True)
+            for s, db, row, fracs in zip(c.outputs, c.by_sensor(), c.by_band(), c.frac, strict=True)
         ],
         "inputs": list(c.inputs),
     }
@@ -263,7 +245,7 @@ def comparison_dict(c: Comparison) -> dict[str, Any]:
 
 def frf_arrays(d: Diagnosis) -> dict[str, NDArray[Any]]:
     """Return the arrays of ``frf.npz``: measured FRFs and those of each step."""
-    measured, data = measured_frf(d.problem), d.problem.data
+    measured, data = d.measured, d.problem.data
     return {
         "frequency": measured.frequency,
         "H": measured.H,

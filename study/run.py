@@ -20,13 +20,12 @@ from study.result import (
     REPORT,
     RunResult,
     frf_arrays,
-    measured_frf,
     result_dict,
     uncertain_parameters,
 )
 from study.table import StudyError
 from updating.correlation import compare, rms_db
-from updating.diagnosis import Diagnosis, build_problem, diagnose
+from updating.diagnosis import N_LINES, Diagnosis, build_problem, diagnose
 from updating.fit import FitProblem, prepare
 from updating.localisation import locate
 from updating.measurement import Measurement
@@ -74,7 +73,7 @@ def analyse(study: Study, folder: Path, say: Progress) -> RunResult:
     diagnosis = diagnose_study(study, say)
     say("comparing", 1.0)
     problem, steps = diagnosis.problem, diagnosis.steps
-    frf = measured_frf(problem)
+    frf = problem.measured
     comparisons = tuple(compare(frf, diagnosis.frf(k), N_BANDS, problem.data.mask) for k in range(len(steps)))
     nominal, _, fitted = modes_of(diagnosis)
     return RunResult(
@@ -116,6 +115,7 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
         band=study.band,
         kinds=study.kinds,
         exclude=study.exclude,
+        n_lines=study.n_lines or N_LINES,
         progress=say,
     )
 
@@ -123,7 +123,14 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
 def fit_problem(study: Study) -> FitProblem:
     """Return the reduced model and the prepared data of a study's first measurement."""
     first = _without_held_out(study, measured(study)[0])
-    return build_problem(study.model, first, study.nuisances, damping_std=study.damping_std, band=study.band)
+    return build_problem(
+        study.model,
+        first,
+        study.nuisances,
+        damping_std=study.damping_std,
+        band=study.band,
+        n_lines=study.n_lines or N_LINES,
+    )
 
 
 def measured(study: Study) -> tuple[Measurement, ...]:

@@ -13,7 +13,8 @@ DB_PER_NEPER = 20 / np.log(10)
 def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     """Compute the modal assurance criterion |φ_xᴴ φ_a|² / (φ_xᴴφ_x · φ_aᴴφ_a).
 
-    Allemang & Brown, 1st IMAC, 1982. It says whether shapes look alike at the measured DOFs; with few sensors different modes may.
+    Allemang & Brown, 1st IMAC, 1982. It says whether shapes look alike at the measured DOFs; with few
+    sensors different modes may.
 
     Parameters
     ----------
@@ -68,7 +69,8 @@ class Comparison:
     frequency : ndarray (n_freq,)
         Lines compared [Hz].
     log_ratio : ndarray of complex (n_freq, n_out, n_in)
-        ln(H_computed / H_measured): real part in nepers, imaginary part the phase difference [rad]; NaN where masked.
+        ln(H_computed / H_measured): real part in nepers, imaginary part the phase difference [rad]; NaN
+        where masked.
     bands : ndarray (n_bands + 1,)
         Edges [Hz].
     error_db : ndarray (n_bands, n_out, n_in)
@@ -99,7 +101,13 @@ class Comparison:
 
     def by_band(self) -> NDArray[np.float64]:
         """Return the error of each sensor in each band, shape (n_out, n_bands) [dB]."""
-        return np.sqrt(np.nanmean(self.error_db**2, axis=2)).T
+        square = self.error_db**2
+        seen = np.isfinite(square)
+        n = seen.sum(axis=2)
+        mean = np.divide(
+            np.where(seen, square, 0.0).sum(axis=2), n, out=np.full(n.shape, np.nan), where=n > 0
+        )
+        return np.sqrt(mean).T
 
 
 def rms_db(log_ratio: NDArray[np.complex128]) -> float:
@@ -115,7 +123,9 @@ def log_ratio(computed: NDArray[np.complex128], measured: NDArray[np.complex128]
     return np.where(np.isfinite(ratio), ratio, complex("nan"))
 
 
-def compare(measured: FRF, computed: FRF, bands: ArrayLike | int = 6, mask: NDArray[np.bool_] | None = None) -> Comparison:
+def compare(
+    measured: FRF, computed: FRF, bands: ArrayLike | int = 6, mask: NDArray[np.bool_] | None = None
+) -> Comparison:
     """Compare measured with computed FRFs at the measured lines.
 
     Parameters
@@ -138,8 +148,13 @@ def compare(measured: FRF, computed: FRF, bands: ArrayLike | int = 6, mask: NDAr
             f"the computed ones {', '.join(computed.outputs)} / {', '.join(computed.inputs)}"
         )
         raise FRFError(msg)
-    if measured.n_freq != computed.n_freq or not np.allclose(measured.frequency, computed.frequency, rtol=1e-6):
-        msg = f"the measured FRFs have {measured.n_freq} lines, the computed ones {computed.n_freq}, not at the same frequencies"
+    if measured.n_freq != computed.n_freq or not np.allclose(
+        measured.frequency, computed.frequency, rtol=1e-6
+    ):
+        msg = (
+            f"the measured FRFs have {measured.n_freq} lines, the computed ones {computed.n_freq}, "
+            "not at the same frequencies"
+        )
         raise FRFError(msg)
     H = computed.as_kind(measured.kind).H
     ratio = log_ratio(H, measured.H)

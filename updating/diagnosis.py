@@ -29,6 +29,8 @@ EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model counts as right where nothing improves it [nepers]."""
 TWIN_SHARE = 0.9
 """A candidate that brings this share of the best one's reduction (of the logarithm of the level) is its twin."""
+N_LINES = 160
+"""At most this many lines are fitted."""
 MAX_EFFECTS = 3
 """At most this many effects are added."""
 NOT_LINEAR = 1.5
@@ -169,8 +171,8 @@ class Diagnosis:
 
     @property
     def measured(self) -> FRF:
-        """The measured FRFs that were compared."""
-        return self.problem.data.measurement.frf
+        """The measured FRFs as they were compared: in the band, wrong signs set right."""
+        return self.problem.measured
 
 
 def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
@@ -201,19 +203,23 @@ def build_problem(
     *,
     damping_std: float = 0.5,
     band: tuple[float, float] | None = None,
+    n_lines: int = N_LINES,
 ) -> FitProblem:
     """Reduce a model and prepare the data for fits.
 
     Parameters
     ----------
     model : Model
-        With a point of the mesh at every sensor. Its modal damping ratios become the nominal damping curve (0.5 % where there are none).
+        With a point of the mesh at every sensor. Its modal damping ratios become the nominal damping curve
+        (0.5 % where there are none).
     measurement : Measurement
     nuisances : sequence of Nuisance
     damping_std : float
         Standard deviation of the logarithm of the damping ratio [-].
     band : (float, float), optional
         Frequencies that count [Hz].
+    n_lines : int
+        At most this many lines are fitted.
     """
     frf = measurement.frf.select(band=band) if band else measurement.frf
     highest = float(frf.frequency[-1])
@@ -221,10 +227,14 @@ def build_problem(
     reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=2.5)
     modes = elastic_frequencies(reduced, highest)
     n_knots = int(np.clip(len(modes) // 4, 1, 8))
-    knots = np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
+    knots = (
+        np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
+    )
     ratio = model.damping.ratio_at(knots)
     no_other = not (model.damping.alpha or model.damping.beta or model.damping.loss_factor)
-    curve = DampingCurve(knots, np.maximum(ratio, 5e-3 if no_other and not ratio.any() else 1e-5), damping_std)
+    curve = DampingCurve(
+        knots, np.maximum(ratio, 5e-3 if no_other and not ratio.any() else 1e-5), damping_std
+    )
     k = len(modes)
     low = modes[4] * 1.1 if k > 8 else highest
     middle = modes[k // 2] if k > 14 else highest
@@ -232,14 +242,20 @@ def build_problem(
     start = frf.frequency[frf.frequency > 0]
     values = values_of(undamped, ())
     engine = ParametricFRF(
-        reduced, sensor_vectors(model, measurement.sensors), sensor_vectors(model, measurement.excitations), start, ()
+        reduced,
+        sensor_vectors(model, measurement.sensors),
+        sensor_vectors(model, measurement.excitations),
+        start,
+        (),
     )
     nominal, _, _ = engine.evaluate(values, np.exp(curve.hats(start) @ np.log(curve.nominal)), gradient=False)
     data = prepare(measurement, nominal, band)
-    return FitProblem(reduced, data, tuple(nuisances), curve, (), stages, max(k, 1))
+    return FitProblem(reduced, data, tuple(nuisances), curve, (), stages, max(k, 1), n_lines)
 
 
-def discretisation_error(problem: FitProblem, band: tuple[float, float] | None = None, n_lines: int = 200) -> float:
+def discretisation_error(
+    problem: FitProblem, band: tuple[float, float] | None = None, n_lines: int = 200
+) -> float:
     """Estimate the error of the mesh by halving every element [dB].
 
     Cubic elements converge with the fourth power of their size, so that the difference is 15/16 of the error.
@@ -252,8 +268,12 @@ def discretisation_error(problem: FitProblem, band: tuple[float, float] | None =
     zeta = np.exp(problem.damping.hats(f) @ np.log(problem.damping.nominal))
     H = []
     for each in (model, fine_model):
-        reduced = reduce_model(each, attachment_forces(each, m), float(problem.data.frequency[-1]), margin=2.5, releasable=False)
-        engine = ParametricFRF(reduced, sensor_vectors(each, m.sensors), sensor_vectors(each, m.excitations), f, ())
+        reduced = reduce_model(
+            each, attachment_forces(each, m), float(problem.data.frequency[-1]), margin=2.5, releasable=False
+        )
+        engine = ParametricFRF(
+            reduced, sensor_vectors(each, m.sensors), sensor_vectors(each, m.excitations), f, ()
+        )
         H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
     ratio = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan"))
     return rms_db(ratio) * 16 / 15
@@ -265,7 +285,9 @@ class _Candidate:
     start: dict[str, float]
 
 
-def propose(model: Model, kinds: Sequence[str] | None = None, exclude: Sequence[str] = ()) -> tuple[Effect, ...]:
+def propose(
+    model: Model, kinds: Sequence[str] | None = None, exclude: Sequence[str] = ()
+) -> tuple[Effect, ...]:
     """Return all candidates of some kinds (default: all that the program knows) for a model.
 
     Raises
@@ -291,12 +313,15 @@ def diagnose(
     band: tuple[float, float] | None = None,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
+    n_lines: int = N_LINES,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find the physical effect that a model lacks.
 
-    Nuisance parameters are fitted; sensors with a wrong sign or gain are set right; then every candidate effect is fitted from the
-    nominal start together with the nuisances, the best is added if it pays, and the search is repeated with it.
+    Nuisance parameters are fitted; sensors with a wrong sign or gain are set right; then every candidate
+    effect is fitted from the
+    nominal start together with the nuisances, the best is added if it pays, and the search is repeated with
+    it.
 
     Parameters
     ----------
@@ -314,6 +339,8 @@ def diagnose(
         Kinds of candidates; all unless given.
     exclude : sequence of str
         Kinds to leave out.
+    n_lines : int
+        At most this many lines are fitted.
     progress : callable, optional
         Called with a text and the fraction done.
     """
@@ -321,7 +348,9 @@ def diagnose(
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
     candidates = propose(model, kinds, exclude)
-    problem = build_problem(model, measurements[0], nuisances, damping_std=damping_std, band=band)
+    problem = build_problem(
+        model, measurements[0], nuisances, damping_std=damping_std, band=band, n_lines=n_lines
+    )
     mesh_db = discretisation_error(problem)
     nominal = problem.nominal()
     steps = [_step("nominal model", nominal)]
@@ -336,13 +365,20 @@ def diagnose(
     current = null
     while len(findings) < MAX_EFFECTS:
         taken = {f.effect.name for f in findings} | _in_conflict(findings)
-        open_ = [e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))]
-        ranked, best = _round(problem, current, open_, lambda text, done, n=len(rounds): say(text, (n + done) / (n + 2)))
+        open_ = [
+            e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
+        ]
+        ranked, best = _round(
+            problem, current, open_, lambda text, done, n=len(rounds): say(text, (n + done) / (n + 2))
+        )
         rounds.append(ranked)
         if best is None or not _pays(current, best):
             break
         findings = [
-            *(Finding(e, _parameters(e, best), f.twins) for e, f in zip(best.effects, findings, strict=False)),
+            *(
+                Finding(e, _parameters(e, best), f.twins)
+                for e, f in zip(best.effects, findings, strict=False)
+            ),
             Finding(best.effects[-1], _parameters(best.effects[-1], best), _twins(ranked, current)),
         ]
         current = best
@@ -392,13 +428,19 @@ def _find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitR
         null = problem.fit()
         std = np.sqrt(np.maximum(np.diag(null.solution.covariance)[-len(rows) :], 0.0))
         faults += [
-            Fault("sensor_gain", names[i], float(null.gains[i]), float(null.gains[i] * s)) for i, s in zip(rows, std, strict=True)
+            Fault("sensor_gain", names[i], float(null.gains[i]), float(null.gains[i] * s))
+            for i, s in zip(rows, std, strict=True)
         ]
     return problem, null, tuple(faults)
 
 
 def _round(
-    problem: FitProblem, current: FitResult, candidates: Sequence[Effect], say: Progress, n_screened: int = 30, n_refined: int = 6
+    problem: FitProblem,
+    current: FitResult,
+    candidates: Sequence[Effect],
+    say: Progress,
+    n_screened: int = 30,
+    n_refined: int = 6,
 ) -> tuple[tuple[Ranked, ...], FitResult | None]:
     """Fit every candidate quickly, the best of them fully; return all, best first, and the best fit."""
     if not candidates:
@@ -415,7 +457,14 @@ def _round(
     for i, (_, effect, grid) in enumerate(scanned[:n_screened]):
         say(f"screening {_label(effect)}", 0.2 + 0.4 * i / min(len(scanned), n_screened))
         for start in grid:
-            fit = problem.fit([*have, effect], [*have_start, start], stages=quick, n_lines=50, max_iterations=6, assess=False)
+            fit = problem.fit(
+                [*have, effect],
+                [*have_start, start],
+                stages=quick,
+                n_lines=50,
+                max_iterations=6,
+                assess=False,
+            )
             screened.append((fit.level, effect, start, fit))
     screened.sort(key=lambda s: s[0])
     by_name: dict[str, list[tuple[float, Effect, dict[str, float], FitResult]]] = {}
@@ -441,7 +490,17 @@ def _round(
         effect = fit.effects[-1]
         similarity = _similarity(shift, _change(problem, fit, current))
         ranked.append(
-            Ranked(name, effect.kind, effect.where, _parameters(effect, fit), fit.level, fit.fit_db, fit.held_out_db, similarity, name in fits)
+            Ranked(
+                name,
+                effect.kind,
+                effect.where,
+                _parameters(effect, fit),
+                fit.level,
+                fit.fit_db,
+                fit.held_out_db,
+                similarity,
+                name in fits,
+            )
         )
     ranked.sort(key=lambda r: (not r.refined, r.level))
     return tuple(ranked), best
@@ -479,14 +538,14 @@ def _similarity(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
 
 
 def _pays(current: FitResult, best: FitResult) -> bool:
-    return current.level > ACCEPT_LEVEL * best.level and current.held_out_db > ACCEPT_HELD_OUT * best.held_out_db
+    return (
+        current.level > ACCEPT_LEVEL * best.level and current.held_out_db > ACCEPT_HELD_OUT * best.held_out_db
+    )
 
 
 def _twins(ranked: Sequence[Ranked], current: FitResult) -> tuple[Ranked, ...]:
     gain = np.log(current.level / ranked[0].level)
-    return tuple(
-        r for r in ranked[1:] if r.refined and np.log(current.level / r.level) > TWIN_SHARE * gain
-    )
+    return tuple(r for r in ranked[1:] if r.refined and np.log(current.level / r.level) > TWIN_SHARE * gain)
 
 
 def _parameters(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]:
@@ -507,14 +566,27 @@ def _verdict(
     level = f"{current.level * DB_PER_NEPER:.2g} dB"
     if findings:
         names = " and ".join(_label(f.effect) for f in findings)
-        rest = "" if current.level < EXPLAINED_LEVEL else f"; what is left ({level}) is more than a right model leaves"
-        return EFFECT, f"{names} lowers the residual level from {null.level * DB_PER_NEPER:.2g} to {level}{rest}"
+        rest = (
+            ""
+            if current.level < EXPLAINED_LEVEL
+            else f"; what is left ({level}) is more than a right model leaves"
+        )
+        return (
+            EFFECT,
+            f"{names} lowers the residual level from {null.level * DB_PER_NEPER:.2g} to {level}{rest}",
+        )
     if null.level <= EXPLAINED_LEVEL:
         if faults:
-            return FAULT, f"with {len(faults)} sensor(s) set right nothing improves the model further; residual level {level}"
+            return (
+                FAULT,
+                f"with {len(faults)} sensor(s) set right nothing improves the model further; residual level {level}",
+            )
         return NOTHING, f"no candidate improves the fitted model, whose residual level is {level}"
     tried = len(rounds[0]) if rounds else 0
-    return UNEXPLAINED, f"the residual level stays at {level}, and none of {tried} candidates lowers it enough"
+    return (
+        UNEXPLAINED,
+        f"the residual level stays at {level}, and none of {tried} candidates lowers it enough",
+    )
 
 
 def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> float:
@@ -524,7 +596,9 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> flo
 
     model = problem.reduced.model
     own = {e.name for e in model.effects}
-    full = model.with_values({r: v for r, v in result.values.items() if r[0] in own}).with_effect(*result.effects)
+    full = model.with_values({r: v for r, v in result.values.items() if r[0] in own}).with_effect(
+        *result.effects
+    )
     system = assemble(full)
     outputs, inputs = problem.vectors
     lines = problem.lines_up_to(np.inf, n_lines)
@@ -552,7 +626,9 @@ def _proportionality(problem: FitProblem, measurements: Sequence[Measurement]) -
         frf = other.frf.as_kind("receptance")
         same = np.isin(frf.frequency, first.frequency)
         if other.frf.outputs != first.measurement.frf.outputs or same.sum() != len(first.frequency):
-            notes.append(f"{other.name}: not compared with {first.measurement.name}, its lines or channels differ")
+            notes.append(
+                f"{other.name}: not compared with {first.measurement.name}, its lines or channels differ"
+            )
             continue
         ratio = np.abs(log_ratio(frf.H[same], first.H).real)
         # Robust: lines at resonances carry more noise than their neighbours say.
@@ -563,11 +639,23 @@ def _proportionality(problem: FitProblem, measurements: Sequence[Measurement]) -
                 "is not linear, or the two were not measured alike"
             )
         else:
-            notes.append(f"{other.name} and {first.measurement.name} agree within their noise: the structure is linear")
+            notes.append(
+                f"{other.name} and {first.measurement.name} agree within their noise: the structure is linear"
+            )
     return tuple(notes)
 
 
 __all__ = [
-    "Diagnosis", "EffectParameter", "FitData", "Finding", "Ranked", "Step", "attachment_forces", "basis_error", "build_problem",
-    "diagnose", "discretisation_error", "propose",
+    "Diagnosis",
+    "EffectParameter",
+    "Finding",
+    "FitData",
+    "Ranked",
+    "Step",
+    "attachment_forces",
+    "basis_error",
+    "build_problem",
+    "diagnose",
+    "discretisation_error",
+    "propose",
 ]  # fmt: skip

@@ -12,7 +12,7 @@ from fem.reduced import ParametricFRF, ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.measurement import Measurement, MeasurementError, Sensor
 from updating.noise import relative_noise
-from updating.parameters import DampingCurve, Nuisance, Variable, effect_variables, nuisance_variables
+from updating.parameters import DampingCurve, Nuisance, effect_variables, nuisance_variables
 from updating.solve import Prior, Solution, solve_robust
 
 INDEPENDENT_PER_MODE = 8.0
@@ -58,7 +58,8 @@ class FitData:
     H : ndarray (n_freq, n_out, n_in)
         Receptances.
     mask : ndarray of bool (n_freq, n_out, n_in)
-        Values that count: not those of FRFs that are zero by symmetry, nor those with noise above ``NOISE_LIMIT``.
+        Values that count: not those of FRFs that are zero by symmetry, nor those with noise above
+        ``NOISE_LIMIT``.
     weight : ndarray (n_freq, n_out, n_in)
         Weight of each residual, 1 where the noise is small beside ``MODEL_ERROR``.
     noise : ndarray (n_freq, n_out, n_in)
@@ -93,8 +94,8 @@ def prepare(
 ) -> FitData:
     """Prepare measured FRFs for fits.
 
-    Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and measured, lies
-    more than 60 dB (measured: 50 dB) under the median level of all.
+    Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and
+    measured, lies more than 60 dB (measured: 50 dB) under the median level of all.
 
     Parameters
     ----------
@@ -197,7 +198,9 @@ class FitProblem:
     def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Sensors and excitations as combinations of DOFs."""
         m = self.data.measurement
-        return sensor_vectors(self.reduced.model, m.sensors), sensor_vectors(self.reduced.model, m.excitations)
+        return sensor_vectors(self.reduced.model, m.sensors), sensor_vectors(
+            self.reduced.model, m.excitations
+        )
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""
@@ -250,11 +253,21 @@ class FitProblem:
             z = np.log(x_from.zeta)
         x = np.concatenate([x_nuisance, [v.to_x(start_of[v.ref]) for v in extra], z, np.zeros(n_gain)])
         limits = np.array([v.bounds() for v in variables]).reshape(-1, 2)
-        limits = np.vstack([limits, np.tile([np.log(1e-5), np.log(0.3)], (n_damping, 1)), np.tile([-3.0, 3.0], (n_gain, 1))])
+        limits = np.vstack(
+            [limits, np.tile([np.log(1e-5), np.log(0.3)], (n_damping, 1)), np.tile([-3.0, 3.0], (n_gain, 1))]
+        )
         none = np.inf
         prior = Prior(
-            np.concatenate([[v.prior or 0.0 for v in variables], np.log(self.damping.nominal), np.zeros(n_gain)]),
-            np.concatenate([[v.std or none for v in variables], np.full(n_damping, self.damping.std), np.full(n_gain, none)]),
+            np.concatenate(
+                [[v.prior or 0.0 for v in variables], np.log(self.damping.nominal), np.zeros(n_gain)]
+            ),
+            np.concatenate(
+                [
+                    [v.std or none for v in variables],
+                    np.full(n_damping, self.damping.std),
+                    np.full(n_gain, none),
+                ]
+            ),
         )
         outputs, inputs = self.vectors
         n_par = len(variables)
@@ -314,12 +327,24 @@ class FitProblem:
             e.with_values(**{p: values[e.name, p] for p in (q.name for q in e.parameters())}) for e in effects
         )
         result = FitResult(
-            solution, values, std, np.exp(x[n_par : n_par + n_damping]), gains, fitted, np.nan, np.nan, float(np.sqrt(solution.misfit))
+            solution,
+            values,
+            std,
+            np.exp(x[n_par : n_par + n_damping]),
+            gains,
+            fitted,
+            np.nan,
+            np.nan,
+            float(np.sqrt(solution.misfit)),
         )
         return self.assessed(result) if assess else result
 
     def scan(
-        self, base: FitResult, effects: Sequence[Effect], grid: Sequence[dict[str, float]], lines: NDArray[np.int64]
+        self,
+        base: FitResult,
+        effects: Sequence[Effect],
+        grid: Sequence[dict[str, float]],
+        lines: NDArray[np.int64],
     ) -> NDArray[np.float64]:
         """Return the robust residual level for grid values of the last effect's parameters; nothing is fitted.
 
@@ -342,15 +367,14 @@ class FitProblem:
         engine = ParametricFRF(self.reduced, outputs, inputs, f, refs, have, release=last.released())
         points = [last.with_values(**point) for point in grid]
         receptances = engine.local(np.array(fixed), zeta).receptances(points)
-        keep, weight = self.data.mask[lines], self.data.weight[lines]
+        keep = self.data.mask[lines]
         measured = self.data.H[lines] / base.gains[:, None]
         out = np.empty(len(grid))
         for i, (point, H) in enumerate(zip(points, receptances, strict=True)):
             if H is None:
                 whole = ParametricFRF(self.reduced, outputs, inputs, f, refs, (*have, point))
                 H, _, _ = whole.evaluate(np.array(fixed), zeta, gradient=False)
-            r = np.abs((weight * log_ratio(H, measured))[keep])
-            out[i] = np.sqrt(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1)))
+            out[i] = self.level(np.where(keep, log_ratio(H, measured), complex("nan")), lines)
         return out
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
@@ -384,7 +408,17 @@ class FitProblem:
         values = {v.ref: v.to_value(v.prior or 0.0) for v in variables}
         n_out = len(self.data.measurement.sensors)
         return self.assessed(
-            FitResult(empty, values, dict.fromkeys(values, 0.0), self.damping.nominal, np.ones(n_out), (), np.nan, np.nan, np.nan)
+            FitResult(
+                empty,
+                values,
+                dict.fromkeys(values, 0.0),
+                self.damping.nominal,
+                np.ones(n_out),
+                (),
+                np.nan,
+                np.nan,
+                np.nan,
+            )
         )
 
     def at_nominal(self, result: FitResult) -> FitResult:
@@ -397,7 +431,13 @@ class FitProblem:
         """Return a result with its errors on all fitted and all held-out lines."""
         ratio = self.log_ratio(result)
         held = self.data.held_out
-        return replace(result, fit_db=_rms(ratio[~held]), held_out_db=_rms(ratio[held]))
+        level = self.level(ratio[~held], ~held) if np.isnan(result.level) else result.level
+        return replace(result, fit_db=_rms(ratio[~held]), held_out_db=_rms(ratio[held]), level=level)
+
+    def level(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64] | NDArray[np.bool_]) -> float:
+        """Return the robust residual level of log ratios at some lines, amplitude and phase [nepers]."""
+        r = np.abs(self.data.weight[lines] * ratio)
+        return float(np.sqrt(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1))))
 
     def log_ratio(self, result: FitResult) -> NDArray[np.complex128]:
         """Return ln(computed / measured) at all lines, NaN where masked."""
@@ -406,8 +446,16 @@ class FitProblem:
 
     def frf(self, result: FitResult) -> FRF:
         """Return the fitted model's FRFs in the kind of the measurement."""
+        return self._as_measured(self.receptance(result))
+
+    @property
+    def measured(self) -> FRF:
+        """The measured FRFs as they were compared: in the band, wrong signs set right."""
+        return self._as_measured(self.data.H)
+
+    def _as_measured(self, H: NDArray[np.complex128]) -> FRF:
         m = self.data.measurement.frf
-        return FRF.from_arrays(m.frequency, self.receptance(result), "receptance", m.outputs, m.inputs).as_kind(m.kind)
+        return FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs).as_kind(m.kind)
 
 
 def _rms(ratio: NDArray[np.complex128]) -> float:

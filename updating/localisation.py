@@ -10,7 +10,6 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.model import Effect
 from updating.correlation import compare
 from updating.fit import FitProblem, FitResult
-from updating.parameters import effect_variables
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +27,8 @@ class Localisation:
     by_band_db : ndarray (n_out, n_bands)
         The same in each band [dB].
     members : mapping of str to float
-        For each member, the share of the misfit (sum of squared residuals) that a small change of it would explain, 0 to 1.
+        For each member, the share of the misfit (sum of squared residuals) that a small change of it would
+        explain, 0 to 1.
     places : tuple of (str, float)
         The same for joints and supports, best first.
     note : str
@@ -49,8 +49,10 @@ class Localisation:
 def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisation:
     """Find where a fitted model fails.
 
-    Members, joints and supports are judged by a score test: the residual is projected on what a small change of each
-    place's stiffness, mass or damping does to the FRFs, after the directions of the nuisance parameters have been taken out.
+    Members, joints and supports are judged by a score test: the residual is projected on what a small change
+    of each
+    place's stiffness, mass or damping does to the FRFs, after the directions of the nuisance parameters have
+    been taken out.
 
     Parameters
     ----------
@@ -80,8 +82,8 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     )
     by_input = np.array([_rms(comparison.log_ratio[:, :, j].real) for j in range(len(m.inputs))])
     return Localisation(
-        m.outputs, m.inputs, comparison.by_sensor(), by_input, comparison.bands, comparison.by_band(), members,
-        tuple(sorted(places.items(), key=lambda item: -item[1])), note,
+        m.outputs, m.inputs, comparison.by_sensor(), by_input, comparison.bands, comparison.by_band(),
+        members, tuple(sorted(places.items(), key=lambda item: -item[1])), note,
     )  # fmt: skip
 
 
@@ -139,7 +141,9 @@ class _Projection:
 
     def _column(self, changed: FitResult) -> NDArray[np.float64]:
         after = self.problem.receptance(changed, self.lines)
-        d = np.where(self.weight > 0, self.weight * np.log(np.where(self.weight > 0, after / self.before, 1.0)), 0.0)
+        d = np.where(
+            self.weight > 0, self.weight * np.log(np.where(self.weight > 0, after / self.before, 1.0)), 0.0
+        )
         return np.concatenate([d.real.ravel(), d.imag.ravel()])
 
     def share(self, effect: Effect, start: dict[str, float]) -> float:

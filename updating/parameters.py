@@ -89,7 +89,9 @@ class Variable:
         """Return the bounds of x."""
         p = self.parameter
         lo, hi = p.lower, p.upper
-        if self.std is not None and self.prior is not None:  # what is known within ±std is not let off beyond 4 of it
+        if (
+            self.std is not None and self.prior is not None
+        ):  # what is known within ±std is not let off beyond 4 of it
             return self.prior - 4 * self.std, self.prior + 4 * self.std
         if p.log:
             return float(np.log(lo)), float(np.log(hi))

@@ -64,7 +64,8 @@ def solve_robust(
 ) -> Solution:
     """Minimise n/2 · ln(s² + ⟨ρ(|r|²)⟩) + ½ Σ ((x - mean)/std)² by Levenberg-Marquardt steps within bounds.
 
-    The noise level is estimated with the unknowns, which is what the logarithm says: while the misfit is large the priors
+    The noise level is estimated with the unknowns, which is what the logarithm says: while the misfit is
+    large the priors
     hold, and when it is small the data speak. ρ is the pseudo-Huber function of complex residuals
     ρ = 2c² (√(1 + |r|²/c²) - 1).
 
@@ -105,7 +106,7 @@ def solve_robust(
     cost = total(x, misfit)
     damping, converged, iteration = 1e-2, False, 0
     A = np.eye(len(x))
-    for iteration in range(1, max_iterations + 1):  # noqa: B007
+    for iteration in range(1, max_iterations + 1):
         w = 1 / np.sqrt(1 + np.abs(r) ** 2 / robust**2)
         strength = n_independent / (floor**2 + misfit) / len(r)
         JH = np.hstack([J.real, J.imag])
@@ -119,7 +120,9 @@ def solve_robust(
         improved, worthwhile = False, True
         for _ in range(6):
             scale = np.diag(A)[free]
-            H = A[np.ix_(free, free)] + np.diag(damping * np.maximum(scale, 1e-12 * scale.max(initial=1e-300)))
+            H = A[np.ix_(free, free)] + np.diag(
+                damping * np.maximum(scale, 1e-12 * scale.max(initial=1e-300))
+            )
             step = np.zeros_like(x)
             step[free] = -np.linalg.solve(H, g[free])
             worthwhile = -0.5 * float(g @ step) > tolerance

@@ -102,16 +102,25 @@ class PointMass(Effect):
             p, length = frame.members[member], model.mesh.member_length(member)
             m = p.material.rho * p.section.A * length
             out.append(
-                cls(name=f"point_mass:{member}", member=member, position=length / 2, mass=0.02 * m, span=(0.0, length), scale=m)
+                cls(
+                    name=f"point_mass:{member}",
+                    member=member,
+                    position=length / 2,
+                    mass=0.02 * m,
+                    span=(0.0, length),
+                    scale=m,
+                )
             )
         return tuple(out)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Masses of 0.5 to 20 % of the member's at 13 places along it."""
         lo, hi = self.span
         places = np.linspace(0.01, 0.99, 13)
         return tuple(
-            {"mass": f * self.scale, "position": float(lo + x * (hi - lo))} for x in places for f in (0.005, 0.02, 0.06, 0.2)
+            {"mass": f * self.scale, "position": float(lo + x * (hi - lo))}
+            for x in places
+            for f in (0.005, 0.02, 0.06, 0.2)
         )
 
     def locations(self, model: Model) -> NDArray[np.float64]:
@@ -119,7 +128,9 @@ class PointMass(Effect):
         return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
 
 
-def _shape_at(frame: Frame, model: Model, member: str, position: Any) -> tuple[NDArray[np.int64], NDArray[Any]]:
+def _shape_at(
+    frame: Frame, model: Model, member: str, position: Any
+) -> tuple[NDArray[np.int64], NDArray[Any]]:
     """Return DOFs (12,) and N (3, 12) at a position, which may carry a complex step."""
     mesh = model.mesh
     at = mesh.locate(member, float(np.real(position)))

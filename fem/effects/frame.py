@@ -24,8 +24,8 @@ class MemberProperties:
     material : Material
     section : Section
     orientation : ndarray (3,) or None
-        A vector that, with the member's axis, spans the plane of the section's height (local z). Global Z, or global X
-        for members within 1° of vertical, unless given.
+        A vector that, with the member's axis, spans the plane of the section's height (local z). Global Z,
+        or global X for members within 1° of vertical, unless given.
     offset1, offset2 : ndarray (3,)
         From the mesh's line to the member's axis at the first and second end, global, linear in between [m].
     rigid1, rigid2 : float
@@ -125,7 +125,9 @@ class Frame(Effect):
         for name, m in self.materials.items():
             E, rho = self.values.get(f"E:{name}", m.E), self.values.get(f"rho:{name}", m.rho)
             out.append(Parameter(f"E:{name}", "Pa", E, m.E, 0.5 * m.E, 2 * m.E, log=True, linear=True))
-            out.append(Parameter(f"rho:{name}", "kg/m³", rho, m.rho, 0.5 * m.rho, 2 * m.rho, log=True, linear=True))
+            out.append(
+                Parameter(f"rho:{name}", "kg/m³", rho, m.rho, 0.5 * m.rho, 2 * m.rho, log=True, linear=True)
+            )
         return tuple(out)
 
     def with_values(self, **values: Any) -> Self:
@@ -139,7 +141,9 @@ class Frame(Effect):
             R[rows] = self._axis(mesh, name)[1]
         return R
 
-    def _axis(self, mesh: Mesh, member: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _axis(
+        self, mesh: Mesh, member: str
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return the offsets of a member's points (n + 1, 3), and the local axes (n, 3, 3) and lengths (n,) of its lines' axes."""
         p, chain = self._of(member), mesh.members[member]
         s = mesh.member_positions(member)
@@ -167,7 +171,9 @@ class Frame(Effect):
         end, span, skip = np.zeros((n, 2, 3)), np.ones(n), np.zeros(n)
         names = ("A", "Iy", "Iz", "Ip", "J", "ky", "kz")
         columns = {key: np.ones(n) for key in (*names, "nu", "rotary")}
-        E, rho, eta = (np.zeros(n, dtype=np.result_type(float, *map(type, self.values.values()))) for _ in range(3))
+        E, rho, eta = (
+            np.zeros(n, dtype=np.result_type(float, *map(type, self.values.values()))) for _ in range(3)
+        )
         for member, chain in mesh.members.items():
             p = self._of(member)
             at, R[chain], span[chain] = self._axis(mesh, member)
@@ -204,7 +210,7 @@ class Frame(Effect):
             T[:, o : o + 3, o + 3 : o + 6] = -R @ _skew(end[:, k])
         EG = 2 * (1 + c["nu"])
 
-        def shear(I: Array, k: Array) -> Array:  # noqa: E741
+        def shear(I: Array, k: Array) -> Array:
             return np.divide(12 * EG * I, k * c["A"] * L**2, out=np.zeros_like(L), where=k > 0)
 
         return _Lines(
@@ -288,7 +294,9 @@ class Frame(Effect):
         g = self._lines(mesh, mesh.members[member][touched])
         h = s[touched + 1] - s[touched]
         lo = np.array([(start - s[k]) if np.real(start) > s[k] else 0.0 for k in touched]) / h
-        hi = np.array([(stop - s[k]) if np.real(stop) < s[k + 1] else h[i] for i, k in enumerate(touched)]) / h
+        hi = (
+            np.array([(stop - s[k]) if np.real(stop) < s[k + 1] else h[i] for i, k in enumerate(touched)]) / h
+        )
         lo, hi = _flexible(g, lo), _flexible(g, hi)
         K = 0.0
         for x, weight in zip(*_gauss(3), strict=True):
@@ -377,7 +385,12 @@ def _plane(xi: Array, L: Array, phi: Array) -> tuple[Array, Array, Array, Array]
     d = 1 / (1 + phi)
     v = [2 * xi**3 - 3 * xi**2 - phi * xi + 1 + phi, L * (xi**3 - (2 + phi / 2) * xi**2 + (1 + phi / 2) * xi),
          -2 * xi**3 + 3 * xi**2 + phi * xi, L * (xi**3 - (1 - phi / 2) * xi**2 - phi / 2 * xi)]  # fmt: skip
-    r = [6 * (xi**2 - xi) / L, 3 * xi**2 - (4 + phi) * xi + 1 + phi, -6 * (xi**2 - xi) / L, 3 * xi**2 - (2 - phi) * xi]
+    r = [
+        6 * (xi**2 - xi) / L,
+        3 * xi**2 - (4 + phi) * xi + 1 + phi,
+        -6 * (xi**2 - xi) / L,
+        3 * xi**2 - (2 - phi) * xi,
+    ]
     c = [(12 * xi - 6) / L**2, (6 * xi - 4 - phi) / L, (6 - 12 * xi) / L**2, (6 * xi - 2 + phi) / L]
     s = [(6 * xi**2 - 6 * xi - phi) / L, 3 * xi**2 - (4 + phi) * xi + 1 + phi / 2,
          (-6 * xi**2 + 6 * xi + phi) / L, 3 * xi**2 - (2 - phi) * xi - phi / 2]  # fmt: skip

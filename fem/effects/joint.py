@@ -6,7 +6,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import DIRECTIONS, Constraint, Contribution, Effect, Model, ModelError, Parameter, dofs_of, lever_matrix
+from fem.model import (
+    DIRECTIONS,
+    Constraint,
+    Contribution,
+    Effect,
+    Model,
+    ModelError,
+    Parameter,
+    dofs_of,
+    lever_matrix,
+)
 
 TRANSLATIONS = DIRECTIONS[:3]
 
@@ -19,7 +29,9 @@ def joint_unit(direction: str, what: str = "k") -> str:
     return base if what == "k" else base.replace("N/m", "N·s/m").replace("N·m/rad", "N·m·s/rad")
 
 
-def relative_rows(model: Model, point1: int, point2: int | None, location: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def relative_rows(
+    model: Model, point1: int, point2: int | None, location: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the DOFs of two points, and B with δ = B u: the motion of the first relative to the second at a place.
 
     Parameters
@@ -41,15 +53,17 @@ def relative_rows(model: Model, point1: int, point2: int | None, location: NDArr
     B1 = lever_matrix(location - points[point1])
     if point2 is None:
         return dofs_of(point1), B1
-    return np.concatenate([dofs_of(point1), dofs_of(point2)]), np.hstack([B1, -lever_matrix(location - points[point2])])
+    return np.concatenate([dofs_of(point1), dofs_of(point2)]), np.hstack(
+        [B1, -lever_matrix(location - points[point2])]
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Joint(Effect):
     """A massless or massive joint in global directions.
 
-    The relative motion δ of its two sides at ``location`` is resisted by K(1 + iη) δ + iωC δ; a direction in ``rigid`` has
-    none. M is a 6×6 mass matrix at the location, shared equally by the two sides.
+    The relative motion δ of its two sides at ``location`` is resisted by K(1 + iη) δ + iωC δ; a direction in
+    ``rigid`` has none. M is a 6×6 mass matrix at the location, shared equally by the two sides.
 
     Attributes
     ----------
@@ -60,7 +74,8 @@ class Joint(Effect):
     location : ndarray (3,)
         Where the joint acts; lever arms to the points are rigid [m].
     K, C, D : ndarray (6, 6)
-        Stiffness [N/m, N·m/rad], viscous damping, and structural damping in addition to ``eta`` [N/m, N·m/rad].
+        Stiffness [N/m, N·m/rad], viscous damping, and structural damping in addition to ``eta`` [N/m,
+        N·m/rad].
     M : ndarray (6, 6)
         Mass and inertia at the location [kg, kg·m²].
     eta : float
@@ -106,7 +121,9 @@ class Joint(Effect):
         """The diagonal stiffnesses ``kx … krz`` of its elastic directions, the loss factor ``eta``, dampers ``cx … crz``."""
         k = np.diag(self.K)
         out = [
-            Parameter(f"k{d}", joint_unit(d), k[i], 0.0, 1e-6 * abs(k[i]), 1e6 * abs(k[i]), log=True, linear=True)
+            Parameter(
+                f"k{d}", joint_unit(d), k[i], 0.0, 1e-6 * abs(k[i]), 1e6 * abs(k[i]), log=True, linear=True
+            )
             for i, d in enumerate(DIRECTIONS)
             if d in self.elastic
         ]
@@ -129,7 +146,13 @@ class Joint(Effect):
         free = np.array([float(d not in self.rigid) for d in DIRECTIONS])
         Bf = free[:, None] * B
         parts = [
-            Contribution(dofs[None], *((Bf.T @ X @ Bf)[None] if np.any(X) else None for X in (self.K, 0 * self.M, self.C, self.D + self.eta * self.K)))
+            Contribution(
+                dofs[None],
+                *(
+                    (Bf.T @ X @ Bf)[None] if np.any(X) else None
+                    for X in (self.K, 0 * self.M, self.C, self.D + self.eta * self.K)
+                ),
+            )
         ]
         if np.any(self.M):
             sides = [p for p in (self.point1, self.point2) if p is not None]

@@ -39,7 +39,15 @@ class JointViscousDamping(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """The dashpot's constant."""
         return (
-            Parameter("damping", joint_unit(self.direction, "c"), self.damping, 0.0, 0.0, self.reference, linear=True),
+            Parameter(
+                "damping",
+                joint_unit(self.direction, "c"),
+                self.damping,
+                0.0,
+                0.0,
+                self.reference,
+                linear=True,
+            ),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -50,7 +58,7 @@ class JointViscousDamping(Effect):
         b = B[DIRECTIONS.index(self.direction)]
         return (Contribution(dofs[None], C=(self.damping * np.outer(b, b))[None]),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Dashpots whose force equals the spring's at frequencies from 1 Hz to 100 kHz."""
         return tuple({"damping": float(f * self.reference)} for f in np.geomspace(1e-6, 1e-1, 16))
 
@@ -58,7 +66,13 @@ class JointViscousDamping(Effect):
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Each elastic direction of each joint."""
         return tuple(
-            cls(name=f"joint_viscous_damping:{j.name}.{d}", joint=j.name, direction=d, damping=0.0, reference=float(j.K[i, i]))
+            cls(
+                name=f"joint_viscous_damping:{j.name}.{d}",
+                joint=j.name,
+                direction=d,
+                damping=0.0,
+                reference=float(j.K[i, i]),
+            )
             for j in model.of_kind(Joint)
             for i, d in enumerate(DIRECTIONS)
             if d in j.elastic
@@ -101,7 +115,7 @@ class JointStructuralDamping(Effect):
         dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
         return (Contribution(dofs[None], D=(self.loss_factor * (B.T @ joint.K @ B))[None]),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """One to a hundred per cent."""
         return tuple({"loss_factor": f} for f in (0.01, 0.03, 0.1, 0.3, 1.0))
 

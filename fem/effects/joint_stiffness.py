@@ -1,4 +1,4 @@
-"""A joint softer or stiffer in one direction than the model has it, or flexible where the model has it rigid."""
+"""Joints softer or stiffer in one direction than the model has them, or flexible where the model has them rigid."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,22 +13,24 @@ from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointStiffness(Effect):
-    """The stiffness of a joint in one direction, in place of the model's.
+    """The stiffness in one direction of a joint, or of several alike, in place of the model's.
 
     Attributes
     ----------
-    joint : str
-        Name of a joint of the model.
+    joints : tuple of str
+        Names of joints of the model.
     direction : str
         One of x, y, z, rx, ry, rz.
     stiffness : float
-        The new stiffness [N/m or N·m/rad].
+        The new stiffness of each [N/m or N·m/rad].
     assumed : float
-        The model's; ``inf`` where it is rigid [N/m or N·m/rad].
+        The model's; ``inf`` where they are rigid [N/m or N·m/rad].
+    bounds : (float, float)
+        Of the stiffness [N/m or N·m/rad].
     """
 
     kind: ClassVar[str] = "joint_stiffness"
-    joint: str
+    joints: tuple[str, ...]
     direction: str
     stiffness: Any
     assumed: float
@@ -36,55 +38,66 @@ class JointStiffness(Effect):
 
     @property
     def where(self) -> str:
-        """Joint and direction."""
-        return f"joint {self.joint}, {self.direction}"
+        """Joints and direction."""
+        return f"joint{'s' if len(self.joints) > 1 else ''} {', '.join(self.joints)}, {self.direction}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """The stiffness."""
+        unit = joint_unit(self.direction)
         return (
-            Parameter("stiffness", joint_unit(self.direction), self.stiffness, self.assumed, *self.bounds, log=True, linear=True),
+            Parameter("stiffness", unit, self.stiffness, self.assumed, *self.bounds, log=True, linear=True),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return (k - k_assumed) b bᵀ (1 + iη) with the joint's own loss factor."""
-        joint = model.effect(self.joint)
-        assert isinstance(joint, Joint)
-        dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
-        b = B[DIRECTIONS.index(self.direction)]
+        """Return (k - k_assumed) b bᵀ (1 + iη) with each joint's own loss factor."""
         change = self.stiffness - (self.assumed if np.isfinite(self.assumed) else 0.0)
-        K = change * np.outer(b, b)
-        return (Contribution(dofs[None], K[None], D=(joint.eta * K)[None] if joint.eta else None),)
+        out = []
+        for name in self.joints:
+            joint = model.effect(name)
+            assert isinstance(joint, Joint)
+            dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+            b = B[DIRECTIONS.index(self.direction)]
+            K = change * np.outer(b, b)
+            out.append(Contribution(dofs[None], K[None], D=(joint.eta * K)[None] if joint.eta else None))
+        return tuple(out)
 
     def released(self) -> tuple[tuple[str, str], ...]:
-        """The joint's constraint in this direction, where it is rigid."""
-        return () if np.isfinite(self.assumed) else ((self.joint, self.direction),)
+        """The joints' constraints in this direction, where they are rigid."""
+        return () if np.isfinite(self.assumed) else tuple((name, self.direction) for name in self.joints)
 
     def replaces(self) -> tuple[tuple[str, str], ...]:
-        """The joint's own stiffness in this direction."""
-        return ((self.joint, f"k{self.direction}"),) if np.isfinite(self.assumed) else ()
+        """The joints' own stiffnesses in this direction."""
+        return (
+            tuple((name, f"k{self.direction}") for name in self.joints) if np.isfinite(self.assumed) else ()
+        )
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Three decades softer to two stiffer than assumed; for a rigid joint around the stiffness of its surroundings."""
+        """Three decades softer to two stiffer than assumed; for rigid joints around the stiffness of their surroundings."""
         if np.isfinite(self.assumed):
             return tuple({"stiffness": float(f * self.assumed)} for f in np.geomspace(1e-3, 1e2, 26))
-        k = scale((self.joint, self.direction))
+        k = float(np.median([scale(key) for key in self.released()]))
         return tuple({"stiffness": float(f * k)} for f in np.geomspace(1e-3, 1e3, 31))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each direction of each joint that is elastic or rigid."""
-        out = []
-        for joint in model.of_kind(Joint):
-            for i, d in enumerate(DIRECTIONS):
-                if d in joint.rigid:
-                    out.append(cls(name=f"joint_stiffness:{joint.name}.{d}", joint=joint.name, direction=d, stiffness=1e6, assumed=np.inf))
-                elif joint.K[i, i] > 0:
-                    k = float(joint.K[i, i])
-                    out.append(
-                        cls(name=f"joint_stiffness:{joint.name}.{d}", joint=joint.name, direction=d, stiffness=k, assumed=k, bounds=(1e-4 * k, 1e4 * k))
-                    )
+        """Each direction of each joint that is elastic or rigid, and of all joints together where they are alike."""
+        out: list[Effect] = []
+        for i, d in enumerate(DIRECTIONS):
+            assumed = {j.name: np.inf if d in j.rigid else float(j.K[i, i]) for j in model.of_kind(Joint)}
+            assumed = {name: k for name, k in assumed.items() if k > 0}
+            groups = [(name,) for name in assumed]
+            if len(groups) > 1 and len(set(assumed.values())) == 1:
+                groups.append(tuple(assumed))
+            for group in groups:
+                k = assumed[group[0]]
+                bounds = (1e-4 * k, 1e4 * k) if np.isfinite(k) else (1e-6, 1e18)
+                start = k if np.isfinite(k) else 1e6
+                name = f"joint_stiffness:{'+'.join(group)}.{d}"
+                out.append(
+                    cls(name=name, joints=group, direction=d, stiffness=start, assumed=k, bounds=bounds)
+                )
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The joint."""
-        return model.effect(self.joint).locations(model)
+        """The joints."""
+        return np.vstack([model.effect(name).locations(model) for name in self.joints])

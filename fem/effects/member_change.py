@@ -29,7 +29,7 @@ class _MemberChange(Effect):
         (frame,) = model.of_kind(Frame)
         return member_contribution(frame, model, self.member)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From half less to twice as much."""
         return tuple({"change": c} for c in (-0.5, -0.25, -0.1, -0.03, 0.03, 0.1, 0.25, 0.6, 1.0))
 
@@ -41,7 +41,9 @@ class _MemberChange(Effect):
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """The middle of the member."""
-        return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[None]
+        return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[
+            None
+        ]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

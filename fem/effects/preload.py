@@ -36,16 +36,22 @@ class Preload(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """The tension."""
-        return (Parameter("tension", "N", self.tension, 0.0, -3.5 * self.buckling, 500 * self.buckling, linear=True),)
+        return (
+            Parameter(
+                "tension", "N", self.tension, 0.0, -3.5 * self.buckling, 500 * self.buckling, linear=True
+            ),
+        )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the geometric stiffness."""
         (frame,) = model.of_kind(Frame)
         return (frame.geometric_stiffness(model, self.member, self.tension),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Compression up to the buckling load pinned, tension up to a hundred times that."""
-        return tuple({"tension": f * self.buckling} for f in (-0.9, -0.3, -0.1, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0))
+        return tuple(
+            {"tension": f * self.buckling} for f in (-0.9, -0.3, -0.1, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+        )
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
@@ -63,4 +69,6 @@ class Preload(Effect):
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """The middle of the member."""
-        return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[None]
+        return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[
+            None
+        ]

@@ -44,7 +44,9 @@ class StiffnessLoss(Effect):
         """Loss and position."""
         return (
             Parameter("loss", "-", self.loss, 0.0, 0.0, 0.98),
-            Parameter("position", "m", self.position, self.position, self.width / 2, self.length - self.width / 2),
+            Parameter(
+                "position", "m", self.position, self.position, self.width / 2, self.length - self.width / 2
+            ),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -53,12 +55,16 @@ class StiffnessLoss(Effect):
         part = frame.strain_energy_matrix(
             model, self.member, self.position - self.width / 2, self.position + self.width / 2
         )
-        return (Contribution(part.dofs, -self.loss * part.K, D=None if part.D is None else -self.loss * part.D),)
+        return (
+            Contribution(part.dofs, -self.loss * part.K, D=None if part.D is None else -self.loss * part.D),
+        )
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Losses of 10 to 90 % at ten places along the member."""
         return tuple(
-            {"loss": f, "position": float(x * self.length)} for x in np.linspace(0.06, 0.94, 10) for f in (0.1, 0.3, 0.6, 0.9)
+            {"loss": f, "position": float(x * self.length)}
+            for x in np.linspace(0.06, 0.94, 10)
+            for f in (0.1, 0.3, 0.6, 0.9)
         )
 
     @classmethod
@@ -68,7 +74,14 @@ class StiffnessLoss(Effect):
         for member in model.mesh.members:
             length = model.mesh.member_length(member)
             out.append(
-                cls(name=f"stiffness_loss:{member}", member=member, position=length / 2, loss=0.0, width=0.1 * length, length=length)
+                cls(
+                    name=f"stiffness_loss:{member}",
+                    member=member,
+                    position=length / 2,
+                    loss=0.0,
+                    width=0.1 * length,
+                    length=length,
+                )
             )
         return tuple(out)
 

@@ -40,7 +40,16 @@ class SupportFlexibility(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """The stiffness."""
         return (
-            Parameter("stiffness", joint_unit(self.direction), self.stiffness, np.inf, 1e-6, 1e18, log=True, linear=True),
+            Parameter(
+                "stiffness",
+                joint_unit(self.direction),
+                self.stiffness,
+                np.inf,
+                1e-6,
+                1e18,
+                log=True,
+                linear=True,
+            ),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -66,7 +75,8 @@ class SupportFlexibility(Effect):
         for d, names in held.items():
             groups = [(n,) for n in names] + ([names] if len(names) > 1 else [])
             out += [
-                cls(name=f"support_flexibility:{'+'.join(g)}.{d}", supports=g, direction=d, stiffness=1e6) for g in groups
+                cls(name=f"support_flexibility:{'+'.join(g)}.{d}", supports=g, direction=d, stiffness=1e6)
+                for g in groups
             ]
         return tuple(out)
 
