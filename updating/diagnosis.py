@@ -14,7 +14,7 @@ from fem.frf import FRF
 from fem.model import Effect, Model
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
-from updating.faults import Fault, find_gain_faults, find_sign_faults
+from updating.faults import GAIN_LEAST, Fault, find_gain_faults, find_sign_faults
 from updating.fit import FitData, FitProblem, FitResult, prepare, sensor_vectors
 from updating.measurement import Measurement
 from updating.parameters import DampingCurve, Nuisance
@@ -24,7 +24,7 @@ NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement 
 ACCEPT_LEVEL = 1.25
 """An effect is accepted if the residual level falls by this factor …"""
 ACCEPT_HELD_OUT = 1.15
-"""… and the error on lines that no fit has seen by this one. In cases with nothing hidden the best of all candidates gains a few per cent."""
+"""… and the level on lines that no fit has seen by this one. In cases with nothing hidden the best of all candidates gains a few per cent."""
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model counts as right where nothing improves it [nepers]."""
 TWIN_SHARE = 0.9
@@ -384,6 +384,7 @@ def diagnose(
         current = best
         steps.append(_step(f"{_label(best.effects[-1])} added", best))
     say("checking", 0.98)
+    faults = _confirmed(problem, faults, current)
     verdict, reason = _verdict(problem, null, current, findings, faults, rounds)
     model_fitted = model.with_values(
         {ref: v for ref, v in current.values.items() if ref[0] in {e.name for e in model.effects}}
@@ -538,9 +539,24 @@ def _similarity(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
 
 
 def _pays(current: FitResult, best: FitResult) -> bool:
-    return (
-        current.level > ACCEPT_LEVEL * best.level and current.held_out_db > ACCEPT_HELD_OUT * best.held_out_db
-    )
+    held_out = current.held_out_level > ACCEPT_HELD_OUT * best.held_out_level
+    return held_out and current.level > ACCEPT_LEVEL * best.level
+
+
+def _confirmed(problem: FitProblem, faults: Sequence[Fault], current: FitResult) -> tuple[Fault, ...]:
+    """Return the faults with the gains of the last fit; without those that a found effect has explained."""
+    names = [s.name for s in problem.data.measurement.sensors]
+    out = []
+    for fault in faults:
+        if fault.kind == "sensor_sign":
+            out.append(fault)
+            continue
+        row = names.index(fault.sensor)
+        variance = np.diag(current.solution.covariance)[-len(problem.gains) :][problem.gains.index(row)]
+        gain, std = float(current.gains[row]), float(np.sqrt(max(variance, 0.0)))
+        if abs(np.log(gain)) > max(GAIN_LEAST, 2 * std):
+            out.append(Fault(fault.kind, fault.sensor, gain, gain * std))
+    return tuple(out)
 
 
 def _twins(ranked: Sequence[Ranked], current: FitResult) -> tuple[Ranked, ...]:

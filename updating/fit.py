@@ -150,8 +150,8 @@ class FitResult:
         The added effects at their fitted values.
     fit_db, held_out_db : float
         Root mean square of the amplitude's error on the lines fitted and held out [dB].
-    level : float
-        Robust residual level, amplitude and phase, on the fitted lines [nepers].
+    level, held_out_level : float
+        Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
     """
 
     solution: Solution
@@ -163,6 +163,7 @@ class FitResult:
     fit_db: float
     held_out_db: float
     level: float
+    held_out_level: float = np.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -431,8 +432,13 @@ class FitProblem:
         """Return a result with its errors on all fitted and all held-out lines."""
         ratio = self.log_ratio(result)
         held = self.data.held_out
-        level = self.level(ratio[~held], ~held) if np.isnan(result.level) else result.level
-        return replace(result, fit_db=_rms(ratio[~held]), held_out_db=_rms(ratio[held]), level=level)
+        return replace(
+            result,
+            fit_db=_rms(ratio[~held]),
+            held_out_db=_rms(ratio[held]),
+            level=self.level(ratio[~held], ~held) if np.isnan(result.level) else result.level,
+            held_out_level=self.level(ratio[held], held),
+        )
 
     def level(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64] | NDArray[np.bool_]) -> float:
         """Return the robust residual level of log ratios at some lines, amplitude and phase [nepers]."""
