@@ -1,0 +1,103 @@
+"""Small frames that the tests of several folders stand on."""
+
+import numpy as np
+
+from fem.effects.frame import Frame, MemberProperties
+from fem.effects.joint import Joint
+from fem.effects.support import Support
+from fem.mesh import Mesh
+from fem.model import DIRECTIONS, Damping, Model
+from fem.properties import Material, Section
+
+STEEL = Material("steel", 210e9, 7850.0)
+FLAT = Section.rectangle(0.03, 0.01)
+"""30 mm along local y, 10 mm along local z: Iz > Iy."""
+
+
+def fix(point, directions=DIRECTIONS, name=None):
+    return Support(name=name or f"support{point}", point=point, fixed=tuple(directions))
+
+
+def beam(
+    n,
+    length=1.0,
+    *,
+    effects=(),
+    along=(1.0, 0.0, 0.0),
+    section=FLAT,
+    material=STEEL,
+    theory="euler-bernoulli",
+    **more,
+):
+    """Return a straight beam of n elements; points 0 and 1 are its ends, the others follow along it."""
+    along = np.asarray(along, dtype=float) / np.linalg.norm(along)
+    mesh = Mesh.from_lines([[0, 0, 0], length * along], [[0, 1]], {"beam": [0]}).split(n)
+    properties = MemberProperties(material, section, theory=theory, **more)
+    return Model(mesh, (Frame(members={"beam": properties}), *effects))
+
+
+def planar(model, keep=("z", "ry")):
+    """Return a model whose points all move in some directions only."""
+    held = tuple(d for d in DIRECTIONS if d not in keep)
+    have = {e.point for e in model.of_kind(Support)}
+    more = [fix(p, held, f"plane{p}") for p in range(model.mesh.n_points) if p not in have]
+    swap = [fix(e.point, {*e.fixed, *held}, e.name) if isinstance(e, Support) else e for e in model.effects]
+    return Model(model.mesh, (*swap, *more), model.damping)
+
+
+def cross_beam(size=0.05, *, eta=0.006, C=None, loss_factor=0.004):
+    """Return two free beams of 0.8 m that cross, with an elastic joint between them."""
+    points = [[-0.4, 0, 0], [0, 0, 0], [0.4, 0, 0], [0, -0.4, 0.01], [0, 0, 0.01], [0, 0.4, 0.01]]
+    lines = [[0, 1], [1, 2], [3, 4], [4, 5]]
+    mesh = Mesh.from_lines(points, lines, {"lower": [0, 1], "upper": [2, 3]}).refined(size)
+    frame = Frame(members={name: MemberProperties(STEEL, FLAT) for name in mesh.members})
+    joint = Joint(
+        name="bolt",
+        point1=1,
+        point2=4,
+        location=np.array([0, 0, 0.005]),
+        eta=eta,
+        K=np.diag([5e7, 5e7, 1e7, 3e3, 3e3, 5e3]),
+        C=np.zeros((6, 6)) if C is None else C,
+    )
+    return Model(mesh, (frame, joint), Damping.structural(loss_factor))
+
+
+def portal(size=0.1):
+    """Return two clamped columns and a beam 20 mm above their ends, with rigid joints at the corners."""
+    points = [[0, 0, 0], [0, 0, 0.5], [0.6, 0, 0], [0.6, 0, 0.5], [0, 0, 0.52], [0.6, 0, 0.52]]
+    sets = {"left": [0], "right": [1], "beam": [2]}
+    mesh = Mesh.from_lines(points, [[0, 1], [2, 3], [4, 5]], sets).refined(size)
+    frame = Frame(members={name: MemberProperties(STEEL, FLAT) for name in mesh.members})
+    corners = tuple(
+        Joint(
+            name=f"corner{i}",
+            point1=p,
+            point2=q,
+            location=np.add(points[p], [0, 0, 0.01]),
+            rigid=DIRECTIONS,
+        )
+        for i, (p, q) in enumerate(((1, 4), (3, 5)))
+    )
+    feet = (fix(0, name="foot0"), fix(2, name="foot1"))
+    return Model(mesh, (frame, *corners, *feet), Damping.structural(0.01))
+
+
+def chain(n_members, n, effects=(), *, length=1.0, section=FLAT, stiffness=0.0):
+    """Return members in a line, joined by hinges that pass forces and, by a stiffness [N·m/rad], moments."""
+    points = [[i * length, 0, 0] for m in range(n_members) for i in (m, m + 1)]
+    lines = [[2 * m, 2 * m + 1] for m in range(n_members)]
+    mesh = Mesh.from_lines(points, lines, {f"m{m}": [m] for m in range(n_members)}).split(n)
+    frame = Frame(members={name: MemberProperties(STEEL, section) for name in mesh.members})
+    hinges = tuple(
+        Joint(
+            name=f"hinge{m}",
+            point1=2 * m + 1,
+            point2=2 * m + 2,
+            location=np.array([(m + 1) * length, 0, 0]),
+            K=np.diag([0, 0, 0, stiffness, stiffness, stiffness]),
+            rigid=("x", "y", "z"),
+        )
+        for m in range(n_members - 1)
+    )
+    return Model(mesh, (frame, *hinges, *effects))
