@@ -1,0 +1,102 @@
+"""Diagnoses of simulated frames whose truth is known, each on a finer mesh, with noise and wrong nominal values."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem import FRF
+from tests.hidden.cases import make_case
+from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, diagnose
+
+
+def run(case, **options):
+    return diagnose(case.model, [case.measurement], case.nuisances, **options)
+
+
+def test_a_heavier_member_is_named_with_its_value_and_the_error_falls_to_the_floor():
+    case = make_case(0)
+    found = run(case)
+    assert found.verdict == EFFECT
+    (finding,) = found.findings
+    assert (finding.effect.kind, finding.effect.where) == (case.hidden.kind, case.hidden.where)
+    (change,) = finding.parameters
+    assert change.value == pytest.approx(case.hidden.change, abs=0.01)
+    errors = [s.fit_db for s in found.steps]
+    assert errors == sorted(errors, reverse=True)
+    assert found.steps[-1].held_out_db < 2 * found.noise_floor_db
+    # The updated model carries the effect and the fitted values.
+    assert found.model.effect(finding.effect.name).change == change.value
+
+
+def test_nothing_is_found_where_nothing_is_hidden():
+    found = run(make_case(5))
+    assert (found.verdict, found.findings, found.faults) == (NOTHING, (), ())
+
+
+def test_a_mass_is_placed_between_the_sensors():
+    case = make_case(15)
+    (finding,) = run(case, kinds=["point_mass", "stiffness_loss", "member_density"]).findings
+    assert finding.effect.member == case.hidden.member
+    assert finding.effect.position == pytest.approx(case.hidden.position, abs=0.003)
+    assert finding.effect.mass == pytest.approx(case.hidden.mass, rel=0.03)
+
+
+def test_without_the_right_candidate_the_verdict_is_unexplained():
+    case = make_case(12)  # a strong tension in one member
+    found = run(case, kinds=["point_mass", "member_density"])
+    assert found.verdict == UNEXPLAINED
+    assert found.findings == ()
+
+
+def test_sensors_with_a_wrong_sign_and_a_wrong_gain_are_named():
+    case = make_case(5)
+    frf = case.measurement.frf
+    H = np.array(frf.H)
+    H[:, 2] *= -1
+    H[:, 7] *= 1.25
+    wrong = FRF.from_arrays(frf.frequency, H, frf.kind, frf.outputs, frf.inputs)
+    found = run(replace(case, measurement=case.measurement.with_frf(wrong)))
+    assert found.verdict == FAULT
+    by_sensor = {f.sensor: f for f in found.faults}
+    assert set(by_sensor) == {frf.outputs[2], frf.outputs[7]}
+    assert by_sensor[frf.outputs[2]].kind == "sensor_sign"
+    assert by_sensor[frf.outputs[7]].value == pytest.approx(1.25, rel=0.05)
+
+
+def test_a_second_force_level_that_differs_is_noticed():
+    case = make_case(5)
+    frf = case.measurement.frf
+    louder = case.measurement.with_frf(
+        FRF.from_arrays(frf.frequency * 0.99, frf.H, frf.kind, frf.outputs, frf.inputs)
+    )
+    shifted = np.stack(
+        [
+            [np.interp(frf.frequency, louder.frf.frequency, frf.H[:, i, j]) for j in range(len(frf.inputs))]
+            for i in range(len(frf.outputs))
+        ]
+    ).transpose(2, 0, 1)
+    second = case.measurement.with_frf(
+        FRF.from_arrays(frf.frequency, shifted, frf.kind, frf.outputs, frf.inputs)
+    )
+    found = diagnose(
+        case.model, [case.measurement, second], case.nuisances, kinds=["joint_viscous_damping"]
+    )
+    assert any("not linear" in note for note in found.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 130))
+def test_fresh_cases(seed, record_property):
+    """Print every verdict beside the truth; a false alarm or a wrong effect fails, a missed one is only printed."""
+    case = make_case(seed)
+    found = run(case)
+    names = [(f.effect.kind, f.effect.where.split(" at ")[0]) for f in found.findings]
+    truth = case.hidden and (case.hidden.kind, case.hidden.where.split(" at ")[0])
+    print(f"\n{seed} {case.family}: hidden {truth}, {found.verdict} {names}")
+    record_property("verdict", found.verdict)
+    if case.hidden is None:
+        assert found.verdict == NOTHING
+    elif names:
+        twins = {(t.kind, t.where.split(" at ")[0]) for t in found.findings[0].twins}
+        assert truth in {names[0]} | twins
