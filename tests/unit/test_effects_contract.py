@@ -1,0 +1,289 @@
+"""What every effect promises, walked over all kinds on three models; a new one is met by itself."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from fem.effects import candidate_kinds, effect_classes
+from fem.frf import compute_frf
+from fem.model import Contribution, Effect, Parameter, dofs_of, lever_matrix
+from fem.properties import Material
+from fem.system import assemble
+from tests.frames import beam, cross_beam, fix, portal
+
+MODELS = {
+    "cross": cross_beam(0.1),
+    "portal": portal(0.2),
+    # one member, rigid zones, offsets, a material with a loss factor, at an odd angle
+    "cantilever": beam(
+        5,
+        0.7,
+        effects=(fix(0, name="wall"),),
+        along=(1, 2, -0.5),
+        theory="timoshenko",
+        material=Material("damped", 70e9, 2700.0, loss_factor=0.02),
+        rigid1=0.05,
+        offset1=np.array([0, 0, 0.02]),
+        offset2=np.array([0.01, 0, -0.03]),
+    ),
+}
+GROUNDED = {"support_flexibility"}
+"""Kinds that may hold a rigid body."""
+
+TURNED = {"preload"}
+"""Kinds that resist its rotations: a force that keeps its direction."""
+
+
+def candidates(model, kind):
+    return effect_classes()[kind].propose(model)
+
+
+CASES = [
+    pytest.param(model, effect, id=f"{name}-{effect.name}")
+    for name, model in MODELS.items()
+    for kind in candidate_kinds()
+    for effect in candidates(model, kind)
+]
+OWN = [
+    pytest.param(model, effect, id=f"{name}-{effect.name}")
+    for name, model in MODELS.items()
+    for effect in model.effects
+]
+
+
+def matrices(effect, model):
+    """Return K, M, C, D (n_dof, n_dof) of an effect, stacked; complex where its values are."""
+    out = np.zeros((4, model.n_dof, model.n_dof), dtype=complex)
+    for part in effect.contribute(model):
+        for k, key in enumerate("KMCD"):
+            X = getattr(part, key)
+            if X is not None:
+                np.add.at(out[k], (part.dofs[:, :, None], part.dofs[:, None, :]), X)
+    return out if np.iscomplexobj(out) else out.astype(complex)
+
+
+def generic(effect):
+    """Return an effect with values of no special kind, inside the bounds: what a fit meets on its way."""
+    values = {}
+    for i, p in enumerate(effect.parameters()):
+        size = abs(p.value) or (min(abs(p.upper), 1.0) if np.isfinite(p.upper) else 1.0)
+        values[p.name] = float(np.clip(p.value + (0.137 + 0.01 * i) * size, p.lower, p.upper))
+    return effect.with_values(**values)
+
+
+def check_absent(model, effect):
+    absent = {p.name: p.absent for p in effect.parameters()}
+    if all(np.isfinite(v) for v in absent.values()):
+        assert not matrices(effect.with_values(**absent), model).any(), (
+            "there, though every value says absent"
+        )
+        assert not effect.released(), "releases constraints though it may be absent at a finite value"
+        return
+    # Absent at infinite stiffness: what is left is a compliance 1/(k + k0), k0 the structure's own stiffness.
+    (p,) = effect.parameters()
+    first = 1e9 if p.unit == "N/m" else 1e5
+    at = [(point, d) for point in (1, model.mesh.n_points - 1) for d in ("x", "y", "z")]
+
+    def receptance(model):
+        return compute_frf(assemble(model), [3.0], at, at, kind="receptance", method="direct").H[0]
+
+    rigid = receptance(model)
+    soft, stiff = (
+        receptance(model.with_effect(effect.with_values(**{p.name: k}))) - rigid for k in (first, 10 * first)
+    )
+    seen = abs(soft) > 1e-6 * abs(rigid).max()
+    assert seen.any(), "releases nothing"
+    assert abs(soft).max() < 0.2 * abs(rigid).max(), "does not become rigid"
+    ratio = soft[seen] / stiff[seen]
+    # (10 k + k0)/(k + k0), and k0 is at most a tenth of k here: EA/L of an element, 4 EI/L; several springs
+    # have several k0, whose differences may show where their parts nearly cancel
+    assert ((abs(ratio) > 10.1 / 1.1) & (abs(ratio) < 10.3)).all(), "does not become rigid"
+
+
+def check_symmetry(model, effect):
+    X = matrices(generic(effect), model)
+    assert X.any(), "adds nothing"
+    for k in range(4):
+        assert abs(X[k] - X[k].T).max() <= 1e-14 * abs(X[k]).max(), f"{'KMCD'[k]} is not symmetric"
+
+
+def check_rigid_motion(model, effect):
+    if effect.kind in GROUNDED:
+        return
+    motions = np.vstack([lever_matrix(p - model.mesh.points.mean(axis=0)) for p in model.mesh.points])
+    motions = motions[:, :3] if effect.kind in TURNED else motions
+    for X in matrices(generic(effect), model)[[0, 2, 3]]:
+        assert abs(X @ motions).max() <= 1e-13 * max(abs(X).max(), 1e-300), "resists a rigid motion"
+
+
+def check_derivatives(model, effect):
+    effect = generic(effect)
+    for p in effect.parameters():
+        step = 1e-5 * (abs(p.value) or 1.0)
+        exact = np.imag(matrices(effect.with_values(**{p.name: p.value + 1e-200j}), model)) / 1e-200
+
+        def at(value, name=p.name):
+            return matrices(effect.with_values(**{name: value}), model).real
+
+        near = (at(p.value + step) - at(p.value - step)) / (2 * step)
+        far = (at(p.value + 2 * step) - at(p.value - 2 * step)) / (4 * step)
+        # Central differences err by step² f‴/6, a third of what the two differ by; the rest is rounding.
+        for k in range(4):
+            rounding = 1e-13 * abs(at(p.value)[k]).max() / step
+            bound = abs(far - near)[k].max() + rounding
+            assert abs(exact - near)[k].max() <= bound, f"derivative of {'KMCD'[k]} by {p.name}"
+
+
+def check_linear(model, effect):
+    effect = generic(effect)
+    for p in effect.parameters():
+        if not p.linear:
+            continue
+        step = 0.1 * (abs(p.value) or 1.0)
+        X = [matrices(effect.with_values(**{p.name: p.value + i * step}), model).real for i in range(3)]
+        bend = X[0] - 2 * X[1] + X[2]
+        assert abs(bend).max() <= 1e-13 * max(abs(x).max() for x in X), f"is not affine in {p.name}"
+
+
+def check_values(model, effect):
+    names = [p.name for p in effect.parameters()]
+    assert len(set(names)) == len(names)
+    for p in effect.parameters():
+        assert p.lower <= p.value <= p.upper, f"{p.name} starts outside its bounds"
+        assert p.unit, f"{p.name} has no unit"
+    changed = generic(effect)
+    same = effect.with_values(**{p.name: p.value for p in effect.parameters()})
+    np.testing.assert_array_equal(matrices(same, model), matrices(effect, model))
+    back = changed.with_values(**{p.name: p.value for p in effect.parameters()})
+    np.testing.assert_array_equal(matrices(back, model), matrices(effect, model))
+    assert all(a.value != b.value for a, b in zip(changed.parameters(), effect.parameters(), strict=True))
+    assert changed.name == effect.name
+    assert type(changed) is type(effect)
+
+
+def check_place(model, effect):
+    assert effect.where
+    places = effect.locations(model)
+    assert places.shape[1] == 3
+    assert len(places) >= 1
+    for place in places:
+        # a joint's place may lie off the members' axes, by its lever arms; no farther than a section is wide
+        assert model.mesh.nearest_on_members(place)[2] <= 0.03, "lies off the structure"
+
+
+def check_starts(model, effect):
+    starts = effect.starts(lambda key: 1e6)
+    assert starts
+    known = {p.name: p for p in effect.parameters()}
+    for values in starts:
+        assert values.keys() <= known.keys()
+        for name, value in values.items():
+            assert known[name].lower <= value <= known[name].upper, f"{name} = {value} is outside its bounds"
+
+
+CHECKS = (check_absent, check_symmetry, check_rigid_motion, check_derivatives, check_linear)
+CHECKS += (check_values, check_place, check_starts)
+
+
+@pytest.mark.parametrize(("model", "effect"), CASES)
+def test_candidate_keeps_the_contract(model, effect):
+    for check in CHECKS:
+        check(model, effect)
+
+
+@pytest.mark.parametrize(("model", "effect"), OWN)
+def test_effects_of_a_model_keep_the_contract(model, effect):
+    check_derivatives(model, effect)
+    check_linear(model, effect)
+    if effect.parameters():
+        check_symmetry(model, effect)
+        check_rigid_motion(model, effect)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_names_are_unique_and_differ_from_the_models(name):
+    model = MODELS[name]
+    names = [e.name for kind in candidate_kinds() for e in candidates(model, kind)]
+    names += [e.name for e in model.effects]
+    assert len(set(names)) == len(names)
+
+
+def test_every_kind_is_proposed_somewhere():
+    met = {
+        effect.kind for model in MODELS.values() for k in candidate_kinds() for effect in candidates(model, k)
+    }
+    assert met == set(candidate_kinds())
+    assert {"frame", "joint", "support", "added_mass"} <= set(effect_classes()) - met
+
+
+# ------------------------------------------------------------------------- would a broken effect be noticed?
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Planted(Effect):
+    """A grounded spring with one fault."""
+
+    kind: ClassVar[str] = "planted"
+    fault: str
+    k: Any = 0.0
+    width: float = 0.1
+
+    @property
+    def where(self) -> str:
+        return "" if self.fault == "place" else "here"
+
+    def parameters(self):
+        return (
+            Parameter("k", "N/m", self.k, 0.0, -1.0 if self.fault == "bounds" else 0.0, 1e9, linear=True),
+        )
+
+    def contribute(self, model):
+        b = np.zeros(12)
+        b[[2, 8]] = 1.0, -1.0
+        if self.fault == "rigid":
+            b[8] = 0.0
+        else:  # the motion of two points along their line is no strain of z
+            d = model.mesh.points[1] - model.mesh.points[0]
+            b[[3, 4]] = d[1], -d[0]
+        K = self.k * np.outer(b, b)
+        if self.fault == "asymmetric":
+            K[2, 8] *= 1.1
+        if self.fault == "absent":
+            K = K + np.outer(b, b)
+        if self.fault == "nonlinear":
+            K = K * abs(np.real(self.k))
+        if self.fault == "derivative":
+            K = np.real(self.k) * np.outer(b, b) + 0.9j * np.imag(self.k) * np.outer(b, b)
+        return (Contribution(dofs_of([0, 1]).reshape(1, 12), K[None]),)
+
+    def starts(self, scale):
+        return ({"k": -5.0 if self.fault == "starts" else 5.0},)
+
+    def locations(self, model):
+        return model.mesh.points[[0]] + (7.0 if self.fault == "place" else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "check"),
+    [
+        ("asymmetric", check_symmetry),
+        ("absent", check_absent),
+        ("rigid", check_rigid_motion),
+        ("nonlinear", check_linear),
+        ("nonlinear", check_derivatives),
+        ("derivative", check_derivatives),
+        ("place", check_place),
+        ("starts", check_starts),
+    ],
+)
+def test_the_contract_notices(fault, check):
+    model = MODELS["cross"]
+    with pytest.raises(AssertionError):
+        check(model, Planted(name="p", fault=fault))
+
+
+def test_the_contract_accepts_a_sound_effect():
+    for check in CHECKS:
+        check(MODELS["cross"], Planted(name="p", fault=""))
