@@ -143,9 +143,10 @@ def sentence(finding: Finding) -> str:
     member, _, at = where.partition(" at ")
     change = _change(finding)
     stiffer, heavier = ("stiffer", "heavier") if change > 0 else ("softer", "lighter")
-    give = "give" if "supports" in thing else "gives"
+    several = "supports" in thing or "joints" in thing
+    give, are = ("give", "are") if several else ("gives", "is")
     text = {
-        "joint_stiffness": f"{thing} is {stiffer} {direction} than in the model",
+        "joint_stiffness": f"{thing} {are} {stiffer} {direction} than in the model",
         "joint_viscous_damping": f"{thing} has a damper {direction} that the model lacks",
         "joint_structural_damping": f"{thing} dissipates more than in the model",
         "member_density": f"{where} is {heavier} than in the model",
