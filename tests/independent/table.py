@@ -6,6 +6,7 @@ have ended is truth.json read. What comes out is printed as it is.
 
 import argparse
 import json
+import math
 import os
 import re
 import subprocess
@@ -40,7 +41,7 @@ class Hidden:
 
     def __str__(self):
         at = "" if self.position is None else f" at {self.position:.2f} m"
-        return f"{self.kind} {', '.join(self.place)}{at}: {self.value:.4g} {self.unit}"
+        return f"{self.kind} {', '.join(self.place)}{at}: {plus_minus(self.value, 0.0, self.unit)}"
 
     def is_at(self, found):
         """Say whether a found effect or a twin is of this kind and at this place."""
@@ -145,7 +146,12 @@ def in_words(result):
 
 
 def plus_minus(value, std, unit):
-    return f"{value:.4g} ± {std:.1g} {unit}".rstrip(" -") if std is not None else f"{value:.4g} {unit}"
+    """Write a value with two digits of its standard deviation, or four of its own."""
+    unit = "" if unit in ("", "-") else f" {unit}"
+    if not std:
+        return f"{value:.4g}{unit}"
+    digits = max(0, 1 - math.floor(math.log10(std)))
+    return f"{value:.{digits}f} ± {std:.{digits}f}{unit}"
 
 
 def hidden_in_words(effects, faults):
