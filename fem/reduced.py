@@ -442,9 +442,11 @@ def _range(C: Any, D: Any) -> tuple[NDArray[np.float64], NDArray[np.float64], ND
     sizes = [float(np.abs(X).max()) for X in (C, D)]
     if max(sizes) == 0:
         return None
-    both = sum(X @ X.T / s**2 for X, s in zip((C, D), sizes, strict=True) if s > 0)
+    # Both dissipate, so that the range of the sum is that of both; not of squares, which lose a soft damper
+    # beside a stiff one.
+    both = sum(X / s for X, s in zip((C, D), sizes, strict=True) if s > 0)
     eigenvalues, vectors = sla.eigh(both, check_finite=False)
-    U = vectors[:, eigenvalues > 1e-14 * eigenvalues[-1]]
+    U = vectors[:, np.abs(eigenvalues) > 1e-13 * np.abs(eigenvalues).max()]
     return U, U.T @ C @ U, U.T @ D @ U
 
 

@@ -50,7 +50,8 @@ def reduced_basis(
 
     Modes up to ``margin · max_frequency`` and, for each force, the first vectors of the Krylov sequence
     (K - σM)⁻¹ b, (K - σM)⁻¹ M (K - σM)⁻¹ b, …, which carry what the modes left out leave behind. A releasable
-    constraint gets the static response to a unit violation (Craig & Bampton's constraint modes).
+    constraint gets the static response to a unit violation (Craig & Bampton's constraint modes), and the
+    forces of that response's inertia join the others.
 
     Parameters
     ----------
@@ -67,8 +68,9 @@ def reduced_basis(
         Constraints of the model that effects may release later.
     """
     pairs = _nearly_static(system, solve_eigenpairs(system, max_frequency=margin * max_frequency))
+    released, inertia = _constraint_modes(system, pairs, release)
     columns = [pairs.vectors]
-    load = np.asarray(system.Q.T @ forces)
+    load = np.asarray(system.Q.T @ np.hstack([forces, inertia]))
     for _ in range(n_krylov):
         # Without the modes: each step amplifies the lowest, which would drown what they leave behind.
         response = _without(system, pairs.vectors, pairs.factor.solve(load))
@@ -77,7 +79,6 @@ def reduced_basis(
         columns.append(response)
         load = system.M @ response
     main = system.Q @ _orthonormal(system, columns)
-    released = _constraint_modes(system, pairs, release)
     T = np.hstack([main, released])
     return Basis(T, main.shape[1], tuple(c.key for c in release), pairs.vectors.shape[1], pairs.n_rigid)
 
@@ -96,7 +97,10 @@ def _nearly_static(system: System, pairs: Eigenpairs) -> Eigenpairs:
 
 
 def _without(system: System, V: NDArray[np.float64], block: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return columns of M-norm 1 without their part in M-orthonormal V; those that V contains but for rounding are dropped."""
+    """Return columns of M-norm 1 without their part in M-orthonormal V.
+
+    Those that V contains but for rounding are dropped.
+    """
 
     def size(X: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, system.M @ X), 0.0))
@@ -127,16 +131,19 @@ def _orthonormal(system: System, columns: list[NDArray[np.float64]]) -> NDArray[
 
 def _constraint_modes(
     system: System, pairs: Eigenpairs, release: tuple[Constraint, ...]
-) -> NDArray[np.float64]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the responses to unit violations of constraints, and M times them, both (n_dof, p)."""
+    n_dof = system.model.n_dof
     if not release:
-        return np.zeros((system.model.n_dof, 0))
-    K, M, _, _ = sum_contributions(system.model.contributions(), system.model.n_dof)
+        return np.zeros((n_dof, 0)), np.zeros((n_dof, 0))
+    K, M, _, _ = sum_contributions(system.model.contributions(), n_dof)
     shifted = K - pairs.shift * M
     held = system.model.constraints()
     out = []
     for constraint in release:
         others = tuple(c for c in held if c.key != constraint.key)
-        u = particular(others, constraint, system.model.n_dof)
+        u = particular(others, constraint, n_dof)
         q = pairs.factor.solve(-np.asarray(system.Q.T @ (shifted @ u)))
         out.append(u + system.Q @ q)
-    return np.column_stack(out)
+    modes = np.column_stack(out)
+    return modes, np.asarray(M @ modes)
