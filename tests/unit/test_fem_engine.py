@@ -1,0 +1,241 @@
+"""The reduced model and its parametric FRFs against direct solves of every line."""
+
+import numpy as np
+import pytest
+
+from fem.effects import (
+    JointStiffness,
+    JointStructuralDamping,
+    JointViscousDamping,
+    MemberStiffness,
+    PointMass,
+    StiffnessLoss,
+    SupportFlexibility,
+)
+from fem.effects.joint import Joint
+from fem.effects.support import Support
+from fem.frf import compute_frf, dof_vectors
+from fem.model import Damping
+from fem.modes import solve_modes
+from fem.reduced import ParametricFRF, reduce_model, values_of
+from fem.system import assemble
+from tests.frames import beam, cross_beam, fix, portal
+
+FREQUENCY = np.linspace(5.0, 1200.0, 160)
+OUT, IN = [(0, "z"), (5, "z"), (2, "y"), (3, "x")], [(0, "z"), (5, "x")]
+
+
+def attachments(model, *points):
+    """Return unit forces on both sides of the joints and supports, and at points (n_dof, n)."""
+    columns = [dof_vectors(model, IN)[0]]
+    sides = {p for j in model.of_kind(Joint) for p in (j.point1, j.point2) if p is not None}
+    sides |= {s.point for s in model.of_kind(Support)} | set(points)
+    for point in sides:
+        columns.append(np.eye(model.n_dof)[:, 6 * point : 6 * point + 6])
+    return np.hstack(columns)
+
+
+def engine(model, refs, candidates=(), *, points=(), n_krylov=2, frequency=FREQUENCY):
+    reduced = reduce_model(model, attachments(model, *points), frequency[-1], n_krylov=n_krylov)
+    out, inn = dof_vectors(model, OUT)[0], dof_vectors(model, IN)[0]
+    return ParametricFRF(reduced, out, inn, frequency, refs, candidates)
+
+
+def direct(model, zeta=0.0, frequency=FREQUENCY):
+    """Return receptances of the full model; 2ζ is a loss factor, as the engine has it."""
+    damping = model.damping
+    more = Damping(alpha=damping.alpha, beta=damping.beta, loss_factor=damping.loss_factor + 2 * zeta)
+    system = assemble(model.with_damping(more))
+    return compute_frf(system, frequency, OUT, IN, kind="receptance", method="direct").H
+
+
+def misfit(H, exact):
+    """Return the largest error relative to the root mean square of its FRF, of those not zero by symmetry."""
+    level = np.sqrt((abs(exact) ** 2).mean(axis=0))
+    seen = level > 1e-9 * level.max()
+    return (abs(H - exact) / np.where(seen, level, np.inf)).max()
+
+
+ACCURACY = 5e-5
+"""What modes up to twice the band leave behind is some 1e-3 of a response, of which each attachment vector
+takes away (f/f_cut)² or more, on the forces' side and, at joints, on the responses': 3e-5 at worst here."""
+
+
+@pytest.mark.parametrize("factors", [(1, 1, 1, 1), (0.1, 3, 1.1, 0.95), (30, 10, 1.0, 1.0)])
+@pytest.mark.parametrize(
+    "damping",
+    [Damping.structural(0.004), Damping.rayleigh(3.0, 1e-7)],
+    ids=["structural", "rayleigh"],
+)
+def test_changed_parameters_against_direct_solves(damping, factors):
+    model = cross_beam().with_damping(damping)
+    refs = [("bolt", "kry"), ("bolt", "eta"), ("frame", "E:steel"), ("frame", "rho:steel")]
+    values = values_of(model, refs) * factors
+    H, _, _ = engine(model, refs).evaluate(values, np.full(FREQUENCY.size, 0.002), gradient=False)
+    changed = model.with_values(dict(zip(refs, values, strict=True)))
+    assert misfit(H, direct(changed, 0.002)) < ACCURACY
+
+
+def test_local_dampers_against_direct_solves():
+    C = np.diag([30.0, 0, 40.0, 0, 0.5, 2.0])
+    model = cross_beam(C=C, eta=0.08)
+    H, _, _ = engine(model, []).evaluate(np.zeros(0), np.zeros(FREQUENCY.size), gradient=False)
+    assert misfit(H, direct(model)) < ACCURACY
+    # the dampers matter
+    assert misfit(H, direct(cross_beam())) > 0.1
+
+
+def test_damping_of_a_soft_direction_beside_a_stiff_one():
+    joint = cross_beam().effect("bolt")
+    K = np.diag([1e10, 1e10, 1e10, 40.0, 40.0, 40.0])
+    model = cross_beam(loss_factor=1e-4).without_effect("bolt")
+    model = model.with_effect(Joint(name="bolt", point1=1, point2=4, location=joint.location, K=K, eta=0.2))
+    H, _, _ = engine(model, []).evaluate(np.zeros(0), np.zeros(FREQUENCY.size), gradient=False)
+    assert misfit(H, direct(model)) < ACCURACY
+
+
+CANDIDATES = {
+    "joint": lambda: JointStiffness(name="c", joints=("bolt",), direction="ry", stiffness=900.0, assumed=3e3),
+    "joint C": lambda: JointViscousDamping(
+        name="c", joint="bolt", direction="ry", damping=1.5, reference=3e3
+    ),
+    "joint D": lambda: JointStructuralDamping(name="c", joint="bolt", loss_factor=0.3),
+    "member": lambda: MemberStiffness(name="c", member="lower", change=-0.2),
+    "mass": lambda: PointMass(name="c", member="upper", position=0.63, mass=0.15, span=(0.0, 0.8)),
+    "crack": lambda: StiffnessLoss(name="c", member="lower", position=0.25, loss=0.5, width=0.08, length=0.8),
+}
+
+
+@pytest.mark.parametrize("name", CANDIDATES)
+def test_candidates_against_direct_solves(name):
+    model, effect = cross_beam(), CANDIDATES[name]()
+    refs = [("c", p.name) for p in effect.parameters()]
+    # forces were foreseen where the effect acts, but for one that acts along a whole member
+    dofs = np.unique(np.concatenate([c.dofs.ravel() for c in effect.contribute(model)]))
+    e = engine(model, refs, [effect], points=() if name == "member" else set(dofs // 6))
+    values = values_of(model, refs, [effect])
+    zeta = np.full(FREQUENCY.size, 0.001)
+    exact = direct(model.with_effect(effect), 0.001)
+    # the member's shapes change smoothly: modes up to twice the band carry all but some 1e-3 of that
+    limit = 1e-2 if name == "member" else ACCURACY
+    H, _, _ = e.evaluate(values, zeta, gradient=False)
+    assert misfit(H, exact) < limit
+    assert misfit(direct(model, 0.001), exact) > 30 * limit  # and the effect is there
+    # The low-rank update is another way to the same reduced result.
+    local = ParametricFRF(e.reduced, *(dof_vectors(model, s)[0] for s in (OUT, IN)), FREQUENCY, [])
+    (scanned,) = local.local(np.zeros(0), zeta).receptances([effect])
+    if name == "member":
+        assert scanned is None
+    else:
+        # the same but for rounding in the eigenproblem: 1e-16 of its highest eigenvalue against the lowest
+        assert misfit(scanned, H) < ACCURACY
+
+
+def test_a_crack_that_no_force_foresaw_is_underrated():
+    # Modes of the sound structure are smooth over a crack: Rayleigh-Ritz from above, it seems smaller.
+    model, effect = cross_beam(), CANDIDATES["crack"]()
+    sound, cracked = (solve_modes(assemble(m), 16).frequency[6:] for m in (model, model.with_effect(effect)))
+
+    def shift(points):
+        reduced = reduce_model(model, attachments(model, *points), FREQUENCY[-1], n_krylov=2)
+        total, term = reduced.base_sum(), reduced.value_of(effect)
+        lam = np.linalg.eigvals(np.linalg.solve(total["M"], total["K"] + term.dense("K"))).real
+        found = np.sqrt(np.sort(lam)[6:16]) / (2 * np.pi)
+        assert (found > cracked * (1 - 1e-6)).all()
+        return (found - sound)[4:] / (cracked - sound)[4:]
+
+    nodes = np.unique(effect.contribute(model)[0].dofs // 6)
+    np.testing.assert_allclose(shift(nodes), 1.0, atol=1e-3)
+    assert shift(()).min() < 0.9
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e12])
+@pytest.mark.parametrize("kind", ["support", "joint"])
+def test_released_constraints_against_direct_solves(kind, stiffness):
+    model = portal()
+    if kind == "support":
+        effect = SupportFlexibility(name="c", supports=("foot0", "foot1"), direction="ry", stiffness=1e6)
+    else:
+        effect = JointStiffness(name="c", joints=("corner0",), direction="ry", stiffness=1e6, assumed=np.inf)
+    e = engine(model, [("c", "stiffness")], [effect])
+    H, _, _ = e.evaluate(np.array([stiffness]), np.zeros(FREQUENCY.size), gradient=False)
+    exact = direct(model.with_effect(effect.with_values(stiffness=stiffness)))
+    # 1e12 N·m/rad is rigid: there the direct solve errs by 1e-16 of it against the members' 1e3, times ten
+    assert misfit(H, exact) < (1e-3 if stiffness == 1e12 else ACCURACY)
+    rigid = misfit(H, direct(model))
+    assert rigid < 1e-3 if stiffness == 1e12 else rigid > 1e-3
+
+
+@pytest.mark.parametrize("name", CANDIDATES)
+def test_gradients_against_finite_differences(name):
+    model, effect = cross_beam(0.1), CANDIDATES[name]()
+    refs = [("c", p.name) for p in effect.parameters()]
+    refs += [("frame", "E:steel"), ("frame", "rho:steel"), ("bolt", "kry"), ("bolt", "eta")]
+    e = engine(model, refs, [effect])
+    x, zeta = values_of(model, refs, [effect]), np.full(FREQUENCY.size, 0.01)
+    _, dH, dzeta = e.evaluate(x, zeta)
+
+    def at(i, step):
+        return e.evaluate(x + step * np.eye(len(x))[i], zeta, gradient=False)[0]
+
+    def check(gradient, function, step):
+        near, far = ((function(s) - function(-s)) / (2 * s) for s in (step, 2 * step))
+        # Central differences err by step² f‴/6, a third of what the two differ by. Rounding in H is 1e-16 of
+        # the highest eigenvalue against the lowest elastic one, 1e-10, over the step.
+        bound = abs(far - near).max() + 1e-10 * level / step
+        assert abs(gradient - near).max() <= bound
+        assert bound < 0.01 * abs(gradient).max()
+
+    level = abs(at(0, 0.0)).max()
+    for i, value in enumerate(x):
+        check(dH[i], lambda s, i=i: at(i, s), 1e-4 * abs(value))
+    check(dzeta, lambda s: e.evaluate(x, zeta + s, gradient=False)[0], 1e-5)
+
+
+def test_size_does_not_depend_on_the_mesh():
+    coarse, fine = (engine(cross_beam(size), []) for size in (0.05, 0.0125))
+    assert fine.reduced.model.n_dof > 3.5 * coarse.reduced.model.n_dof
+    # a mode may move over the limit of twice the band
+    assert abs(fine.reduced.basis.T.shape[1] - coarse.reduced.basis.T.shape[1]) <= 2
+    H, G = (e.evaluate(np.zeros(0), np.full(FREQUENCY.size, 0.01), False)[0] for e in (coarse, fine))
+    # between them lies the elements' error: 1e-4 of ω in the band, over a loss factor of 0.024 at a resonance
+    assert misfit(H, G) < 0.05
+
+
+def test_reduced_frf_is_as_good_as_direct_solves_up_to_the_top_of_the_band():
+    # A stiff joint's loss factor acts where the modes have no motion: its forces must be in the basis.
+    model = cross_beam(0.02)
+    system, f = assemble(model), np.arange(2.0, 3201.0, 14.0)
+    args = (f, [(0, "z"), (2, "x"), (3, "z"), (5, "y"), (4, "ry")], [(0, "z"), (3, "y")])
+    assert misfit(compute_frf(system, *args).H, compute_frf(system, *args, method="direct").H) < 1e-5
+
+
+def test_direct_solves_without_pivoting_keep_their_digits():
+    # K - ω²M is indefinite and is factorised without pivoting off the diagonal.
+    model = cross_beam(0.1, loss_factor=0.0, eta=0.0)
+    system = assemble(model)
+    resonance = solve_modes(system, 12).frequency[9]
+    f = np.array([40.0, resonance * (1 - 1e-6), 900.0, 2500.0])
+    H = compute_frf(system, f, OUT, IN, kind="receptance", method="direct").H
+    K, M = system.K.toarray(), system.M.toarray()
+    out, inn = (system.Q.T @ dof_vectors(model, s)[0] for s in (OUT, IN))
+    for k, w in enumerate(2 * np.pi * f):
+        exact = out.T @ np.linalg.solve(K - w**2 * M, inn)
+        # 1e-16 of the stiffest entry against the softest motion, 1e8; next to a resonance times 1e6/2
+        limit = 1e-2 if k == 1 else 1e-7
+        assert abs(H[k] - exact).max() < limit * abs(exact).max()
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+@pytest.mark.parametrize(
+    "effects", [(), (fix(0),), (fix(0, ("x", "y", "z")),)], ids=["free", "clamped", "ball"]
+)
+def test_reduced_frf_where_the_modes_span_everything(n, effects):
+    model = beam(n, effects=effects).with_damping(Damping.structural(0.02))
+    system = assemble(model)
+    f = np.array([10.0, 1000.0, 1e6])
+    at = [(1, "z"), (1, "x"), (1, "rx")]
+    reduced, exact = (
+        compute_frf(system, f, at, at, kind="receptance", method=m).H for m in ("reduced", "direct")
+    )
+    assert (abs(reduced - exact).max(axis=(1, 2)) < 1e-7 * abs(exact).max(axis=(1, 2))).all()
