@@ -210,6 +210,12 @@ class FitProblem:
             return lines
         return lines[np.unique(np.linspace(0, len(lines) - 1, n_lines).round().astype(int))]
 
+    def band_of(self, lines: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return which of up to four bands with equally many modes each line is in; each has an error level of its own."""
+        knots = self.damping.knots
+        edges = np.quantile(knots, [0.25, 0.5, 0.75]) if len(knots) > 4 else np.zeros(0)
+        return np.searchsorted(edges, self.data.frequency[lines])
+
     def fit(
         self,
         effects: Sequence[Effect] = (),
@@ -250,7 +256,10 @@ class FitProblem:
         x_nuisance = [float(v.prior or 0.0) for v in nuisance]
         z = np.log(self.damping.nominal)
         if x_from is not None:
-            x_nuisance = [v.to_x(x_from.values[v.ref]) for v in nuisance]
+            x_nuisance = [
+                v.to_x(x_from.values[v.ref]) if v.ref in x_from.values else x
+                for v, x in zip(nuisance, x_nuisance, strict=True)
+            ]
             z = np.log(x_from.zeta)
         x = np.concatenate([x_nuisance, [v.to_x(start_of[v.ref]) for v in extra], z, np.zeros(n_gain)])
         limits = np.array([v.bounds() for v in variables]).reshape(-1, 2)
@@ -314,6 +323,7 @@ class FitProblem:
                 (limits[:, 0], limits[:, 1]),
                 n_independent=INDEPENDENT_PER_MODE * n_stage,
                 floor=0.2 * MODEL_ERROR,
+                groups=np.broadcast_to(self.band_of(lines)[:, None, None], keep.shape)[keep],
                 robust=ROBUST,
                 max_iterations=max_iterations,
             )

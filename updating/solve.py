@@ -57,17 +57,17 @@ def solve_robust(
     *,
     n_independent: float,
     floor: float,
+    groups: NDArray[np.int64] | None = None,
     robust: float = 0.5,
     max_iterations: int = 20,
     tolerance: float = 5e-3,
     max_step: float = 1.0,
 ) -> Solution:
-    """Minimise n/2 · ln(s² + ⟨ρ(|r|²)⟩) + ½ Σ ((x - mean)/std)² by Levenberg-Marquardt steps within bounds.
+    """Minimise Σ n_g/2 · ln(s² + ⟨ρ(|r|²)⟩_g) + ½ Σ ((x - mean)/std)² by Levenberg-Marquardt steps within bounds.
 
-    The noise level is estimated with the unknowns, which is what the logarithm says: while the misfit is
-    large the priors
-    hold, and when it is small the data speak. ρ is the pseudo-Huber function of complex residuals
-    ρ = 2c² (√(1 + |r|²/c²) - 1).
+    The error level of each group g of residuals is estimated with the unknowns, which is what the logarithm says: while
+    the misfit is large the priors hold, and when it is small the data speak; groups that a model cannot reach, such as
+    high frequencies, count less. ρ is the pseudo-Huber function of complex residuals, ρ = 2c² (√(1 + |r|²/c²) - 1).
 
     Parameters
     ----------
@@ -81,6 +81,8 @@ def solve_robust(
         How many independent data the residuals stand for.
     floor : float
         Residual level s below which nothing is gained [same unit as r].
+    groups : ndarray of int (m,), optional
+        Group of each residual; all in one unless given. Groups count by their size.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int
@@ -93,40 +95,43 @@ def solve_robust(
     weight = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
     mean = np.where(np.isfinite(prior.std), prior.mean, 0.0)
 
-    def loss(r: NDArray[np.complex128]) -> float:
-        return float((2 * robust**2 * (np.sqrt(1 + np.abs(r) ** 2 / robust**2) - 1)).mean())
+    def loss(r: NDArray[np.complex128]) -> NDArray[np.float64]:
+        rho = 2 * robust**2 * (np.sqrt(1 + np.abs(r) ** 2 / robust**2) - 1)
+        return np.bincount(member, rho, minlength=len(size)) / size
 
-    def total(x: NDArray[np.float64], misfit: float) -> float:
-        return 0.5 * n_independent * np.log(floor**2 + misfit) + 0.5 * float(weight @ (x - mean) ** 2)
+    def total(x: NDArray[np.float64], misfit: NDArray[np.float64]) -> float:
+        return 0.5 * float(share @ np.log(floor**2 + misfit)) + 0.5 * float(weight @ (x - mean) ** 2)
 
     x = np.clip(x0, lo, hi)
     r, J = residual(x, True)
     assert J is not None
+    member = np.zeros(len(r), dtype=np.int64) if groups is None else np.unique(groups, return_inverse=True)[1]
+    size = np.bincount(member)
+    share = n_independent * size / len(r)
     misfit = loss(r)
     cost = total(x, misfit)
     damping, converged, iteration = 1e-2, False, 0
     A = np.eye(len(x))
     for iteration in range(1, max_iterations + 1):
         w = 1 / np.sqrt(1 + np.abs(r) ** 2 / robust**2)
-        strength = n_independent / (floor**2 + misfit) / len(r)
+        w = w * (n_independent / len(r) / (floor**2 + misfit))[member]
         JH = np.hstack([J.real, J.imag])
-        A = strength * (JH * np.concatenate([w, w])) @ JH.T + np.diag(weight)
-        g = strength * (JH @ np.concatenate([w * r.real, w * r.imag])) + weight * (x - mean)
+        A = (JH * np.concatenate([w, w])) @ JH.T + np.diag(weight)
+        g = JH @ np.concatenate([w * r.real, w * r.imag]) + weight * (x - mean)
         pinned = ((x <= lo) & (g > 0)) | ((x >= hi) & (g < 0))
         free = ~pinned
         if not free.any():
             converged = True
             break
-        improved, worthwhile = False, True
-        for _ in range(6):
+        improved = False
+        for attempt in range(8):
             scale = np.diag(A)[free]
             H = A[np.ix_(free, free)] + np.diag(
                 damping * np.maximum(scale, 1e-12 * scale.max(initial=1e-300))
             )
             step = np.zeros_like(x)
             step[free] = -np.linalg.solve(H, g[free])
-            worthwhile = -0.5 * float(g @ step) > tolerance
-            if not worthwhile:
+            if attempt == 0 and damping < 1 and -0.5 * float(g @ step) < tolerance:
                 break
             longest = np.abs(step).max()
             if longest > max_step:
@@ -152,4 +157,4 @@ def solve_robust(
             r, J = residual(x, True)
             assert J is not None
     covariance = np.linalg.pinv(A, hermitian=True)
-    return Solution(x, cost, misfit, covariance, iteration, converged)
+    return Solution(x, cost, float(misfit @ size / len(r)), covariance, iteration, converged)
