@@ -1,0 +1,233 @@
+"""Modes under attack: repeated, close, many; one element and thousands; watch parts, towers, hinges."""
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+
+from fem.effects.frame import Frame, MemberProperties
+from fem.effects.joint import Joint
+from fem.mesh import Mesh
+from fem.model import Model, ModelError
+from fem.modes import DENSE_LIMIT, solve_modes
+from fem.properties import Section
+from fem.system import assemble
+from tests.frames import FLAT, STEEL, beam, chain, fix, portal
+
+CLAMPED, FREE = 1.875104068711961**2, 4.730040744862704**2
+
+
+def dense(system, n=None):
+    """Return all or the lowest frequencies from a dense solution [Hz]."""
+    subset = None if n is None else (0, n - 1)
+    lam = sla.eigh(system.K.toarray(), system.M.toarray(), eigvals_only=True, subset_by_index=subset)
+    return np.sqrt(np.maximum(lam, 0)) / (2 * np.pi)
+
+
+def rounding(system):
+    """Return what rounding in K does to squares of frequencies: 100 times 2e-16 of the highest."""
+    K, M = system.K.diagonal(), system.M.diagonal()
+    return 100 * 2.2e-16 * (K / M).max() / (2 * np.pi) ** 2
+
+
+def lattice(n, section, clamped):
+    index = np.arange(n**3).reshape(n, n, n)
+    points = np.argwhere(index >= 0).astype(float)
+    lines = [np.stack([np.moveaxis(index, a, 0)[:-1], np.moveaxis(index, a, 0)[1:]], -1) for a in range(3)]
+    mesh = Mesh.from_lines(points, np.concatenate([x.reshape(-1, 2) for x in lines]))
+    p = MemberProperties(STEEL, section)
+    feet = [fix(i) for i in np.flatnonzero(points[:, 2] == 0)] if clamped else []
+    return Model(mesh, (Frame(members=dict.fromkeys(mesh.members, p)), *feet))
+
+
+def star(n, arms=8):
+    angle = 2 * np.pi * np.arange(arms) / arms
+    points = np.vstack([np.zeros(3), np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])])
+    sets = {f"arm{i}": [i] for i in range(arms)}
+    mesh = Mesh.from_lines(points, [[0, i + 1] for i in range(arms)], sets).split(n)
+    p = MemberProperties(STEEL, Section.rectangle(0.02, 0.02), theory="euler-bernoulli")
+    ends = (fix(i + 1, ("x", "y", "z")) for i in range(arms))
+    return Model(mesh, (Frame(members=dict.fromkeys(mesh.members, p)), *ends))
+
+
+@pytest.mark.parametrize(
+    ("model", "n"),
+    [
+        (star(4), 30),  # dense
+        (star(20), 5),  # Lanczos: five modes that are members of sets of seven or two
+        (star(20), 20),
+        (star(20), 60),
+        (lattice(6, Section.circle(0.02), True), 40),
+        (lattice(6, Section.circle(0.02), False), 40),
+        (lattice(6, FLAT, True), 40),
+    ],
+    ids=["star4", "star20-5", "star20-20", "star20-60", "lattice-clamped", "lattice-free", "lattice-flat"],
+)
+def test_repeated_and_close_modes_are_all_found(model, n):
+    system = assemble(model)
+    modes, exact = solve_modes(system, n), dense(system, n)
+    error = modes.frequency**2 - np.where(np.arange(n) < modes.n_rigid, 0, exact) ** 2
+    assert abs(error).max() < rounding(system)
+    # as many members of each set as there are: a value more or less would shift all that follow
+    M = modes.shapes.T @ (system.Q @ system.M @ system.Q.T @ modes.shapes)
+    np.testing.assert_allclose(M, np.eye(n), atol=1e-8)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 40])
+@pytest.mark.parametrize("ask", ["one", "half", "all but one", "all"])
+def test_any_number_of_modes(n, ask):
+    system = assemble(beam(n, effects=(fix(0),)))
+    want = {"one": 1, "half": system.n_free // 2, "all but one": system.n_free - 1, "all": system.n_free}[ask]
+    modes = solve_modes(system, want)
+    assert modes.n_modes == want
+    exact = dense(system)[:want] ** 2
+    # low modes come from the flexibility, with 1e-16 of its largest value; where that is 1e8 times theirs,
+    # Rayleigh's quotient takes over
+    assert (abs(modes.frequency**2 - exact) < rounding(system) + 1e-7 * exact).all()
+    phi = system.Q.T @ modes.shapes
+    # rounding mixes 1e-16 ω_r²/ω_1² of the lowest modes into the highest; those of 40 elements span 1e12
+    np.testing.assert_allclose(phi.T @ (system.M @ phi), np.eye(want), atol=1e-7)
+    stiffness = phi.T @ (system.K @ phi)
+    assert abs(stiffness - np.diag(modes.omega**2)).max() < 1e-7 * modes.omega[-1] ** 2
+
+
+def test_more_modes_than_there_are():
+    assert solve_modes(assemble(beam(1, effects=(fix(0),))), 100).n_modes == 6
+
+
+def test_all_modes_up_to_a_frequency():
+    system = assemble(star(20))
+    assert system.n_free > DENSE_LIMIT
+    exact = dense(system)
+    for limit in (1.0, exact[10] * 1.001, exact[25] * 1.001):
+        found = solve_modes(system, max_frequency=limit).frequency
+        assert len(found) == max(1, (exact <= limit).sum())
+
+
+@pytest.mark.parametrize(
+    ("effects", "n_rigid"),
+    [
+        ((), 6),
+        ((fix(0, ("x", "y", "z")),), 3),
+        ((fix(0, ("y", "z", "rx", "ry", "rz")),), 1),  # slider
+        ((fix(0, ("x", "y", "z")), fix(1, ("y", "z"))), 1),  # spins about its axis
+        ((fix(0, ("x", "y", "z", "rx")), fix(1, ("y", "z"))), 0),
+        ((fix(0, ("z",)), fix(1, ("z",))), 4),
+        ((fix(0, ("rx", "ry", "rz")),), 3),
+        ((fix(0),), 0),
+    ],
+)
+@pytest.mark.parametrize(("length", "n"), [(1e-3, 3), (1.0, 40), (300.0, 120)])
+def test_rigid_motions_that_supports_leave(effects, n_rigid, length, n):
+    section = Section.rectangle(0.03 * length, 0.01 * length)
+    modes = solve_modes(assemble(beam(n, length, effects=effects, section=section)), 9)
+    assert modes.n_rigid == n_rigid
+    assert (modes.frequency[:n_rigid] == 0).all()
+    unit = np.sqrt(STEEL.E * section.Iy / (STEEL.rho * section.A)) / (2 * np.pi * length**2)
+    assert modes.frequency[n_rigid] > 2 * unit  # the softest here is a cantilever, 3.5
+
+
+@pytest.mark.parametrize("along", [(1, 0, 0), (0, 0, 1), (1, 2, -0.5)])
+def test_pinned_ends_on_any_line(along):
+    # On a slanted line two pins leave the spin about that line, which is no axis of the mesh.
+    ends = (fix(0, ("x", "y", "z")), fix(1, ("x", "y", "z")))
+    assert solve_modes(assemble(beam(6, effects=ends, along=along)), 4).n_rigid == 1
+
+
+@pytest.mark.parametrize(
+    ("length", "section"),
+    [
+        (1e-3, Section.rectangle(3e-5, 1e-5)),  # a watch part
+        (1.0, FLAT),
+        (300.0, Section.hollow_rectangle(10.0, 10.0, 0.5)),  # a tower
+        (300.0, Section.circle(0.01)),  # a wire
+    ],
+    ids=["watch", "beam", "tower", "wire"],
+)
+@pytest.mark.parametrize("n", [1, 10, 100, 1000])
+@pytest.mark.parametrize("effects", [(), (fix(0),)], ids=["free", "clamped"])
+def test_scales_and_meshes(length, section, n, effects):
+    model = beam(n, length, section=section, effects=effects)
+    modes = solve_modes(assemble(model), 9 if effects else 15)
+    assert modes.n_rigid == (0 if effects else 6)
+    root = CLAMPED if effects else FREE
+    weak = min(section.Iy, section.Iz)
+    unit = np.sqrt(STEEL.E * weak / (STEEL.rho * section.A)) / (2 * np.pi * length**2)
+    # Rayleigh's quotient of one cubic: 0.5 % (clamped), √720 against 22.37 (free); then (βL/n)⁴/1440.
+    # Elements of h have entries 12 EI/h³ and ω² of h⁻⁴: rounding is 1e-16 (n/β)⁴ of ω².
+    error = modes.frequency[modes.n_rigid] / (unit * root) - 1
+    expected = {True: 0.0048, False: np.sqrt(720) / FREE - 1}[bool(effects)] if n == 1 else 0
+    predicted = root**2 / n**4 / 1440 if n > 1 else 0
+    assert error == pytest.approx(
+        expected + predicted, abs=0.15 * predicted + 2e-4 * (n == 1) + 1e-15 * n**4 + 1e-6
+    )
+
+
+@pytest.mark.parametrize("k", [1e3, 1.0, 1e-3, 1e-6])
+@pytest.mark.parametrize(
+    ("length", "section"),
+    [(1e-3, Section.rectangle(3e-5, 1e-5)), (1.0, FLAT), (300.0, Section.hollow_rectangle(10.0, 10.0, 0.5))],
+    ids=["watch", "beam", "tower"],
+)
+@pytest.mark.parametrize("n", [10, 100])
+def test_soft_springs_are_neither_missed_nor_mechanisms(n, length, section, k):
+    free = beam(n, length, section=section)
+    springs = [
+        Joint(name=f"s{p}", point1=p, location=free.mesh.points[p], K=k * np.diag([1, 1, 1, 0, 0, 0]))
+        for p in (0, 1)
+    ]
+    system = assemble(free.with_effect(*springs))
+    modes = solve_modes(system, 9)
+    assert modes.n_rigid == 1  # the spin about its axis
+    mass = STEEL.rho * section.A * length
+    elastic = solve_modes(assemble(free), 7).frequency[6]
+    # √(2k/m) along; √(2k (L/2)²/(m L²/12)) = √3 times that about the middle, the beam being rigid beside the
+    # springs; and what rounding leaves of ω²
+    heave = np.sqrt(2 * k / mass) / (2 * np.pi)
+    if heave < 0.03 * elastic:
+        expected = heave * np.array([1, 1, 1, np.sqrt(3), np.sqrt(3)])
+        stray = abs(modes.frequency[1:6] ** 2 - expected**2)
+        assert (stray < 3e-3 * expected**2 + rounding(system)).all()
+        # springs do not change the elastic modes by more than (heave/elastic)², and rounding does not either
+        assert modes.frequency[6] == pytest.approx(elastic, rel=5 * (heave / elastic) ** 2 + 1e-5)
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 300.0])
+@pytest.mark.parametrize("n", [1, 4, 40, 300])
+@pytest.mark.parametrize(
+    ("n_members", "effects", "n_rigid", "n_loose"), [(3, (), 6, 6), (2, (fix(0),), 0, 3)]
+)
+def test_hinge_chains_are_mechanisms(n_members, effects, n_rigid, n_loose, length, n):
+    section = Section.rectangle(0.03 * length, 0.01 * length)
+    model = chain(n_members, n, effects, length=length, section=section)
+    with pytest.raises(ModelError, match=r"mechanism: \d motion.* besides (\d) rigid-body") as found:
+        solve_modes(assemble(model))
+    words = str(found.value).split()
+    count = int(words[words.index("mechanism:") + 1])
+    assert f"besides {n_rigid} rigid-body" in str(found.value)
+    # fine meshes: rounding stiffens one or two of them beyond recognition, never all
+    assert count == n_loose if n <= 4 else 1 <= count <= n_loose
+    # hinges that a feather holds are none
+    feather = 1e-6 * STEEL.E * section.Iz / length
+    held = solve_modes(assemble(chain(2, n, (fix(0),), length=length, section=section, stiffness=feather)))
+    assert held.n_rigid == 0
+    assert held.frequency[0] > 0
+
+
+def test_a_mechanism_is_found_whatever_number_of_modes_is_asked_for():
+    for n in (1, 3, 30):
+        with pytest.raises(ModelError, match="mechanism"):
+            solve_modes(assemble(chain(3, 4)), n)
+
+
+def test_sound_frames_are_no_mechanisms():
+    for model in (portal(), lattice(3, FLAT, False), chain(1, 1), star(2)):
+        solve_modes(assemble(model), 10)
+
+
+def test_rigid_modes_do_not_depend_on_the_origin():
+    mesh = beam(6).mesh
+    far = Mesh.from_lines(np.add(mesh.points, [1e4, -2e4, 5e3]), mesh.lines, {"beam": np.arange(6)})
+    near, moved = (solve_modes(assemble(Model(m, beam(6).effects)), 12) for m in (mesh, far))
+    assert moved.n_rigid == 6
+    # coordinates of 2e4 m have 4e-12 m of rounding, 2e-11 of an element's length
+    np.testing.assert_allclose(moved.frequency, near.frequency, rtol=1e-9)
