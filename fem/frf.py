@@ -1,4 +1,4 @@
-"""Frequency response functions: the type that measured and computed data share, and how a system gives them."""
+"""Frequency response functions: the type that all data share, and how a system gives them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
 """DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
 
 LOCAL_DAMPING = 48
-"""A contribution to the damping that touches more DOFs than this is not local: members with a loss factor, not dampers."""
+"""Damping that touches more DOFs than this is not local: members with a loss factor, not dampers."""
 
 
 class FRFKind(StrEnum):
@@ -148,7 +148,10 @@ class FRF:
         if power == 0:
             return self
         if power < 0 and self.frequency[0] == 0:
-            msg = f"a line at 0 Hz cannot be converted from {self.kind} to {kind}; leave it out with select(band=…)"
+            msg = (
+                f"a line at 0 Hz cannot be converted from {self.kind} to {kind}; leave it out "
+                "with select(band=…)"
+            )
             raise FRFError(msg)
         return replace(self, H=self.H * (1j * self.omega[:, None, None]) ** power, kind=kind)
 
@@ -292,7 +295,10 @@ def dof_vectors(model: Model, selection: Selection) -> tuple[NDArray[np.float64]
         else:
             dof = int(item)
         if not 0 <= dof < model.n_dof:
-            msg = f"DOF {dof} (point {dof // 6}) is not in the mesh, which has {model.mesh.n_points} points, counted from 0"
+            msg = (
+                f"DOF {dof} (point {dof // 6}) is not in the mesh, which has "
+                f"{model.mesh.n_points} points, counted from 0"
+            )
             raise ModelError(msg)
         columns[dof, i] = 1.0
         labels.append(f"{dof // 6}{('X', 'Y', 'Z', 'RX', 'RY', 'RZ')[dof % 6]}+")
@@ -333,7 +339,9 @@ def _reduced_receptance(
 
 
 def _damped_motions(system: System) -> NDArray[np.float64]:
-    """Return the forces of local dampers, shape (n_dof, n): for each, an orthonormal basis of the range of its C and D.
+    """Return the forces of local dampers, shape (n_dof, n).
+
+    For each, an orthonormal basis of the range of its C and D.
 
     Damping of whole members (a material's loss factor) follows the stiffness there and needs none.
     """

@@ -103,7 +103,10 @@ class Mesh:
         if outside.any():
             row = int(np.flatnonzero(outside.any(axis=1))[0])
             node = int(lines[row][outside[row]][0])
-            msg = f"line {row} refers to point {node}, but the mesh has {len(points)} points; points count from 0"
+            msg = (
+                f"line {row} refers to point {node}, but the mesh has {len(points)} points; "
+                "points count from 0"
+            )
             raise MeshError(msg)
         length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
         size = float(np.ptp(points, axis=0).max())
@@ -117,7 +120,10 @@ class Mesh:
         for name, rows in sets.items():
             for row in rows:
                 if not 0 <= row < len(lines):
-                    msg = f"set '{name}' refers to line {row}, but the mesh has {len(lines)} lines, counted from 0"
+                    msg = (
+                        f"set '{name}' refers to line {row}, but the mesh has {len(lines)} "
+                        "lines, counted from 0"
+                    )
                     raise MeshError(msg)
                 if row in owner:
                     msg = (
@@ -363,7 +369,10 @@ def _chains(
             at.setdefault(int(p), []).append(int(row))
 
     def goes_on(point: int, row: int) -> int | None:
-        """Return the row that continues a chain beyond a point: the only other one, and without a sharp corner."""
+        """Return the row that continues a chain beyond a point.
+
+        The only other one, and without a sharp corner.
+        """
         others = [r for r in at[point] if r != row]
         if len(others) != 1:
             return None

@@ -152,11 +152,14 @@ class Effect(ABC):
         """Return a copy with other parameter values; complex values are carried for derivatives."""
         return replace(self, **values)
 
-    def contribute(self, model: "Model") -> tuple[Contribution, ...]:  # noqa: ARG002
-        """Return what it adds to K, M, C and D. Must accept complex parameter values (complex-step derivatives)."""
+    def contribute(self, model: "Model") -> tuple[Contribution, ...]:
+        """Return what it adds to K, M, C and D.
+
+        Must accept complex parameter values (complex-step derivatives).
+        """
         return ()
 
-    def constraints(self, model: "Model") -> tuple[Constraint, ...]:  # noqa: ARG002
+    def constraints(self, model: "Model") -> tuple[Constraint, ...]:
         """Return the linear constraints that it imposes."""
         return ()
 
@@ -165,16 +168,18 @@ class Effect(ABC):
         return ()
 
     def replaces(self) -> tuple[ParameterRef, ...]:
-        """Return parameters of other effects that stay fixed while this one is estimated, because it stands for them."""
+        """Return other effects' parameters that this one stands for; they stay fixed meanwhile."""
         return ()
 
     @classmethod
-    def propose(cls, model: "Model") -> tuple["Effect", ...]:  # noqa: ARG003
+    def propose(cls, model: "Model") -> tuple["Effect", ...]:
         """Return candidates of this kind for a model, each at a value from which an estimation may start."""
         return ()
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:  # noqa: ARG002
-        """Return a grid of parameter values, one mapping for each point; an estimation starts at the best of them.
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Return a grid of parameter values, one mapping for each point.
+
+        An estimation starts at the best of them.
 
         Parameters
         ----------
@@ -184,7 +189,7 @@ class Effect(ABC):
         """
         return ({p.name: p.value for p in self.parameters()},)
 
-    def locations(self, model: "Model") -> NDArray[np.float64]:  # noqa: ARG002
+    def locations(self, model: "Model") -> NDArray[np.float64]:
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))
 
@@ -224,7 +229,8 @@ class Damping:
         frequency = np.zeros(1) if frequency is None else np.array(frequency, dtype=float, ndmin=1)
         if ratio.shape != frequency.shape or ratio.ndim != 1 or (np.diff(frequency) <= 0).any():
             msg = (
-                f"{ratio.size} damping ratios need {ratio.size} increasing frequencies, found {frequency.size}"
+                f"{ratio.size} damping ratios need {ratio.size} increasing frequencies, found "
+                f"{frequency.size}"
             )
             raise ModelError(msg)
         if not ((ratio >= 0) & (ratio < 1)).all():
@@ -379,6 +385,9 @@ def directions_from(text: str | Sequence[str], what: str) -> tuple[str, ...]:
     words = tuple(words)
     for word in words:
         if word not in DIRECTIONS:
-            msg = f"{what}: '{word}' is not a direction; allowed are {', '.join(DIRECTIONS)}, all, translations, rotations"
+            msg = (
+                f"{what}: '{word}' is not a direction; allowed are {', '.join(DIRECTIONS)}, all, "
+                "translations, rotations"
+            )
             raise ModelError(msg)
     return tuple(d for d in DIRECTIONS if d in words)

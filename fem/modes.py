@@ -222,7 +222,7 @@ def _reference_eigenvalue(system: System) -> float:
 
 
 def rigid_body_motions(system: System) -> NDArray[np.float64]:
-    """Return an M-orthonormal basis of the structure's rigid-body motions that its constraints and springs allow.
+    """Return an M-orthonormal basis of the rigid-body motions that constraints and springs allow.
 
     Returns
     -------
@@ -236,7 +236,10 @@ def rigid_body_motions(system: System) -> NDArray[np.float64]:
 
 
 def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> None:
-    """Raise an error if more motions than the rigid-body ones meet no resistance; on soft springs they meet some."""
+    """Raise an error if more motions than the rigid-body ones meet no resistance.
+
+    On soft springs they meet some.
+    """
     size = system.model.mesh.size
     motions = np.asarray(system.Q @ vectors)
     reach = np.abs(motions).reshape(-1, 6, vectors.shape[1]).max(axis=0)
@@ -271,7 +274,8 @@ def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDA
             for k in parts[:4]
         ]
         return (
-            f"the structure is in {len(parts)} parts that nothing connects ({'; '.join(words)}{' …' if len(parts) > 4 else ''}); "
+            f"the structure is in {len(parts)} parts that nothing connects "
+            f"({'; '.join(words)}{' …' if len(parts) > 4 else ''}); "
             "add joints, or points that the members share"
         )
     extra = vectors - rigid @ (rigid.T @ (system.M @ vectors)) if rigid.shape[1] else vectors
@@ -280,6 +284,7 @@ def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDA
     words = [f"point {d // 6} {DIRECTIONS[d % 6]}" for d in worst if u[d] > 0.3 * u[worst[0]]]
     n = vectors.shape[1] - rigid.shape[1]
     return (
-        f"the structure is a mechanism: {n} motion(s) have no stiffness besides {rigid.shape[1]} rigid-body motion(s) of the whole; "
+        f"the structure is a mechanism: {n} motion(s) have no stiffness besides {rigid.shape[1]} "
+        "rigid-body motion(s) of the whole; "
         f"most free: {', '.join(words)}"
     )

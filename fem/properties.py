@@ -152,7 +152,7 @@ class Section:
     def circle(cls, d: float) -> "Section":
         """Solid circle of diameter d [m]; shear coefficient 9/10 (energy)."""
         _positive("circle", d=d)
-        I = np.pi * d**4 / 64  # noqa: E741
+        I = np.pi * d**4 / 64
         return cls(np.pi * d**2 / 4, I, I, 2 * I, 0.9, 0.9, (_circle(d),), f"circle {d:g} m")
 
     @classmethod
@@ -163,7 +163,7 @@ class Section:
             msg = f"tube: the wall t = {t:g} m fills the diameter {d:g} m; t must be below half of it"
             raise PropertyError(msg)
         di = d - 2 * t
-        I = np.pi * (d**4 - di**4) / 64  # noqa: E741
+        I = np.pi * (d**4 - di**4) / 64
         return cls(
             np.pi * (d**2 - di**2) / 4,
             I,

@@ -1,4 +1,6 @@
-"""The fast engine: FRFs of a reduced model and their exact derivatives, for many parameter values and candidate effects.
+"""The fast engine: FRFs of a reduced model and their exact derivatives.
+
+For many parameter values and candidate effects.
 
 A model is projected once. After that nothing depends on the size of the mesh: a set of parameter values
 costs one small symmetric eigenproblem, and a candidate effect what its own few DOFs cost.
@@ -25,7 +27,10 @@ _STEP = 1e-200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Term:
-    """Matrices on the reduced coordinates, X = Lᵀ x L for X in K, M, C, D; L is the identity where it is None."""
+    """Matrices on the reduced coordinates, X = Lᵀ x L for X in K, M, C, D.
+
+    L is the identity where it is None.
+    """
 
     L: NDArray[np.float64] | None
     K: NDArray[Any] | None
@@ -113,7 +118,7 @@ class ReducedModel:
         return self._cache["sum"]
 
     def linear(self, effect: Effect, parameter: str, value: float) -> _Term:
-        """Return the derivative with respect to a linear parameter (computed once for effects of the model)."""
+        """Return the derivative by a linear parameter, computed once for effects of the model."""
         key = (effect.name, parameter)
         if key not in self._cache:
             self._cache[key] = self.derivative_of(effect, parameter, value)
@@ -347,7 +352,9 @@ class LocalChanges:
     H: NDArray[np.complex128]
 
     def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128] | None]:
-        """Return the receptances with each of some effects added, one at a time; None for one that touches too many DOFs.
+        """Return the receptances with each of some effects added, one at a time.
+
+        None for one that touches too many DOFs.
 
         H' = H - Hₒ ΔZ (I + G ΔZ)⁻¹ Hᵢ, with G the receptance of the touched DOFs. Effects at the same place
         share Hₒ, Hᵢ and G.
@@ -438,7 +445,10 @@ def _times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.comp
 
 
 def _range(C: Any, D: Any) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return an orthonormal basis of what local damping acts on, and C and D on it; None without local damping."""
+    """Return an orthonormal basis of what local damping acts on, and C and D on it.
+
+    None without local damping.
+    """
     sizes = [float(np.abs(X).max()) for X in (C, D)]
     if max(sizes) == 0:
         return None

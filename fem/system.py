@@ -80,7 +80,10 @@ def assemble(model: Model) -> System:
 
 
 def rigid_motions(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the six rigid-body motions about the mesh's centre, rotations divided by its size, shape (n_dof, 6)."""
+    """Return the six rigid-body motions about the mesh's centre, rotations divided by its size.
+
+    Shape (n_dof, 6).
+    """
     motions = np.vstack([lever_matrix(p) for p in mesh.points - mesh.points.mean(axis=0)])
     motions[:, 3:] /= max(mesh.size, 1e-300)
     return motions
@@ -89,7 +92,9 @@ def rigid_motions(mesh: Mesh) -> NDArray[np.float64]:
 def resistance(
     contributions: tuple[Contribution, ...], motions: NDArray[np.float64], size: float, rounding: float
 ) -> NDArray[np.float64]:
-    """Return the forces, as rows (n_rows, n), with which elements oppose motions (n_dof, n) of a structure of a size [m].
+    """Return the forces, as rows (n_rows, n), with which elements oppose motions (n_dof.
+
+    N) of a structure of a size [m].
 
     What an element opposes is judged by itself, against the forces that its entries would give one by one in
     a motion of 1 and a

@@ -393,7 +393,8 @@ def _search(result: RunResult, album: Album) -> Markup:
     parts = [
         paragraph(
             "Each round fits every candidate together with the uncertain parameters, quickly at first, "
-            "the best fully. The best is accepted if the residual level falls enough, on the lines of the fit "
+            "the best fully. The best is accepted if the residual level falls enough, on the "
+            "lines of the fit "
             "and on held-out lines; then the search is repeated with it."
         )
     ]

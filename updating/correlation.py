@@ -9,6 +9,9 @@ from fem.frf import FRF, FRFError
 
 DB_PER_NEPER = 20 / np.log(10)
 
+_NAN = complex(np.nan, np.nan)
+"""No number in both parts; complex("nan") has the imaginary part 0, which would count as a phase."""
+
 
 def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     """Compute the modal assurance criterion |φ_xᴴ φ_a|² / (φ_xᴴφ_x · φ_aᴴφ_a).
@@ -37,7 +40,7 @@ def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(msg)
     cross = np.abs(x.conj().T @ a) ** 2
     norm = np.outer((np.abs(x) ** 2).sum(axis=0), (np.abs(a) ** 2).sum(axis=0))
-    return np.minimum(np.divide(cross, norm, out=np.zeros_like(cross), where=norm > 0), 1.0)
+    return np.minimum(np.divide(cross, norm, out=np.zeros(cross.shape), where=norm > 0), 1.0)
 
 
 def frac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
@@ -57,7 +60,7 @@ def frac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
     x, a = np.asarray(H_x), np.asarray(H_a)
     cross = np.abs((x * a.conj()).sum(axis=0)) ** 2
     norm = (np.abs(x) ** 2).sum(axis=0) * (np.abs(a) ** 2).sum(axis=0)
-    return np.minimum(np.divide(cross, norm, out=np.zeros_like(cross), where=norm > 0), 1.0)
+    return np.minimum(np.divide(cross, norm, out=np.zeros(cross.shape), where=norm > 0), 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +123,7 @@ def log_ratio(computed: NDArray[np.complex128], measured: NDArray[np.complex128]
     """Return ln(computed / measured) with the phase between -π and π; NaN where one of them is zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(computed / measured)
-    return np.where(np.isfinite(ratio), ratio, complex("nan"))
+    return np.where(np.isfinite(ratio), ratio, _NAN)
 
 
 def compare(
@@ -159,7 +162,7 @@ def compare(
     H = computed.as_kind(measured.kind).H
     ratio = log_ratio(H, measured.H)
     if mask is not None:
-        ratio = np.where(mask, ratio, complex("nan"))
+        ratio = np.where(mask, ratio, _NAN)
     f = measured.frequency
     edges = np.linspace(f[0], f[-1], bands + 1) if isinstance(bands, int) else np.asarray(bands, dtype=float)
     which = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, len(edges) - 2)

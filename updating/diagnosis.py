@@ -24,11 +24,12 @@ NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement 
 ACCEPT_LEVEL = 1.25
 """An effect is accepted if the residual level falls by this factor …"""
 ACCEPT_HELD_OUT = 1.15
-"""… and the level on lines that no fit has seen by this one. In cases with nothing hidden the best of all candidates gains a few per cent."""
+"""… and the level on lines that no fit has seen by this one. In cases with nothing hidden the "
+"best of all candidates gains a few per cent."""
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model counts as right where nothing improves it [nepers]."""
 TWIN_SHARE = 0.9
-"""A candidate that brings this share of the best one's reduction (of the logarithm of the level) is its twin."""
+"""A candidate that brings this share of the best one's reduction, in ln level, is its twin."""
 N_LINES = 160
 """At most this many lines are fitted."""
 MAX_EFFECTS = 3
@@ -372,13 +373,12 @@ def diagnose(
         open_ = [
             e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
         ]
-        ranked, best = _round(
-            problem, current, open_, lambda text, done, n=len(rounds): say(text, (n + done) / (n + 2))
-        )
+        ranked, best = _round(problem, current, open_, _part(say, len(rounds)))
         rounds.append(ranked)
         if best is None:
             break
-        # The candidate's fit may have found better nuisance parameters; the model without it deserves them too.
+        # The candidate's fit may have found better nuisance parameters; the model without it deserves them
+        # too.
         again = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=best)
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
@@ -401,7 +401,8 @@ def diagnose(
     basis_db = basis_error(problem, current)
     if basis_db > BASIS_LIMIT_DB:
         notes.append(
-            f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: read weak "
+            f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked "
+            "lines: read weak "
             "findings with care"
         )
     verdict, reason = _verdict(problem, null, current, findings, faults, rounds)
@@ -412,6 +413,11 @@ def diagnose(
         verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db, mesh_db,
         basis_db, problem, model_fitted, tuple(notes), time.perf_counter() - begun,
     )  # fmt: skip
+
+
+def _part(say: Progress, n: int) -> Progress:
+    """Return progress of round n as a part of the whole, whose length is not known before."""
+    return lambda text, done: say(text, (n + done) / (n + 2))
 
 
 def _step(label: str, result: FitResult) -> Step:
@@ -527,7 +533,10 @@ def _values(effect: Effect) -> dict[str, float]:
 
 
 def _polish(problem: FitProblem, best: FitResult) -> FitResult:
-    """Fit again from starts around the best; optima that are as good widen the parameter's standard deviation."""
+    """Fit again from starts around the best.
+
+    Optima that are as good widen the parameter's standard deviation.
+    """
     *have, last = best.effects
     first = last.parameters()[0]
     tried = [best]
@@ -546,7 +555,9 @@ def _polish(problem: FitProblem, best: FitResult) -> FitResult:
 def _scan(
     problem: FitProblem, current: FitResult, have: Sequence[Effect], effect: Effect
 ) -> tuple[float, Effect, list[dict[str, float]]]:
-    """Evaluate an effect on its grid, nuisance parameters as fitted and nominal, in the whole and the low band.
+    """Evaluate an effect on its grid, nuisance parameters as fitted and nominal.
+
+    In the whole and the low band.
 
     Returns the lowest level on the whole band and up to three points to start from.
     """
@@ -631,7 +642,8 @@ def _verdict(
         if faults:
             return (
                 FAULT,
-                f"with {len(faults)} sensor(s) set right nothing improves the model further; residual level {level}",
+                f"with {len(faults)} sensor(s) set right nothing improves the model further; "
+                f"residual level {level}",
             )
         return NOTHING, f"no candidate improves the fitted model, whose residual level is {level}"
     tried = len(rounds[0]) if rounds else 0
@@ -687,7 +699,8 @@ def _proportionality(problem: FitProblem, measurements: Sequence[Measurement]) -
         difference = float(np.median((ratio / first.noise)[first.mask]) / 0.6745 / np.sqrt(2))
         if difference > NOT_LINEAR:
             notes.append(
-                f"{other.name} differs from {first.measurement.name} by {difference:.2g} times what noise explains: the structure "
+                f"{other.name} differs from {first.measurement.name} by {difference:.2g} times "
+                "what noise explains: the structure "
                 "is not linear, or the two were not measured alike"
             )
         else:

@@ -41,7 +41,7 @@ def find_sign_faults(log_ratio: NDArray[np.complex128]) -> tuple[int, ...]:
     cosine = np.cos(log_ratio.imag)
     out = []
     for i in range(log_ratio.shape[1]):
-        seen = cosine[:, i][np.isfinite(cosine[:, i])]
+        seen = cosine[:, i][np.isfinite(log_ratio[:, i].real)]
         if seen.size and np.median(seen) < -0.5 and (seen < 0).mean() > 0.75:
             out.append(i)
     return tuple(out)

@@ -1,4 +1,7 @@
-"""Fits of a reduced model to measured FRFs: nuisance parameters, the damping curve, sensor gains and candidate effects."""
+"""Fits of a reduced model to measured FRFs.
+
+Nuisance parameters, the damping curve, sensor gains and candidate effects.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -211,7 +214,10 @@ class FitProblem:
         return lines[np.unique(np.linspace(0, len(lines) - 1, n_lines).round().astype(int))]
 
     def band_of(self, lines: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return which of up to four bands with equally many modes each line is in; each has an error level of its own."""
+        """Return which of up to four bands with equally many modes each line is in.
+
+        Each has an error level of its own.
+        """
         knots = self.damping.knots
         edges = np.quantile(knots, [0.25, 0.5, 0.75]) if len(knots) > 4 else np.zeros(0)
         return np.searchsorted(edges, self.data.frequency[lines])
@@ -357,7 +363,9 @@ class FitProblem:
         grid: Sequence[dict[str, float]],
         lines: NDArray[np.int64],
     ) -> NDArray[np.float64]:
-        """Return the robust residual level for grid values of the last effect's parameters; nothing is fitted.
+        """Return the robust residual level for grid values of the last effect's parameters.
+
+        Nothing is fitted.
 
         Parameters
         ----------
@@ -389,7 +397,7 @@ class FitProblem:
         return out
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
-        """Return the median impedance that the structure opposes to motion along a released constraint [N/m, N·m/rad]."""
+        """Return the median stiffness that opposes motion along a released constraint [N/m, N·m/rad]."""
         basis, total = self.reduced.basis, self.reduced.base_sum()
         column = basis.n_main + basis.keys.index(key)
         active = [*range(basis.n_main), column]
@@ -433,7 +441,10 @@ class FitProblem:
         )
 
     def at_nominal(self, result: FitResult) -> FitResult:
-        """Return a result with the nuisance parameters of the model back at their nominal values; damping and gains stay."""
+        """Return a result with the nuisance parameters of the model back at their nominal values.
+
+        Damping and gains stay.
+        """
         own = {e.name for e in self.reduced.model.effects}
         nominal = self.reduced.model.values()
         return replace(result, values={r: nominal[r] if r[0] in own else v for r, v in result.values.items()})

@@ -1,4 +1,7 @@
-"""Where a model fails: which sensors and bands carry the misfit, and which members and joints could take it away."""
+"""Where a model fails: which sensors and bands carry the misfit.
+
+And which members and joints could take it away.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -69,7 +69,10 @@ class Measurement:
             ("forces", self.frf.inputs, self.excitations),
         ):
             if have != tuple(s.name for s in want):
-                msg = f"the FRF's {word} are {', '.join(have)}, the sensors' names {', '.join(s.name for s in want)}"
+                msg = (
+                    f"the FRF's {word} are {', '.join(have)}, the sensors' names "
+                    f"{', '.join(s.name for s in want)}"
+                )
                 raise MeasurementError(msg)
 
     def with_frf(self, frf: FRF) -> "Measurement":
@@ -107,7 +110,8 @@ def place_sensors(mesh: Mesh, sensors: tuple[Sensor, ...], tolerance: float | No
         member, position, distance = mesh.nearest_on_members(sensor.point)
         if distance > tolerance:
             msg = (
-                f"sensor '{sensor.name}' at {sensor.point.tolist()} m is {distance:.3g} m from the nearest member "
+                f"sensor '{sensor.name}' at {sensor.point.tolist()} m is {distance:.3g} m from "
+                "the nearest member "
                 f"'{member}'; at most {tolerance:.3g} m is allowed"
             )
             raise MeasurementError(msg)

@@ -1,4 +1,7 @@
-"""What may vary in a fit: nuisance parameters with prior knowledge, the damping curve, and effects' parameters."""
+"""What may vary in a fit.
+
+Nuisance parameters with prior knowledge, the damping curve, and effects' parameters.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

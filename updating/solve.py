@@ -63,11 +63,13 @@ def solve_robust(
     tolerance: float = 5e-3,
     max_step: float = 1.0,
 ) -> Solution:
-    """Minimise Σ n_g/2 · ln(s² + ⟨ρ(|r|²)⟩_g) + ½ Σ ((x - mean)/std)² by Levenberg-Marquardt steps within bounds.
+    """Minimise a robust negative log posterior by Levenberg-Marquardt steps within bounds.
 
-    The error level of each group g of residuals is estimated with the unknowns, which is what the logarithm says: while
-    the misfit is large the priors hold, and when it is small the data speak; groups that a model cannot reach, such as
-    high frequencies, count less. ρ is the pseudo-Huber function of complex residuals, ρ = 2c² (√(1 + |r|²/c²) - 1).
+    Σ n_g/2 · ln(s² + ⟨ρ(|r|)⟩_g) + ½ Σ ((x - mean)/std)² with ρ = 2c² (√(1 + |r|²/c²) - 1), pseudo-Huber.
+
+    The error level of each group g of residuals is estimated with the unknowns, which is what the logarithm
+    says: while the misfit is large the priors hold, and when it is small the data speak; groups that a model
+    cannot reach, such as high frequencies, count less.
 
     Parameters
     ----------

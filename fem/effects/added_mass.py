@@ -39,7 +39,7 @@ class AddedMass(Effect):
         return f"point {self.point}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The mass."""
+        """Return the mass."""
         return (Parameter("mass", "kg", self.mass, 0.0, 0.0, np.inf, linear=True),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -124,7 +124,7 @@ class PointMass(Effect):
         )
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The place on the member."""
+        """Return the place on the member."""
         return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
 
 

@@ -144,7 +144,10 @@ class Frame(Effect):
     def _axis(
         self, mesh: Mesh, member: str
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the offsets of a member's points (n + 1, 3), and the local axes (n, 3, 3) and lengths (n,) of its lines' axes."""
+        """Return where a member's axis runs.
+
+        The offsets of its points (n + 1, 3) [m], and its lines' local axes (n, 3, 3) and lengths (n,) [m].
+        """
         p, chain = self._of(member), mesh.members[member]
         s = mesh.member_positions(member)
         at = p.offset1 + (s / s[-1])[:, None] * (p.offset2 - p.offset1)
@@ -156,7 +159,10 @@ class Frame(Effect):
         try:
             return self.members[member]
         except KeyError:
-            msg = f"member '{member}' of the mesh has no material and section; given are {', '.join(self.members)}"
+            msg = (
+                f"member '{member}' of the mesh has no material and section; given are "
+                f"{', '.join(self.members)}"
+            )
             raise ModelError(msg) from None
 
     def _lines(self, mesh: Mesh, rows: ArrayLike) -> _Lines:
@@ -183,8 +189,8 @@ class Frame(Effect):
                 room[line] -= zone
                 if room[line] <= 0.001 * span[line]:
                     msg = (
-                        f"member '{member}': the rigid end zone of {zone:g} m does not fit into the element at "
-                        f"that end ({span[line]:g} m); use larger elements"
+                        f"member '{member}': the rigid end zone of {zone:g} m does not fit into the element "
+                        f"at that end ({span[line]:g} m); use larger elements"
                     )
                     raise ModelError(msg)
                 end[line, k] += (1 - 2 * k) * zone * R[line, 0]
@@ -214,8 +220,9 @@ class Frame(Effect):
             return np.divide(12 * EG * I, k * c["A"] * L**2, out=np.zeros_like(L), where=k > 0)
 
         return _Lines(
-            rows=rows, dofs=dofs_of(line).reshape(len(rows), 12), T=T, R=R, end=end, span=span, skip=skip, L=L, **c,
-            phi_y=shear(c["Iz"], c["ky"]), phi_z=shear(c["Iy"], c["kz"]), E=E, rho=rho, eta=eta,
+            rows=rows, dofs=dofs_of(line).reshape(len(rows), 12), T=T, R=R, end=end, span=span, skip=skip,
+            L=L,
+            **c, phi_y=shear(c["Iz"], c["ky"]), phi_z=shear(c["Iy"], c["kz"]), E=E, rho=rho, eta=eta,
         )  # fmt: skip
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -267,7 +274,7 @@ class Frame(Effect):
         return g.dofs, _motion(g, mesh, np.array([at.xi for at in locations]))
 
     def interpolate_slope(self, mesh: Mesh, locations: list[Location]) -> Array:
-        """Return the derivative of :meth:`interpolate`'s N with respect to arc length, shape (n, 6, 12) [1/m]."""
+        """Return the derivative of :meth:`interpolate`'s N by arc length, shape (n, 6, 12) [1/m]."""
         g = self._lines(mesh, [at.line for at in locations])
         step = 1j * 1e-200 / mesh.lengths()[g.rows]
         return np.imag(_motion(g, mesh, np.array([at.xi for at in locations]) + step)) / 1e-200
@@ -275,7 +282,9 @@ class Frame(Effect):
     def strain_energy_matrix(
         self, model: Model, member: str, start: Array, stop: Array, factors: ArrayLike = (1, 1, 1, 1, 1, 1)
     ) -> Contribution:
-        """Return stiffness and structural damping of the part of a member between two arc lengths; complex ends give derivatives.
+        """Return stiffness and structural damping of the part of a member between two arc lengths.
+
+        Complex ends give derivatives.
 
         Parameters
         ----------
@@ -399,7 +408,10 @@ def _plane(xi: Array, L: Array, phi: Array) -> tuple[Array, Array, Array, Array]
 
 
 def _flexible(g: _Lines, xi: Array) -> Array:
-    """Return the fraction of the flexible part at a fraction of the line; rigid zones are at 0 and 1. Complex steps pass."""
+    """Return the fraction of the flexible part at a fraction of the line; rigid zones are at 0 and 1.
+
+    Complex steps pass.
+    """
     x = (xi * g.span - g.skip) / g.L
     return np.where(np.real(x) < 0, 0.0, np.where(np.real(x) > 1, 1.0, x))
 

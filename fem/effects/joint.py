@@ -1,4 +1,4 @@
-"""Joints between two points, or between a point and the ground: 6×6 K, C, D and M at a place with lever arms."""
+"""Joints between two points or to the ground, with 6×6 K, C, D and M at a place with lever arms."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
@@ -22,7 +22,7 @@ TRANSLATIONS = DIRECTIONS[:3]
 
 
 def joint_unit(direction: str, what: str = "k") -> str:
-    """Return the SI unit of a joint's stiffness (k), viscous damping (c) or loss factor (eta) in a direction."""
+    """Return the SI unit of a joint's stiffness (k), damping (c) or loss factor (eta) in a direction."""
     if what == "eta":
         return "-"
     base = "N/m" if direction in TRANSLATIONS else "N·m/rad"
@@ -32,7 +32,7 @@ def joint_unit(direction: str, what: str = "k") -> str:
 def relative_rows(
     model: Model, point1: int, point2: int | None, location: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the DOFs of two points, and B with δ = B u: the motion of the first relative to the second at a place.
+    """Return the DOFs of two points, and B with δ = B u, the motion of the first relative to the second.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Joint(Effect):
         return tuple(d for d, k in zip(DIRECTIONS, diagonal, strict=True) if k > 0 and d not in self.rigid)
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The diagonal stiffnesses ``kx … krz`` of its elastic directions, the loss factor ``eta``, dampers ``cx … crz``."""
+        """Return the stiffnesses ``kx … krz`` of its elastic directions and the loss factor ``eta``."""
         k = np.diag(self.K)
         out = [
             Parameter(

@@ -37,7 +37,7 @@ class JointViscousDamping(Effect):
         return f"joint {self.joint}, {self.direction}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The dashpot's constant."""
+        """Return the dashpot's constant."""
         return (
             Parameter(
                 "damping",
@@ -79,7 +79,7 @@ class JointViscousDamping(Effect):
         )
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The joint."""
+        """Return the joint."""
         return model.effect(self.joint).locations(model)
 
 
@@ -105,7 +105,7 @@ class JointStructuralDamping(Effect):
         return f"joint {self.joint}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The loss factor."""
+        """Return the loss factor."""
         return (Parameter("loss_factor", "-", self.loss_factor, 0.0, 0.0, 2.0, linear=True),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -129,5 +129,5 @@ class JointStructuralDamping(Effect):
         )
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The joint."""
+        """Return the joint."""
         return model.effect(self.joint).locations(model)

@@ -1,4 +1,4 @@
-"""Joints softer or stiffer in one direction than the model has them, or flexible where the model has them rigid."""
+"""Joints softer, stiffer or less rigid in one direction than the model has them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class JointStiffness(Effect):
         return f"joint{'s' if len(self.joints) > 1 else ''} {', '.join(self.joints)}, {self.direction}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The stiffness."""
+        """Return the stiffness."""
         unit = joint_unit(self.direction)
         return (
             Parameter("stiffness", unit, self.stiffness, self.assumed, *self.bounds, log=True, linear=True),
@@ -62,17 +62,20 @@ class JointStiffness(Effect):
         return tuple(out)
 
     def released(self) -> tuple[tuple[str, str], ...]:
-        """The joints' constraints in this direction, where they are rigid."""
+        """Return the joints' constraints in this direction, where they are rigid."""
         return () if np.isfinite(self.assumed) else tuple((name, self.direction) for name in self.joints)
 
     def replaces(self) -> tuple[tuple[str, str], ...]:
-        """The joints' own stiffnesses in this direction."""
+        """Return the joints' own stiffnesses in this direction."""
         return (
             tuple((name, f"k{self.direction}") for name in self.joints) if np.isfinite(self.assumed) else ()
         )
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Three decades softer to two stiffer than assumed; for rigid joints around the stiffness of their surroundings."""
+        """Return values from three decades softer to two stiffer than assumed.
+
+        For rigid joints the values lie around the stiffness of their surroundings.
+        """
         if np.isfinite(self.assumed):
             return tuple({"stiffness": float(f * self.assumed)} for f in np.geomspace(1e-3, 1e2, 26))
         k = float(np.median([scale(key) for key in self.released()]))
@@ -80,7 +83,7 @@ class JointStiffness(Effect):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each direction of each joint that is elastic or rigid, and of all joints together where they are alike."""
+        """Return each elastic or rigid direction of each joint, and of all joints where they are alike."""
         out: list[Effect] = []
         for i, d in enumerate(DIRECTIONS):
             assumed = {j.name: np.inf if d in j.rigid else float(j.K[i, i]) for j in model.of_kind(Joint)}
@@ -99,5 +102,5 @@ class JointStiffness(Effect):
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The joints."""
+        """Return the joints."""
         return np.vstack([model.effect(name).locations(model) for name in self.joints])

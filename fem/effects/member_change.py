@@ -22,7 +22,7 @@ class _MemberChange(Effect):
         return f"member {self.member}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The relative change."""
+        """Return the relative change."""
         return (Parameter("change", "-", self.change, 0.0, -0.8, 4.0, linear=True),)
 
     def _parts(self, model: Model) -> tuple[Contribution, ...]:
@@ -40,7 +40,7 @@ class _MemberChange(Effect):
         return tuple(cls(name=f"{cls.kind}:{m}", member=m) for m in members) if len(members) > 1 else ()
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The middle of the member."""
+        """Return the middle of the member."""
         return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[
             None
         ]

@@ -35,7 +35,7 @@ class Preload(Effect):
         return f"member {self.member}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The tension."""
+        """Return the tension."""
         return (
             Parameter(
                 "tension", "N", self.tension, 0.0, -3.5 * self.buckling, 500 * self.buckling, linear=True
@@ -55,7 +55,7 @@ class Preload(Effect):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each member that something may hold at both ends: where the structure has supports or several members."""
+        """Return each member of a structure that has several."""
         (frame,) = model.of_kind(Frame)
         members = list(model.mesh.members)
         if len(members) < 2:
@@ -68,7 +68,7 @@ class Preload(Effect):
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The middle of the member."""
+        """Return the middle of the member."""
         return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[
             None
         ]

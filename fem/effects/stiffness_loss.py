@@ -13,7 +13,9 @@ from fem.model import Contribution, Effect, Model, Parameter
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class StiffnessLoss(Effect):
-    """A fraction of the stiffness that is lost over a stretch of a member: ΔK = -loss ∫ BᵀEB dx, and the material's damping with it.
+    """A fraction of the stiffness that is lost over a stretch of a member.
+
+    ΔK = -loss ∫ BᵀEB dx, and the material's damping with it.
 
     Attributes
     ----------
@@ -86,5 +88,5 @@ class StiffnessLoss(Effect):
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The middle of the stretch."""
+        """Return the middle of the stretch."""
         return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]

@@ -42,5 +42,5 @@ class Support(Effect):
         )
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The point."""
+        """Return the point."""
         return model.mesh.points[[self.point]]

@@ -38,7 +38,7 @@ class SupportFlexibility(Effect):
         return f"support{'s' if len(self.supports) > 1 else ''} {names}, {self.direction}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """The stiffness."""
+        """Return the stiffness."""
         return (
             Parameter(
                 "stiffness",
@@ -59,7 +59,7 @@ class SupportFlexibility(Effect):
         return (Contribution(dofs, np.full((len(points), 1, 1), self.stiffness)),)
 
     def released(self) -> tuple[tuple[str, str], ...]:
-        """The supports' constraints in this direction."""
+        """Return the supports' constraints in this direction."""
         return tuple((name, self.direction) for name in self.supports)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
@@ -81,5 +81,5 @@ class SupportFlexibility(Effect):
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """The supports."""
+        """Return the supports."""
         return np.vstack([model.effect(name).locations(model) for name in self.supports])

@@ -1,6 +1,9 @@
-"""Random frames with a hidden effect: simulated on a finer mesh with noise, to be diagnosed without knowing it.
+"""Random frames with a hidden effect.
 
-The truth comes from our own beams, so that this measures the search, not the beams; `tests/independent` has truths
+Simulated on a finer mesh with noise, to be diagnosed without knowing it.
+
+The truth comes from our own beams, so that this measures the search, not the beams; `tests/independent`
+has truths
 from other codes.
 """
 
@@ -38,7 +41,9 @@ def make_case(seed, family=None, kind=None):
     material = fem.Material("metal", E, rho)
     mesh = fem.Mesh.from_lines(points, lines, sets)
     for j in joints:
-        mesh = mesh.with_point_on(j["a"], j["sa"], j["name"] + "1").with_point_on(j["b"], j["sb"], j["name"] + "2")
+        mesh = mesh.with_point_on(j["a"], j["sa"], j["name"] + "1").with_point_on(
+            j["b"], j["sb"], j["name"] + "2"
+        )
     sensors = tuple(_sensors(mesh, rng, family))
     mesh = place_sensors(mesh, sensors)
     effects = [fem.Frame(members={m: fem.MemberProperties(material, section) for m in mesh.members})]
@@ -68,7 +73,11 @@ def make_case(seed, family=None, kind=None):
         elif ref[1].startswith("k") and (hidden is None or ref not in hidden.replaces()):
             values[ref] = value * (1 + 0.02 * rng.standard_normal())
     zeta = 0.004 * rng.uniform(0.6, 1.6) * (1 + 0.3 * np.sin(np.linspace(0, 5, 12) + rng.uniform(0, 6)))
-    truth = replace(model.with_values(values), mesh=mesh.split(2), damping=fem.Damping.modal(zeta, np.linspace(0, top, 12)))
+    truth = replace(
+        model.with_values(values),
+        mesh=mesh.split(2),
+        damping=fem.Damping.modal(zeta, np.linspace(0, top, 12)),
+    )
     if hidden is not None:
         truth = truth.with_effect(hidden)
     driving = tuple(sensors[i] for i in drives(len(sensors)))
@@ -136,7 +145,9 @@ def _draw(rng, candidates, model):
     values = {}
     for p in effect.parameters():
         if p.name == "position":
-            values[p.name] = rng.uniform(p.lower + 0.05 * (p.upper - p.lower), p.upper - 0.05 * (p.upper - p.lower))
+            values[p.name] = rng.uniform(
+                p.lower + 0.05 * (p.upper - p.lower), p.upper - 0.05 * (p.upper - p.lower)
+            )
         elif p.name == "stiffness":
             soft = p.absent if np.isfinite(p.absent) else 3e4 if "r" in effect.direction else 3e7
             values[p.name] = soft * 10 ** rng.uniform(-1.8, -0.7)
@@ -145,7 +156,12 @@ def _draw(rng, candidates, model):
         elif p.name == "tension":
             values[p.name] = effect.buckling * rng.choice([-0.4, 1.0, 3.0])
         else:
-            reach = {"mass": (0.02, 0.12), "change": (0.06, 0.3), "loss": (0.3, 0.8), "loss_factor": (0.1, 0.5)}
+            reach = {
+                "mass": (0.02, 0.12),
+                "change": (0.06, 0.3),
+                "loss": (0.3, 0.8),
+                "loss_factor": (0.1, 0.5),
+            }
             low, high = reach[p.name]
             size = rng.uniform(low, high) * getattr(effect, "scale", 1.0)
             values[p.name] = size * (rng.choice([-1, 1]) if p.name == "change" else 1)

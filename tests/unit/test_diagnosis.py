@@ -1,4 +1,7 @@
-"""Diagnoses of simulated frames whose truth is known, each on a finer mesh, with noise and wrong nominal values."""
+"""Diagnoses of simulated frames whose truth is known, each on a finer mesh.
+
+With noise and wrong nominal values.
+"""
 
 from dataclasses import replace
 
@@ -79,16 +82,17 @@ def test_a_second_force_level_that_differs_is_noticed():
     second = case.measurement.with_frf(
         FRF.from_arrays(frf.frequency, shifted, frf.kind, frf.outputs, frf.inputs)
     )
-    found = diagnose(
-        case.model, [case.measurement, second], case.nuisances, kinds=["joint_viscous_damping"]
-    )
+    found = diagnose(case.model, [case.measurement, second], case.nuisances, kinds=["joint_viscous_damping"])
     assert any("not linear" in note for note in found.notes)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(100, 130))
 def test_fresh_cases(seed, record_property):
-    """Print every verdict beside the truth; a false alarm or a wrong effect fails, a missed one is only printed."""
+    """Print every verdict beside the truth.
+
+    A false alarm or a wrong effect fails, a missed one is only printed.
+    """
     case = make_case(seed)
     found = run(case)
     names = [(f.effect.kind, f.effect.where.split(" at ")[0]) for f in found.findings]
