@@ -165,11 +165,12 @@ def compare(
         ratio = np.where(mask, ratio, _NAN)
     f = measured.frequency
     edges = np.linspace(f[0], f[-1], bands + 1) if isinstance(bands, int) else np.asarray(bands, dtype=float)
-    which = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, len(edges) - 2)
+    which = np.minimum(np.searchsorted(edges, f, side="right") - 1, len(edges) - 2)
+    which[f > edges[-1]] = -1  # in no band, as those below the first edge
     shape = (len(edges) - 1, *ratio.shape[1:])
     error, phase = np.full(shape, np.nan), np.full(shape, np.nan)
     for b in range(len(edges) - 1):
-        part = ratio[which == b]
+        part: NDArray[np.complex128] = np.asarray(ratio[which == b])
         seen = np.isfinite(part).any(axis=0) if part.size else np.zeros(shape[1:], dtype=bool)
         if seen.any():
             error[b][seen] = np.sqrt(np.nanmean(part.real[:, seen] ** 2, axis=0)) * DB_PER_NEPER
