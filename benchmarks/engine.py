@@ -57,14 +57,13 @@ def row(size: float) -> str:
     direct = seconds(lambda: compute_frf(system, few, OUT, IN, method="direct"))
     direct *= FREQUENCY.size / few.size
     times = [f"{1e3 * t:10.1f}" for t in (setup, plain, slopes, direct)]
-    return f"{model.n_dof:8d}{reduced.basis.T.shape[1]:8d}" + "".join(times) + f"{direct / plain:10.0f}"
+    line = f"{model.n_dof:8d}{reduced.basis.T.shape[1]:8d}" + "".join(times)
+    return line + f"{direct / plain:10.0f}"
 
 
 if __name__ == "__main__":
-    print(
-    line = f"{model.n_dof:8d}{reduced.basis.T.shape[1]:8d}" + "".join(times)
-    return line + f"{direct / plain:10.0f}"
-    )
+    what = f"{len(OUT)} x {len(IN)} FRFs at {FREQUENCY.size} lines, {len(REFS)} parameters"
+    print(what + "; times in milliseconds;")
     print("direct: a factorisation for each line (from 10 of them); ratio: direct over the engine\n")
     print("   n_dof   basis     setup    engine +gradient    direct     ratio")
     for size in (0.1, 0.04, 0.01, 0.004):
