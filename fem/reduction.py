@@ -69,6 +69,12 @@ def reduced_basis(
     """
     pairs = _nearly_static(system, solve_eigenpairs(system, max_frequency=margin * max_frequency))
     released, inertia = _constraint_modes(system, pairs, release)
+    free = released.any(axis=0)  # not those that another constraint holds as well
+    release, released, inertia = (
+        tuple(c for c, yes in zip(release, free, strict=True) if yes),
+        released[:, free],
+        inertia[:, free],
+    )
     columns = [pairs.vectors]
     load = np.asarray(system.Q.T @ np.hstack([forces, inertia]))
     for _ in range(n_krylov):
@@ -143,6 +149,9 @@ def _constraint_modes(
     for constraint in release:
         others = tuple(c for c in held if c.key != constraint.key)
         u = particular(others, constraint, n_dof)
+        if not u.any():
+            out.append(u)
+            continue
         q = pairs.factor.solve(-np.asarray(system.Q.T @ (shifted @ u)))
         out.append(u + system.Q @ q)
     modes = np.column_stack(out)

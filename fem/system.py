@@ -185,7 +185,10 @@ def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
 
 
 def particular(constraints: tuple[Constraint, ...], released: Constraint, n_dof: int) -> NDArray[np.float64]:
-    """Return a motion, shape (n_dof,), that violates one constraint by one unit and meets all others."""
+    """Return a motion, shape (n_dof,), that violates one constraint by one unit and meets all others.
+
+    Zero where there is none: another constraint says the same.
+    """
     u = np.zeros(n_dof)
     for group in _groups((*constraints, released)):
         if released not in group:
@@ -193,7 +196,9 @@ def particular(constraints: tuple[Constraint, ...], released: Constraint, n_dof:
         dofs = np.unique(np.concatenate([c.dofs for c in group]))
         rhs = np.array([float(c is released) for c in group])
         B = _rows(group, dofs)
-        u[dofs] = np.linalg.lstsq(B, rhs, rcond=None)[0]
+        best = np.linalg.lstsq(B, rhs, rcond=None)[0]
+        if np.abs(B @ best - rhs).max() < 1e-6:
+            u[dofs] = best
     return u
 
 

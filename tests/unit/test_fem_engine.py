@@ -239,3 +239,12 @@ def test_reduced_frf_where_the_modes_span_everything(n, effects):
         compute_frf(system, f, at, at, kind="receptance", method=m).H for m in ("reduced", "direct")
     )
     assert (abs(reduced - exact).max(axis=(1, 2)) < 1e-7 * abs(exact).max(axis=(1, 2))).all()
+
+
+def test_releasing_what_something_else_holds_changes_nothing():
+    model = portal(0.2).with_effect(fix(0, ("ry", "z"), name="also"))
+    effect = SupportFlexibility(name="c", supports=("foot0",), direction="ry", stiffness=1e3)
+    e = engine(model, [("c", "stiffness")], [effect])
+    H, _, _ = e.evaluate(np.array([1e3]), np.zeros(FREQUENCY.size), gradient=False)
+    assert misfit(H, direct(model)) < ACCURACY
+    assert misfit(direct(model.with_effect(effect)), direct(model)) < 1e-9
