@@ -200,7 +200,7 @@ class FRF:
                 raise FRFError(msg)
         return FRF(
             self.frequency[keep],
-            self.H[np.ix_(keep, i, j)],
+            self.H[keep][:, i][:, :, j],
             self.kind,
             tuple(self.outputs[k] for k in i),
             tuple(self.inputs[k] for k in j),

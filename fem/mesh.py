@@ -364,9 +364,9 @@ def _chains(
 ) -> list[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
     """Split a set of lines into chains; return the ordered rows of each and which of them are reversed."""
     at: dict[int, list[int]] = {}
-    for row in rows:
-        for p in lines[row]:
-            at.setdefault(int(p), []).append(int(row))
+    for line in rows.tolist():
+        for p in lines[line]:
+            at.setdefault(int(p), []).append(line)
 
     def goes_on(point: int, row: int) -> int | None:
         """Return the row that continues a chain beyond a point.
@@ -380,9 +380,9 @@ def _chains(
         v = _direction(points, lines[others[0]], point)
         return others[0] if u @ v < -0.5 else None
 
-    free = set(int(r) for r in rows)
+    free = set(rows.tolist())
     chains: list[tuple[NDArray[np.int64], NDArray[np.bool_]]] = []
-    for seed in (int(r) for r in rows):
+    for seed in rows.tolist():
         if seed not in free:
             continue
         start, point = seed, int(lines[seed, 0])

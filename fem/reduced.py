@@ -413,7 +413,7 @@ class _State:
         near_zero = np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])
         lam[:n_rigid] = np.where(near_zero, 0.0, lam[:n_rigid])
         stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta) + 1j * omega * damping.beta
-        mass = 1j * omega * damping.alpha - omega**2
+        mass: NDArray[np.complex128] = (1j * omega * damping.alpha - omega**2).astype(complex)
         # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
         # GEMM.
         inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
@@ -424,7 +424,8 @@ class _State:
         Um = V.T @ U
         S = 1j * (omega[:, None, None] * C + D)
         G = np.moveaxis(_times(Um.T, Um[:, :, None] * inverse), 2, 0)
-        return cls(lam, V, stiffness, mass, inverse, Um, np.linalg.solve(np.eye(U.shape[1]) + S @ G, S))
+        correct: Any = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
+        return cls(lam, V, stiffness, mass, inverse, Um, correct)
 
     def solve(self, B: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return Z⁻¹ B in modal coordinates, (r, n, n_freq), for forces B (r, n) on the reduced coordinates.
@@ -432,7 +433,7 @@ class _State:
         Local damping enters by Woodbury's identity, line by line.
         """
         X = (self.V.T @ B)[:, :, None] * self.inverse
-        if self.U is None:
+        if self.U is None or self.correct is None:
             return X
         z = self.correct @ np.moveaxis(_times(self.U.T, X), 2, 0)
         return X - self.inverse * _times(self.U, np.moveaxis(z, 0, 2))

@@ -469,7 +469,7 @@ def _round(
         return (), None
     have = list(current.effects)
     have_start = [_values(e) for e in have]
-    quick = np.unique([problem.stages[0], problem.stages[-1]])
+    quick = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
     scanned: list[tuple[float, Effect, list[dict[str, float]]]] = []
     for i, effect in enumerate(candidates):
         say(f"scanning {_label(effect)}", 0.2 * i / len(candidates))

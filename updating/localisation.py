@@ -5,6 +5,7 @@ And which members and joints could take it away.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,8 +139,7 @@ class _Projection:
             columns.append(empty._column(replace(result, zeta=zeta)))
         A = np.column_stack(columns) if columns else np.zeros((2 * weight.size, 0))
         Q = np.linalg.qr(A / np.maximum(np.linalg.norm(A, axis=0), 1e-300))[0] if A.size else A
-        target = np.where(keep, weight * np.log(before / measured), 0.0)
-        flat = np.concatenate([target.real.ravel(), target.imag.ravel()])
+        flat = _flat(np.where(keep, weight * np.log(before / measured), 0.0))
         return cls(problem, result, flat - Q @ (Q.T @ flat), Q, weight, lines, before)
 
     def _column(self, changed: FitResult) -> NDArray[np.float64]:
@@ -147,7 +147,7 @@ class _Projection:
         d = np.where(
             self.weight > 0, self.weight * np.log(np.where(self.weight > 0, after / self.before, 1.0)), 0.0
         )
-        return np.concatenate([d.real.ravel(), d.imag.ravel()])
+        return _flat(d)
 
     def share(self, effect: Effect, start: dict[str, float]) -> float:
         """Return the share of the residual that the direction of an effect explains."""
@@ -159,6 +159,11 @@ class _Projection:
         if norm == 0 or total == 0:
             return 0.0
         return float((column @ self.residual / (norm * total)) ** 2)
+
+
+def _flat(z: NDArray[Any]) -> NDArray[np.float64]:
+    """Return real and imaginary parts of complex numbers in one row."""
+    return np.concatenate([np.real(z).ravel(), np.imag(z).ravel()])
 
 
 def _rms(x: NDArray[np.float64]) -> float:

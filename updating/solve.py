@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +127,7 @@ def solve_robust(
             converged = True
             break
         improved = False
+        trial, misfit_new, cost_new = x, misfit, cost
         for attempt in range(8):
             scale = np.diag(A)[free]
             H = A[np.ix_(free, free)] + np.diag(
@@ -158,5 +160,5 @@ def solve_robust(
         if iteration < max_iterations:
             r, J = residual(x, True)
             assert J is not None
-    covariance = np.linalg.pinv(A, hermitian=True)
+    covariance: Any = np.linalg.pinv(A, hermitian=True)
     return Solution(x, cost, float(misfit @ size / len(r)), covariance, iteration, converged)

@@ -232,7 +232,8 @@ class Frame(Effect):
     def contribution_of(self, model: Model, rows: ArrayLike) -> tuple[Contribution, ...]:
         """Return stiffness, mass and structural damping of some lines of the mesh."""
         g = self._lines(model.mesh, rows)
-        K = M = 0.0
+        K: Array = np.zeros((len(g.L), 12, 12))
+        M: Array = np.zeros((len(g.L), 12, 12))
         for xi, weight in zip(*_gauss(4), strict=True):
             at = np.full(len(g.L), xi)
             B, N = _strain(g, at), _shape(g, at)
@@ -297,17 +298,17 @@ class Frame(Effect):
         """
         mesh = model.mesh
         s = mesh.member_positions(member)
-        start = start if np.real(start) > 0 else 0.0
-        stop = stop if np.real(stop) < s[-1] else float(s[-1])
-        touched = np.flatnonzero((s[1:] > np.real(start)) & (s[:-1] < np.real(stop)))
+        first: Any = start if np.real(start) > 0 else 0.0
+        last: Any = stop if np.real(stop) < s[-1] else float(s[-1])
+        touched = np.flatnonzero((s[1:] > np.real(first)) & (s[:-1] < np.real(last)))
         g = self._lines(mesh, mesh.members[member][touched])
         h = s[touched + 1] - s[touched]
-        lo = np.array([(start - s[k]) if np.real(start) > s[k] else 0.0 for k in touched]) / h
+        lo = np.array([(first - s[k]) if np.real(first) > s[k] else 0.0 for k in touched]) / h
         hi = (
-            np.array([(stop - s[k]) if np.real(stop) < s[k + 1] else h[i] for i, k in enumerate(touched)]) / h
+            np.array([(last - s[k]) if np.real(last) < s[k + 1] else h[i] for i, k in enumerate(touched)]) / h
         )
         lo, hi = _flexible(g, lo), _flexible(g, hi)
-        K = 0.0
+        K: Array = np.zeros((len(g.L), 12, 12))
         for x, weight in zip(*_gauss(3), strict=True):
             B = _strain(g, lo + x * (hi - lo))
             scale = (weight * (hi - lo) * g.L)[:, None] * _rigidity(g) * np.asarray(factors)
@@ -336,7 +337,7 @@ def member_contribution(frame: Frame, model: Model, member: str) -> tuple[Contri
 @lru_cache(maxsize=256)
 def _unit_tension(frame: Frame, model: Model, member: str) -> Contribution:
     g = frame._lines(model.mesh, model.mesh.members[member])
-    K = 0.0
+    K: Array = np.zeros((len(g.L), 12, 12))
     for xi, weight in zip(*_gauss(4), strict=True):
         S = _slope(g, np.full(len(g.L), xi))
         K = K + weight * np.einsum("bki,b,bkj->bij", S, g.L, S, optimize=True)
