@@ -69,9 +69,9 @@ def reduced_basis(
     """
     pairs = _nearly_static(system, solve_eigenpairs(system, max_frequency=margin * max_frequency))
     released, inertia = _constraint_modes(system, pairs, release)
-    free = released.any(axis=0)  # not those that another constraint holds as well
+    free: NDArray[np.bool_] = np.any(released, axis=0)  # not those that another constraint holds as well
     release, released, inertia = (
-        tuple(c for c, yes in zip(release, free, strict=True) if yes),
+        tuple(c for c, yes in zip(release, free.tolist(), strict=True) if yes),
         released[:, free],
         inertia[:, free],
     )

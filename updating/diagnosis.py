@@ -30,6 +30,8 @@ EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model counts as right where nothing improves it [nepers]."""
 TWIN_SHARE = 0.9
 """A candidate that brings this share of the best one's reduction, in ln level, is its twin."""
+MODE_MARGIN = 2.5
+"""The reduced basis holds the modes up to this multiple of the highest frequency."""
 N_LINES = 160
 """At most this many lines are fitted."""
 MAX_EFFECTS = 3
@@ -229,7 +231,7 @@ def build_problem(
     frf = measurement.frf.select(band=band) if band else measurement.frf
     highest = float(frf.frequency[-1])
     undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
-    reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=2.5)
+    reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=MODE_MARGIN)
     modes = elastic_frequencies(reduced, highest)
     n_knots = int(np.clip(len(modes) // 4, 1, 8))
     knots = (
@@ -274,7 +276,11 @@ def discretisation_error(
     H = []
     for each in (model, fine_model):
         reduced = reduce_model(
-            each, attachment_forces(each, m), float(problem.data.frequency[-1]), margin=2.5, releasable=False
+            each,
+            attachment_forces(each, m),
+            float(problem.data.frequency[-1]),
+            margin=MODE_MARGIN,
+            releasable=False,
         )
         engine = ParametricFRF(
             reduced, sensor_vectors(each, m.sensors), sensor_vectors(each, m.excitations), f, ()
@@ -386,7 +392,11 @@ def diagnose(
         if not _pays(current, best):
             break
         say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
-        best = _polish(problem, best)
+        attached = _attached(problem, best.effects)
+        best = _polish(attached, best)
+        if attached is not problem:  # the position has moved: once more where it is now
+            problem = _attached(attached, best.effects)
+            best = _polish(problem, best)
         findings = [
             *(
                 Finding(e, _parameters(e, best), f.twins)
@@ -532,6 +542,28 @@ def _values(effect: Effect) -> dict[str, float]:
     return {p.name: p.value for p in effect.parameters()}
 
 
+def _attached(problem: FitProblem, effects: Sequence[Effect]) -> FitProblem:
+    """Return the problem with forces in its basis where effects sit that lie between sensors and joints.
+
+    The modes alone make a local loss of stiffness look weaker than it is.
+    """
+    model = problem.reduced.model
+    parts = [
+        c.dofs.ravel()
+        for e in effects
+        if any(p.name == "position" for p in e.parameters())
+        for c in e.contribute(model)
+    ]
+    if not parts:
+        return problem
+    dofs = np.unique(np.concatenate(parts))
+    unit = np.zeros((model.n_dof, len(dofs)))
+    unit[dofs, np.arange(len(dofs))] = 1.0
+    forces = np.hstack([attachment_forces(model, problem.data.measurement), unit])
+    highest = float(problem.data.frequency[-1])
+    return replace(problem, reduced=reduce_model(model, forces, highest, margin=MODE_MARGIN))
+
+
 def _polish(problem: FitProblem, best: FitResult) -> FitResult:
     """Fit again from starts around the best.
 
@@ -539,7 +571,7 @@ def _polish(problem: FitProblem, best: FitResult) -> FitResult:
     """
     *have, last = best.effects
     first = last.parameters()[0]
-    tried = [best]
+    tried = [problem.fit(best.effects, [_values(e) for e in best.effects], x_from=best, assess=False)]
     for factor in (0.6, 0.8, 1.25, 1.7):
         value = float(np.clip(factor * first.value, first.lower, first.upper))
         starts = [*map(_values, have), {**_values(last), first.name: value}]
