@@ -548,12 +548,14 @@ def _attached(problem: FitProblem, effects: Sequence[Effect]) -> FitProblem:
     The modes alone make a local loss of stiffness look weaker than it is.
     """
     model = problem.reduced.model
-    parts = [
-        c.dofs.ravel()
-        for e in effects
-        if any(p.name == "position" for p in e.parameters())
-        for c in e.contribute(model)
-    ]
+    reach = float(model.mesh.lengths().max())
+    parts = []
+    for effect in effects:
+        for p in effect.parameters():
+            if p.name == "position":
+                near = np.clip(p.value + np.array([-reach, 0.0, reach]), p.lower, p.upper)
+                moved = [effect.with_values(position=float(s)) for s in near]
+                parts += [c.dofs.ravel() for e in moved for c in e.contribute(model)]
     if not parts:
         return problem
     dofs = np.unique(np.concatenate(parts))

@@ -322,6 +322,15 @@ class Frame(Effect):
         return Contribution(unit.dofs, tension * unit.K)
 
 
+@lru_cache(maxsize=32)
+def nominal(frame: Frame) -> Frame:
+    """Return a frame with the moduli and densities of its materials, whatever has been fitted since.
+
+    Relative changes refer to it, so that they mean the same before, in and after a fit.
+    """
+    return replace(frame, values={}) if frame.values else frame
+
+
 @lru_cache(maxsize=8)
 def _all_lines(frame: Frame, mesh: Mesh) -> _Lines:
     """Return the geometry and properties of all lines, kept for the last few frames and meshes."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame, member_contribution
+from fem.effects.frame import Frame, member_contribution, nominal
 from fem.model import Contribution, Effect, Model, Parameter
 
 
@@ -27,7 +27,7 @@ class _MemberChange(Effect):
 
     def _parts(self, model: Model) -> tuple[Contribution, ...]:
         (frame,) = model.of_kind(Frame)
-        return member_contribution(frame, model, self.member)
+        return member_contribution(nominal(frame), model, self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From half less to twice as much."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
+from fem.effects.frame import Frame, nominal
 from fem.model import Contribution, Effect, Model, Parameter
 
 
@@ -23,7 +23,7 @@ class StiffnessLoss(Effect):
     position : float
         Middle of the stretch, arc length from the member's first end [m].
     loss : float
-        Lost fraction of all stiffnesses of the stretch [-].
+        Lost fraction of all nominal stiffnesses of the stretch [-].
     width : float
         Length of the stretch [m].
     length : float
@@ -54,7 +54,7 @@ class StiffnessLoss(Effect):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the lost strain energy of the stretch."""
         (frame,) = model.of_kind(Frame)
-        part = frame.strain_energy_matrix(
+        part = nominal(frame).strain_energy_matrix(
             model, self.member, self.position - self.width / 2, self.position + self.width / 2
         )
         return (
