@@ -7,7 +7,7 @@
 `docs/finding-effects.md` says how a diagnosis is made and when not to believe it.
 """
 
-from updating.correlation import Comparison, compare, frac, mac
+from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
 from updating.diagnosis import (
     EFFECT,
     FAULT,
@@ -43,12 +43,14 @@ __all__ = [
     "Localisation",
     "Measurement",
     "MeasurementError",
+    "ModeComparison",
     "Nuisance",
     "Ranked",
     "Sensor",
     "Step",
     "build_problem",
     "compare",
+    "compare_modes",
     "diagnose",
     "frac",
     "locate",

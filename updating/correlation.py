@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.frf import FRF, FRFError
+from fem.modes import Modes
 
 DB_PER_NEPER = 20 / np.log(10)
 
@@ -111,6 +112,67 @@ class Comparison:
             np.where(seen, square, 0.0).sum(axis=2), n, out=np.full(n.shape, np.nan), where=n > 0
         )
         return np.sqrt(mean).T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeComparison:
+    """How far computed modes are from measured ones.
+
+    Attributes
+    ----------
+    mac : ndarray (n_measured, n_computed)
+        0 to 1.
+    pairs : tuple of (int, int)
+        Measured and computed modes that belong together, best MAC first, each mode once.
+    frequency_error : ndarray (n_pairs,)
+        Computed over measured natural frequency, less one [-].
+    """
+
+    mac: NDArray[np.float64]
+    pairs: tuple[tuple[int, int], ...]
+    frequency_error: NDArray[np.float64]
+
+
+def compare_modes(
+    measured: Modes, computed: Modes, rows: ArrayLike, least_mac: float = 0.5
+) -> ModeComparison:
+    """Pair measured with computed modes by their shapes, and compare natural frequencies.
+
+    Parameters
+    ----------
+    measured : Modes
+        Shapes (n, n_measured) at the sensors.
+    computed : Modes
+        Shapes (n_dof, n_computed) at all DOFs; rigid-body modes are left out of the pairs.
+    rows : array_like (n, n_dof)
+        Sensors as combinations of DOFs.
+    least_mac : float
+        Pairs below this MAC are not made [-].
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit the sensors.
+    """
+    rows = np.asarray(rows, dtype=float)
+    if rows.ndim != 2 or rows.shape != (measured.shapes.shape[0], computed.shapes.shape[0]):
+        msg = (
+            f"rows have shape {rows.shape}; {measured.shapes.shape[0]} measured and "
+            f"{computed.shapes.shape[0]} computed DOFs need (n_measured, n_computed) of these"
+        )
+        raise ValueError(msg)
+    values = mac(measured.shapes, rows @ computed.shapes)
+    left = values.copy()
+    left[:, : computed.n_rigid] = -1.0
+    pairs = []
+    for _ in range(min(left.shape)):
+        i, j = (int(k) for k in np.unravel_index(np.argmax(left), left.shape))
+        if left[i, j] < least_mac:
+            break
+        pairs.append((i, j))
+        left[i], left[:, j] = -1.0, -1.0
+    error = np.array([computed.frequency[j] / measured.frequency[i] - 1 for i, j in pairs])
+    return ModeComparison(values, tuple(pairs), error)
 
 
 def rms_db(log_ratio: NDArray[np.complex128]) -> float:
