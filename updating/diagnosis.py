@@ -13,23 +13,27 @@ from fem.effects.joint import Joint, relative_rows
 from fem.frf import FRF
 from fem.model import Effect, Model
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
+from fem.solvers import factorise
+from fem.system import assemble
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.faults import GAIN_LEAST, Fault, find_gain_faults, find_sign_faults
-from updating.fit import FitData, FitProblem, FitResult, prepare, sensor_vectors
+from updating.fit import FitProblem, FitResult, prepare, sensor_vectors
 from updating.measurement import Measurement
 from updating.parameters import DampingCurve, Nuisance
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 
 ACCEPT_LEVEL = 1.25
-"""An effect is accepted if the residual level falls by this factor …"""
+"""An effect is accepted only if the residual level falls by more than this factor."""
 ACCEPT_HELD_OUT = 1.15
-"""… and the level on lines that no fit has seen by this one. In cases with nothing hidden the "
-"best of all candidates gains a few per cent."""
+"""An effect is accepted only if the level on lines that no fit has seen falls by more than this factor.
+
+In cases with nothing hidden the best of all candidates gains a few per cent.
+"""
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model counts as right where nothing improves it [nepers]."""
 TWIN_SHARE = 0.9
-"""A candidate that brings this share of the best one's reduction, in ln level, is its twin."""
+"""A candidate that brings more than this share of the best one's reduction of ln level is its twin."""
 MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
 N_LINES = 160
@@ -260,14 +264,11 @@ def build_problem(
     return FitProblem(reduced, data, tuple(nuisances), curve, (), stages, max(k, 1), n_lines)
 
 
-def discretisation_error(
-    problem: FitProblem, band: tuple[float, float] | None = None, n_lines: int = 200
-) -> float:
+def discretisation_error(problem: FitProblem, n_lines: int = 200) -> float:
     """Estimate the error of the mesh by halving every element [dB].
 
     Cubic elements converge with the fourth power of their size, so that the difference is 15/16 of the error.
     """
-    del band
     model, m = problem.reduced.model, problem.data.measurement
     fine_model = model.with_mesh(model.mesh.split(2))
     lines = problem.lines_up_to(np.inf, n_lines)
@@ -330,9 +331,8 @@ def diagnose(
     """Find the physical effect that a model lacks.
 
     Nuisance parameters are fitted; sensors with a wrong sign or gain are set right; then every candidate
-    effect is fitted from the
-    nominal start together with the nuisances, the best is added if it pays, and the search is repeated with
-    it.
+    effect is fitted from the nominal start together with the nuisances, the best is added if it pays, and the
+    search is repeated with it.
 
     Parameters
     ----------
@@ -383,8 +383,8 @@ def diagnose(
         rounds.append(ranked)
         if best is None:
             break
-        # The candidate's fit may have found better nuisance parameters; the model without it deserves them
-        # too.
+        # The candidate's fit may have found better nuisance parameters; the model without it
+        # deserves them too.
         again = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=best)
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
@@ -411,9 +411,8 @@ def diagnose(
     basis_db = basis_error(problem, current)
     if basis_db > BASIS_LIMIT_DB:
         notes.append(
-            f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked "
-            "lines: read weak "
-            "findings with care"
+            f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
+            "read weak findings with care"
         )
     verdict, reason = _verdict(problem, null, current, findings, faults, rounds)
     model_fitted = model.with_values(
@@ -589,11 +588,10 @@ def _polish(problem: FitProblem, best: FitResult) -> FitResult:
 def _scan(
     problem: FitProblem, current: FitResult, have: Sequence[Effect], effect: Effect
 ) -> tuple[float, Effect, list[dict[str, float]]]:
-    """Evaluate an effect on its grid, nuisance parameters as fitted and nominal.
+    """Evaluate an effect on its grid of parameter values.
 
-    In the whole and the low band.
-
-    Returns the lowest level on the whole band and up to three points to start from.
+    Nuisance parameters are as fitted and nominal, the lines those of the whole and of the low band. Returns
+    the lowest level on the whole band and up to three points to start from.
     """
     grid = effect.starts(problem.surroundings)
     chosen: list[int] = []
@@ -689,9 +687,6 @@ def _verdict(
 
 def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> float:
     """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB]."""
-    from fem.solvers import factorise
-    from fem.system import assemble
-
     model = problem.reduced.model
     own = {e.name for e in model.effects}
     full = model.with_values({r: v for r, v in result.values.items() if r[0] in own}).with_effect(
@@ -733,28 +728,11 @@ def _proportionality(problem: FitProblem, measurements: Sequence[Measurement]) -
         difference = float(np.median((ratio / first.noise)[first.mask]) / 0.6745 / np.sqrt(2))
         if difference > NOT_LINEAR:
             notes.append(
-                f"{other.name} differs from {first.measurement.name} by {difference:.2g} times "
-                "what noise explains: the structure "
-                "is not linear, or the two were not measured alike"
+                f"{other.name} differs from {first.measurement.name} by {difference:.2g} times what noise "
+                "explains: the structure is not linear, or the two were not measured alike"
             )
         else:
             notes.append(
                 f"{other.name} and {first.measurement.name} agree within their noise: the structure is linear"
             )
     return tuple(notes)
-
-
-__all__ = [
-    "Diagnosis",
-    "EffectParameter",
-    "Finding",
-    "FitData",
-    "Ranked",
-    "Step",
-    "attachment_forces",
-    "basis_error",
-    "build_problem",
-    "diagnose",
-    "discretisation_error",
-    "propose",
-]  # fmt: skip

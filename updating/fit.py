@@ -1,6 +1,6 @@
 """Fits of a reduced model to measured FRFs.
 
-Nuisance parameters, the damping curve, sensor gains and candidate effects.
+What is fitted are nuisance parameters, the damping curve, sensor gains and candidate effects.
 """
 
 from collections.abc import Mapping, Sequence
@@ -365,7 +365,7 @@ class FitProblem:
     ) -> NDArray[np.float64]:
         """Return the robust residual level for grid values of the last effect's parameters.
 
-        Nothing is fitted.
+        Nothing is fitted: all other parameters stay as in ``base``.
 
         Parameters
         ----------
@@ -397,7 +397,10 @@ class FitProblem:
         return out
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
-        """Return the median stiffness that opposes motion along a released constraint [N/m, N·m/rad]."""
+        """Return the median impedance of the structure to motion along a released constraint.
+
+        It is the magnitude of force over displacement, at lines over the whole band [N/m, N·m/rad].
+        """
         basis, total = self.reduced.basis, self.reduced.base_sum()
         column = basis.n_main + basis.keys.index(key)
         active = [*range(basis.n_main), column]
