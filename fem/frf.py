@@ -1,4 +1,4 @@
-"""Frequency response functions: the type that all data share, and how a system gives them."""
+"""Frequency response functions: one type for measured and computed data, and how a system gives them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,10 @@ Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
 """DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
 
 LOCAL_DAMPING = 48
-"""Damping that touches more DOFs than this is not local: members with a loss factor, not dampers."""
+"""A contribution to the damping that touches more DOFs than this is not local.
+
+It is then taken for a member with a loss factor rather than a damper.
+"""
 
 
 class FRFKind(StrEnum):
@@ -149,8 +152,8 @@ class FRF:
             return self
         if power < 0 and self.frequency[0] == 0:
             msg = (
-                f"a line at 0 Hz cannot be converted from {self.kind} to {kind}; leave it out "
-                "with select(band=…)"
+                f"a line at 0 Hz cannot be converted from {self.kind} to {kind}; "
+                "leave it out with select(band=…)"
             )
             raise FRFError(msg)
         return replace(self, H=self.H * (1j * self.omega[:, None, None]) ** power, kind=kind)
@@ -218,11 +221,10 @@ def compute_frf(
     """Compute frequency response functions.
 
     ``"reduced"`` projects the system on its modes up to 1.5 times the highest frequency and on six
-    block-Krylov vectors of each
-    input and of each motion that a local damper resists, which makes the result exact at low frequency and
-    leaves an error of about 10⁻⁶ of an FRF's root mean square at the highest.
-    ``"direct"`` factorises Z(ω) at every line; it takes local, Rayleigh and structural damping, not modal
-    ratios.
+    block-Krylov vectors of each input and of each motion that a local damper resists, which makes the result
+    exact at low frequency and leaves an error of about 10⁻⁶ of an FRF's root mean square at the highest.
+    ``"direct"`` factorises Z(ω) at every line; it takes local, Rayleigh and structural damping, but not modal
+    damping ratios.
 
     Parameters
     ----------
@@ -341,9 +343,8 @@ def _reduced_receptance(
 def _damped_motions(system: System) -> NDArray[np.float64]:
     """Return the forces of local dampers, shape (n_dof, n).
 
-    For each, an orthonormal basis of the range of its C and D.
-
-    Damping of whole members (a material's loss factor) follows the stiffness there and needs none.
+    Each gives an orthonormal basis of the range of its C and D. Damping of whole members (a material's loss
+    factor) follows the stiffness there and needs none.
     """
     columns = [np.zeros((system.model.n_dof, 0))]
     for part in system.model.contributions():

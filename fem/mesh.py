@@ -67,8 +67,8 @@ class Mesh:
         """Build a mesh from points and lines in any order and direction.
 
         Each set becomes a member. A set that branches or is in several pieces becomes one member for each
-        chain, named ``set.1``, ``set.2``, …, and the set's name becomes a group. Lines in no set form the set
-        ``"frame"``.
+        chain, named ``set.1``, ``set.2``, …, and the set's name becomes a group. The lines that are in no set
+        form the set ``"frame"``.
 
         Parameters
         ----------
@@ -84,8 +84,8 @@ class Mesh:
         Raises
         ------
         MeshError
-            For coordinates that are not finite, indices out of range, lines of zero length, or lines in two
-            sets.
+            For coordinates that are not finite, indices out of range, lines of zero length, or lines that
+            are in two sets.
         """
         points = np.array(points, dtype=float, ndmin=2)
         lines = np.array(lines, dtype=np.int64, ndmin=2)
@@ -121,8 +121,8 @@ class Mesh:
             for row in rows:
                 if not 0 <= row < len(lines):
                     msg = (
-                        f"set '{name}' refers to line {row}, but the mesh has {len(lines)} "
-                        "lines, counted from 0"
+                        f"set '{name}' refers to line {row}, but the mesh has {len(lines)} lines, "
+                        "counted from 0"
                     )
                     raise MeshError(msg)
                 if row in owner:
@@ -371,7 +371,7 @@ def _chains(
     def goes_on(point: int, row: int) -> int | None:
         """Return the row that continues a chain beyond a point.
 
-        The only other one, and without a sharp corner.
+        It is the only other one there, and meets the chain without a sharp corner.
         """
         others = [r for r in at[point] if r != row]
         if len(others) != 1:

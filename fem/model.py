@@ -1,8 +1,7 @@
 """Models: a mesh and the effects on it, everything that enters K, M, C and D.
 
-An effect is the extension point of Dovetail. The frame itself, a joint, a support, an added mass or a loss
-of stiffness
-are effects, one file each in ``fem.effects``. Effects are additive and know nothing of one another.
+An effect is the extension point of Dovetail. The frame itself, a joint, a support, an added mass or a loss of
+stiffness are effects, one file each in ``fem.effects``. Effects are additive and know nothing of one another.
 """
 
 from abc import ABC, abstractmethod
@@ -71,8 +70,8 @@ class Parameter:
     log : bool
         True if it is estimated on a logarithmic scale (positive quantities).
     linear : bool
-        True if K, M, C and D are affine functions of all the effect's linear parameters together, the others
-        fixed.
+        True if K, M, C and D are affine functions of all the effect's linear parameters together while the
+        others are fixed.
     """
 
     name: str
@@ -155,7 +154,7 @@ class Effect(ABC):
     def contribute(self, model: "Model") -> tuple[Contribution, ...]:
         """Return what it adds to K, M, C and D.
 
-        Must accept complex parameter values (complex-step derivatives).
+        It must accept complex parameter values, for complex-step derivatives.
         """
         return ()
 
@@ -168,7 +167,10 @@ class Effect(ABC):
         return ()
 
     def replaces(self) -> tuple[ParameterRef, ...]:
-        """Return other effects' parameters that this one stands for; they stay fixed meanwhile."""
+        """Return the parameters of other effects that this one stands for.
+
+        They stay fixed while this one is estimated.
+        """
         return ()
 
     @classmethod

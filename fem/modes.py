@@ -201,9 +201,8 @@ def _reference_eigenvalue(system: System) -> float:
     """Estimate the order of the first elastic eigenvalue [rad²/s²]: three steps of subspace iteration.
 
     It starts from the rigid-body motions that the constraints allow and random loads. As many of the lowest
-    values as there are
-    such motions are left out, also where springs resist these: were the shift as small as the eigenvalues on
-    soft springs, K - σM would be singular but for rounding.
+    values as there are such motions are left out, also where springs resist these: were the shift as small as
+    the eigenvalues on soft springs, K - σM would be singular but for rounding.
     """
     K, M, mesh = system.K, system.M, system.model.mesh
     upper = _highest(system)
@@ -222,7 +221,9 @@ def _reference_eigenvalue(system: System) -> float:
 
 
 def rigid_body_motions(system: System) -> NDArray[np.float64]:
-    """Return an M-orthonormal basis of the rigid-body motions that constraints and springs allow.
+    """Return an M-orthonormal basis of the structure's rigid-body motions.
+
+    They are those that its constraints and springs allow.
 
     Returns
     -------
@@ -238,7 +239,7 @@ def rigid_body_motions(system: System) -> NDArray[np.float64]:
 def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> None:
     """Raise an error if more motions than the rigid-body ones meet no resistance.
 
-    On soft springs they meet some.
+    Motions on soft springs meet some, and are no error.
     """
     size = system.model.mesh.size
     motions = np.asarray(system.Q @ vectors)
@@ -285,6 +286,5 @@ def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDA
     n = vectors.shape[1] - rigid.shape[1]
     return (
         f"the structure is a mechanism: {n} motion(s) have no stiffness besides {rigid.shape[1]} "
-        "rigid-body motion(s) of the whole; "
-        f"most free: {', '.join(words)}"
+        f"rigid-body motion(s) of the whole; most free: {', '.join(words)}"
     )

@@ -1,8 +1,8 @@
 """Materials and cross-sections.
 
 Local axes of a member: x along it, z the direction of the section's height h, y that of its width b.
-``Iy`` is the second moment for bending in the x-z plane (rotation about y), ``Iz`` for bending in the x-y
-plane.
+``Iy`` is the second moment for bending in the x-z plane (rotation about y), and ``Iz`` is the one for bending
+in the x-y plane.
 """
 
 from dataclasses import dataclass
@@ -108,8 +108,8 @@ class Section:
     def rectangle(cls, b: float, h: float) -> "Section":
         """Solid rectangle: width b along y, height h along z [m].
 
-        J from the series of Timoshenko & Goodier, Theory of Elasticity, art. 109; shear coefficients 5/6
-        (Reissner).
+        J is from the series of Timoshenko & Goodier, Theory of Elasticity, art. 109; the shear coefficients
+        are 5/6 (Reissner).
         """
         _positive("rectangle", b=b, h=h)
         long, short = max(b, h), min(b, h)

@@ -1,9 +1,8 @@
 """The fast engine: FRFs of a reduced model and their exact derivatives.
 
-For many parameter values and candidate effects.
-
-A model is projected once. After that nothing depends on the size of the mesh: a set of parameter values
-costs one small symmetric eigenproblem, and a candidate effect what its own few DOFs cost.
+It is made for many parameter values and candidate effects. A model is projected once. After that nothing
+depends on the size of the mesh: a set of parameter values costs one small symmetric eigenproblem, and a
+candidate effect what its own few DOFs cost.
 """
 
 from collections.abc import Mapping, Sequence
@@ -118,7 +117,10 @@ class ReducedModel:
         return self._cache["sum"]
 
     def linear(self, effect: Effect, parameter: str, value: float) -> _Term:
-        """Return the derivative by a linear parameter, computed once for effects of the model."""
+        """Return the derivative with respect to a linear parameter.
+
+        It is computed once for effects of the model.
+        """
         key = (effect.name, parameter)
         if key not in self._cache:
             self._cache[key] = self.derivative_of(effect, parameter, value)
@@ -354,10 +356,8 @@ class LocalChanges:
     def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128] | None]:
         """Return the receptances with each of some effects added, one at a time.
 
-        None for one that touches too many DOFs.
-
         H' = H - Hₒ ΔZ (I + G ΔZ)⁻¹ Hᵢ, with G the receptance of the touched DOFs. Effects at the same place
-        share Hₒ, Hᵢ and G.
+        share Hₒ, Hᵢ and G. An effect that touches too many DOFs gives None.
         """
         out: list[NDArray[np.complex128] | None] = []
         state, omega = self.state, self.engine.omega
@@ -448,7 +448,7 @@ def _times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.comp
 def _range(C: Any, D: Any) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
     """Return an orthonormal basis of what local damping acts on, and C and D on it.
 
-    None without local damping.
+    It is None without local damping.
     """
     sizes = [float(np.abs(X).max()) for X in (C, D)]
     if max(sizes) == 0:

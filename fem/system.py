@@ -54,8 +54,8 @@ def assemble(model: Model) -> System:
     Raises
     ------
     ModelError
-        If a matrix is not finite, constraints leave no motion at all, or a point has neither stiffness nor
-        mass.
+        If a matrix is not finite, constraints leave no motion at all, or a point has neither stiffness
+        nor mass.
     """
     contributions = model.contributions()
     full = sum_contributions(contributions, model.n_dof)
@@ -80,9 +80,9 @@ def assemble(model: Model) -> System:
 
 
 def rigid_motions(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the six rigid-body motions about the mesh's centre, rotations divided by its size.
+    """Return the six rigid-body motions about the mesh's centre, shape (n_dof, 6).
 
-    Shape (n_dof, 6).
+    Rotations are divided by the mesh's size.
     """
     motions = np.vstack([lever_matrix(p) for p in mesh.points - mesh.points.mean(axis=0)])
     motions[:, 3:] /= max(mesh.size, 1e-300)
@@ -92,14 +92,12 @@ def rigid_motions(mesh: Mesh) -> NDArray[np.float64]:
 def resistance(
     contributions: tuple[Contribution, ...], motions: NDArray[np.float64], size: float, rounding: float
 ) -> NDArray[np.float64]:
-    """Return the forces, as rows (n_rows, n), with which elements oppose motions (n_dof.
+    """Return the forces, as rows (n_rows, n), with which elements oppose motions.
 
-    N) of a structure of a size [m].
-
-    What an element opposes is judged by itself, against the forces that its entries would give one by one in
-    a motion of 1 and a
-    rotation of 1/size, and left out below ``rounding`` of these: a spring to ground counts however soft it
-    is beside the members.
+    The motions (n_dof, n) are those of a structure of a size [m]. What an element opposes is judged by
+    itself, against the forces that its entries would give one by one in a motion of 1 and a rotation of
+    1/size, and left out below ``rounding`` of these: a spring to ground counts, however soft it is beside
+    the members.
     """
     rows = [np.zeros((0, motions.shape[1]))]
     amplitude = np.repeat([1.0, 1 / max(size, 1e-300)], 3)

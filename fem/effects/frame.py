@@ -146,7 +146,8 @@ class Frame(Effect):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return where a member's axis runs.
 
-        The offsets of its points (n + 1, 3) [m], and its lines' local axes (n, 3, 3) and lengths (n,) [m].
+        That is the offsets of its points (n + 1, 3) [m], and the local axes (n, 3, 3) and lengths (n,) [m] of
+        its lines' axes.
         """
         p, chain = self._of(member), mesh.members[member]
         s = mesh.member_positions(member)
@@ -221,8 +222,7 @@ class Frame(Effect):
 
         return _Lines(
             rows=rows, dofs=dofs_of(line).reshape(len(rows), 12), T=T, R=R, end=end, span=span, skip=skip,
-            L=L,
-            **c, phi_y=shear(c["Iz"], c["ky"]), phi_z=shear(c["Iy"], c["kz"]), E=E, rho=rho, eta=eta,
+            L=L, **c, phi_y=shear(c["Iz"], c["ky"]), phi_z=shear(c["Iy"], c["kz"]), E=E, rho=rho, eta=eta,
         )  # fmt: skip
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -285,7 +285,7 @@ class Frame(Effect):
     ) -> Contribution:
         """Return stiffness and structural damping of the part of a member between two arc lengths.
 
-        Complex ends give derivatives.
+        Complex ends give derivatives with respect to them (complex step).
 
         Parameters
         ----------
@@ -420,7 +420,7 @@ def _plane(xi: Array, L: Array, phi: Array) -> tuple[Array, Array, Array, Array]
 def _flexible(g: _Lines, xi: Array) -> Array:
     """Return the fraction of the flexible part at a fraction of the line; rigid zones are at 0 and 1.
 
-    Complex steps pass.
+    The imaginary part of a complex step passes through.
     """
     x = (xi * g.span - g.skip) / g.L
     return np.where(np.real(x) < 0, 0.0, np.where(np.real(x) > 1, 1.0, x))

@@ -1,4 +1,7 @@
-"""Joints between two points or to the ground, with 6×6 K, C, D and M at a place with lever arms."""
+"""Joints between two points, or between a point and the ground.
+
+A joint has 6×6 K, C, D and M at a place, from which lever arms lead to the points.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
@@ -22,7 +25,10 @@ TRANSLATIONS = DIRECTIONS[:3]
 
 
 def joint_unit(direction: str, what: str = "k") -> str:
-    """Return the SI unit of a joint's stiffness (k), damping (c) or loss factor (eta) in a direction."""
+    """Return the SI unit of a joint's stiffness, damping or loss factor in a direction.
+
+    ``what`` is ``"k"`` for the stiffness, ``"c"`` for the viscous damping, ``"eta"`` for the loss factor.
+    """
     if what == "eta":
         return "-"
     base = "N/m" if direction in TRANSLATIONS else "N·m/rad"
@@ -32,7 +38,9 @@ def joint_unit(direction: str, what: str = "k") -> str:
 def relative_rows(
     model: Model, point1: int, point2: int | None, location: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the DOFs of two points, and B with δ = B u, the motion of the first relative to the second.
+    """Return the DOFs of two points, and B with δ = B u.
+
+    δ is the motion of the first relative to the second at a place, to which both are carried rigidly.
 
     Parameters
     ----------
@@ -118,7 +126,7 @@ class Joint(Effect):
         return tuple(d for d, k in zip(DIRECTIONS, diagonal, strict=True) if k > 0 and d not in self.rigid)
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the stiffnesses ``kx … krz`` of its elastic directions and the loss factor ``eta``."""
+        """Return the diagonal stiffnesses ``kx … krz`` of its elastic directions, and the loss factor."""
         k = np.diag(self.K)
         out = [
             Parameter(

@@ -1,4 +1,7 @@
-"""Joints softer, stiffer or less rigid in one direction than the model has them."""
+"""Joints whose stiffness in one direction differs from the model's.
+
+They are softer or stiffer than the model has them, or flexible where the model has them rigid.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -214,8 +214,8 @@ def _disjoint(
     """Cut overlapping sets into parts that do not overlap.
 
     Returns the parts, and for each set that is not a part itself the parts it consists of. A part has the
-    name of the set that it equals; ``A.rest`` is what only A has beside smaller sets, ``A & B`` what both
-    have.
+    name of the set that it equals; ``A.rest`` is what only A has beside smaller sets, and ``A & B`` is what
+    both have.
     """
     holders: dict[int, list[str]] = {}
     by_size = sorted(sets, key=lambda name: len(sets[name]))
