@@ -51,8 +51,8 @@ def find_gain_faults(log_ratio: NDArray[np.complex128], n_blocks: int = 10) -> t
     """Return the sensors whose amplitude is off by the same factor over the whole band, and ln of the factor.
 
     A missing physical effect changes the ratio from one resonance to the next; a calibration error does not.
-    A sensor is
-    named if the median of its ratio stands out from the other sensors' and blocks of lines agree on it.
+    A sensor is named if the median of its ratio stands out from the other sensors' and blocks of lines agree
+    on it.
 
     Parameters
     ----------

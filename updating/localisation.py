@@ -1,6 +1,6 @@
-"""Where a model fails: which sensors and bands carry the misfit.
+"""Where a model fails.
 
-And which members and joints could take it away.
+Which sensors and bands carry the misfit, and which members and joints could take it away.
 """
 
 from collections.abc import Mapping
@@ -54,9 +54,8 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     """Find where a fitted model fails.
 
     Members, joints and supports are judged by a score test: the residual is projected on what a small change
-    of each
-    place's stiffness, mass or damping does to the FRFs, after the directions of the nuisance parameters have
-    been taken out.
+    of each place's stiffness, mass or damping does to the FRFs, after the directions of the nuisance
+    parameters have been taken out.
 
     Parameters
     ----------

@@ -110,9 +110,8 @@ def place_sensors(mesh: Mesh, sensors: tuple[Sensor, ...], tolerance: float | No
         member, position, distance = mesh.nearest_on_members(sensor.point)
         if distance > tolerance:
             msg = (
-                f"sensor '{sensor.name}' at {sensor.point.tolist()} m is {distance:.3g} m from "
-                "the nearest member "
-                f"'{member}'; at most {tolerance:.3g} m is allowed"
+                f"sensor '{sensor.name}' at {sensor.point.tolist()} m is {distance:.3g} m from the nearest "
+                f"member '{member}'; at most {tolerance:.3g} m is allowed"
             )
             raise MeasurementError(msg)
         mesh = mesh.with_point_on(member, position)

@@ -9,9 +9,8 @@ _STENCIL = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.float64]:
     """Estimate the relative noise of the amplitude at each line.
 
-    An FRF is smooth between its resonances, so fourth differences of ln|H| over neighbouring lines are
-    noise; their
-    median absolute value over a window does not see the few lines at resonances and antiresonances.
+    An FRF is smooth between its resonances, so fourth differences of ln|H| over neighbouring lines are noise;
+    their median absolute value over a window does not see the few lines at resonances and antiresonances.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """What may vary in a fit.
 
-Nuisance parameters with prior knowledge, the damping curve, and effects' parameters.
+These are nuisance parameters with prior knowledge, the damping curve, and effects' parameters.
 """
 
 from collections.abc import Sequence
