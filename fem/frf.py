@@ -9,7 +9,7 @@ import scipy.linalg as sla
 from numpy.typing import ArrayLike, NDArray
 
 from fem.model import DIRECTIONS, Model, ModelError
-from fem.reduction import reduced_basis
+from fem.basis import reduced_basis
 from fem.solvers import SingularMatrixError, factorise
 from fem.system import System
 

@@ -14,7 +14,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.model import Contribution, Effect, Model, ParameterRef
-from fem.reduction import Basis, reduced_basis
+from fem.basis import Basis, reduced_basis
 from fem.system import assemble, sum_contributions
 
 LOCAL_LIMIT = 60
