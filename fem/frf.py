@@ -8,8 +8,8 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import ArrayLike, NDArray
 
-from fem.model import DIRECTIONS, Model, ModelError
 from fem.basis import reduced_basis
+from fem.model import DIRECTIONS, Model, ModelError
 from fem.solvers import SingularMatrixError, factorise
 from fem.system import System
 

@@ -13,8 +13,8 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from fem.model import Contribution, Effect, Model, ParameterRef
 from fem.basis import Basis, reduced_basis
+from fem.model import Contribution, Effect, Model, ParameterRef
 from fem.system import assemble, sum_contributions
 
 LOCAL_LIMIT = 60
