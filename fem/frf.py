@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.basis import reduced_basis
 from fem.model import DIRECTIONS, Model, ModelError
 from fem.solvers import SingularMatrixError, factorise
-from fem.system import System
+from fem.system import System, law_change
 
 Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
 """DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
@@ -326,13 +326,15 @@ def _reduced_receptance(
         + 1j * omega * (2 * zeta * omega_r + damping.alpha + damping.beta * lam)
         - omega**2
     )
-    if not (C.any() or D.any()):
+    if not (C.any() or D.any() or system.laws):
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.einsum("ro,fr,ri->foi", bo, 1 / diagonal, bi, optimize=True)
     local_C, local_D = phi.T @ C @ phi, phi.T @ D @ phi
+    laws = [(law_change(law, omega[:, 0]), phi.T @ (V.T @ (X @ V)) @ phi) for law, X in system.laws]
     H = np.empty((len(frequency), out.shape[1], inn.shape[1]), dtype=complex)
     for k in range(len(frequency)):
         Z = np.diag(diagonal[k]) + 1j * (omega[k, 0] * local_C + local_D)
+        Z = Z + sum(change[k] * X for change, X in laws)
         try:
             H[k] = bo.T @ np.linalg.solve(Z, bi)
         except np.linalg.LinAlgError:
@@ -348,7 +350,8 @@ def _damped_motions(system: System) -> NDArray[np.float64]:
     """
     columns = [np.zeros((system.model.n_dof, 0))]
     for part in system.model.contributions():
-        damping = [X for X in (part.C, part.D) if X is not None and X.any()]
+        own = (part.C, part.D, part.K if part.law is not None else None)
+        damping = [X for X in own if X is not None and X.any()]
         if not damping or part.dofs.size > LOCAL_DAMPING:
             continue
         for dofs, *matrices in zip(part.dofs, *damping, strict=True):
@@ -369,13 +372,11 @@ def _direct_receptance(
             "the direct method needs damping matrices; modal damping ratios have none (use method='reduced')"
         )
         raise FRFError(msg)
-    K = system.K * (1 + 1j * damping.loss_factor) + 1j * system.D
-    C = system.C + damping.alpha * system.M + damping.beta * system.K
     bo, bi = system.Q.T @ out, (system.Q.T @ inn).astype(complex)
     H = np.empty((len(frequency), out.shape[1], inn.shape[1]), dtype=complex)
     for k, omega in enumerate(2 * np.pi * frequency):
         try:
-            H[k] = bo.T @ factorise(K + 1j * omega * C - omega**2 * system.M).solve(bi)
+            H[k] = bo.T @ factorise(system.dynamic_stiffness(omega)).solve(bi)
         except SingularMatrixError:
             H[k] = np.inf
     return H

@@ -21,6 +21,9 @@ Array = NDArray[Any]
 ParameterRef = tuple[str, str]
 """The name of an effect and the name of one of its parameters."""
 
+Law = Callable[[NDArray[np.float64]], tuple[Array, Array]]
+"""A dependence on frequency: from ω (n,) [rad/s] to the real and imaginary factors of a stiffness, (n,)."""
+
 
 class ModelError(ValueError):
     """A model that cannot be built; the message names the place."""
@@ -94,6 +97,9 @@ class Contribution:
         Global DOF numbers of each of the b elements.
     K, M, C, D : ndarray (b, m, m) or None
         Stiffness, mass, viscous and structural damping; Z = K + iD + iωC - ω²M.
+    law : Law or None
+        Dependence on frequency: Z = (storage(ω) + i loss(ω)) K, with M, C and D None. Both are real functions
+        of real parameters, so that the complex steps of derivatives pass through each; loss(0) = 0.
     """
 
     dofs: NDArray[np.int64]
@@ -101,6 +107,14 @@ class Contribution:
     M: Array | None = None
     C: Array | None = None
     D: Array | None = None
+    law: Law | None = field(default=None, kw_only=True)
+
+    @property
+    def static(self) -> Array | None:
+        """Stiffness at ω = 0, (b, m, m) or None."""
+        if self.law is None or self.K is None:
+            return self.K
+        return self.law(np.zeros(1))[0][0] * self.K
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,6 +160,11 @@ class Effect(ABC):
     @abstractmethod
     def where(self) -> str:
         """Where on the structure it is, in words."""
+
+    @property
+    def n_internal(self) -> int:
+        """Number of coordinates that it has beside the points' (modes of a reduced part, for example)."""
+        return 0
 
     def with_values(self, **values: Any) -> Self:
         """Return a copy with other parameter values; complex values are carried for derivatives."""
@@ -283,8 +302,20 @@ class Model:
 
     @property
     def n_dof(self) -> int:
-        """Number of DOFs before constraints, 6 for each point."""
-        return 6 * self.mesh.n_points
+        """Number of DOFs before constraints: 6 for each point, then the effects' internal coordinates."""
+        return 6 * self.mesh.n_points + sum(e.n_internal for e in self.effects)
+
+    def internal_dofs(self, name: str) -> NDArray[np.int64]:
+        """Return the DOF numbers of an effect's internal coordinates, shape (n_internal,).
+
+        Raises
+        ------
+        ModelError
+            If there is no such effect.
+        """
+        own, start = self.effect(name), 6 * self.mesh.n_points
+        start += sum(e.n_internal for e in self.effects[: self.effects.index(own)])
+        return np.arange(start, start + own.n_internal)
 
     def effect(self, name: str) -> Effect:
         """Return the effect with a name.

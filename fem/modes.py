@@ -208,7 +208,7 @@ def _reference_eigenvalue(system: System) -> float:
     upper = _highest(system)
     shift = -upper * max((1e-4 / max(mesh.n_lines, 1)) ** 2, 1e-12)
     factor = factorise(K - shift * M)
-    q = system.Q.T @ rigid_motions(mesh) @ reproduced(mesh, system.Q)
+    q = system.Q.T @ rigid_motions(system.model) @ reproduced(system.model, system.Q)
     X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3))])
     for _ in range(3):
         X = factor.solve(np.asarray(M @ X))
@@ -243,7 +243,7 @@ def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArra
     """
     size = system.model.mesh.size
     motions = np.asarray(system.Q @ vectors)
-    reach = np.abs(motions).reshape(-1, 6, vectors.shape[1]).max(axis=0)
+    reach = np.abs(motions[: 6 * system.model.mesh.n_points]).reshape(-1, 6, vectors.shape[1]).max(axis=0)
     vectors = vectors / np.maximum(reach[:3].max(axis=0), size * reach[3:].max(axis=0))
     # An element of a member that bends with wave number k opposes (kh)³ of what its entries give.
     loose = unopposed(
@@ -256,14 +256,16 @@ def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArra
 def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> str:
     mesh = system.model.mesh
     stiffness = system.Q @ abs(system.K) @ system.Q.T
-    node = np.arange(system.model.n_dof) // 6
+    n = mesh.n_points
+    node = np.concatenate([np.repeat(np.arange(n), 6), np.arange(n, n + system.model.n_dof - 6 * n)])
     coo = sp.coo_array(stiffness)
     keep = coo.data > 0
     # a line ties its ends, also where a support has taken all of an end's motion
     rows = np.concatenate([node[coo.row[keep]], mesh.lines[:, 0]])
     cols = np.concatenate([node[coo.col[keep]], mesh.lines[:, 1]])
-    graph = sp.coo_array((np.ones(rows.size), (rows, cols)), shape=(mesh.n_points,) * 2)
+    graph = sp.coo_array((np.ones(rows.size), (rows, cols)), shape=(node[-1] + 1,) * 2)
     n_parts, label = connected_components(graph, directed=False)
+    label = label[:n]
     attached = np.isin(np.arange(mesh.n_points), mesh.lines)
     parts = [k for k in range(n_parts) if attached[label == k].any()]
     if len(parts) > 1:
@@ -280,7 +282,7 @@ def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDA
             "add joints, or points that the members share"
         )
     extra = vectors - rigid @ (rigid.T @ (system.M @ vectors)) if rigid.shape[1] else vectors
-    u = np.abs(system.Q @ extra).max(axis=1)
+    u = np.abs(system.Q @ extra).max(axis=1)[: 6 * n]
     worst = np.argsort(-u)[:4]
     words = [f"point {d // 6} {DIRECTIONS[d % 6]}" for d in worst if u[d] > 0.3 * u[worst[0]]]
     n = vectors.shape[1] - rigid.shape[1]

@@ -5,8 +5,9 @@ depends on the size of the mesh: a set of parameter values costs one small symme
 candidate effect what its own few DOFs cost.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,8 @@ _STEP = 1e-200
 class _Term:
     """Matrices on the reduced coordinates, X = Lᵀ x L for X in K, M, C, D.
 
-    L is the identity where it is None.
+    L is the identity where it is None. Each of ``laws`` is a factor as a function of ω and a matrix that it
+    multiplies: what an element that depends on frequency adds to its static stiffness, which is in K.
     """
 
     L: NDArray[np.float64] | None
@@ -36,11 +38,13 @@ class _Term:
     M: NDArray[Any] | None
     C: NDArray[Any] | None
     D: NDArray[Any] | None
+    laws: tuple[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]], ...] = ()
 
     def dense(self, key: str) -> Any:
         X = getattr(self, key)
-        if X is None:
-            return 0.0
+        return 0.0 if X is None else self.spread(X)
+
+    def spread(self, X: NDArray[Any]) -> NDArray[Any]:
         return X if self.L is None else self.L.T @ X @ self.L
 
 
@@ -48,6 +52,26 @@ def _part(X: NDArray[Any] | None, imaginary: bool) -> NDArray[Any] | None:
     if X is None:
         return None
     return np.imag(X) / _STEP if imaginary else np.real(X)
+
+
+def _law_parts(
+    c: Contribution, imaginary: bool
+) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]]]:
+    """Return what a law adds to the static stiffness, or its derivative by the product rule."""
+    law, K = c.law, c.K
+    assert law is not None
+    assert K is not None
+
+    def change(omega: NDArray[np.float64], step: bool) -> NDArray[Any]:
+        storage, loss = law(omega)
+        storage = storage - law(np.zeros(1))[0][0]
+        real, imag = _part(storage, step), _part(loss, step)
+        return real + 1j * imag  # type: ignore[operator]
+
+    out = [(partial(change, step=imaginary), np.real(K))]
+    if imaginary and np.iscomplexobj(K):
+        out.append((partial(change, step=False), np.imag(K) / _STEP))
+    return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,24 +96,38 @@ class ReducedModel:
         )
         T = self.basis.T
         if len(dofs) > LOCAL_LIMIT:
-            parts = tuple(
-                Contribution(c.dofs, *(_part(getattr(c, key), imaginary) for key in "KMCD"))
+            n = self.model.n_dof
+            parts = [tuple(_part(X, imaginary) for X in (c.static, c.M, c.C, c.D)) for c in contributions]
+            static = tuple(Contribution(c.dofs, *X) for c, X in zip(contributions, parts, strict=True))
+            full = sum_contributions(static, n)
+            laws = [
+                (factor, sum_contributions((Contribution(c.dofs, X),), n)[0])
                 for c in contributions
-            )
-            full = sum_contributions(parts, self.model.n_dof)
-            return _Term(None, *(T.T @ (X @ T) if X.nnz else None for X in full))
-        small: dict[str, NDArray[Any] | None] = dict.fromkeys("KMCD")
-        for c in contributions:
-            at = np.searchsorted(dofs, c.dofs)
-            for key in "KMCD":
-                X = _part(getattr(c, key), imaginary)
-                if X is None:
-                    continue
-                total = small[key]
-                if total is None:
-                    total = small[key] = np.zeros((len(dofs), len(dofs)))
+                if c.law is not None
+                for factor, X in _law_parts(c, imaginary)
+            ]
+            K, M, C, D = (T.T @ (X @ T) if X.nnz else None for X in full)
+            return _Term(None, K, M, C, D, tuple((factor, T.T @ (X @ T)) for factor, X in laws))
+
+        def summed(pairs: Sequence[tuple[Contribution, Any]]) -> NDArray[Any] | None:
+            present = [(c, X) for c, X in pairs if X is not None]
+            if not present:
+                return None
+            total = np.zeros((len(dofs), len(dofs)))
+            for c, X in present:
+                at = np.searchsorted(dofs, c.dofs)
                 np.add.at(total, (at[:, :, None], at[:, None, :]), X)
-        return _Term(T[dofs], small["K"], small["M"], small["C"], small["D"])
+            return total
+
+        static = [(c, _part(c.static, imaginary)) for c in contributions]
+        M, C, D = (summed([(c, _part(getattr(c, key), imaginary)) for c in contributions]) for key in "MCD")
+        laws = [
+            (factor, summed([(c, X)]))
+            for c in contributions
+            if c.law is not None
+            for factor, X in _law_parts(c, imaginary)
+        ]
+        return _Term(T[dofs], summed(static), M, C, D, tuple((f, X) for f, X in laws if X is not None))
 
     def value_of(self, effect: Effect) -> _Term:
         """Project an effect at its present values."""
@@ -115,6 +153,12 @@ class ReducedModel:
                 key: sum((t.dense(key) for t in self.base().values()), np.zeros((n, n))) for key in "KMCD"
             }
         return self._cache["sum"]
+
+    def base_laws(self) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[np.float64]]]:
+        """Return the factors and matrices of all effects that depend on frequency (computed once)."""
+        if "laws" not in self._cache:
+            self._cache["laws"] = [(f, t.spread(X)) for t in self.base().values() for f, X in t.laws]
+        return self._cache["laws"]
 
     def linear(self, effect: Effect, parameter: str, value: float) -> _Term:
         """Return the derivative with respect to a linear parameter.
@@ -205,7 +249,8 @@ class ParametricFRF:
             wanted.setdefault(name, []).append(i)
         candidate_names = {e.name for e in candidates}
         ix = np.ix_(self._active, self._active)
-        self._fixed = {key: X[ix].copy() for key, X in reduced.base_sum().items()}
+        self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum().items()}
+        self._fixed["laws"] = [(f(self.omega), X[ix]) for f, X in reduced.base_laws()]
         self._linear: list[tuple[int, float, _Term]] = []
         self._nonlinear: list[tuple[Effect, list[int]]] = []
         for name, effect in effects.items():
@@ -231,14 +276,20 @@ class ParametricFRF:
 
     def _restrict(self, term: _Term) -> _Term:
         if term.L is not None:
-            return _Term(term.L[:, self._active], term.K, term.M, term.C, term.D)
+            return replace(term, L=term.L[:, self._active])
         ix = np.ix_(self._active, self._active)
-        return _Term(None, *(None if X is None else X[ix] for X in (term.K, term.M, term.C, term.D)))
+        K, M, C, D = (None if X is None else X[ix] for X in (term.K, term.M, term.C, term.D))
+        return _Term(None, K, M, C, D, tuple((f, X[ix]) for f, X in term.laws))
 
     def _add_fixed(self, term: _Term, factor: float) -> None:
         term = self._restrict(term)
+        self._add(self._fixed, term, factor)
+
+    def _add(self, total: dict[str, Any], term: _Term, factor: float) -> None:
         for key in "KMCD":
-            self._fixed[key] = self._fixed[key] + factor * term.dense(key)
+            if getattr(term, key) is not None:
+                total[key] = total[key] + factor * term.dense(key)
+        total["laws"] = total["laws"] + [(factor * f(self.omega), term.spread(X)) for f, X in term.laws]
 
     def _matrices(
         self, values: NDArray[np.float64], gradient: bool
@@ -246,16 +297,12 @@ class ParametricFRF:
         total = dict(self._fixed)
         slopes: dict[int, _Term] = {}
         for i, start, term in self._linear:
-            for key in "KMCD":
-                if getattr(term, key) is not None:
-                    total[key] = total[key] + (values[i] - start) * term.dense(key)
+            self._add(total, term, values[i] - start)
             slopes[i] = term
         for effect, rows in self._nonlinear:
             now = effect.with_values(**{self.refs[i][1]: float(values[i]) for i in rows})
             term = self._restrict(self.reduced.value_of(now))
-            for key in "KMCD":
-                if getattr(term, key) is not None:
-                    total[key] = total[key] + term.dense(key)
+            self._add(total, term, 1.0)
             if gradient:
                 for i in rows:
                     slopes[i] = self._restrict(
@@ -304,6 +351,7 @@ class ParametricFRF:
                 for key, factor in factors.items()
                 if getattr(term, key) is not None
             ]
+            present += [(X, f(omega)) for f, X in term.laws]
             if not present:
                 continue
             if term.L is None:
@@ -377,6 +425,7 @@ class LocalChanges:
             parts = [
                 factors[key][:, None, None] * X for key in "KMCD" if (X := getattr(term, key)) is not None
             ]
+            parts += [f(omega)[:, None, None] * X for f, X in term.laws]
             if not parts:
                 out.append(self.H)
                 continue
@@ -417,12 +466,15 @@ class _State:
         # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
         # GEMM.
         inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
-        local = _range(total["C"], total["D"])
-        if local is None:
+        laws = total["laws"]
+        U = _range([total["C"], total["D"], *(X for _, X in laws)])
+        if U is None:
             return cls(lam, V, stiffness, mass, inverse, None, None)
-        U, C, D = local
+        C, D = U.T @ total["C"] @ U, U.T @ total["D"] @ U
         Um = V.T @ U
         S = 1j * (omega[:, None, None] * C + D)
+        for factor, X in laws:
+            S = S + factor[:, None, None] * (U.T @ X @ U)
         G = np.moveaxis(_times(Um.T, Um[:, :, None] * inverse), 2, 0)
         correct: Any = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
         return cls(lam, V, stiffness, mass, inverse, Um, correct)
@@ -445,20 +497,16 @@ def _times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.comp
     return (A @ flat).view(complex).reshape(len(A), *X.shape[1:])
 
 
-def _range(C: Any, D: Any) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return an orthonormal basis of what local damping acts on, and C and D on it.
-
-    It is None without local damping.
-    """
-    sizes = [float(np.abs(X).max()) for X in (C, D)]
+def _range(matrices: list[NDArray[np.float64]]) -> NDArray[np.float64] | None:
+    """Return an orthonormal basis of what local damping and laws act on, None without any."""
+    sizes = [float(np.abs(X).max()) for X in matrices]
     if max(sizes) == 0:
         return None
-    # Both dissipate, so that the range of the sum is that of both; not of squares, which lose a soft damper
+    # All dissipate, so that the range of the sum is that of all; not of squares, which lose a soft damper
     # beside a stiff one.
-    both = sum(X / s for X, s in zip((C, D), sizes, strict=True) if s > 0)
+    both = sum(X / s for X, s in zip(matrices, sizes, strict=True) if s > 0)
     eigenvalues, vectors = sla.eigh(both, check_finite=False)
-    U = vectors[:, np.abs(eigenvalues) > 1e-13 * np.abs(eigenvalues).max()]
-    return U, U.T @ C @ U, U.T @ D @ U
+    return vectors[:, np.abs(eigenvalues) > 1e-13 * np.abs(eigenvalues).max()]
 
 
 def values_of(

@@ -1,6 +1,6 @@
 """Assembly: from a model to K, M, C and D on the independent coordinates."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,8 +8,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Constraint, Contribution, Model, ModelError, lever_matrix
+from fem.model import DIRECTIONS, Constraint, Contribution, Law, Model, ModelError
 
 _ROUNDING = 1e-9
 """Relative size below which the resistance to a rigid-body motion is rounding."""
@@ -17,18 +16,23 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class System:
-    """Matrices of a model: Z(ω) = K + iD + iωC - ω²M on coordinates q with u = Q q.
+    """Matrices of a model on coordinates q with u = Q q.
+
+    Z(ω) = K + iD + iωC - ω²M + Σ (storage(ω) - storage(0) + i loss(ω)) K_law.
 
     Attributes
     ----------
     K, M, C, D : sparse (n_free, n_free)
-        Stiffness [N/m …], mass [kg …], viscous damping, structural damping of local effects.
+        Stiffness [N/m …], with that of frequency-dependent elements at ω = 0; mass [kg …], viscous damping,
+        structural damping of local effects.
     Q : sparse (n_dof, n_free)
         From the independent coordinates to all DOFs; orthonormal columns.
     rigid : ndarray (n_free, n_rigid)
         Rigid-body motions that constraints and springs allow, not normalised.
     model : Model
         Where they come from; its ``damping`` is that of the whole structure and not in C and D.
+    laws : tuple of (Law, sparse (n_free, n_free))
+        Frequency-dependent elements: each law and the K_law that it multiplies.
     """
 
     K: sp.csc_array
@@ -38,11 +42,30 @@ class System:
     Q: sp.csr_array
     rigid: NDArray[np.float64]
     model: Model
+    laws: tuple[tuple[Law, sp.csc_array], ...] = ()
 
     @property
     def n_free(self) -> int:
         """Number of independent coordinates."""
         return self.K.shape[0]
+
+    def dynamic_stiffness(self, omega: float) -> sp.csc_array:
+        """Return Z(ω) with the structure's Rayleigh and structural damping, sparse (n_free, n_free).
+
+        Modal damping ratios have no matrix and are left out.
+
+        Parameters
+        ----------
+        omega : float
+            Angular frequency [rad/s].
+        """
+        damping = self.model.damping
+        stiffness = 1 + 1j * (damping.loss_factor + omega * damping.beta)
+        Z = stiffness * self.K + 1j * (self.D + omega * self.C)
+        Z = Z + (1j * omega * damping.alpha - omega**2) * self.M
+        for law, K in self.laws:
+            Z = Z + law_change(law, np.array([omega]))[0] * K
+        return sp.csc_array(Z)
 
 
 def assemble(model: Model) -> System:
@@ -59,6 +82,11 @@ def assemble(model: Model) -> System:
     """
     contributions = model.contributions()
     full = sum_contributions(contributions, model.n_dof)
+    laws = tuple(
+        (c.law, sum_contributions((replace(c, law=None),), model.n_dof)[0])
+        for c in contributions
+        if c.law is not None
+    )
     for name, X in zip("KMCD", full, strict=True):
         if not np.isfinite(X.data).all():
             msg = f"the matrix {name} of the model has entries that are not finite numbers"
@@ -68,24 +96,50 @@ def assemble(model: Model) -> System:
         msg = "the supports and rigid joints leave no motion at all; the model has nothing to compute"
         raise ModelError(msg)
     K, M, C, D = (sp.csc_array(Q.T @ X @ Q) for X in full)
-    empty = np.flatnonzero(abs(K).sum(axis=0) + abs(M).sum(axis=0) == 0)
-    if empty.size:
-        dof = int(abs(Q[:, [empty[0]]]).argmax())
-        msg = (
-            f"point {dof // 6} of the mesh has neither stiffness nor mass in {DIRECTIONS[dof % 6]}; "
-            "leave it out of the mesh, or tie it with a line or a joint"
-        )
-        raise ModelError(msg)
-    return System(K, M, C, D, Q, _allowed(model.mesh, contributions, Q), model)
+    idle = _idle(model, Q, np.flatnonzero(abs(K).sum(axis=0) + abs(M).sum(axis=0) == 0))
+    if idle.size:
+        Q = Q[:, np.setdiff1d(np.arange(Q.shape[1]), idle)]
+        K, M, C, D = (sp.csc_array(Q.T @ X @ Q) for X in full)
+    on_q = tuple((law, sp.csc_array(Q.T @ X @ Q)) for law, X in laws)
+    return System(K, M, C, D, Q, _allowed(model, contributions, Q), model, on_q)
 
 
-def rigid_motions(mesh: Mesh) -> NDArray[np.float64]:
+def law_change(law: Law, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return storage(ω) - storage(0) + i loss(ω), shape (n,): what a law adds to the static stiffness."""
+    storage, loss = law(omega)
+    return storage - law(np.zeros(1))[0][0] + 1j * loss
+
+
+def _idle(model: Model, Q: Any, empty: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the coordinates without stiffness and mass: rotations where nothing but bars and cables meet.
+
+    Others are an error.
+    """
+    on_lines = np.isin(np.arange(model.mesh.n_points), model.mesh.lines)
+    for column in empty:
+        dof = int(abs(Q[:, [column]]).argmax())
+        if dof % 6 < 3 or dof >= 6 * len(on_lines) or not on_lines[dof // 6]:
+            msg = (
+                f"point {dof // 6} of the mesh has neither stiffness nor mass in {DIRECTIONS[dof % 6]}; "
+                "leave it out of the mesh, or tie it with a line or a joint"
+            )
+            raise ModelError(msg)
+    return empty
+
+
+def rigid_motions(model: Model) -> NDArray[np.float64]:
     """Return the six rigid-body motions about the mesh's centre, shape (n_dof, 6).
 
-    Rotations are divided by the mesh's size.
+    Rotations are divided by the mesh's size; internal coordinates of effects stay at rest.
     """
-    motions = np.vstack([lever_matrix(p) for p in mesh.points - mesh.points.mean(axis=0)])
-    motions[:, 3:] /= max(mesh.size, 1e-300)
+    points = model.mesh.points
+    motions = np.zeros((model.n_dof, 6))
+    arm = points - points.mean(axis=0)
+    at = motions[: 6 * len(points)].reshape(-1, 6, 6)
+    at[:] = np.eye(6)
+    at[:, 0, 4], at[:, 0, 5], at[:, 1, 5] = arm[:, 2], -arm[:, 1], arm[:, 0]
+    at[:, 1, 3], at[:, 2, 3], at[:, 2, 4] = -arm[:, 2], arm[:, 1], -arm[:, 0]
+    motions[:, 3:] /= max(model.mesh.size, 1e-300)
     return motions
 
 
@@ -102,11 +156,12 @@ def resistance(
     rows = [np.zeros((0, motions.shape[1]))]
     amplitude = np.repeat([1.0, 1 / max(size, 1e-300)], 3)
     for part in contributions:
-        if part.K is None:
+        K = part.static
+        if K is None:
             continue
         at = motions[part.dofs]
-        terms = np.abs(part.K) @ amplitude[part.dofs % 6][:, :, None]
-        force = np.divide(part.K @ at, terms, out=np.zeros_like(at), where=terms > 0)
+        terms = np.abs(K) @ amplitude[part.dofs % 6][:, :, None]
+        force = np.divide(K @ at, terms, out=np.zeros_like(at), where=terms > 0)
         force = force.reshape(-1, motions.shape[1])
         rows.append(force[np.abs(force).max(axis=1) > rounding])
     return np.vstack(rows)
@@ -119,29 +174,33 @@ def unopposed(rows: NDArray[np.float64], tolerance: float) -> NDArray[np.float64
     return Vt[s < tolerance].T
 
 
-def reproduced(mesh: Mesh, Q: Any) -> NDArray[np.float64]:
+def reproduced(model: Model, Q: Any) -> NDArray[np.float64]:
     """Return the combinations (6, n) of rigid-body motions that meet the constraints."""
-    motions = rigid_motions(mesh)
+    motions = rigid_motions(model)
     missed = motions - Q @ (Q.T @ motions)
-    missed.reshape(-1, 6, 6)[:, 3:] *= mesh.size
+    missed[: 6 * model.mesh.n_points].reshape(-1, 6, 6)[:, 3:] *= model.mesh.size
     return unopposed(missed[np.abs(missed).max(axis=1) > _ROUNDING], 10 * _ROUNDING)
 
 
-def _allowed(mesh: Mesh, contributions: tuple[Contribution, ...], Q: Any) -> NDArray[np.float64]:
+def _allowed(model: Model, contributions: tuple[Contribution, ...], Q: Any) -> NDArray[np.float64]:
     """Return the rigid-body motions (n_free, n_rigid) that Q reproduces and that no element resists."""
-    motions = rigid_motions(mesh) @ reproduced(mesh, Q)
+    motions = rigid_motions(model) @ reproduced(model, Q)
     if not motions.shape[1]:
         return np.zeros((Q.shape[1], 0))
-    return Q.T @ motions @ unopposed(resistance(contributions, motions, mesh.size, _ROUNDING), 10 * _ROUNDING)
+    size = model.mesh.size
+    return Q.T @ motions @ unopposed(resistance(contributions, motions, size, _ROUNDING), 10 * _ROUNDING)
 
 
 def sum_contributions(contributions: tuple[Contribution, ...], n_dof: int) -> list[Any]:
-    """Return sparse K, M, C and D (n_dof, n_dof) from batches of element matrices."""
+    """Return sparse K, M, C and D (n_dof, n_dof) from batches of element matrices.
+
+    Elements that depend on frequency give their static stiffness.
+    """
     out = []
     for key in "KMCD":
         rows, cols, data = [], [], []
         for part in contributions:
-            X = getattr(part, key)
+            X = part.static if key == "K" else getattr(part, key)
             if X is None:
                 continue
             m = part.dofs.shape[1]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.effects.joint import Joint, joint_unit, relative_rows
+from fem.effects.joint import Joint, joint_unit
 from fem.frf import compute_frf
 from fem.model import DIRECTIONS, Model, directions_from
 from fem.system import assemble
@@ -100,7 +100,7 @@ def _without(
     D = D + joint.eta * (K - np.diag(np.isin(np.arange(6), index) * np.diag(K)))
     tied = replace(joint, K=K, C=C, D=D, eta=0.0, rigid=tuple(d for d in joint.rigid if d not in wanted))
     whole = replace(model, effects=tuple(tied if e.name == joint.name else e for e in model.effects))
-    dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+    dofs, B = joint.relative(model)
     rows = np.zeros((len(index), model.n_dof))
     rows[:, dofs] = B[index]
     outputs, inputs = sensor_rows(model, measured.sensors), sensor_rows(model, measured.excitations)

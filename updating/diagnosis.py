@@ -9,7 +9,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
-from fem.effects.joint import Joint, relative_rows
+from fem.effects.joint import Joint
 from fem.frf import FRF
 from fem.model import Effect, Model
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
@@ -191,7 +191,7 @@ def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.floa
     # Sensors count too: where a response is mostly local stretching, modes alone converge slowly.
     columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
     for joint in model.of_kind(Joint):
-        dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+        dofs, B = joint.relative(model)
         held = [d not in joint.rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
         block = np.zeros((model.n_dof, 6))
         block[dofs] = B.T

@@ -35,6 +35,17 @@ def joint_unit(direction: str, what: str = "k") -> str:
     return base if what == "k" else base.replace("N/m", "N·s/m").replace("N·m/rad", "N·m·s/rad")
 
 
+def check_axes(axes: NDArray[np.float64], what: str) -> None:
+    """Raise a ModelError unless axes are three unit vectors, square to each other and right-handed."""
+    axes = np.asarray(axes, dtype=float)
+    if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
+        msg = (
+            f"{what}: its axes are {axes.tolist()}; allowed are three unit vectors as rows, "
+            "square to each other and right-handed"
+        )
+        raise ModelError(msg)
+
+
 def relative_rows(
     model: Model, point1: int, point2: int | None, location: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -68,7 +79,7 @@ def relative_rows(
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Joint(Effect):
-    """A massless or massive joint in global directions.
+    """A massless or massive joint, in global directions or in axes of its own.
 
     The relative motion δ of its two sides at ``location`` is resisted by K(1 + iη) δ + iωC δ; a direction in
     ``rigid`` has none. M is a 6×6 mass matrix at the location, shared equally by the two sides.
@@ -90,6 +101,8 @@ class Joint(Effect):
         Loss factor of K [-].
     rigid : tuple of str
         Directions without relative motion.
+    axes : ndarray (3, 3)
+        The joint's x, y and z as rows, in global components; all directions and matrices are in these axes.
     """
 
     kind: ClassVar[str] = "joint"
@@ -102,8 +115,10 @@ class Joint(Effect):
     M: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
     eta: Any = 0.0
     rigid: tuple[str, ...] = ()
+    axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
+        check_axes(self.axes, f"joint '{self.name}'")
         for key in "KCDM":
             matrix = getattr(self, key)
             if np.shape(matrix) != (6, 6):
@@ -148,9 +163,14 @@ class Joint(Effect):
                 K[i, i] = value
         return replace(self, K=K, eta=values.get("eta", self.eta))
 
+    def relative(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return DOFs and B with δ = B u in the joint's axes; see :func:`relative_rows`."""
+        dofs, B = relative_rows(model, self.point1, self.point2, self.location)
+        return dofs, np.kron(np.eye(2), self.axes) @ B
+
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return BᵀKB, BᵀCB, Bᵀ(D + ηK)B on the two points' DOFs, and the masses."""
-        dofs, B = relative_rows(model, self.point1, self.point2, self.location)
+        dofs, B = self.relative(model)
         free = np.array([float(d not in self.rigid) for d in DIRECTIONS])
         Bf = free[:, None] * B
         parts = [
@@ -165,7 +185,7 @@ class Joint(Effect):
         if np.any(self.M):
             sides = [p for p in (self.point1, self.point2) if p is not None]
             for point in sides:
-                T = lever_matrix(self.location - model.mesh.points[point])
+                T = np.kron(np.eye(2), self.axes) @ lever_matrix(self.location - model.mesh.points[point])
                 parts.append(Contribution(dofs_of(point)[None], M=(T.T @ self.M @ T)[None] / len(sides)))
         return tuple(parts)
 
@@ -173,7 +193,7 @@ class Joint(Effect):
         """No relative motion in the rigid directions."""
         if not self.rigid:
             return ()
-        dofs, B = relative_rows(model, self.point1, self.point2, self.location)
+        dofs, B = self.relative(model)
         return tuple(Constraint((self.name, d), dofs, B[DIRECTIONS.index(d)]) for d in self.rigid)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.joint import Joint, joint_unit, relative_rows
+from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
 
 
@@ -54,7 +54,7 @@ class JointViscousDamping(Effect):
         """Return c b bᵀ."""
         joint = model.effect(self.joint)
         assert isinstance(joint, Joint)
-        dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+        dofs, B = joint.relative(model)
         b = B[DIRECTIONS.index(self.direction)]
         return (Contribution(dofs[None], C=(self.damping * np.outer(b, b))[None]),)
 
@@ -112,7 +112,7 @@ class JointStructuralDamping(Effect):
         """Return η Bᵀ K B."""
         joint = model.effect(self.joint)
         assert isinstance(joint, Joint)
-        dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+        dofs, B = joint.relative(model)
         return (Contribution(dofs[None], D=(self.loss_factor * (B.T @ joint.K @ B))[None]),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:

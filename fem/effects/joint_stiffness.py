@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.joint import Joint, joint_unit, relative_rows
+from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
 
 
@@ -58,7 +58,7 @@ class JointStiffness(Effect):
         for name in self.joints:
             joint = model.effect(name)
             assert isinstance(joint, Joint)
-            dofs, B = relative_rows(model, joint.point1, joint.point2, joint.location)
+            dofs, B = joint.relative(model)
             b = B[DIRECTIONS.index(self.direction)]
             K = change * np.outer(b, b)
             out.append(Contribution(dofs[None], K[None], D=(joint.eta * K)[None] if joint.eta else None))
