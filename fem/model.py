@@ -99,7 +99,7 @@ class Contribution:
         Stiffness, mass, viscous and structural damping; Z = K + iD + iωC - ω²M.
     law : Law or None
         Dependence on frequency: Z = (storage(ω) + i loss(ω)) K, with M, C and D None. Both are real functions
-        of real parameters, so that the complex steps of derivatives pass through each; loss(0) = 0.
+        of real parameters, so that the complex steps of derivatives pass through each.
     """
 
     dofs: NDArray[np.int64]
@@ -129,11 +129,14 @@ class Constraint:
         Global DOF numbers.
     coefficients : ndarray (m,)
         Coefficients [-] or lever arms [m].
+    releasable : bool
+        Whether another effect may replace it by a spring.
     """
 
     key: tuple[str, str]
     dofs: NDArray[np.int64]
     coefficients: NDArray[np.float64]
+    releasable: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

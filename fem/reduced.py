@@ -197,7 +197,7 @@ def reduce_model(
         Whether effects may release the model's constraints later.
     """
     system = assemble(model)
-    release = model.constraints() if releasable else ()
+    release = tuple(c for c in model.constraints() if c.releasable) if releasable else ()
     return ReducedModel(
         model, reduced_basis(system, forces, max_frequency, margin=margin, n_krylov=n_krylov, release=release)
     )

@@ -2,9 +2,13 @@
 
 import numpy as np
 
+from fem.effects.added_mass import AddedMass
 from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
+from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.support import Support
+from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
+from fem.laws import FractionalZener
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model
 from fem.properties import Material, Section
@@ -101,3 +105,49 @@ def chain(n_members, n, effects=(), *, length=1.0, section=FLAT, stiffness=0.0):
         for m in range(n_members - 1)
     )
     return Model(mesh, (frame, *hinges, *effects))
+
+
+TURNED = np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]])
+"""Axes at 53° to the global ones."""
+
+
+def mounted(size=0.1):
+    """Return a beam on a rubber mount, with a tabulated mount, a turned spring, and tied points beside it."""
+    points = [[0, 0, 0], [0.6, 0, 0], [0, 0.04, 0], [0.6, 0.04, 0]]
+    mesh = Mesh.from_lines(points, [[0, 1], [2, 3]], {"first": [0], "second": [1]}).refined(size)
+    frequency = np.array([10.0, 60.0, 300.0])
+    base = np.diag([4e5, 3e5, 9e5, 800.0, 700.0, 600.0])
+    base[0, 4] = base[4, 0] = 3e3
+    table = np.array([(1 + 0.1j) * base, (1.2 + 0.2j) * base, (1.4 + 0.25j) * base + 1e3j * np.eye(6)])
+    return Model(
+        mesh,
+        (
+            Frame(members={name: MemberProperties(STEEL, FLAT) for name in mesh.members}),
+            Viscoelastic(
+                name="rubber",
+                point1=0,
+                point2=2,
+                location=np.array([0, 0.02, 0.01]),
+                axes=TURNED,
+                K=np.diag([1e5, 2e5, 3e5, 100.0, 200.0, 300.0]),
+                law=FractionalZener(6.0, 1e-4, 0.5),
+            ),
+            TabulatedStiffness(
+                name="mount",
+                point1=1,
+                point2=3,
+                location=np.array([0.6, 0.02, 0]),
+                frequency=frequency,
+                K=table,
+                factor=1.1,
+            ),
+            Joint(
+                name="spring", point1=4, point2=9, location=np.array([0.1, 0.02, 0]), axes=TURNED,
+                K=np.diag([1e4, 0, 0, 0, 0, 0]),
+            ),
+            RigidLink(name="link", point=5, dependents=(6,)),
+            MultiPointConstraint(name="tie", terms=((7, "z", 1.0), (12, "z", -1.0))),
+            AddedMass(name="lump", point=3, mass=0.4, arm=np.array([0.01, 0, 0.02])),
+        ),
+        Damping.structural(0.004),
+    )  # fmt: skip

@@ -9,7 +9,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
-from fem.effects.joint import Joint
+from fem.effects.joint import Joint, PointPair
 from fem.frf import FRF
 from fem.model import Effect, Model
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
@@ -190,9 +190,10 @@ def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.floa
     """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
     # Sensors count too: where a response is mostly local stretching, modes alone converge slowly.
     columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
-    for joint in model.of_kind(Joint):
-        dofs, B = joint.relative(model)
-        held = [d not in joint.rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
+    for element in model.of_kind(PointPair):
+        dofs, B = element.relative(model)
+        rigid = element.rigid if isinstance(element, Joint) else ()
+        held = [d not in rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
         block = np.zeros((model.n_dof, 6))
         block[dofs] = B.T
         columns.append(block[:, held])

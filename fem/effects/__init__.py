@@ -9,14 +9,16 @@ import pkgutil
 
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.frame import Frame, MemberProperties
-from fem.effects.joint import Joint
+from fem.effects.joint import Joint, PointPair
 from fem.effects.joint_damping import JointStructuralDamping, JointViscousDamping
 from fem.effects.joint_stiffness import JointStiffness
 from fem.effects.member_change import MemberDensity, MemberStiffness
 from fem.effects.preload import Preload
+from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.stiffness_loss import StiffnessLoss
 from fem.effects.support import Support
 from fem.effects.support_flexibility import SupportFlexibility
+from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
 from fem.model import Effect
 
 __all__ = [
@@ -29,11 +31,16 @@ __all__ = [
     "MemberDensity",
     "MemberProperties",
     "MemberStiffness",
+    "MultiPointConstraint",
     "PointMass",
+    "PointPair",
     "Preload",
+    "RigidLink",
     "StiffnessLoss",
     "Support",
     "SupportFlexibility",
+    "TabulatedStiffness",
+    "Viscoelastic",
     "candidate_kinds",
     "effect_classes",
 ]

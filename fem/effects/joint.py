@@ -35,17 +35,6 @@ def joint_unit(direction: str, what: str = "k") -> str:
     return base if what == "k" else base.replace("N/m", "N·s/m").replace("N·m/rad", "N·m·s/rad")
 
 
-def check_axes(axes: NDArray[np.float64], what: str) -> None:
-    """Raise a ModelError unless axes are three unit vectors, square to each other and right-handed."""
-    axes = np.asarray(axes, dtype=float)
-    if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
-        msg = (
-            f"{what}: its axes are {axes.tolist()}; allowed are three unit vectors as rows, "
-            "square to each other and right-handed"
-        )
-        raise ModelError(msg)
-
-
 def relative_rows(
     model: Model, point1: int, point2: int | None, location: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -78,11 +67,8 @@ def relative_rows(
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Joint(Effect):
-    """A massless or massive joint, in global directions or in axes of its own.
-
-    The relative motion δ of its two sides at ``location`` is resisted by K(1 + iη) δ + iωC δ; a direction in
-    ``rigid`` has none. M is a 6×6 mass matrix at the location, shared equally by the two sides.
+class PointPair(Effect):
+    """An element between two points, or between a point and the ground, at a place and in axes of its own.
 
     Attributes
     ----------
@@ -91,7 +77,46 @@ class Joint(Effect):
     point2 : int or None
         Point on the second side, None for the ground.
     location : ndarray (3,)
-        Where the joint acts; lever arms to the points are rigid [m].
+        Where the element acts; lever arms to the points are rigid [m].
+    axes : ndarray (3, 3)
+        The element's x, y and z as rows, in global components; all its directions and matrices are in these.
+    """
+
+    point1: int
+    point2: int | None = None
+    location: NDArray[np.float64]
+    axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+
+    def check(self) -> None:
+        """Raise a ModelError unless the axes are unit vectors, square to each other and right-handed."""
+        axes = np.asarray(self.axes, dtype=float)
+        square = axes.shape == (3, 3) and np.abs(axes @ axes.T - np.eye(3)).max() < 1e-6
+        if not square or np.linalg.det(axes) < 0:
+            msg = (
+                f"{self.where}: its axes are {axes.tolist()}; allowed are three unit vectors as rows, "
+                "square to each other and right-handed"
+            )
+            raise ModelError(msg)
+
+    def relative(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the DOFs, (12,) or (6,), and B with the relative motion δ = B u in the element's axes."""
+        dofs, B = relative_rows(model, self.point1, self.point2, self.location)
+        return dofs, np.kron(np.eye(2), self.axes) @ B
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Where it acts."""
+        return self.location[None]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Joint(PointPair):
+    """A massless or massive joint, in global directions or in axes of its own.
+
+    The relative motion δ of its two sides at ``location`` is resisted by K(1 + iη) δ + iωC δ; a direction in
+    ``rigid`` has none. M is a 6×6 mass matrix at the location, shared equally by the two sides.
+
+    Attributes
+    ----------
     K, C, D : ndarray (6, 6)
         Stiffness [N/m, N·m/rad], viscous damping, and structural damping in addition to ``eta`` [N/m,
         N·m/rad].
@@ -101,24 +126,18 @@ class Joint(Effect):
         Loss factor of K [-].
     rigid : tuple of str
         Directions without relative motion.
-    axes : ndarray (3, 3)
-        The joint's x, y and z as rows, in global components; all directions and matrices are in these axes.
     """
 
     kind: ClassVar[str] = "joint"
-    point1: int
-    point2: int | None = None
-    location: NDArray[np.float64]
     K: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
     C: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
     D: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
     M: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
     eta: Any = 0.0
     rigid: tuple[str, ...] = ()
-    axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
-        check_axes(self.axes, f"joint '{self.name}'")
+        self.check()
         for key in "KCDM":
             matrix = getattr(self, key)
             if np.shape(matrix) != (6, 6):
@@ -163,11 +182,6 @@ class Joint(Effect):
                 K[i, i] = value
         return replace(self, K=K, eta=values.get("eta", self.eta))
 
-    def relative(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return DOFs and B with δ = B u in the joint's axes; see :func:`relative_rows`."""
-        dofs, B = relative_rows(model, self.point1, self.point2, self.location)
-        return dofs, np.kron(np.eye(2), self.axes) @ B
-
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return BᵀKB, BᵀCB, Bᵀ(D + ηK)B on the two points' DOFs, and the masses."""
         dofs, B = self.relative(model)
@@ -195,7 +209,3 @@ class Joint(Effect):
             return ()
         dofs, B = self.relative(model)
         return tuple(Constraint((self.name, d), dofs, B[DIRECTIONS.index(d)]) for d in self.rigid)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Where it acts."""
-        return self.location[None]

@@ -11,7 +11,7 @@ from fem.frf import compute_frf
 from fem.model import Contribution, Effect, Parameter, dofs_of, lever_matrix
 from fem.properties import Material
 from fem.system import assemble
-from tests.frames import beam, cross_beam, fix, portal
+from tests.frames import beam, cross_beam, fix, mounted, portal
 
 MODELS = {
     "cross": cross_beam(0.1),
@@ -28,12 +28,16 @@ MODELS = {
         offset1=np.array([0, 0, 0.02]),
         offset2=np.array([0.01, 0, -0.03]),
     ),
+    "mounts": mounted(),
 }
 GROUNDED = {"support_flexibility"}
 """Kinds that may hold a rigid body."""
 
 TURNED = {"preload"}
 """Kinds that resist its rotations: a force that keeps its direction."""
+
+
+KEYS = ("K", "M", "C", "D", "storage", "loss")
 
 
 def candidates(model, kind):
@@ -54,11 +58,16 @@ OWN = [
 
 
 def matrices(effect, model):
-    """Return K, M, C, D (n_dof, n_dof) of an effect, stacked; complex where its values are."""
-    out = np.zeros((4, model.n_dof, model.n_dof), dtype=complex)
+    """Return an effect's K, M, C, D and what its laws make of K at 80 Hz, complex where its values are.
+
+    Shape (6, n_dof, n_dof); K is static, the last two are storage and loss.
+    """
+    out = np.zeros((len(KEYS), model.n_dof, model.n_dof), dtype=complex)
     for part in effect.contribute(model):
-        for k, key in enumerate("KMCD"):
-            X = getattr(part, key)
+        of_law = (None, None)
+        if part.law is not None:
+            of_law = [factor[0] * part.K for factor in part.law(np.array([2 * np.pi * 80.0]))]
+        for k, X in enumerate((part.static, part.M, part.C, part.D, *of_law)):
             if X is not None:
                 np.add.at(out[k], (part.dofs[:, :, None], part.dofs[:, None, :]), X)
     return out if np.iscomplexobj(out) else out.astype(complex)
@@ -105,8 +114,8 @@ def check_absent(model, effect):
 def check_symmetry(model, effect):
     X = matrices(generic(effect), model)
     assert X.any(), "adds nothing"
-    for k in range(4):
-        assert abs(X[k] - X[k].T).max() <= 1e-14 * abs(X[k]).max(), f"{'KMCD'[k]} is not symmetric"
+    for k in range(len(KEYS)):
+        assert abs(X[k] - X[k].T).max() <= 1e-14 * abs(X[k]).max(), f"{KEYS[k]} is not symmetric"
 
 
 def check_rigid_motion(model, effect):
@@ -114,7 +123,7 @@ def check_rigid_motion(model, effect):
         return
     motions = np.vstack([lever_matrix(p - model.mesh.points.mean(axis=0)) for p in model.mesh.points])
     motions = motions[:, :3] if effect.kind in TURNED else motions
-    for X in matrices(generic(effect), model)[[0, 2, 3]]:
+    for X in matrices(generic(effect), model)[[0, 2, 3, 4, 5]]:
         assert abs(X @ motions).max() <= 1e-13 * max(abs(X).max(), 1e-300), "resists a rigid motion"
 
 
@@ -130,10 +139,10 @@ def check_derivatives(model, effect):
         near = (at(p.value + step) - at(p.value - step)) / (2 * step)
         far = (at(p.value + 2 * step) - at(p.value - 2 * step)) / (4 * step)
         # Central differences err by step² f‴/6, a third of what the two differ by; the rest is rounding.
-        for k in range(4):
+        for k in range(len(KEYS)):
             rounding = 1e-13 * abs(at(p.value)[k]).max() / step
             bound = abs(far - near)[k].max() + rounding
-            assert abs(exact - near)[k].max() <= bound, f"derivative of {'KMCD'[k]} by {p.name}"
+            assert abs(exact - near)[k].max() <= bound, f"derivative of {KEYS[k]} by {p.name}"
 
 
 def check_linear(model, effect):
@@ -215,7 +224,8 @@ def test_every_kind_is_proposed_somewhere():
         effect.kind for model in MODELS.values() for k in candidate_kinds() for effect in candidates(model, k)
     }
     assert met == set(candidate_kinds())
-    assert {"frame", "joint", "support", "added_mass"} <= set(effect_classes()) - met
+    own = {effect.kind for model in MODELS.values() for effect in model.effects}
+    assert met | own == set(effect_classes()), "a kind is on no model of this file"
 
 
 # ------------------------------------------------------------------------- would a broken effect be noticed?
