@@ -12,12 +12,12 @@ from fem.effects.frame import Frame
 from fem.effects.joint import Joint
 from fem.model import DIRECTIONS, Effect, Model
 from fem.properties import Material
+from study.connections import read_constraints, read_joints, read_rigid_links, read_viscoelastic
 from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
 from study.measured import check_units, labels_of, match, read_band, read_files, top_frequency
 from study.parts import (
     read_damping,
-    read_joints,
     read_masses,
     read_materials,
     read_members,
@@ -157,6 +157,9 @@ class _Reader:
             "sections",
             "supports",
             "joints",
+            "viscoelastic",
+            "rigid_links",
+            "constraints",
             "masses",
             "damping",
             "sensors",
@@ -176,6 +179,11 @@ class _Reader:
         materials, known_sections = read_materials(top), read_sections(top)
         properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
         supports, joints = read_supports(top, geometry), read_joints(top, geometry)
+        connections = (
+            *read_viscoelastic(top, geometry),
+            *read_rigid_links(top, geometry),
+            *read_constraints(top, geometry),
+        )
         masses = read_masses(top, geometry)
         raw, nodes = read_files(top, self.path.parent, notes)
         sensors = read_sensors(top, geometry, nodes, notes)
@@ -216,7 +224,13 @@ class _Reader:
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
         damping = read_damping(top, notes)
-        effects: tuple[Effect, ...] = (Frame(members=properties), *supports, *joints, *masses)
+        effects: tuple[Effect, ...] = (
+            Frame(members=properties),
+            *supports,
+            *joints,
+            *connections,
+            *masses,
+        )
         with top.at():
             model = Model(mesh, effects, damping)
             model.contributions()

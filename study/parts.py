@@ -1,18 +1,16 @@
-"""Materials, sections, members, supports, joints and masses of a study."""
+"""Materials, sections, members, supports and masses of a study."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.added_mass import AddedMass
 from fem.effects.frame import THEORIES, MemberProperties, local_axes
-from fem.effects.joint import Joint
 from fem.effects.support import Support
 from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Damping
+from fem.model import Damping
 from fem.properties import Material, Section
 from study.geometry import Geometry
 from study.table import Table, suggest
@@ -200,74 +198,6 @@ def read_supports(top: Table, geometry: Geometry) -> tuple[Support, ...]:
         t.finish()
         out.append(Support(name=name, point=point, fixed=fixed))
     return tuple(out)
-
-
-def read_joints(top: Table, geometry: Geometry) -> tuple[Joint, ...]:
-    """Read ``[[joints]]``."""
-    out: list[Joint] = []
-    for t in top.tables("joints"):
-        name = t.text("name", f"joint{len(out) + 1}")
-        point1 = _side(t, geometry, "1")
-        point2 = _side(t, geometry, "2") if "point2" in t or "member2" in t else None
-        if point1 is None or point1 == point2:
-            t.refuse(
-                "",
-                "both sides of the joint are the same point; give point1 or member1 and "
-                "position1, and a second side or none for the ground",
-            )
-        points = geometry.mesh.points
-        middle = points[point1] if point2 is None else (points[point1] + points[point2]) / 2
-        location = geometry.coordinates(t, "location") if "location" in t else middle
-        rigid = t.directions("rigid", "")
-        matrices = _joint_matrices(t)
-        eta = t.number("eta", 0.0, least=0)
-        t.finish()
-        with t.at():
-            out.append(
-                Joint(
-                    name=name,
-                    point1=point1,
-                    point2=point2,
-                    location=location,
-                    eta=eta,
-                    rigid=rigid,
-                    **matrices,
-                )
-            )
-        if not (rigid or out[-1].elastic or out[-1].C.any() or out[-1].M.any()):
-            t.refuse("", f"joint '{name}' does nothing: give k, K, C, M or rigid")
-    return tuple(out)
-
-
-def _side(t: Table, geometry: Geometry, side: str) -> int | None:
-    if f"point{side}" in t and f"member{side}" in t:
-        t.refuse(f"point{side}", f"give either point{side}, or member{side} and position{side}")
-    if f"point{side}" in t:
-        return geometry.point(t, f"point{side}")
-    member = geometry.member(t, f"member{side}")
-    return geometry.point_on(member, geometry.position(t, f"position{side}", member))
-
-
-def _joint_matrices(t: Table) -> dict[str, NDArray[np.float64]]:
-    out = {key: t.matrix(key) for key in ("K", "C", "D", "M") if key in t}
-    for key in ("k", "c"):
-        if key not in t:
-            continue
-        if key.upper() in out:
-            t.refuse(key, f"give either {key} or {key.upper()}")
-        inner = t.table(key)
-        diagonal = [
-            inner.number(
-                f"{key}{d}",
-                0.0,
-                least=0,
-                unit=("N/m" if key == "k" else "N·s/m") + (" or per radian")[: 14 * (len(d) > 1)],
-            )
-            for d in DIRECTIONS
-        ]
-        inner.finish()
-        out[key.upper()] = np.diag(diagonal)
-    return out
 
 
 def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
