@@ -12,17 +12,9 @@ from fem.effects.support import Support
 from fem.mesh import Mesh
 from fem.model import Damping
 from fem.properties import Material, Section
+from fem.sections import SHAPES
 from study.geometry import Geometry
 from study.table import Table, suggest
-
-SHAPES: dict[str, tuple[str, ...]] = {
-    "rectangle": ("b", "h"),
-    "hollow_rectangle": ("b", "h", "t"),
-    "circle": ("d",),
-    "tube": ("d", "t"),
-    "i_section": ("b", "h", "tf", "tw"),
-}
-"""Shapes of sections and their dimensions [m]."""
 
 
 def read_materials(top: Table) -> dict[str, Material]:
@@ -64,7 +56,7 @@ def read_section(t: Table, label: str = "") -> Section:
         return section
     sizes = {key: t.number(key, above=0, unit="m") for key in SHAPES[shape]}
     with t.at():
-        section = getattr(Section, shape)(**sizes)
+        section = Section.of_shape(shape, **sizes)
         own = {key: t.number(key, above=0, unit={"A": "m²"}.get(key, "m⁴")) for key in constants if key in t}
         own |= {key: t.number(key, least=0) for key in ("ky", "kz") if key in t}
         if own:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fem.properties import PropertyError, Section
+from fem.sections import SHAPES
 
 
 def polygon(outline):
@@ -76,3 +77,64 @@ def test_thin_walls():
 def test_impossible_sections_are_named(make, word):
     with pytest.raises(PropertyError, match=word):
         make()
+
+
+ENDS = {
+    "rectangle": ({"b": 0.05, "h": 0.1}, {"b": 0.03, "h": 0.04}),
+    "hollow_rectangle": ({"b": 0.08, "h": 0.12, "t": 0.004}, {"b": 0.05, "h": 0.06, "t": 0.003}),
+    "circle": ({"d": 0.05}, {"d": 0.02}),
+    "tube": ({"d": 0.05, "t": 0.003}, {"d": 0.2, "t": 0.01}),
+    "i_section": (
+        {"b": 0.1, "h": 0.2, "tf": 0.012, "tw": 0.007},
+        {"b": 0.1, "h": 0.1, "tf": 0.012, "tw": 0.006},
+    ),
+}
+CONSTANTS = ("A", "Iy", "Iz", "J", "ky", "kz", "Ip")
+
+
+def constants(section):
+    return np.array([getattr(section, key) for key in CONSTANTS])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_between_two_ends_of_a_shape_the_dimensions_are_linear(shape):
+    one, two = ENDS[shape]
+    first, second = Section.of_shape(shape, **one), Section.of_shape(shape, **two)
+    for fraction in (0.0, 0.3, 1.0):
+        expected = Section.of_shape(
+            shape, **{key: (1 - fraction) * one[key] + fraction * two[key] for key in one}
+        )
+        found = Section.between(first, second, fraction)
+        np.testing.assert_allclose(constants(found), constants(expected), rtol=1e-14)
+        for a, b in zip(found.outlines, expected.outlines, strict=True):
+            np.testing.assert_allclose(a, b, atol=1e-15)
+        assert found.shape == shape
+        # the same from the other end
+        np.testing.assert_allclose(
+            constants(Section.between(second, first, 1 - fraction)), constants(found), rtol=1e-13
+        )
+
+
+def test_between_constants_is_exact_for_scaled_ends():
+    # a section scaled by s has A s² and I s⁴; a linear s is what the roots interpolate
+    one = Section(A=1e-4, Iy=2e-9, Iz=1e-9, J=5e-10, ky=0.8, kz=0.6)
+    two = Section(A=9e-4, Iy=162e-9, Iz=81e-9, J=405e-10, ky=0.8, kz=0.6)
+    s = 1 + 2 * 0.25
+    found = Section.between(one, two, 0.25)
+    expected = Section(A=1e-4 * s**2, Iy=2e-9 * s**4, Iz=1e-9 * s**4, J=5e-10 * s**4, ky=0.8, kz=0.6)
+    np.testing.assert_allclose(constants(found), constants(expected), rtol=1e-14)
+    assert Section.between(one, two, 0) is one
+    assert Section.between(one, two, 1) is two
+
+
+def test_between_says_what_has_no_middle():
+    box, tube = Section.hollow_rectangle(0.08, 0.12, 0.004), Section.tube(0.05, 0.003)
+    plain = Section(A=1e-4, Iy=2e-9, Iz=1e-9, J=5e-10)
+    with pytest.raises(PropertyError, match="shape 'hollow_rectangle' and a section of shape 'tube'"):
+        Section.between(box, tube, 0.5)
+    with pytest.raises(PropertyError, match=r"given by its constants: .* same shape"):
+        Section.between(tube, plain, 0.5)
+    with pytest.raises(PropertyError, match=r"is 1\.5; it must lie between 0 and 1"):
+        Section.between(tube, tube, 1.5)
+    with pytest.raises(PropertyError, match="no shape 'tub'; there are rectangle"):
+        Section.of_shape("tub", d=1.0)
