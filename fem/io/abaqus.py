@@ -6,6 +6,7 @@ for one element type that it does not know (MASS, for instance), and knows no pa
 are read here.
 """
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -267,3 +268,20 @@ def abaqus_text(mesh: Mesh) -> str:
     for name, point in mesh.point_names.items():
         rows += [f'*NSET, NSET="{name}"', str(point + 1)]
     return "\n".join([*rows, ""])
+
+
+def read_abaqus_nodes(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the numbers (n,) and coordinates (n, 3) of a deck's nodes outside parts, in the deck's unit."""
+    nodes = _deck(path).nodes
+    return np.array(list(nodes), dtype=np.int64), np.array(list(nodes.values()), dtype=float).reshape(-1, 3)
+
+
+def read_node_sets(path: str | os.PathLike[str]) -> dict[str, tuple[int, ...]]:
+    """Return the node sets of an Abaqus or CalculiX deck outside parts, by their names in capitals."""
+    return {name: tuple(dict.fromkeys(numbers)) for name, numbers in _deck(Path(path)).nsets.items()}
+
+
+def _deck(path: Path) -> _Part:
+    reader = _Reader(path.name)
+    reader.read(path)
+    return reader.parts[""]

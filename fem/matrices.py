@@ -1,0 +1,327 @@
+"""Matrices of a structure with the degrees of freedom that they act on, whatever program they come from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from fem.model import lever_matrix
+
+AXES = ("X", "Y", "Z", "RX", "RY", "RZ")
+"""Directions 1 to 6 in a label such as ``"12Z+"``."""
+
+UNITS: Mapping[str, tuple[float, float, float]] = {
+    "SI": (1.0, 1.0, 1.0),
+    "mm-t-s": (1e-3, 1e3, 1.0),
+    "mm-kg-ms": (1e-3, 1.0, 1e-3),
+    "mm-kg-s": (1e-3, 1.0, 1.0),
+    "in-lbf-s": (0.0254, 0.45359237 * 9.80665 / 0.0254, 1.0),
+    "ft-lbf-s": (0.3048, 0.45359237 * 9.80665 / 0.3048, 1.0),
+}
+"""Length [m], mass [kg] and time [s] of one unit of consistent systems: mm-t-s has N and MPa, mm-kg-ms kN and
+GPa, in-lbf-s the mass lbf s²/in."""
+
+SYMMETRY = 1e-8
+"""Relative size of A - Aᵀ up to which a matrix counts as symmetric: files keep 8 digits or more."""
+
+
+class MatricesError(ValueError):
+    """Matrices that cannot be those of a structure; the message says what was found."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matrices:
+    """Symmetric K, M and, where there is damping, C and D; Z = K + iD + iωC - ω²M.
+
+    Attributes
+    ----------
+    K, M : sparse (n, n)
+        Stiffness [N/m …] and mass [kg …].
+    C, D : sparse (n, n) or None
+        Viscous [N·s/m …] and structural damping [N/m …].
+    node : ndarray of int (n,)
+        Node of each row; -1 for a coordinate that is no motion of one node.
+    direction : ndarray of int (n,)
+        1 to 6 for X Y Z RX RY RZ in global axes; 0 for a coordinate that is no motion of one node.
+    nodes : ndarray of int (n_nodes,)
+        Numbers of the nodes whose places are known.
+    points : ndarray (n_nodes, 3)
+        Their coordinates [m].
+    Q : sparse (n_dof, n) or None
+        From the coordinates to all degrees of freedom, where constraints were eliminated.
+    """
+
+    K: sp.csr_array
+    M: sp.csr_array
+    C: sp.csr_array | None
+    D: sp.csr_array | None
+    node: NDArray[np.int64]
+    direction: NDArray[np.int64]
+    nodes: NDArray[np.int64]
+    points: NDArray[np.float64]
+    Q: sp.csr_array | None = None
+
+    @classmethod
+    def from_arrays(
+        cls,
+        K: Any,
+        M: Any,
+        node: ArrayLike,
+        direction: ArrayLike,
+        nodes: ArrayLike = (),
+        points: ArrayLike = (),
+        C: Any = None,
+        D: Any = None,
+        Q: Any = None,
+    ) -> "Matrices":
+        """Check matrices, dense or sparse, and put them together; see the attributes.
+
+        Raises
+        ------
+        MatricesError
+            For shapes that do not fit, entries that are not finite, a matrix that is not symmetric, or a
+            degree of freedom that comes twice.
+        """
+        node, direction = (np.array(v, dtype=np.int64, ndmin=1) for v in (node, direction))
+        numbers, places = np.array(nodes, dtype=np.int64, ndmin=1), np.array(points, dtype=float)
+        places = places.reshape(-1, 3) if places.size % 3 == 0 else places
+        n = node.size
+        if direction.shape != (n,) or not ((direction >= 0) & (direction <= 6)).all():
+            msg = f"{direction.size} directions for {n} nodes; each is 1 to 6 (X Y Z RX RY RZ), or 0 for none"
+            raise MatricesError(msg)
+        if places.shape != (numbers.size, 3):
+            msg = f"the points have shape {places.shape} for {numbers.size} nodes; (n_nodes, 3) is expected"
+            raise MatricesError(msg)
+        if np.unique(numbers).size != numbers.size:
+            twice = numbers[np.flatnonzero(np.bincount(np.unique(numbers, return_inverse=True)[1]) > 1)]
+            msg = f"node {np.sort(twice)[0]} has two places"
+            raise MatricesError(msg)
+        real = direction > 0
+        pairs, count = np.unique(np.column_stack([node, direction])[real], axis=0, return_counts=True)
+        if (count > 1).any():
+            p, d = pairs[int(np.argmax(count > 1))]
+            msg = f"the degree of freedom {label(int(p), int(d))} comes twice; each belongs to one row"
+            raise MatricesError(msg)
+        found = {
+            name: None if X is None else _symmetric(X, name, n)
+            for name, X in (("K", K), ("M", M), ("C", C), ("D", D))
+        }
+        if found["K"] is None or found["M"] is None:
+            msg = f"{'K' if found['K'] is None else 'M'} is missing; both K and M are needed"
+            raise MatricesError(msg)
+        if Q is not None and Q.shape[1] != n:
+            msg = f"Q has shape {Q.shape}; (n_dof, {n}) is expected"
+            raise MatricesError(msg)
+        for array in (node, direction, numbers, places):
+            array.flags.writeable = False
+        whole = None if Q is None else sp.csr_array(Q)
+        return cls(
+            found["K"], found["M"], found["C"], found["D"], node, direction, numbers, places, whole
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return self.node.size
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Labels of the rows: ``"12Z+"``, or ``"q7"`` where row 7 is no motion of one node."""
+        return tuple(
+            label(p, d) if d else f"q{k}"
+            for k, (p, d) in enumerate(zip(self.node.tolist(), self.direction.tolist(), strict=True))
+        )
+
+    @property
+    def size(self) -> float:
+        """Largest extent of the places along an axis [m]."""
+        return float(np.ptp(self.points, axis=0).max()) if len(self.points) else 0.0
+
+    def place_of(self, node: int) -> NDArray[np.float64]:
+        """Return the coordinates of a node, shape (3,) [m].
+
+        Raises
+        ------
+        MatricesError
+            If its place is not known.
+        """
+        at = np.flatnonzero(self.nodes == node)
+        if not at.size:
+            msg = f"the place of node {node} is not known; {_some(self.nodes, 'places are known of nodes')}"
+            raise MatricesError(msg)
+        return self.points[at[0]]
+
+    def rows_of(self, node: int) -> NDArray[np.int64]:
+        """Return the rows of a node's directions 1 to 6, -1 where it has none, shape (6,).
+
+        Raises
+        ------
+        MatricesError
+            If the matrices have no row of the node.
+        """
+        rows = np.full(6, -1)
+        at = np.flatnonzero((self.node == node) & (self.direction > 0))
+        if not at.size:
+            known = np.unique(self.node[self.direction > 0])
+            msg = f"the matrices have no row of node {node}; {_some(known, 'they have nodes')}"
+            raise MatricesError(msg)
+        rows[self.direction[at] - 1] = at
+        return rows
+
+    def rigid_motions(self, about: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Return the six rigid-body motions of the rows, shape (n, 6) [m and rad per m and rad].
+
+        Rotations are about a point, the mean of the nodes' places unless given. Coordinates that are no
+        motion of one node are taken through Q.
+
+        Raises
+        ------
+        MatricesError
+            If the place of a node is not known, or coordinates are not motions of a node and there is no Q.
+        """
+        if self.Q is not None:
+            whole = np.zeros((self.Q.shape[0], 6))
+            centre = self.points.mean(axis=0) if about is None else np.asarray(about, dtype=float)
+            whole[: 6 * len(self.points)] = np.vstack([lever_matrix(p - centre) for p in self.points])
+            return np.asarray(self.Q.T @ whole)
+        if (self.direction == 0).any():
+            row = int(np.argmax(self.direction == 0))
+            msg = f"row {row} is no motion of a node, so that rigid-body motions are not known there"
+            raise MatricesError(msg)
+        index = {int(p): k for k, p in enumerate(self.nodes)}
+        missing = next((int(p) for p in self.node if int(p) not in index), None)
+        if missing is not None:
+            self.place_of(missing)  # says so
+        at = np.array([index[int(p)] for p in self.node])
+        centre = self.points.mean(axis=0) if about is None else np.asarray(about, dtype=float)
+        levers = np.array([lever_matrix(p - centre) for p in self.points])
+        return levers[at, self.direction - 1]
+
+    def scaled(self, units: str | tuple[float, float, float]) -> "Matrices":
+        """Return them in SI units, taking them as being in other units.
+
+        With one unit of length L [m], of mass m [kg] and of time T [s], and S = 1/L for translations and 1
+        for rotations: K → (m L²/T²) S K S, M → m L² S M S, C → (m L²/T) S C S.
+
+        Parameters
+        ----------
+        units : str or (length, mass, time)
+            One of ``UNITS``, such as ``"mm-t-s"``, or the three units in m, kg and s.
+
+        Raises
+        ------
+        MatricesError
+            For a name that is not known, or units that are not positive.
+        """
+        if isinstance(units, str):
+            if units not in UNITS:
+                msg = f"the units are '{units}'; allowed are {', '.join(UNITS)}, or (length, mass, time) in SI"
+                raise MatricesError(msg)
+            units = UNITS[units]
+        length, mass, time = (float(v) for v in units)
+        if not (np.isfinite([length, mass, time]).all() and min(length, mass, time) > 0):
+            msg = f"the units are {length:g} m, {mass:g} kg, {time:g} s; all three must be positive"
+            raise MatricesError(msg)
+        if (length, mass, time) == (1.0, 1.0, 1.0):
+            return self
+        if (self.direction == 0).any():
+            msg = "coordinates that are no motion of a node have no unit to convert"
+            raise MatricesError(msg)
+        S = sp.diags_array(np.where(self.direction <= 3, 1 / length, 1.0))
+        energy = mass * length**2
+        factors = {"K": energy / time**2, "M": energy, "C": energy / time, "D": energy / time**2}
+        return replace(self, **self._each(lambda key, X: factors[key] * (S @ X @ S)), points=length * self.points)
+
+    def placed(self, rotation: ArrayLike | None = None, shift: ArrayLike = (0.0, 0.0, 0.0)) -> "Matrices":
+        """Return the same part turned and then moved: x' = R x + shift.
+
+        Parameters
+        ----------
+        rotation : array_like (3, 3), optional
+            R, proper and orthogonal; none unless given.
+        shift : array_like (3,)
+            [m].
+
+        Raises
+        ------
+        MatricesError
+            If R is no rotation, or a node has some but not all of its three directions.
+        """
+        R = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+        if R.shape != (3, 3) or abs(R @ R.T - np.eye(3)).max() > 1e-9 or np.linalg.det(R) < 0:
+            msg = f"the rotation is {R.tolist()}; a proper orthogonal matrix (3, 3) is expected"
+            raise MatricesError(msg)
+        moved = self.points @ R.T + np.asarray(shift, dtype=float)
+        moved.flags.writeable = False
+        if rotation is None:
+            return replace(self, points=moved)
+        rows, cols, data = [], [], []
+        row_of = {(int(p), int(d)): k for k, (p, d) in enumerate(zip(self.node, self.direction, strict=True))}
+        for (p, d), k in row_of.items():
+            first = 1 if d <= 3 else 4
+            for j in range(3 if d else 0):
+                at = row_of.get((p, first + j))
+                if at is None:
+                    msg = (
+                        f"node {p} has {AXES[d - 1]} but not {AXES[first - 1 + j]}; to turn a part, every node "
+                        "needs all three"
+                    )
+                    raise MatricesError(msg)
+                rows.append(at)
+                cols.append(k)
+                data.append(R[j, d - first])
+            if not d:
+                rows.append(k)
+                cols.append(k)
+                data.append(1.0)
+        T = sp.coo_array((data, (rows, cols)), shape=(self.n, self.n)).tocsr()
+        return replace(self, **self._each(lambda _, X: T @ X @ T.T), points=moved, Q=None)
+
+    def _each(self, change: Any) -> dict[str, sp.csr_array | None]:
+        return {
+            key: None if getattr(self, key) is None else sp.csr_array(change(key, getattr(self, key)))
+            for key in "KMCD"
+        }
+
+
+def label(node: int, direction: int) -> str:
+    """Return the label of a degree of freedom, ``"12Z+"`` for node 12 and direction 3."""
+    return f"{node}{AXES[direction - 1]}+"
+
+
+def _symmetric(X: Any, name: str, n: int) -> sp.csr_array:
+    try:
+        A = sp.csr_array(X if sp.issparse(X) else np.asarray(X))
+    except (TypeError, ValueError) as reason:
+        msg = f"{name} is no matrix: {reason}"
+        raise MatricesError(msg) from reason
+    if A.shape != (n, n):
+        msg = f"{name} has shape {A.shape}; ({n}, {n}) is expected for {n} degrees of freedom"
+        raise MatricesError(msg)
+    if np.iscomplexobj(A.data):
+        msg = f"{name} is complex; real K, M, C and D are expected, with structural damping in D"
+        raise MatricesError(msg)
+    A = A.astype(float)
+    if not np.isfinite(A.data).all():
+        msg = f"{name} has {int((~np.isfinite(A.data)).sum())} entries that are not finite numbers"
+        raise MatricesError(msg)
+    gap, largest = abs(A - A.T), float(abs(A).max()) if A.nnz else 0.0
+    worst = float(gap.max()) if gap.nnz else 0.0
+    if worst > SYMMETRY * largest:
+        i, j = np.unravel_index(int(gap.argmax()), A.shape)
+        msg = (
+            f"{name} is not symmetric: the entries ({i}, {j}) and ({j}, {i}) differ by {worst:.3g}, its largest "
+            f"entry is {largest:.3g}"
+        )
+        raise MatricesError(msg)
+    return A if worst == 0 else sp.csr_array((A + A.T) / 2)
+
+
+def _some(numbers: NDArray[np.int64], words: str) -> str:
+    if not numbers.size:
+        return f"{words}: none"
+    shown = ", ".join(str(v) for v in numbers[:8])
+    return f"{words} {shown}{f', … ({numbers.size} in all)' if numbers.size > 8 else ''}"
