@@ -118,9 +118,7 @@ class Matrices:
         for array in (node, direction, numbers, places):
             array.flags.writeable = False
         whole = None if Q is None else sp.csr_array(Q)
-        return cls(
-            found["K"], found["M"], found["C"], found["D"], node, direction, numbers, places, whole
-        )
+        return cls(found["K"], found["M"], found["C"], found["D"], node, direction, numbers, places, whole)
 
     @property
     def n(self) -> int:
@@ -218,7 +216,9 @@ class Matrices:
         """
         if isinstance(units, str):
             if units not in UNITS:
-                msg = f"the units are '{units}'; allowed are {', '.join(UNITS)}, or (length, mass, time) in SI"
+                msg = (
+                    f"the units are '{units}'; allowed are {', '.join(UNITS)}, or (length, mass, time) in SI"
+                )
                 raise MatricesError(msg)
             units = UNITS[units]
         length, mass, time = (float(v) for v in units)
@@ -233,7 +233,9 @@ class Matrices:
         S = sp.diags_array(np.where(self.direction <= 3, 1 / length, 1.0))
         energy = mass * length**2
         factors = {"K": energy / time**2, "M": energy, "C": energy / time, "D": energy / time**2}
-        return replace(self, **self._each(lambda key, X: factors[key] * (S @ X @ S)), points=length * self.points)
+        return replace(
+            self, **self._each(lambda key, X: factors[key] * (S @ X @ S)), points=length * self.points
+        )
 
     def placed(self, rotation: ArrayLike | None = None, shift: ArrayLike = (0.0, 0.0, 0.0)) -> "Matrices":
         """Return the same part turned and then moved: x' = R x + shift.
@@ -266,8 +268,8 @@ class Matrices:
                 at = row_of.get((p, first + j))
                 if at is None:
                     msg = (
-                        f"node {p} has {AXES[d - 1]} but not {AXES[first - 1 + j]}; to turn a part, every node "
-                        "needs all three"
+                        f"node {p} has {AXES[d - 1]} but not {AXES[first - 1 + j]}; to turn a part, every "
+                        "node needs all three"
                     )
                     raise MatricesError(msg)
                 rows.append(at)
@@ -313,8 +315,8 @@ def _symmetric(X: Any, name: str, n: int) -> sp.csr_array:
     if worst > SYMMETRY * largest:
         i, j = np.unravel_index(int(gap.argmax()), A.shape)
         msg = (
-            f"{name} is not symmetric: the entries ({i}, {j}) and ({j}, {i}) differ by {worst:.3g}, its largest "
-            f"entry is {largest:.3g}"
+            f"{name} is not symmetric: the entries ({i}, {j}) and ({j}, {i}) differ by {worst:.3g}, its "
+            f"largest entry is {largest:.3g}"
         )
         raise MatricesError(msg)
     return A if worst == 0 else sp.csr_array((A + A.T) / 2)

@@ -5,26 +5,36 @@ from pathlib import Path
 from typing import Any
 
 from fem.frf import FRF, FRFKind
+from fem.io.abaqus import read_node_sets
 from fem.io.arrays import TableError, read_csv, read_npz, read_npz_modes, write_csv, write_npz
+from fem.io.matrices import matrices_of, read_calculix, read_matrices, write_matrices
 from fem.io.meshfile import read_mesh, write_mesh
 from fem.io.uff import UffFile, read_uff, write_uff
 from fem.io.uff_format import UffError, label_of, parse_label
+from fem.matrices import Matrices, MatricesError
 from fem.modes import Modes
 
 __all__ = [
+    "Matrices",
+    "MatricesError",
     "TableError",
     "UffError",
     "UffFile",
     "label_of",
+    "matrices_of",
     "parse_label",
+    "read_calculix",
     "read_csv",
     "read_frf",
+    "read_matrices",
     "read_mesh",
     "read_modes",
+    "read_node_sets",
     "read_npz",
     "read_npz_modes",
     "read_uff",
     "write_csv",
+    "write_matrices",
     "write_mesh",
     "write_npz",
     "write_uff",

@@ -1,12 +1,12 @@
 """K, M, C and D for and from other programs: Matrix Market, ``.npz``, and what CalculiX writes.
 
-A set of Matrix Market files is named after one path: ``frame.mtx`` stands for ``frame.K.mtx``, ``frame.M.mtx``,
-``frame.C.mtx``, ``frame.D.mtx``, ``frame.Q.mtx`` and the table ``frame.dofs.csv``, which has one line for each
-row of the matrices: row (from 1), label, node, direction (1 to 6, 0 for none), x, y, z [m].
+A set of Matrix Market files is named after one path: ``frame.mtx`` stands for ``frame.K.mtx``,
+``frame.M.mtx``, ``frame.C.mtx``, ``frame.D.mtx``, ``frame.Q.mtx`` and the table ``frame.dofs.csv``, which has
+one line for each row of the matrices: row (from 1), label, node, direction (1 to 6, 0 for none), x, y, z [m].
 
-Keys of an ``.npz`` file: ``K_row``, ``K_column``, ``K_value`` (both triangles, rows counted from 0) and the same
-for M, C, D and Q, with their shapes ``K_shape``; ``labels`` (n,), ``nodes`` (n_nodes,), ``points`` (n_nodes, 3)
-[m]. Dense arrays ``K``, ``M``, ``C``, ``D`` are read as well.
+Keys of an ``.npz`` file: ``K_row``, ``K_column``, ``K_value`` (both triangles, rows counted from 0) and the
+same for M, C, D and Q, with their shapes ``K_shape``; ``labels`` (n,), ``nodes`` (n_nodes,), ``points``
+(n_nodes, 3) [m]. Dense arrays ``K``, ``M``, ``C``, ``D`` are read as well.
 """
 
 import csv
@@ -49,7 +49,7 @@ def matrices_of(system: System, *, constrained: bool = True) -> Matrices:
     Warns
     -----
     UserWarning
-        If the model has modal damping ratios, or elements that depend on frequency: matrices cannot say these.
+        If the model has modal damping ratios, or elements that depend on frequency, which no matrix can say.
     """
     model, damping = system.model, system.model.damping
     if damping.ratio.any():
@@ -95,13 +95,15 @@ def _coordinates(Q: Any, n_points: int) -> tuple[NDArray[np.int64], NDArray[np.i
 # Writing ----------------------------------------------------------------------------------------------------
 
 
-def write_matrices(path: str | os.PathLike[str], data: Matrices | System, title: str = "") -> tuple[Path, ...]:
+def write_matrices(
+    path: str | os.PathLike[str], data: Matrices | System, title: str = ""
+) -> tuple[Path, ...]:
     """Write matrices; the suffix says how, ``.npz`` or ``.mtx``, and nothing is lost.
 
     Parameters
     ----------
     path : path
-        ``frame.npz``, or ``frame.mtx``, which stands for ``frame.K.mtx``, ``frame.M.mtx``, …, ``frame.dofs.csv``.
+        ``frame.npz``, or ``frame.mtx``, which stands for ``frame.K.mtx`` … ``frame.dofs.csv``.
     data : Matrices or System
         A system is written as :func:`matrices_of` gives it.
     title : str
@@ -120,8 +122,9 @@ def write_matrices(path: str | os.PathLike[str], data: Matrices | System, title:
     matrices = matrices_of(data) if isinstance(data, System) else data
     path = Path(path)
     if path.suffix.lower() == ".npz":
+        arrays: dict[str, Any] = _arrays_of(matrices)
         with replacing(path) as scratch, scratch.open("wb") as file:
-            np.savez_compressed(file, **_arrays_of(matrices))
+            np.savez_compressed(file, **arrays)
         return (path,)
     if path.suffix.lower() != ".mtx":
         msg = f"{path.name}: matrices are written as .npz or .mtx, not '{path.suffix}'"
@@ -187,7 +190,7 @@ def read_matrices(
     nodes: ArrayLike | None = None,
     points: ArrayLike | None = None,
 ) -> Matrices:
-    """Read matrices of a structure: ``.npz``, ``.mtx`` as :func:`write_matrices` names the files, or ``.sti``.
+    """Read matrices of a structure: ``.npz``, ``.mtx`` as :func:`write_matrices` names them, or ``.sti``.
 
     ``.sti`` is what CalculiX writes; see :func:`read_calculix`.
 
@@ -257,7 +260,7 @@ def _parsed(
     labels: NDArray[Any], name: str
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     node, direction, sign = np.full(labels.size, -1), np.zeros(labels.size, np.int64), np.ones(labels.size)
-    for k, text in enumerate(labels.astype(str).ravel()):
+    for k, text in enumerate(labels.astype(str).ravel().tolist()):
         if re.fullmatch(r"q\d+", text):
             continue
         match = _LABEL.fullmatch(text)
@@ -283,7 +286,9 @@ def _npz(path: Path) -> dict[str, Any]:
         if key in arrays:
             found[key] = arrays[key]
         elif f"{key}_value" in arrays:
-            missing = [f"{key}_{part}" for part in ("row", "column", "shape") if f"{key}_{part}" not in arrays]
+            missing = [
+                f"{key}_{part}" for part in ("row", "column", "shape") if f"{key}_{part}" not in arrays
+            ]
             if missing:
                 msg = f"{path.name}: {key}_value is there, but {', '.join(missing)} is missing"
                 raise MatricesError(msg)
@@ -303,7 +308,7 @@ def _matrix_market(path: Path) -> dict[str, Any]:
         file = _part(path, f"{key}.mtx")
         if not file.is_file():
             if key in "KM":
-                msg = f"{file}: there is no such file; '{path.name}' stands for {file.name} and others beside it"
+                msg = f"{file}: there is no such file; '{path.name}' stands for {file.name} and others"
                 raise MatricesError(msg)
             continue
         try:
@@ -342,7 +347,11 @@ def _table(file: Path, n: int) -> dict[str, Any]:
     if "" in labels:
         msg = f"{file.name}: there is no line about row {labels.index('') + 1} of {n}"
         raise MatricesError(msg)
-    return {"labels": np.array(labels), "nodes": np.array(list(place)), "points": np.array(list(place.values()))}
+    return {
+        "labels": np.array(labels),
+        "nodes": np.array(list(place)),
+        "points": np.array(list(place.values())),
+    }
 
 
 def read_calculix(
@@ -407,7 +416,9 @@ def _calculix_dofs(file: Path) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     if bad is not None:
         msg = f"{file.name}: line {bad + 1} is {words[bad]!r}; node and direction are expected, such as 12.3"
         raise MatricesError(msg)
-    numbers = np.array([[int(p.group(1)), int(p.group(2))] for p in pairs if p], dtype=np.int64).reshape(-1, 2)
+    numbers = np.array([[int(p.group(1)), int(p.group(2))] for p in pairs if p], dtype=np.int64).reshape(
+        -1, 2
+    )
     return numbers[:, 0], numbers[:, 1]
 
 
@@ -423,8 +434,8 @@ def _triplets(file: Path, n: int) -> sp.csr_array:
     if outside.any():
         k = int(np.argmax(outside))
         msg = (
-            f"{file.name}: line {k + 1} is about row {rows[k] + 1} and column {cols[k] + 1}; the .dof file has "
-            f"{n} rows"
+            f"{file.name}: line {k + 1} is about row {rows[k] + 1} and column {cols[k] + 1}; the .dof file "
+            f"has {n} rows"
         )
         raise MatricesError(msg)
     low, high = np.minimum(rows, cols), np.maximum(rows, cols)
