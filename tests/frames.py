@@ -6,12 +6,15 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
+from fem.effects.superelement import Attachment, Superelement
 from fem.effects.support import Support
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
+from fem.io.matrices import matrices_of
 from fem.laws import FractionalZener
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model
 from fem.properties import Material, Section
+from fem.system import assemble
 
 STEEL = Material("steel", 210e9, 7850.0)
 FLAT = Section.rectangle(0.03, 0.01)
@@ -85,6 +88,17 @@ def portal(size=0.1):
     )
     feet = (fix(0, name="foot0"), fix(2, name="foot1"))
     return Model(mesh, (frame, *corners, *feet), Damping.structural(0.01))
+
+
+def with_part():
+    """Return a clamped beam of 0.4 m whose other 0.3 m are a superelement of twelve modes."""
+    rest = beam(6, 0.3, along=(1, 2, -0.5), theory="timoshenko")
+    part = matrices_of(assemble(rest)).placed(shift=0.4 * np.array([1, 2, -0.5]) / np.sqrt(5.25))
+    near = beam(4, 0.4, along=(1, 2, -0.5), theory="timoshenko")
+    tie = [Attachment(1, (0,))]
+    return near.with_effect(
+        Superelement.from_matrices("part", part, near.mesh, tie, n_modes=12, eta=0.01), fix(0)
+    )
 
 
 def chain(n_members, n, effects=(), *, length=1.0, section=FLAT, stiffness=0.0):

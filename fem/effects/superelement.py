@@ -608,6 +608,6 @@ def _warn_of_units(matrices: Matrices, mesh: Mesh, attachments: Sequence[Attachm
         if gap > 2 * max(size, mesh.size):
             warnings.warn(
                 f"{where}: point {a.point} lies {gap:.3g} m from the middle of its nodes, the part is "
-                f"{size:.3g} m and the mesh {mesh.size:.3g} m large; the part may be elsewhere or in other units",
+                f"{size:.3g} m and the mesh {mesh.size:.3g} m large; it may be elsewhere or in other units",
                 stacklevel=3,
             )
