@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg import qr
 
 from joint._checks import (
     BoolArray,
@@ -179,6 +179,106 @@ def identify_joint(
         If there are fewer internal outputs or inputs than joint coordinates (or basis columns), if H_ab or
         H_ba lacks rank at every line, or if no line is regular. The message names the joint coordinates.
     """
+    problem = scaled_problem(substructures, frequency, H_nn, basis, length)
+    z, residual, ranks, conditions = _solve_lines(problem)
+    parts, W, size, directions = substructures.interface, problem.W, problem.size, problem.directions
+    result = JointIdentification(
+        frequency=problem.frequency,
+        coordinates=parts.joint,
+        Z=W @ z @ W.T,
+        basis=problem.basis,
+        z=z / np.outer(size, size),
+        length=problem.length,
+        rank_A=ranks[0],
+        rank_B=ranks[1],
+        condition_A=conditions[0],
+        condition_B=conditions[1],
+        residual=residual,
+        amplification_limit=float(amplification_limit),
+    )
+    if not result.regular.any():
+        best = int(np.argmin(result.amplification))
+        msg = (
+            f"no line is regular: the smallest cond(A) cond(B) is {result.amplification[best]:.1e}, at line "
+            f"{best} ({problem.frequency[best]:g} Hz), and {amplification_limit:.1e} is allowed; least "
+            f"determined is {directions.name(_null_space(problem.A[best], 1))}; add internal outputs and "
+            "inputs near the joint, or give a basis"
+        )
+        raise IdentificationError(msg)
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Directions:
+    """Say combinations of scaled basis columns in terms of joint coordinates."""
+
+    labels: Sequence[str]
+    columns: FloatArray
+
+    def name(self, combinations: ComplexArray) -> str:
+        """Name each column of (p, k) combinations, the large terms only."""
+        return "; ".join(self._name_one(self.columns @ vector) for vector in combinations.T)
+
+    def _name_one(self, weights: ComplexArray) -> str:
+        lead = int(np.argmax(np.abs(weights)))
+        weights = np.real(weights / weights[lead])
+        order = [i for i in np.argsort(-np.abs(weights), kind="stable") if abs(weights[i]) > 0.05]
+        if len(order) == 1:
+            return self.labels[lead]
+        return " ".join(f"{weights[i]:+.2f} {self.labels[i]}" for i in order)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScaledProblem:
+    """Hold A z (R - Q A⁺ C) = C, C = H_aa - H_nn, with rotations scaled by a characteristic length.
+
+    Attributes
+    ----------
+    frequency : (n_freq,) array
+        Lines [Hz].
+    A, R, Q : (n_freq, M, p), (n_freq, p, L), (n_freq, p, p) complex arrays
+        H_ab W, Wᵀ H_ba and Wᵀ H_bb W, scaled.
+    H_aa, H_nn : (n_freq, M, L) complex arrays
+        As given, not scaled.
+    scale_out, scale_in : (M,), (L,) arrays
+        What the rows and columns of C are multiplied by.
+    W : (N, p) array
+        Z_j = W z Wᵀ.
+    size : (p,) array
+        Factors by which the columns of the basis were divided.
+    basis : (N, p) array
+    length : float
+        Characteristic length [m].
+    directions : _Directions
+        Names combinations of W's columns.
+    """
+
+    frequency: FloatArray
+    A: ComplexArray
+    R: ComplexArray
+    Q: ComplexArray
+    H_aa: ComplexArray
+    H_nn: ComplexArray
+    scale_out: FloatArray
+    scale_in: FloatArray
+    W: FloatArray
+    size: FloatArray
+    basis: FloatArray
+    length: float
+    directions: _Directions
+
+
+def scaled_problem(
+    substructures: SubstructureFRF,
+    frequency: npt.ArrayLike,
+    H_nn: npt.ArrayLike,
+    basis: npt.ArrayLike | None,
+    length: float | None,
+) -> ScaledProblem:
+    """Check, scale and gather what the direct and the average solution start from.
+
+    See `identify_joint` for the arguments and what is raised.
+    """
     parts = substructures.interface
     lines = as_frequency(frequency)
     check_same_lines(lines, substructures.frequency, "H_nn", "the substructures")
@@ -204,56 +304,12 @@ def identify_joint(
     A = scale_out[:, None] * (substructures.H_ab @ W)
     R = (W.T @ substructures.H_ba) * scale_in
     Q = W.T @ substructures.H_bb @ W
-    C = scale_out[:, None] * (substructures.H_aa - assembly) * scale_in
     directions = _Directions(parts.joint.labels, W / scale_joint[:, None])
     _check_rank(A, "H_ab", "no internal output responds to the joint forces", directions)
     _check_rank(R.mT, "H_ba", "no internal input moves the joint coordinates", directions)
-
-    z, residual, ranks, conditions = _solve_lines(A, R, Q, C)
-    result = JointIdentification(
-        frequency=lines,
-        coordinates=parts.joint,
-        Z=W @ z @ W.T,
-        basis=G,
-        z=z / np.outer(size, size),
-        length=ell,
-        rank_A=ranks[0],
-        rank_B=ranks[1],
-        condition_A=conditions[0],
-        condition_B=conditions[1],
-        residual=residual,
-        amplification_limit=float(amplification_limit),
+    return ScaledProblem(
+        lines, A, R, Q, substructures.H_aa, assembly, scale_out, scale_in, W, size, G, ell, directions
     )
-    if not result.regular.any():
-        best = int(np.argmin(result.amplification))
-        msg = (
-            f"no line is regular: the smallest cond(A) cond(B) is {result.amplification[best]:.1e}, at line "
-            f"{best} ({lines[best]:g} Hz), and {amplification_limit:.1e} is allowed; least determined is "
-            f"{directions.name(_null_space(A[best], 1))}; add internal outputs and inputs near the joint, or "
-            "give a basis"
-        )
-        raise IdentificationError(msg)
-    return result
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Directions:
-    """Say combinations of scaled basis columns in terms of joint coordinates."""
-
-    labels: Sequence[str]
-    columns: FloatArray
-
-    def name(self, combinations: ComplexArray) -> str:
-        """Name each column of (p, k) combinations, the large terms only."""
-        return "; ".join(self._name_one(self.columns @ vector) for vector in combinations.T)
-
-    def _name_one(self, weights: ComplexArray) -> str:
-        lead = int(np.argmax(np.abs(weights)))
-        weights = np.real(weights / weights[lead])
-        order = [i for i in np.argsort(-np.abs(weights), kind="stable") if abs(weights[i]) > 0.05]
-        if len(order) == 1:
-            return self.labels[lead]
-        return " ".join(f"{weights[i]:+.2f} {self.labels[i]}" for i in order)
 
 
 def _as_basis(basis: npt.ArrayLike | None, n: int) -> FloatArray:
@@ -302,33 +358,98 @@ def _rank_and_condition(tall: ComplexArray) -> tuple[IntArray, FloatArray]:
     return rank, condition
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Projection:
+    """Hold what the internal outputs say of each line: C = Q_A (F_R + …), with A = Q_A R_A.
+
+    Attributes
+    ----------
+    R_A, inverse_A : (n_freq, p, p) complex arrays
+        Triangular factor of A, and its inverse where the rank is full.
+    QC : (n_freq, p, L) complex array
+        Q_Aᴴ C.
+    rest, size : (n_freq,) arrays
+        ‖C - Q_A Q_Aᴴ C‖ and ‖C‖.
+    rank, condition : (n_freq,) arrays
+        Of A.
+    """
+
+    R_A: ComplexArray
+    inverse_A: ComplexArray
+    QC: ComplexArray
+    rest: FloatArray
+    size: FloatArray
+    rank: IntArray
+    condition: FloatArray
+
+
+def project_lines(problem: ScaledProblem) -> Projection:
+    """Project C on the columns of A, line by line in one buffer: C itself is never stored."""
+    Q_A, R_A, rank, condition, inverse = factor_tall(problem.A)
+    n_freq, n_out, p = problem.A.shape
+    n_in = len(problem.scale_in)
+    QC = np.empty((n_freq, p, n_in), dtype=complex)
+    rest, size = np.empty(n_freq), np.empty(n_freq)
+    C = np.empty((n_out, n_in), dtype=complex)
+    scaled = (problem.scale_out != 1).any(), (problem.scale_in != 1).any()
+    for k in range(n_freq):
+        np.subtract(problem.H_aa[k], problem.H_nn[k], out=C)
+        if scaled[0]:
+            C *= problem.scale_out[:, None]
+        if scaled[1]:
+            C *= problem.scale_in
+        Q = Q_A[k]
+        QC[k] = Q.conj().T @ C
+        size[k], part = np.linalg.norm(C), np.linalg.norm(QC[k])
+        # the difference of squares has digits enough unless next to nothing is left
+        left = size[k] ** 2 - part**2
+        rest[k] = np.sqrt(left) if left > 1e-6 * size[k] ** 2 else np.linalg.norm(C - Q @ QC[k])
+    return Projection(R_A, inverse, QC, rest, size, rank, condition)
+
+
 def _solve_lines(
-    A: ComplexArray, R: ComplexArray, Q: ComplexArray, C: ComplexArray
+    problem: ScaledProblem,
 ) -> tuple[ComplexArray, FloatArray, IntArray, FloatArray]:
     """Solve A z (R - Q A⁺ C) = C for z at each line; return z, residual, ranks and conditions (2, n_freq)."""
-    n_freq, _, p = A.shape
+    n_freq, _, p = problem.A.shape
     z = np.full((n_freq, p, p), complex(np.nan, np.nan))
     residual = np.full(n_freq, np.nan)
     ranks = np.zeros((2, n_freq), dtype=np.int64)
     conditions = np.full((2, n_freq), np.inf)
-    ranks[0], conditions[0] = _rank_and_condition(A)
-    for line in np.flatnonzero(ranks[0] == p):
-        F = _solve_tall(A[line], C[line])
-        B = R[line] - Q[line] @ F
-        ranks[1, [line]], conditions[1, [line]] = _rank_and_condition(B.T[None])
-        if ranks[1, line] == p:
-            z[line] = _solve_tall(B.T, F.T).T
-            left = np.linalg.norm(C[line] - A[line] @ (z[line] @ B))
-            residual[line] = left / (np.linalg.norm(C[line]) or 1.0)
+    seen = project_lines(problem)
+    ranks[0], conditions[0] = seen.rank, seen.condition
+    use = np.flatnonzero(ranks[0] == p)
+    QC = seen.QC[use]
+    F = seen.inverse_A[use] @ QC
+    Q_B, _, rank, condition, inverse_B = factor_tall((problem.R[use] - problem.Q[use] @ F).mT)
+    ranks[1, use], conditions[1, use] = rank, condition
+    good = rank == p
+    # B = (Q_B R_B)ᵀ, so that Z B = F gives Z = F Q_B* R_Bᵀ⁻¹
+    z[use[good]] = (F @ Q_B.conj() @ inverse_B.mT)[good]
+    # what the columns of A do not span of C, and of what they span the part outside the rows of B
+    outside = np.linalg.norm(QC - (QC @ Q_B.conj()) @ Q_B.mT, axis=(1, 2))
+    left = np.hypot(seen.rest[use], outside)
+    residual[use] = np.where(
+        good, np.divide(left, seen.size[use], where=left > 0, out=np.zeros_like(left)), np.nan
+    )
     return z, residual, ranks, conditions
 
 
-def _solve_tall(A: ComplexArray, Y: ComplexArray) -> ComplexArray:
-    """Return the least-squares X of A X = Y, A (m, p) of full column rank, by QR with column pivoting."""
-    Q, R, order = qr(A, mode="economic", pivoting=True, check_finite=False)
-    X = np.empty((A.shape[1], Y.shape[1]), dtype=complex)
-    X[order] = solve_triangular(R, Q.conj().T @ Y, check_finite=False)
-    return X
+def factor_tall(
+    tall: ComplexArray,
+) -> tuple[ComplexArray, ComplexArray, IntArray, FloatArray, ComplexArray]:
+    """Factorise (n_freq, m, p) matrices, m ≥ p, into Q R; return Q, R, ranks, condition numbers and R⁻¹.
+
+    R⁻¹ is only meaningful at lines of full rank.
+    """
+    Q, R = np.linalg.qr(tall)
+    U, singular, Vh = np.linalg.svd(R)
+    largest, smallest = singular[:, 0], singular[:, -1]
+    rank = (singular > max(tall.shape[1:]) * ROUNDING * largest[:, None]).sum(axis=1)
+    condition = np.divide(largest, smallest, out=np.full_like(largest, np.inf), where=smallest > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = (Vh.conj().mT / singular[:, None, :]) @ U.conj().mT
+    return Q, R, rank, condition, inverse
 
 
 def _null_space(A: ComplexArray, dimension: int) -> ComplexArray:

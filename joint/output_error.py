@@ -1,0 +1,456 @@
+"""Fit a physical joint to the assembly's FRFs, with the substructures' uncertainty: maximum likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from joint._checks import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    as_frequency,
+    as_lines,
+    check_same_lines,
+    frozen_copy,
+)
+from joint.form import JointForm
+from joint.identification import IdentificationError
+from joint.interface import SubstructureFRF
+from joint.parts import Blocks, FixedParts, Parts
+from updating.noise import relative_noise
+
+_CHUNK = 1 << 21
+"""Complex numbers of the Jacobian that are held at a time."""
+
+_STEPS = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identifiability:
+    """What the data say about the parameters.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Joint parameters, then those of the substructures.
+    std : (n,) array
+        Standard deviation of each [its unit]; ``inf`` where the data say nothing.
+    relative : (n,) array
+        Standard deviation over the value's size [-].
+    determined : (n,) array of bool
+        Whether the value is known to better than ``limit`` of itself.
+    correlation : (n, n) array
+        Of the estimates [-].
+    weakest : tuple of (float, str)
+        Combinations of parameters that the data determine worst: relative standard deviation and words.
+    """
+
+    names: tuple[str, ...]
+    std: FloatArray
+    relative: FloatArray
+    determined: BoolArray
+    correlation: FloatArray
+    weakest: tuple[tuple[float, str], ...]
+
+    def ranking(self) -> tuple[str, ...]:
+        """Return the names, the best determined first."""
+        return tuple(self.names[i] for i in np.argsort(self.relative, kind="stable"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointFit:
+    """Hold a joint fitted to the FRFs of an assembly.
+
+    Attributes
+    ----------
+    form : JointForm
+    values : (n,) array
+        θ, in the order of ``form.names`` [their units].
+    covariance : (n, n) array
+        Of θ, with the substructures' uncertainty in it.
+    part_names : tuple of str
+    part_values, part_std : (m,) arrays
+        Uncertain parameters of the substructures and their standard deviations [their units].
+    frequency : (n_freq,) array
+        Lines that were fitted [Hz].
+    H : (n_freq, M, L) complex array
+        Rebuilt receptances [m/N, …].
+    residual : (n_freq, M, L) complex array
+        (rebuilt - measured) / standard deviation of the noise [-].
+    chi2 : float
+        Mean square of the residual for each degree of freedom; 1 if model and noise are
+        right.
+    identifiability : Identifiability
+    history : tuple of (float, float, float)
+        Highest frequency of the stage [Hz], cost, length of the step, one for each iteration.
+    converged : bool
+    message : str
+        How it ended, and what to doubt.
+    """
+
+    form: JointForm
+    values: FloatArray
+    covariance: FloatArray
+    part_names: tuple[str, ...]
+    part_values: FloatArray
+    part_std: FloatArray
+    frequency: FloatArray
+    H: ComplexArray
+    residual: ComplexArray
+    chi2: float
+    identifiability: Identifiability
+    history: tuple[tuple[float, float, float], ...]
+    converged: bool
+    message: str
+
+    def __post_init__(self) -> None:
+        for name in ("values", "covariance", "part_values", "part_std", "frequency", "H", "residual"):
+            object.__setattr__(self, name, frozen_copy(getattr(self, name)))
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviations of θ, (n,) [its units]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def interval(self, level: float = 0.95) -> FloatArray:
+        """Return confidence intervals of θ, (n, 2): value ± a normal quantile of std.
+
+        Parameters
+        ----------
+        level : float
+            Probability that an interval holds the truth [-].
+        """
+        from scipy.stats import norm
+
+        half = float(norm.ppf(0.5 + level / 2)) * self.std
+        return np.stack([self.values - half, self.values + half], axis=1)
+
+    def Z(self, frequency: npt.ArrayLike | None = None) -> ComplexArray:
+        """Return the dynamic stiffness (n_freq, N, N), at the fitted lines unless others are given [Hz]."""
+        return self.form.Z(self.frequency if frequency is None else frequency, self.values)
+
+    def Z_std(self, frequency: npt.ArrayLike | None = None) -> ComplexArray:
+        """Return standard deviations of Z's real and imaginary parts, as one complex array (n_freq, N, N)."""
+        lines = self.frequency if frequency is None else np.atleast_1d(np.asarray(frequency, dtype=float))
+        slopes, which = self.form.slopes(2 * np.pi * lines, self.values)
+        L = np.linalg.cholesky(self.covariance + 1e-300 * np.eye(len(self.values)))
+        flat = self.form.matrices[which].reshape(len(which), -1)  # (n, N²)
+        shape = (lines.size, *self.form.matrices.shape[1:])
+        out = np.zeros((2, lines.size, flat.shape[1]))
+        for column in L.T:
+            change = (slopes.T * column) @ flat
+            out[0] += change.real**2
+            out[1] += change.imag**2
+        out = np.sqrt(out).reshape(2, *shape)
+        return out[0] + 1j * out[1]
+
+
+def fit_joint(
+    form: JointForm,
+    substructures: SubstructureFRF | Parts,
+    frequency: npt.ArrayLike,
+    H_nn: npt.ArrayLike,
+    start: npt.ArrayLike,
+    *,
+    noise: npt.ArrayLike | None = None,
+    stages: Sequence[float] = (0.25, 0.5, 1.0),
+    max_iterations: int = 30,
+    tolerance: float = 1e-6,
+    determined: float = 0.5,
+) -> JointFit:
+    """Fit a joint's parameters to the receptances of the assembly by maximum likelihood: output error.
+
+    minimise  Σ |H_nn(θ, x) - measured|² / σ² + ½ Σ x²  over θ and x
+
+    with H_nn by (12) of Soleimanian, Tizfahm & Sadeghi (2011), σ² = E|noise|² of circular complex noise (so
+    that the first sum carries a factor of 1), and x the substructures' uncertain parameters in units of their
+    prior standard deviations. Derivatives are exact:
+
+    dH_nn = -H_nj dZ_j H_jn                              by the joint
+    dH_nn = [I, -H_nj Z_j] dH [I; -Z_j H_jn]             by the substructures
+
+    Gauss-Newton steps with Levenberg-Marquardt damping run over a low band first and then over ever wider
+    ones, as a start that is a resonance's width off misleads in the whole band. The covariance is the inverse
+    of Fisher's information (Cramér and Rao's bound), multiplied by chi² where that is above 1.
+
+    Parameters
+    ----------
+    form : JointForm
+        What the joint may be.
+    substructures : SubstructureFRF or Parts
+        Known substructures, or models with uncertain parameters (`ModelParts`).
+    frequency : (n_freq,) array_like
+        Lines of the assembly [Hz], those of the substructures.
+    H_nn : (n_freq, M, L) array_like
+        Measured receptances x/f at the internal coordinates; NaN where there is none.
+    start : (n,) array_like
+        θ from which to start, that of `identify_average` for example; NaN starts a viscoelastic law's own
+        parameter at a usual value.
+    noise : array_like, optional
+        Standard deviation σ: a number is relative to each |H|; an array that broadcasts to H_nn is absolute
+        [unit of H]. Estimated from the lines' roughness unless given.
+    stages : sequence of float
+        Parts of the lines, from the lowest, that each stage takes; the last is 1.
+    max_iterations : int
+        For each stage.
+    tolerance : float
+        A stage ends when a step, in standard deviations of the estimate, is shorter than this times 1000 or
+        the cost falls by less than this part of itself.
+    determined : float
+        A parameter counts as determined if its standard deviation is below this part of its value [-].
+
+    Returns
+    -------
+    JointFit
+        The best point found, also where the iterations ran out; ``converged`` and ``message`` say so.
+
+    Raises
+    ------
+    ValueError
+        If shapes or lines do not fit, the noise is not positive, or the start is not finite.
+    IdentificationError
+        If the form's coordinates are not those of the substructures, there are fewer data than parameters,
+        or a parameter has no influence on any FRF (it is named).
+    """
+    parts: Parts = FixedParts(substructures) if isinstance(substructures, SubstructureFRF) else substructures
+    mean = parts.at_mean
+    lines = as_frequency(frequency)
+    check_same_lines(lines, mean.frequency, "H_nn", "the substructures")
+    interface = mean.interface
+    if form.coordinates.labels != interface.joint.labels:
+        msg = (
+            "the form's coordinates are not the joint coordinates of the substructures, or not in their order"
+        )
+        raise IdentificationError(msg)
+    given = np.asarray(H_nn, dtype=complex)
+    seen = np.isfinite(given)
+    measured = as_lines(
+        np.where(seen, given, 0.0), "H_nn", lines, interface.outputs.labels, interface.inputs.labels
+    )
+    weight = np.where(seen, 1 / _noise(measured, noise, measured), 0.0)
+    theta = form.starts(start)
+    n, m = len(form.names), len(parts.names)
+    if theta.shape != (n,) or not np.isfinite(theta).all():
+        msg = f"start has shape {theta.shape}; {n} finite values are needed: {', '.join(form.names[:6])} …"
+        raise ValueError(msg)
+    if 2 * int(seen.sum()) < n:
+        msg = f"{int(seen.sum())} complex values cannot determine {n} parameters"
+        raise IdentificationError(msg)
+    problem = _Problem(form, parts, lines, measured, weight)
+    x = np.zeros(m)
+    history: list[tuple[float, float, float]] = []
+    state, converged = problem.state(theta, x, lines.size), False
+    for part in (*stages, stages[-1]):
+        count = max(1, min(lines.size, round(part * lines.size)))
+        state = problem.state(state.theta, state.x, count)
+        state, converged = _descend(problem, state, history, max_iterations, tolerance)
+        if count == lines.size and (noise is None or np.ndim(noise) == 0):
+            # noise relative to measured values makes large ones count too little: so take the rebuilt ones
+            weight = np.where(seen, 1 / _noise(measured, noise, state.H), 0.0)
+            problem = replace(problem, weight=weight)
+    state = problem.state(state.theta, state.x, lines.size)
+    return _result(problem, state, tuple(history), converged, determined)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """A point, its cost, and the Gauss-Newton matrix and gradient there."""
+
+    theta: FloatArray
+    x: FloatArray
+    count: int
+    cost: float
+    A: FloatArray
+    g: FloatArray
+    H: ComplexArray
+
+    @property
+    def point(self) -> FloatArray:
+        return np.concatenate([self.theta, self.x])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    form: JointForm
+    parts: Parts
+    lines: FloatArray
+    measured: ComplexArray
+    weight: FloatArray
+
+    def state(self, theta: FloatArray, x: FloatArray, count: int) -> _State:
+        """Evaluate cost, Gauss-Newton matrix and gradient over the first lines."""
+        frf, slopes = self.parts.evaluate(x)
+        omega = 2 * np.pi * self.lines[:count]
+        n, m, n_matrices = len(theta), len(x), len(self.form.matrices)
+        factors, which = self.form.slopes(omega, theta)
+        coefficients = self.form.coefficients(omega, theta)
+        A, g, cost = np.zeros((n + m, n + m)), np.zeros(n + m), 0.0
+        H = np.empty((count, *self.measured.shape[1:]), dtype=complex)
+        values = self.measured.shape[1] * self.measured.shape[2]
+        step = max(1, _CHUNK // (values * (n_matrices + m + 1)))
+        for start in range(0, count, step):
+            at = slice(start, min(start + step, count))
+            Z = np.einsum("uf,uij->fij", coefficients[:, at], self.form.matrices, optimize=True)
+            N = len(self.form.coordinates)
+            unit = np.eye(N)
+            H_jn = np.linalg.solve(unit + frf.H_bb[at] @ Z, frf.H_ba[at])
+            H_nj = np.linalg.solve((unit + Z @ frf.H_bb[at]).mT, frf.H_ab[at].mT).mT
+            H[at] = frf.H_aa[at] - frf.H_ab[at] @ (Z @ H_jn)
+            w = self.weight[at]
+            r = (w * (H[at] - self.measured[at])).reshape(len(H_jn), -1)
+            J = self._jacobian(H_nj, H_jn, Z, slopes, at) * w[:, None]
+            J = J.reshape(len(J), n_matrices + m, -1)
+            G = J.conj() @ J.mT  # (lines, u, u)
+            b = (J.conj() @ r[:, :, None])[:, :, 0]
+            P = np.zeros((len(J), n + m, n_matrices + m), dtype=complex)
+            P[:, np.arange(n), which] = factors[:, at].T
+            P[:, n + np.arange(m), n_matrices + np.arange(m)] = 1.0
+            A += (P.conj() @ G @ P.mT).sum(axis=0).real
+            g += (P.conj() @ b[:, :, None]).sum(axis=0).real[:, 0]
+            cost += float((np.abs(r) ** 2).sum())
+        # 2 Σ|r|²/2 … the prior ½ x² beside Σ|r|²: in units of the negative log likelihood
+        A[n:, n:] += 0.5 * np.eye(m)
+        g[n:] += 0.5 * x
+        return _State(theta, x, count, cost + 0.5 * float(x @ x), A, g, H)
+
+    def _jacobian(
+        self,
+        H_nj: ComplexArray,
+        H_jn: ComplexArray,
+        Z: ComplexArray,
+        slopes: tuple[Blocks, ...],
+        at: slice,
+    ) -> ComplexArray:
+        """Return -H_nj T H_jn for each matrix, then the derivatives by the parts, (lines, n, M, L)."""
+        by_joint = -(H_nj[:, None] @ (self.form.matrices @ H_jn[:, None]))
+        if not slopes:
+            return by_joint
+        left, right = H_nj @ Z, Z @ H_jn
+        by_parts = [
+            s.H_aa[at] - left @ s.H_ba[at] - s.H_ab[at] @ right + left @ (s.H_bb[at] @ right) for s in slopes
+        ]
+        return np.concatenate([by_joint, np.stack(by_parts, axis=1)], axis=1)
+
+
+def _noise(measured: ComplexArray, noise: npt.ArrayLike | None, reference: ComplexArray) -> FloatArray:
+    """Return the noise's standard deviation at every value; relative noise is one of a reference."""
+    size = np.abs(reference)
+    least = 1e-6 * np.sqrt((size**2).mean(axis=0)) + 1e-300
+    if noise is None:
+        return np.maximum(np.sqrt(2) * relative_noise(measured) * size, least)
+    level = np.asarray(noise, dtype=float)
+    if not (np.isfinite(level).all() and (level > 0).all()):
+        msg = "the noise must be positive and finite: relative as a number, or absolute as an array"
+        raise ValueError(msg)
+    if level.ndim == 0:
+        return np.maximum(level * size, least * 1e-3)
+    return np.broadcast_to(level, measured.shape)
+
+
+def _descend(
+    problem: _Problem,
+    state: _State,
+    history: list[tuple[float, float, float]],
+    max_iterations: int,
+    tolerance: float,
+) -> tuple[_State, bool]:
+    """Take Levenberg-Marquardt steps until nothing is gained; return the point and whether it converged."""
+    n = len(state.theta)
+    low, high = problem.form.bounds
+    low, high = np.append(low, np.full(len(state.x), -8.0)), np.append(high, np.full(len(state.x), 8.0))
+    damping = 1e-3
+    top = float(problem.lines[state.count - 1])
+    for _ in range(max_iterations):
+        pinned = ((state.point <= low) & (state.g > 0)) | ((state.point >= high) & (state.g < 0))
+        free = ~pinned & (np.diag(state.A) > 0)
+        scale = np.sqrt(np.diag(state.A)[free])
+        A, g = state.A[np.ix_(free, free)] / np.outer(scale, scale), state.g[free] / scale
+        for _ in range(_STEPS):
+            step = np.zeros(len(state.point))
+            step[free] = -np.linalg.solve(A + damping * np.eye(len(A)), g) / scale
+            gain = -float(state.g @ step)
+            if gain < tolerance * tolerance * max(state.cost, 1.0):
+                return state, True
+            point = np.clip(state.point + step, low, high)
+            new = problem.state(point[:n], point[n:], state.count)
+            if np.isfinite(new.cost) and new.cost < state.cost:
+                break
+            damping = max(damping * 6, 1e-9)
+        else:
+            return state, True
+        history.append((top, new.cost, float(np.linalg.norm(step[free] * scale))))
+        fell = state.cost - new.cost
+        state, damping = new, damping / 8 if damping > 1e-12 else 0.0
+        if fell < tolerance * max(new.cost, 1.0):
+            return state, True
+    return state, False
+
+
+def _result(
+    problem: _Problem,
+    state: _State,
+    history: tuple[tuple[float, float, float], ...],
+    converged: bool,
+    determined: float,
+) -> JointFit:
+    form, parts = problem.form, problem.parts
+    n, m = len(state.theta), len(state.x)
+    dead = [form.names[i] for i in range(n) if not state.A[i, i] > 0]
+    if dead:
+        msg = (
+            f"{', '.join(dead[:6])} has no influence on any FRF; leave it out of the form or add coordinates"
+        )
+        raise IdentificationError(msg)
+    residual = problem.weight * (state.H - problem.measured)
+    count = int((problem.weight > 0).sum())
+    chi2 = float((np.abs(residual) ** 2).sum() / max(count - n / 2, 1))
+    # the information of real unknowns in circular complex noise of variance σ² is 2 Re JᴴJ / σ²
+    scale = np.sqrt(np.diag(state.A))
+    inverse = np.linalg.pinv(2 * state.A / np.outer(scale, scale), rcond=1e-15, hermitian=True)
+    covariance = inverse / np.outer(scale, scale) * max(chi2, 1.0)
+    std = np.sqrt(np.diag(covariance))
+    names = (*form.names, *parts.names)
+    value = np.concatenate([state.theta, np.ones(m)])
+    relative = np.divide(std, np.abs(value), out=np.full(n + m, np.inf), where=value != 0)
+    correlation = covariance / np.outer(std, std)
+    weakest = _weakest(covariance[:n, :n], state.theta, form.names)
+    known = Identifiability(names, std, relative, relative < determined, correlation, weakest)
+    physical = parts.physical(state.x)
+    ahead = parts.physical(state.x + 1e-6)
+    message = "converged" if converged else "the iterations ran out; this is the best point"
+    if chi2 > 2:
+        message += (
+            f"; the residual is {np.sqrt(chi2):.1f} times the noise: something else is missing or wrong"
+        )
+    loose = [name for name, ok in zip(form.names, known.determined[:n], strict=True) if not ok]
+    if loose:
+        message += f"; the data do not determine {', '.join(loose[:8])}{' …' if len(loose) > 8 else ''}"
+    low, high = form.bounds
+    at_bound = [
+        name for name, v, lo, hi in zip(form.names, state.theta, low, high, strict=True) if v in (lo, hi)
+    ]
+    if at_bound:
+        message += f"; at a bound: {', '.join(at_bound)}"
+    return JointFit(
+        form, state.theta, covariance[:n, :n], parts.names, physical,
+        std[n:] * (ahead - physical) / 1e-6 if m else np.zeros(0), problem.lines, state.H, residual, chi2,
+        known, history, converged, message,
+    )  # fmt: skip
+
+
+def _weakest(
+    covariance: FloatArray, theta: FloatArray, names: tuple[str, ...]
+) -> tuple[tuple[float, str], ...]:
+    """Return the three combinations of parameters, each relative to its own size, that are known worst."""
+    size = np.where(theta != 0, np.abs(theta), 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    out = []
+    for k in range(len(values) - 1, max(len(values) - 4, -1), -1):
+        v = vectors[:, k] / vectors[np.argmax(np.abs(vectors[:, k])), k]
+        lead = [i for i in np.argsort(-np.abs(v)) if abs(v[i]) > 0.3][:4]
+        out.append((float(np.sqrt(max(values[k], 0.0))), " ".join(f"{v[i]:+.1f} {names[i]}" for i in lead)))
+    return tuple(out)
