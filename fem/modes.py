@@ -17,6 +17,21 @@ DENSE_LIMIT = 300
 """Systems of at most this many coordinates are solved densely."""
 
 
+class MechanismError(ModelError):
+    """A structure with motions that nothing opposes besides rigid-body motions of the whole.
+
+    Attributes
+    ----------
+    motions : ndarray (n_dof, k)
+        A basis of these motions, without their rigid-body part; the largest displacement, or rotation times
+        the mesh's size, is 1.
+    """
+
+    def __init__(self, message: str, motions: NDArray[np.float64]) -> None:
+        super().__init__(message)
+        self.motions = motions
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Modes:
     """Natural modes, mass-normalised: φᵀ M φ = I.
@@ -95,8 +110,8 @@ def solve_modes(system: System, n: int | None = None, max_frequency: float | Non
 
     Raises
     ------
-    ModelError
-        For a mechanism: a motion without stiffness that is not a rigid-body motion of the whole structure.
+    MechanismError
+        For a motion without stiffness that is not a rigid-body motion of the whole structure.
     """
     pairs = solve_eigenpairs(system, n, max_frequency)
     frequency = np.sqrt(pairs.eigenvalues) / (2 * np.pi)
@@ -250,7 +265,20 @@ def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArra
         resistance(system.model.contributions(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10
     )
     if loose.shape[1] > rigid.shape[1]:
-        raise ModelError(_describe_mechanism(system, vectors @ loose, rigid))
+        vectors = vectors @ loose
+        raise MechanismError(_describe_mechanism(system, vectors, rigid), _motions(system, vectors, rigid))
+
+
+def _motions(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the motions (n_dof, k) that M-orthogonal rigid-body motions leave of vectors (n_free, n)."""
+    n, size = vectors.shape[1] - rigid.shape[1], system.model.mesh.size
+    u = np.asarray(system.Q @ (vectors - rigid @ (rigid.T @ (system.M @ vectors))))
+    reach = np.ones(len(u))
+    at = reach[: 6 * system.model.mesh.n_points].reshape(-1, 6)
+    at[:, 3:] = size
+    left, _, _ = np.linalg.svd(reach[:, None] * u, full_matrices=False)
+    u = left[:, :n] / reach[:, None]
+    return u / np.abs(reach[:, None] * u).max(axis=0)
 
 
 def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> str:
