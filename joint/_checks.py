@@ -102,3 +102,8 @@ def as_square(values: npt.ArrayLike | None, name: str, n: int) -> FloatArray:
         msg = f"{name} holds values that are not finite; a real, finite matrix is needed"
         raise ValueError(msg)
     return array
+
+
+def solve_lines(A: ComplexArray, B: ComplexArray) -> ComplexArray:
+    """Return A⁻¹ B at each line."""
+    return np.asarray(np.linalg.solve(A, B), dtype=complex)

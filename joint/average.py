@@ -169,8 +169,9 @@ def identify_average(
     if not misfit <= misfit_limit:
         msg = (
             f"constant matrices leave {misfit:.0%} of H_aa - H_nn unexplained, and {misfit_limit:.0%} is "
-            "allowed: Z_j is no function K - ω²M + iωC + iD at these coordinates. Joint coordinates may be lacking, "
-            "substructures may be wrong, or the data too noisy; identify_joint solves line by line"
+            "allowed: Z_j is no function K - ω²M + iωC + iD at these coordinates. Joint coordinates "
+            "may be lacking, substructures may be wrong, or the data too noisy; identify_joint solves line "
+            "by line"
         )
         raise IdentificationError(msg)
     return AverageIdentification(form, theta, std, condition, problem.length, lines, residual, misfit)
@@ -189,8 +190,9 @@ def _check_complete(labels: Sequence[str]) -> None:
             f"the joint coordinates are reduced: node {node} lacks {' '.join(short[node])}"
             f"{f', and {len(short) - 1} more nodes lack some' if len(short) > 1 else ''}. Constant matrices "
             "seen at some of their coordinates only make a Z_j that is no quadratic function of ω, so "
-            "that an average over lines has no meaning. Expand the measured motions to all six (SEREP, SEMM, virtual "
-            "point), use identify_joint, or say complete=True if the joint acts at these alone"
+            "that an average over lines has no meaning. Expand the measured motions to all six "
+            "(SEREP, SEMM, virtual point), use identify_joint, or say complete=True if the joint acts at "
+            "these alone"
         )
         raise IdentificationError(msg)
 
@@ -236,7 +238,7 @@ def _equations(
         columns = factors[:, at].T[:, :, None, None] * X[:, which]
         both = np.concatenate([columns, lines.G[at, None]], axis=1) * weight[at, None, None, None]
         E = np.moveaxis(both.reshape(both.shape[0], n + 1, p * p), 1, 2).reshape(-1, n + 1)
-        R = np.linalg.qr(np.vstack([R, E.real, E.imag]), mode="r")
+        R = np.asarray(np.linalg.qr(np.vstack([R, E.real, E.imag]), mode="r"), dtype=float)
     return R, (lines, weight), use
 
 

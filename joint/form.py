@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, pairwise
 from typing import Any
 
 import numpy as np
@@ -59,14 +59,14 @@ class Term:
         inner = tuple((f"{self.name} {f.name}", own[f.name]) for f in fields(LAWS[self.kind]))
         return ((self.name, self.unit), *inner)
 
-    def factor(self, omega: FloatArray, theta: Sequence[Any]) -> npt.NDArray[Any]:
+    def factor(self, omega: FloatArray, theta: Sequence[Any] | FloatArray) -> npt.NDArray[Any]:
         """Return what multiplies the matrix at ω, (n_freq,)."""
         if self.kind in LAWS:
             storage, loss = LAWS[self.kind](*theta[1:])(omega)
             return np.real(theta[0]) * (np.real(storage) + 1j * np.real(loss))
         return theta[0] * _unit_factor(self.kind, omega)
 
-    def slopes(self, omega: FloatArray, theta: Sequence[float]) -> ComplexArray:
+    def slopes(self, omega: FloatArray, theta: Sequence[float] | FloatArray) -> ComplexArray:
         """Return the derivatives of `factor` by its parameters, (n, n_freq); exact, by complex steps."""
         if self.kind not in LAWS:
             return _unit_factor(self.kind, omega)[None]
@@ -162,7 +162,7 @@ class JointForm:
 
     def _slices(self) -> list[slice]:
         ends = np.cumsum([0] + [len(term.parameters) for term in self.terms])
-        return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     def Z(self, frequency: npt.ArrayLike, theta: npt.ArrayLike) -> ComplexArray:
         """Return the dynamic stiffness f/x, (n_freq, N, N) [N/m, N/rad, N m/m, N m/rad].

@@ -445,11 +445,17 @@ def factor_tall(
     Q, R = np.linalg.qr(tall)
     U, singular, Vh = np.linalg.svd(R)
     largest, smallest = singular[:, 0], singular[:, -1]
-    rank = (singular > max(tall.shape[1:]) * ROUNDING * largest[:, None]).sum(axis=1)
+    rank: IntArray = (singular > max(tall.shape[1:]) * ROUNDING * largest[:, None]).sum(axis=1)
     condition = np.divide(largest, smallest, out=np.full_like(largest, np.inf), where=smallest > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = (Vh.conj().mT / singular[:, None, :]) @ U.conj().mT
-    return Q, R, rank, condition, inverse
+    return (
+        np.asarray(Q, dtype=complex),
+        np.asarray(R, dtype=complex),
+        rank,
+        condition,
+        np.asarray(inverse, dtype=complex),
+    )
 
 
 def _null_space(A: ComplexArray, dimension: int) -> ComplexArray:

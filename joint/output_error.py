@@ -16,6 +16,7 @@ from joint._checks import (
     as_lines,
     check_same_lines,
     frozen_copy,
+    solve_lines,
 )
 from joint.form import JointForm
 from joint.identification import IdentificationError
@@ -297,8 +298,8 @@ class _Problem:
             Z = np.einsum("uf,uij->fij", coefficients[:, at], self.form.matrices, optimize=True)
             N = len(self.form.coordinates)
             unit = np.eye(N)
-            H_jn = np.linalg.solve(unit + frf.H_bb[at] @ Z, frf.H_ba[at])
-            H_nj = np.linalg.solve((unit + Z @ frf.H_bb[at]).mT, frf.H_ab[at].mT).mT
+            H_jn = solve_lines(unit + frf.H_bb[at] @ Z, frf.H_ba[at])
+            H_nj = solve_lines((unit + Z @ frf.H_bb[at]).mT, frf.H_ab[at].mT).mT
             H[at] = frf.H_aa[at] - frf.H_ab[at] @ (Z @ H_jn)
             w = self.weight[at]
             r = (w * (H[at] - self.measured[at])).reshape(len(H_jn), -1)

@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from joint._checks import ComplexArray, FloatArray, as_frequency, as_lines, as_square, frozen_copy
+from joint._checks import (
+    ComplexArray,
+    FloatArray,
+    as_frequency,
+    as_lines,
+    as_square,
+    frozen_copy,
+    solve_lines,
+)
 from joint.interface import Interface, SubstructureFRF
 
 
@@ -110,14 +118,14 @@ def couple(substructures: SubstructureFRF, Z_j: npt.ArrayLike) -> AssemblyFRF:
     H_aa, H_ab = substructures.H_aa, substructures.H_ab
     H_ba, H_bb = substructures.H_ba, substructures.H_bb
     unit = np.eye(len(joint))
-    H_jn = _solve(unit + H_bb @ Z, H_ba)
+    H_jn = solve_lines(unit + H_bb @ Z, H_ba)
     return AssemblyFRF(
         substructures.frequency,
         substructures.interface,
         H_nn=H_aa - H_ab @ (Z @ H_jn),
-        H_nj=_solve((unit + Z @ H_bb).mT, H_ab.mT).mT,
+        H_nj=solve_lines((unit + Z @ H_bb).mT, H_ab.mT).mT,
         H_jn=H_jn,
-        H_jj=_solve(unit + H_bb @ Z, H_bb),
+        H_jj=solve_lines(unit + H_bb @ Z, H_bb),
     )
 
 
@@ -154,8 +162,3 @@ def decouple(assembly: AssemblyFRF, Z_j: npt.ArrayLike) -> SubstructureFRF:
     )
     free = couple(joined, -np.asarray(Z_j, dtype=complex))
     return SubstructureFRF(free.frequency, free.interface, free.H_nn, free.H_nj, free.H_jn, free.H_jj)
-
-
-def _solve(A: ComplexArray, B: ComplexArray) -> ComplexArray:
-    """Return A⁻¹ B at each line."""
-    return np.asarray(np.linalg.solve(A, B), dtype=complex)
