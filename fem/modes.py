@@ -7,8 +7,8 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import LinearOperator, eigsh
 
+from fem.lanczos import lowest_eigenpairs
 from fem.model import DIRECTIONS, ModelError
 from fem.solvers import Factor, factorise
 from fem.system import System, reproduced, resistance, rigid_motions, unopposed
@@ -130,15 +130,16 @@ def solve_eigenpairs(system: System, n: int | None = None, max_frequency: float 
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
     n_free = system.n_free
-    reference = _reference_eigenvalue(system)
-    shift = -0.1 * reference
-    factor = factorise(system.K - shift * system.M)
+    reference, shift, factor, held = _reference_eigenvalue(system)
+    if not held or shift < -0.1 * reference:
+        shift = -0.1 * reference
+        factor = factorise(system.K - shift * system.M, factor)
     rigid = rigid_body_motions(system)
     want = min(n_free, max(n if n is not None else 20, rigid.shape[1] + 1))
-    limit = np.inf if max_frequency is None else (2 * np.pi * max_frequency) ** 2
+    limit = -np.inf if n is not None or max_frequency is None else (2 * np.pi * max_frequency) ** 2
     while True:
-        eigenvalues, vectors = _lowest(system, factor, shift, want)
-        if want == n_free or n is not None or max_frequency is None or eigenvalues[-1] > limit:
+        eigenvalues, vectors = _lowest(system, factor, shift, want, limit, rigid)
+        if len(eigenvalues) == n_free or eigenvalues[-1] > limit:
             break
         want = min(n_free, 2 * want)
     n_zero = int((eigenvalues < max(1e-7 * reference, 1e-14 * _highest(system))).sum())
@@ -154,7 +155,7 @@ def solve_eigenpairs(system: System, n: int | None = None, max_frequency: float 
 
 
 def _lowest(
-    system: System, factor: Factor, shift: float, n: int
+    system: System, factor: Factor, shift: float, n: int, limit: float, rigid: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     n_free = system.n_free
     if n_free <= DENSE_LIMIT or n > n_free // 3:
@@ -173,38 +174,12 @@ def _lowest(
         phi /= np.sqrt(np.einsum("ij,ij->j", phi, system.M @ phi))
         # High modes keep theirs in Rayleigh's quotient.
         return np.where(nu > 1e-8 * nu[0], 1 / nu + shift, np.einsum("ij,ij->j", phi, system.K @ phi)), phi
-    random = np.random.default_rng(0)
-    eigenvalues, vectors = np.zeros(0), np.zeros((n_free, 0))
-    while True:
-        # Lanczos sees one motion of each set of repeated modes: ask again without those found until none of
-        # the rest is lower.
-        lam, phi = _arpack(
-            system, factor, shift, n if not eigenvalues.size else 2, vectors, random.standard_normal(n_free)
-        )
-        done = eigenvalues.size and lam.min() > eigenvalues[n - 1] * (1 - 1e-9)
-        vectors, eigenvalues = np.hstack([vectors, phi]), np.concatenate([eigenvalues, lam])
-        order = np.argsort(eigenvalues)
-        eigenvalues, vectors = eigenvalues[order], vectors[:, order]
-        if done or len(eigenvalues) > n_free - 3:
-            return eigenvalues[:n], vectors[:, :n]
-
-
-def _arpack(
-    system: System,
-    factor: Factor,
-    shift: float,
-    n: int,
-    found: NDArray[np.float64],
-    start: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the n lowest modes that are M-orthogonal to those found."""
-
-    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
-        x = factor.solve(b)
-        return x - found @ (found.T @ (system.M @ x)) if found.shape[1] else x
-
-    operator = LinearOperator(system.M.shape, matvec=solve, dtype=float)
-    return eigsh(system.K, k=n, M=system.M, sigma=shift, OPinv=operator, v0=solve(start), tol=1e-12)
+    rigid = rigid[:, :n]
+    known = np.full(rigid.shape[1], 0.0)
+    if n == len(known):
+        return known, rigid
+    pairs = lowest_eigenpairs(factor.solve, system.M.tocsr(), shift, n - len(known), limit, rigid)
+    return np.concatenate([known, pairs.eigenvalues]), np.hstack([rigid, pairs.vectors])
 
 
 def _highest(system: System) -> float:
@@ -212,8 +187,11 @@ def _highest(system: System) -> float:
     return float(system.K.diagonal().sum() / max(system.M.diagonal().sum(), 1e-300))
 
 
-def _reference_eigenvalue(system: System) -> float:
+def _reference_eigenvalue(system: System) -> tuple[float, float, Factor, bool]:
     """Estimate the order of the first elastic eigenvalue [rad²/s²]: three steps of subspace iteration.
+
+    Returns also the shift σ that this took, the factor of K - σM, and whether the constraints hold the
+    structure, so that this is well conditioned however small the shift.
 
     It starts from the rigid-body motions that the constraints allow and random loads. As many of the lowest
     values as there are such motions are left out, also where springs resist these: were the shift as small as
@@ -232,7 +210,8 @@ def _reference_eigenvalue(system: System) -> float:
     mass, vectors = np.linalg.eigh(X.T @ (M @ X))
     X = X @ (vectors[:, mass > 1e-14 * mass[-1]] / np.sqrt(mass[mass > 1e-14 * mass[-1]]))
     ritz = np.linalg.eigvalsh(X.T @ (K @ X))
-    return float(max(ritz[min(q.shape[1], len(ritz) - 1)], 1e-12 * upper))
+    reference = float(max(ritz[min(q.shape[1], len(ritz) - 1)], 1e-12 * upper))
+    return reference, shift, factor, q.shape[1] == 0
 
 
 def rigid_body_motions(system: System) -> NDArray[np.float64]:
