@@ -22,8 +22,12 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from fem.checks import Fault
+from fem.effects.frame import Frame, MemberProperties
+from fem.mesh import Mesh
 from fem.model import Model
 from fem.modes import Modes
+from fem.properties import Material, Section
 from updating.measurement import Sensor
 from viz import style
 from viz.layout import in_order, merge_names, place_labels, shorten
@@ -288,6 +292,82 @@ def render_misfit(
         scene.labels.append(_Label(pointers.tip[order[k]], text, style.INK, 6.5))
     scene.legend.append(_arrow_key(style.MUTED, "sensor in its positive direction"))
     return scene.save(path)
+
+
+def render_faults(
+    model: Model | Mesh, faults: Sequence[Fault], path: str | Path, motion: int = 0, title: str = ""
+) -> Path:
+    """Draw where the faults of a mesh or model are, and how a mechanism moves.
+
+    Faulty lines are coloured; faulty points are ringed and named. Where there is a mechanism, a ghost of the
+    structure moves as nothing hinders it to.
+
+    Parameters
+    ----------
+    model : Model or Mesh
+        Members without a section are drawn with a round one.
+    faults : sequence of Fault
+        As :func:`fem.checks.check_model` gives them.
+    path : str or Path
+        PNG file to write.
+    motion : int
+        Which of a mechanism's motions, counted from 0.
+    title : str
+        Heading; the number of faults of each kind unless given.
+    """
+    drawn = _with_sections(model)
+    surface, mesh = model_surface(drawn), drawn.mesh
+    motions = next((f.motions for f in faults if f.motions.shape[1] > motion), np.zeros((0, 0)))
+    ghost = model_surface(drawn, motions[:, motion]) if motions.size else surface
+    moved = ghost.deformed(amplification(ghost, mesh.size, 0.15))
+    kinds = list(dict.fromkeys(fault.kind for fault in faults))
+    words = ", ".join(f"{sum(f.kind == kind for f in faults)} x {kind}" for kind in kinds) or "no fault"
+    if motions.shape[1] > 1:
+        words += f" (motion {motion + 1} of {motions.shape[1]})"
+    scene = _Scene(surface.rest, moved, title=title or words[0].upper() + words[1:])
+    colour = {kind: _FAULTS[k % len(_FAULTS)] for k, kind in enumerate(kinds)}
+    rgb = np.tile(to_rgb("#d3d8de"), (len(surface.triangles), 1))
+    for fault in reversed(faults):
+        rgb[np.isin(surface.line, fault.lines)] = to_rgb(colour[fault.kind])
+    scene.add_surface(surface, surface.rest, rgb=rgb)
+    if motions.size:
+        moved = moved + 10 * scene.lift  # in front of what has not moved
+        veil = _polydata(moved, ghost.triangles)
+        scene.actors.append((veil, {"color": colour["mechanism"], "opacity": 0.3, "culling": "back"}))
+        scene.actors.append((_wire(moved, ghost.edges), {"color": colour["mechanism"], "line_width": 1.0}))
+    scene.add_effects(drawn)
+    named: set[int] = set()
+    for fault in faults:
+        if fault.kind in ("loose part", "mechanism"):
+            continue  # its lines or its motion say where it is
+        for point in fault.points.tolist():
+            scene.marks.append((mesh.points[point], "ring", colour[fault.kind], 11.0))
+            if point not in named:
+                scene.labels.append(
+                    _Label(mesh.points[point], str(point), colour[fault.kind], 7.5, bold=True)
+                )
+            named.add(point)
+        if not fault.points.size and fault.lines.size:
+            place = mesh.points[mesh.lines[fault.lines]].mean(axis=(0, 1))
+            scene.labels.append(_Label(place, f"line {fault.lines[0]}", colour[fault.kind], 7.5, bold=True))
+    scene.legend += [Patch(facecolor=colour[kind], label=kind) for kind in kinds]
+    return scene.save(path)
+
+
+_FAULTS = (style.VERMILION, style.BLUE, style.PURPLE, style.GREEN, style.ORANGE, style.SKY)
+
+
+def _with_sections(model: Model | Mesh) -> Model:
+    """Return a model that can be drawn: members without properties get a round section."""
+    mesh, effects = (model, ()) if isinstance(model, Mesh) else (model.mesh, model.effects)
+    frame = next((e for e in effects if isinstance(e, Frame)), None)
+    have = frame.members if frame is not None else {}
+    if frame is not None and all(name in have for name in mesh.members):
+        return Model(mesh, effects)
+    plain = MemberProperties(Material("drawn", 1.0, 1.0), Section.circle(0.012 * mesh.size))
+    whole = Frame(members={name: have.get(name, plain) for name in mesh.members})
+    others = tuple(e for e in effects if not isinstance(e, Frame))
+    return Model(mesh, (whole, *others))
 
 
 def mode_title(modes: Modes, index: int) -> str:

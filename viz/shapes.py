@@ -388,7 +388,8 @@ def model_surface(model: Model, motion: ArrayLike | None = None, pieces: int = 6
     ----------
     model : Model
     motion : array_like (n_dof,) or (n_points, 6), optional
-        Displacements and rotations of all points [m, rad]; at rest unless given.
+        Displacements and rotations of all points [m, rad], then coordinates of effects, which are not
+        drawn; at rest unless given.
     pieces : int
         Number of straight pieces that a line is drawn with.
 
@@ -416,7 +417,7 @@ def model_surface(model: Model, motion: ArrayLike | None = None, pieces: int = 6
     arms += np.array([-1.0, 1.0])[:, None] * fill[:, :, None] * R[:, :1]
     rigid += fill
     if motion is not None:
-        motion = np.asarray(motion, dtype=float).reshape(mesh.n_points, 6)
+        motion = np.asarray(motion, dtype=float).ravel()[: 6 * mesh.n_points].reshape(mesh.n_points, 6)
     return extrude(
         mesh.points, mesh.lines, R, outlines, motion, arms=arms, rigid=rigid, closed=closed, pieces=pieces
     )

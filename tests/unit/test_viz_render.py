@@ -3,18 +3,22 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from fem.checks import check_mesh, check_model
 from fem.effects.frame import Frame, MemberProperties
 from fem.effects.support import Support
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.modes import Modes
+from fem.modes import Modes, solve_modes
 from fem.properties import Material, Section
+from fem.system import assemble
+from tests.frames import chain, fix, with_part
 from updating.measurement import Sensor
 from viz import render, style
 from viz.render import view_axes
@@ -216,3 +220,34 @@ def test_pictures_need_no_display_and_print_nothing(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=keep, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "a.png").exists()
+
+
+def test_faults_are_coloured_and_a_mechanism_moves(tmp_path):
+    points = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [0.5, 0.001, 0], [0.5, 0.5, 0]]
+    mesh = Mesh.from_lines(points, [[0, 1], [1, 2], [3, 4]])
+    faults = check_mesh(mesh)
+    assert {fault.kind for fault in faults} == {"loose part", "unconnected crossing"}
+    picture = pixels(render.render_faults(mesh, faults, tmp_path / "mesh.png"))
+    for colour in render._FAULTS[:2]:  # of the lines and of the ring and its name
+        assert near(picture, colour) > 300
+    bare = pixels(render.render_faults(mesh, (), tmp_path / "bare.png"))
+    for colour in render._FAULTS[:2]:
+        assert near(bare, colour) < 50
+    model = chain(2, 4, (fix(0),))
+    faults = check_model(model)
+    moving = pixels(render.render_faults(model, faults, tmp_path / "moving.png"))
+    still = pixels(
+        render.render_faults(
+            model, [replace(f, motions=np.zeros((0, 0))) for f in faults], tmp_path / "x.png"
+        )
+    )
+    assert moving.shape[0] > still.shape[0], "the ghost takes room"
+    hue = moving[..., 0] - moving[..., 2]
+    assert (hue > 20).sum() > 5 * max((still[..., 0] - still[..., 2] > 20).sum(), 200)
+
+
+def test_a_mode_of_a_model_with_a_part_is_drawn(tmp_path):
+    model = with_part()
+    modes = solve_modes(assemble(model), n=2)
+    assert modes.shapes.shape[0] > 6 * model.mesh.n_points
+    assert looks_drawn(pixels(render.render_mode(model, modes, 1, tmp_path / "a.png")))
