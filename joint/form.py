@@ -20,7 +20,6 @@ LAWS = {"zener": Zener, "fractional_kelvin_voigt": FractionalKelvinVoigt, "fract
 KINDS = ("K", "M", "C", "D", *LAWS)
 """How a term depends on frequency: stiffness, mass, viscous or structural damping, viscoelastic."""
 
-_START = {"ratio": 1.0, "tau": 1e-3, "alpha": 0.5}
 _BOUNDS = {"ratio": (1e-4, 1e4), "tau": (1e-9, 1e3), "alpha": (0.02, 1.0)}
 _STEP = 1e-200
 
@@ -138,12 +137,37 @@ class JointForm:
         limits = [_BOUNDS.get(name.rpartition(" ")[2], (-np.inf, np.inf)) for name in self.names]
         return np.array([lo for lo, _ in limits]), np.array([hi for _, hi in limits])
 
-    def starts(self, theta: npt.ArrayLike) -> FloatArray:
-        """Return θ with NaN replaced by values from which viscoelastic laws may start."""
+    @property
+    def positive(self) -> npt.NDArray[np.bool_]:
+        """Mark the parameters that are positive and fitted as logarithms: those of viscoelastic terms."""
+        marks = [
+            term.kind in LAWS and not name.endswith(" alpha")
+            for term in self.terms
+            for name, _ in term.parameters
+        ]
+        return np.array(marks, dtype=bool)
+
+    def starts(self, theta: npt.ArrayLike, frequency: FloatArray) -> list[FloatArray]:
+        """Return points from which to start: θ with NaN replaced by usual values of viscoelastic laws.
+
+        Parameters
+        ----------
+        theta : (n,) array_like
+            NaN where a law's own parameter is not known.
+        frequency : (n_freq,) array
+            Lines [Hz]; relaxation times start at one over their lowest, middle and highest ω.
+        """
         theta = np.array(theta, dtype=float)
-        for i in np.flatnonzero(np.isnan(theta)):
-            theta[i] = _START.get(self.names[i].rpartition(" ")[2], 0.0)
-        return theta
+        asked = np.flatnonzero(np.isnan(theta))
+        words = [self.names[i].rpartition(" ")[2] for i in asked]
+        lines = frequency[frequency > 0]
+        times = 1 / (2 * np.pi * np.geomspace(lines[0], lines[-1], 3)) if "tau" in words else [0.0]
+        out = []
+        for tau in times:
+            start = theta.copy()
+            start[asked] = [{"ratio": 1.0, "tau": float(tau), "alpha": 0.5}.get(w, np.nan) for w in words]
+            out.append(start)
+        return out
 
     def coefficients(self, omega: FloatArray, theta: FloatArray) -> ComplexArray:
         """Return what multiplies each matrix, (n_matrices, n_freq)."""

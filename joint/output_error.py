@@ -190,7 +190,7 @@ def fit_joint(
         Measured receptances x/f at the internal coordinates; NaN where there is none.
     start : (n,) array_like
         θ from which to start, that of `identify_average` for example; NaN starts a viscoelastic law's own
-        parameter at a usual value.
+        parameter at usual values, of which the best is taken.
     noise : array_like, optional
         Standard deviation σ: a number is relative to each |H|; an array that broadcasts to H_nn is absolute
         [unit of H]. Estimated from the lines' roughness unless given.
@@ -233,18 +233,21 @@ def fit_joint(
         np.where(seen, given, 0.0), "H_nn", lines, interface.outputs.labels, interface.inputs.labels
     )
     weight = np.where(seen, 1 / _noise(measured, noise, measured), 0.0)
-    theta = form.starts(start)
+    begin = form.starts(start, lines)
     n, m = len(form.names), len(parts.names)
-    if theta.shape != (n,) or not np.isfinite(theta).all():
-        msg = f"start has shape {theta.shape}; {n} finite values are needed: {', '.join(form.names[:6])} …"
+    if begin[0].shape != (n,) or not np.isfinite(begin[0]).all():
+        msg = f"start has shape {begin[0].shape}; {n} finite values are needed: {', '.join(form.names[:6])} …"
         raise ValueError(msg)
     if 2 * int(seen.sum()) < n:
         msg = f"{int(seen.sum())} complex values cannot determine {n} parameters"
         raise IdentificationError(msg)
     problem = _Problem(form, parts, lines, measured, weight)
-    x = np.zeros(m)
     history: list[tuple[float, float, float]] = []
-    state, converged = problem.state(theta, x, lines.size), False
+    count = max(1, min(lines.size, round(stages[0] * lines.size)))
+    tried = [problem.state(theta, np.zeros(m), count) for theta in begin]
+    if len(tried) > 1:
+        tried = [_descend(problem, state, [], max_iterations, tolerance)[0] for state in tried]
+    state, converged = min(tried, key=lambda s: s.cost), False
     for part in (*stages, stages[-1]):
         count = max(1, min(lines.size, round(part * lines.size)))
         state = problem.state(state.theta, state.x, count)
@@ -363,20 +366,25 @@ def _descend(
     n = len(state.theta)
     low, high = problem.form.bounds
     low, high = np.append(low, np.full(len(state.x), -8.0)), np.append(high, np.full(len(state.x), 8.0))
+    log = np.append(problem.form.positive, np.zeros(len(state.x), dtype=bool))
     damping = 1e-3
     top = float(problem.lines[state.count - 1])
     for _ in range(max_iterations):
         pinned = ((state.point <= low) & (state.g > 0)) | ((state.point >= high) & (state.g < 0))
         free = ~pinned & (np.diag(state.A) > 0)
-        scale = np.sqrt(np.diag(state.A)[free])
-        A, g = state.A[np.ix_(free, free)] / np.outer(scale, scale), state.g[free] / scale
+        # positive parameters move by factors: dθ = θ d ln θ
+        slope = np.where(log, state.point, 1.0)
+        scale = np.sqrt(np.diag(state.A)[free]) * slope[free]
+        A = (state.A * np.outer(slope, slope))[np.ix_(free, free)] / np.outer(scale, scale)
+        g = state.g[free] * slope[free] / scale
         for _ in range(_STEPS):
             step = np.zeros(len(state.point))
             step[free] = -np.linalg.solve(A + damping * np.eye(len(A)), g) / scale
-            gain = -float(state.g @ step)
+            gain = -float((state.g * slope) @ step)
             if gain < tolerance * tolerance * max(state.cost, 1.0):
                 return state, True
-            point = np.clip(state.point + step, low, high)
+            moved = np.where(log, state.point * np.exp(np.clip(step, -1.5, 1.5)), state.point + step)
+            point = np.clip(moved, low, high)
             new = problem.state(point[:n], point[n:], state.count)
             if np.isfinite(new.cost) and new.cost < state.cost:
                 break

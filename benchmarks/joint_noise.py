@@ -1,0 +1,165 @@
+"""How noise degrades each estimator of a joint: direct, average, output error.
+
+The paper's two beams and a bolted joint: 6×6 K, C and D in relative motions, a mass with inertias, 67
+parameters. Every FRF value has its own circular complex noise, relative to its size. Run it with one thread:
+
+    OPENBLAS_NUM_THREADS=1 python -m benchmarks.joint_noise [number of seeds] [lines]
+"""
+
+import sys
+import time
+
+import numpy as np
+
+from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, assemble
+from fem.frf import compute_frf
+from fem.model import DIRECTIONS
+from joint import (
+    CoordinateSet,
+    Interface,
+    coordinates_of,
+    couple,
+    identify_joint,
+    partition_frf,
+    relative_coordinates,
+    stack_substructures,
+)
+from joint.average import identify_average
+from joint.form import relative_form, with_masses
+from joint.output_error import fit_joint
+
+NODES = {"U": (0, 4, 12, 20), "D": (2, 6, 13, 15, 19)}
+"""The paper's internal nodes 1 5 13 21 24 28 35 37 41, counted from 0 on each beam."""
+
+AT = {"U": 10, "D": 0}
+"""Nodes 11 and 22, where the joint is."""
+
+STEEL = Material("steel", 210e9, 7850.0)
+ARMS = ((0.0, 0.0, 0.005), (0.0, 0.0, -0.005))
+
+
+def beam(along: tuple[float, float, float], E: float = STEEL.E) -> Model:
+    """Return a free beam of the paper, 20 elements."""
+    mesh = Mesh.from_lines([[0, 0, 0], 0.8 * np.array(along)], [[0, 1]], {"beam": [0]})
+    points = [mesh.point_at(mesh.locate("beam", s)) for s in np.linspace(0, 0.8, 21)]
+    mesh = Mesh.from_lines(points, [[i, i + 1] for i in range(20)], {"beam": range(20)})
+    material = Material("steel", E, STEEL.rho)
+    section = MemberProperties(material, Section.rectangle(0.03, 0.01), theory="euler-bernoulli")
+    return Model(mesh, (Frame(members={"beam": section}),), Damping.structural(0.01))
+
+
+def parts(frequency: np.ndarray, n_inputs: int | None, E: float = STEEL.E):
+    """Return both beams side by side; ``n_inputs`` of the internal coordinates, or all, are inputs."""
+    every = [f"{name}{p}:{d}" for name, points in NODES.items() for p in points for d in DIRECTIONS]
+    pick = every if n_inputs is None else [every[i] for i in np.linspace(2, 53, n_inputs).astype(int)]
+    out = []
+    for name, along in (("U", (1.0, 0, 0)), ("D", (0, 1.0, 0))):
+        system = assemble(beam(along, E))
+        b = coordinates_of([f"{name}{AT[name]}"])
+        a = CoordinateSet(tuple(label for label in every if label.startswith(name)))
+        i = CoordinateSet(tuple(label for label in pick if label.startswith(name)))
+        labels = (*a.labels, *b.labels)
+        dofs = [(int(label[1:].split(":")[0]), label.split(":")[1]) for label in labels]
+        H = compute_frf(system, frequency, dofs, dofs, "receptance").H
+        both = CoordinateSet(labels)
+        out.append(partition_frf(frequency, H, both, both, Interface(b, a, i)))
+    return stack_substructures(*out)
+
+
+def truth(form, seed: int = 1):
+    """Return 67 values: stiffness of a bolted joint, damping beside it, 50 g."""
+    rng = np.random.default_rng(seed)
+    arm = np.diag([1, 1, 1, 0.02, 0.02, 0.02])
+
+    def matrix(low: float, high: float):
+        Q = np.linalg.qr(rng.standard_normal((6, 6)))[0] * np.sqrt(np.geomspace(low, high, 6))
+        return B.T @ (arm @ Q @ Q.T @ arm) @ B
+
+    B = relative_coordinates(*ARMS)
+    theta = form.values_of(K=matrix(1e6, 3e7), C=matrix(20, 200), D=matrix(2e4, 1e6))
+    theta[63:] = 0.05, 1e-5, 2e-5, 1.5e-5
+    return theta
+
+
+def noisy(H: np.ndarray, level: float, rng: np.random.Generator):
+    """Return H with circular complex noise of standard deviation level · |H|."""
+    return H * (1 + level * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2))
+
+
+def relative(X: np.ndarray, Y: np.ndarray) -> float:
+    """Return ‖X - Y‖ / ‖Y‖ with rotations at an arm of 20 mm."""
+    arm = np.tile([1, 1, 1, 50.0, 50.0, 50.0], X.shape[-1] // 6)
+    scale = np.outer(arm, arm)
+    return float(np.linalg.norm((X - Y) * scale) / np.linalg.norm(Y * scale))
+
+
+def study(n_seeds: int, n_lines: int) -> None:
+    """Print the table."""
+    frequency = np.linspace(20.0, 3200.0, n_lines)
+    square, slim = parts(frequency, None), parts(frequency, 6)
+    form = with_masses(relative_form(square.interface.joint, relative_coordinates(*ARMS)), ARMS)
+    theta = truth(form)
+    Z = form.Z(frequency, theta)
+    exact = {"square": couple(square, Z).H_nn, "slim": couple(slim, Z).H_nn}
+    print(f"{n_lines} lines, {n_seeds} seeds; direct and average from 54 x 54 FRFs, output error from 54 x 6")
+    print("medians over seeds of relative errors; Z over all lines\n")
+    print("noise    estimator        Z        K        M        C        D   H_nn   seconds")
+    for level in (0.001, 0.01, 0.03):
+        rows: dict[str, list[list[float]]] = {"direct": [], "average": [], "output error": []}
+        errors, cover = [], []
+        for seed in range(n_seeds):
+            rng = np.random.default_rng([seed, int(1e4 * level)])
+            measured = noisy(exact["square"], level, rng)
+            start = time.perf_counter()
+            found = identify_joint(square, frequency, measured, amplification_limit=np.inf)
+            again = couple(square, found.Z).H_nn
+            rows["direct"].append(
+                [
+                    relative(found.Z, Z),
+                    *[np.nan] * 4,
+                    relative_H(again, exact["square"]),
+                    time.perf_counter() - start,
+                ]
+            )
+            start = time.perf_counter()
+            mean = identify_average(square, frequency, measured, form, misfit_limit=np.inf)
+            again = couple(square, mean.Z(frequency)).H_nn
+            rows["average"].append(
+                errors_of(form, mean.values, theta, frequency, again, exact["square"], start)
+            )
+            start = time.perf_counter()
+            slim_data = noisy(exact["slim"], level, rng)
+            fit = fit_joint(form, slim, frequency, slim_data, mean.values, noise=level)
+            rows["output error"].append(
+                errors_of(form, fit.values, theta, frequency, fit.H, exact["slim"], start)
+            )
+            errors.append((fit.values - theta) / fit.std)
+            lo, hi = fit.interval().T
+            cover.append((lo <= theta) & (theta <= hi))
+        for name, values in rows.items():
+            middle = np.median(np.array(values), axis=0)
+            print(
+                f"{level:5.1%}    {name:13s}" + "".join(f"{v:9.1e}" for v in middle[:6]) + f"{middle[6]:8.2f}"
+            )
+        spread = np.sqrt((np.array(errors) ** 2).mean())
+        print(f"         output error: errors {spread:.3f} times the stated deviation, 95 % intervals hold "
+              f"{np.mean(cover):.1%} of the truths\n", flush=True)  # fmt: skip
+
+
+def relative_H(H: np.ndarray, exact: np.ndarray) -> float:
+    """Return the error of rebuilt receptances, each relative to its own root mean square."""
+    rms = np.sqrt((np.abs(exact) ** 2).mean(axis=0))
+    return float(np.sqrt((np.abs((H - exact) / rms) ** 2).mean()))
+
+
+def errors_of(form, values, theta, frequency, H, exact, start) -> list[float]:
+    """Return errors of Z, K, M, C, D and the rebuilt receptances, and the time since a start."""
+    Z = [form.Z(frequency, v) for v in (values, theta)]
+    out = [relative(*Z)]
+    out += [relative(form.matrix(kind, values), form.matrix(kind, theta)) for kind in "KMCD"]
+    return [*out, relative_H(H, exact), time.perf_counter() - start]
+
+
+if __name__ == "__main__":
+    numbers = [int(a) for a in sys.argv[1:]]
+    study(numbers[0] if numbers else 50, numbers[1] if len(numbers) > 1 else 200)
