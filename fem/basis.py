@@ -156,3 +156,119 @@ def _constraint_modes(
         out.append(u + system.Q @ q)
     modes = np.column_stack(out)
     return modes, np.asarray(M @ modes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Complement:
+    """What forces do beyond the modes: block-Krylov vectors, and what an approximation in them leaves behind.
+
+    With A = K - σM and forces b without their part in the modes, the vectors Q span A⁻¹b, A⁻¹M A⁻¹b, … and
+    are A-orthonormal.
+
+    Attributes
+    ----------
+    Q : ndarray (n_free, p)
+        The vectors.
+    response : ndarray (n_free, k)
+        A⁻¹M times the vectors of the last step: where the next come from.
+    M : ndarray (p, p)
+        QᵀMQ; QᵀAQ is the identity.
+    B : ndarray (p, n)
+        Qᵀb.
+    BB : ndarray (n, n)
+        bᵀA⁻¹b.
+    lost : ndarray (l, n + p)
+        Coordinates of the parts of A⁻¹b and A⁻¹MQ that were too small to become vectors.
+    """
+
+    Q: NDArray[np.float64]
+    response: NDArray[np.float64]
+    M: NDArray[np.float64]
+    B: NDArray[np.float64]
+    BB: NDArray[np.float64]
+    lost: NDArray[np.float64]
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is no further vector."""
+        return self.response.shape[1] == 0
+
+    def outside(self, system: System, shift: float) -> NDArray[np.float64]:
+        """Return coordinates (q, n + p), orthonormal in A, of the parts of A⁻¹b and A⁻¹MQ outside Q.
+
+        By construction only the last block has any that is not tiny.
+        """
+        k = self.response.shape[1]
+        R = self.response - self.Q @ self.M[:, len(self.M) - k :]
+        rows = np.zeros((k, self.lost.shape[1]))
+        rows[:, self.lost.shape[1] - k :] = root_of(R.T @ _shifted(system, shift, R))
+        return np.vstack([rows, self.lost])
+
+
+def root_of(G: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return R with RᵀR = G, which is symmetric and not negative but for rounding."""
+    eigenvalues, vectors = np.linalg.eigh((G + G.T) / 2)
+    return np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
+
+
+def complement(system: System, pairs: Eigenpairs, loads: NDArray[np.float64]) -> Complement:
+    """Return the complement of modes for forces (n_free, n), with the first block of vectors."""
+    n_free, n = loads.shape
+    b = loads - system.M @ (pairs.vectors @ (pairs.vectors.T @ loads))
+    static = _clear(system, pairs, pairs.factor.solve(b))
+    none = np.zeros((n_free, 0))
+    start = Complement(none, static, np.zeros((0, 0)), np.zeros((0, n)), b.T @ static, np.zeros((0, n)))
+    return extended(system, pairs, start, loads)
+
+
+def extended(system: System, pairs: Eigenpairs, old: Complement, loads: NDArray[np.float64]) -> Complement:
+    """Return a complement with one more block of vectors for the same forces."""
+    new, lost = _new_block(system, pairs, old)
+    k, before = new.shape[1], old.lost.shape[1]
+    rows = np.zeros((len(old.lost) + len(lost), before + k))
+    rows[: len(old.lost), :before] = old.lost
+    rows[len(old.lost) :, before - lost.shape[1] : before] = lost
+    Q, MX = np.hstack([old.Q, new]), np.asarray(system.M @ new)
+    p = old.Q.shape[1]
+    M = np.empty((p + k, p + k))
+    M[:p, :p] = old.M
+    M[:, p:] = Q.T @ MX
+    M[p:, :p] = M[:p, p:].T
+    response = _clear(system, pairs, pairs.factor.solve(MX)) if k else new
+    return Complement(Q, response, M, np.vstack([old.B, new.T @ loads]), old.BB, rows)
+
+
+def _shifted(system: System, shift: float, X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (K - σM) X."""
+    return np.asarray(system.K @ X - shift * (system.M @ X))
+
+
+def _clear(system: System, pairs: Eigenpairs, X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return columns without their part in the modes."""
+    return X - pairs.vectors @ (pairs.vectors.T @ (system.M @ X))
+
+
+def _new_block(
+    system: System, pairs: Eigenpairs, old: Complement
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return A-orthonormal vectors for what the last response has outside the vectors so far.
+
+    And coordinates of the part of it that they leave out.
+    """
+    X, lost = old.response, np.zeros((0, old.response.shape[1]))
+    room = system.n_free - pairs.vectors.shape[1] - old.Q.shape[1]
+    before = np.einsum("ij,ij->j", X, _shifted(system, pairs.shift, X))
+    for attempt in range(2):
+        X = X - old.Q @ (old.Q.T @ _shifted(system, pairs.shift, X))
+        if attempt:
+            X = _clear(system, pairs, X)
+        G = X.T @ _shifted(system, pairs.shift, X)
+        scale = 1 / np.sqrt(np.maximum(G.diagonal(), np.maximum(1e-24 * before, 1e-300)))
+        eigenvalues, vectors = np.linalg.eigh(G * np.outer(scale, scale))
+        good = eigenvalues > (1e-13 if attempt == 0 else 0.5) * max(float(eigenvalues.max(initial=0.0)), 0.1)
+        good[: max(len(good) - room, 0)] = False
+        if attempt == 0:
+            lost = np.sqrt(np.abs(eigenvalues[~good]))[:, None] * vectors[:, ~good].T / scale
+        X = X @ (scale[:, None] * vectors[:, good] / np.sqrt(eigenvalues[good]))
+        before = np.ones(X.shape[1])
+    return X, lost

@@ -3,24 +3,49 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
+import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from fem.basis import reduced_basis
+from fem.basis import Complement, complement, extended
 from fem.model import DIRECTIONS, Model, ModelError
+from fem.modes import solve_eigenpairs
+from fem.receptance import (
+    Locals,
+    Superposition,
+    locals_of,
+    modes_below,
+    nearly_static,
+    receptance,
+    response_sizes,
+    static_residual,
+    superpose,
+)
 from fem.solvers import SingularMatrixError, factorise
-from fem.system import System, law_change
+from fem.system import System
 
 Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
 """DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
 
-LOCAL_DAMPING = 48
-"""A contribution to the damping that touches more DOFs than this is not local.
+METHODS = ("auto", "modal", "reduced", "direct")
+"""What ``compute_frf`` may be asked for."""
 
-It is then taken for a member with a loss factor rather than a damper.
-"""
+_MARGIN = 1.25
+"""Modes are taken up to this multiple of the highest frequency."""
+
+_STEPS = 12
+"""Blocks of Krylov vectors that are tried before a wider range of modes."""
+
+_RESERVE = 0.5
+"""The bound is brought below this part of the tolerance at the lines that are watched."""
+
+_WIDE_STEPS = 6
+"""Blocks of Krylov vectors where no bound is known."""
+
+_SMALL_LEVEL = 1e-3
+"""FRFs smaller than this part of what their places could give (zero by symmetry) are judged against it."""
 
 
 class FRFKind(StrEnum):
@@ -46,6 +71,39 @@ class FRFError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Accuracy:
+    """How FRFs were computed, and how far from the model's they are at most.
+
+    Attributes
+    ----------
+    method : str
+        ``"modal"``, ``"reduced"`` or ``"direct"``.
+    n_modes, n_vectors : int
+        Number of modes, and of all vectors, modes included; 0 for ``"direct"``.
+    bound : ndarray (n_freq, n_out, n_in) or None
+        A bound of the error of each value, but for rounding [unit of the FRF]. None where none is known: for
+        direct solutions, which have rounding alone, and with damping of whole members.
+    worst : float
+        The largest bound of an FRF relative to its peak over all lines of the computation [-]; NaN if
+        unknown.
+    tolerance : float
+        What was asked for [-].
+    """
+
+    method: str
+    n_modes: int
+    n_vectors: int
+    bound: NDArray[np.float64] | None
+    worst: float
+    tolerance: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether the error is known to be below the tolerance."""
+        return self.worst <= self.tolerance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FRF:
     """Frequency response functions with labels; time dependence e^{+iωt}.
 
@@ -59,6 +117,8 @@ class FRF:
         Receptance, mobility or accelerance.
     outputs, inputs : tuple of str
         Labels of the responses and of the forces, such as ``"U1z"`` or ``"12Z+"``.
+    accuracy : Accuracy or None
+        For computed data: the method, and a bound of the error.
     """
 
     frequency: NDArray[np.float64]
@@ -66,6 +126,7 @@ class FRF:
     kind: FRFKind
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
+    accuracy: Accuracy | None = None
 
     @classmethod
     def from_arrays(
@@ -156,7 +217,11 @@ class FRF:
                 "leave it out with select(band=…)"
             )
             raise FRFError(msg)
-        return replace(self, H=self.H * (1j * self.omega[:, None, None]) ** power, kind=kind)
+        accuracy = self.accuracy
+        if accuracy is not None and accuracy.bound is not None:
+            accuracy = replace(accuracy, bound=accuracy.bound * self.omega[:, None, None] ** power)
+        H = self.H * (1j * self.omega[:, None, None]) ** power
+        return replace(self, H=H, kind=kind, accuracy=accuracy)
 
     def select(
         self,
@@ -201,12 +266,16 @@ class FRF:
                     f"{self.frequency[0]:g} to {self.frequency[-1]:g} Hz"
                 )
                 raise FRFError(msg)
+        accuracy = self.accuracy
+        if accuracy is not None and accuracy.bound is not None:
+            accuracy = replace(accuracy, bound=accuracy.bound[keep][:, i][:, :, j])
         return FRF(
             self.frequency[keep],
             self.H[keep][:, i][:, :, j],
             self.kind,
             tuple(self.outputs[k] for k in i),
             tuple(self.inputs[k] for k in j),
+            accuracy,
         )
 
 
@@ -216,15 +285,22 @@ def compute_frf(
     outputs: Selection,
     inputs: Selection,
     kind: FRFKind | str = FRFKind.ACCELERANCE,
-    method: str = "reduced",
+    method: str = "auto",
+    *,
+    tolerance: float = 1e-5,
+    n_modes: int | None = None,
 ) -> FRF:
     """Compute frequency response functions.
 
-    ``"reduced"`` projects the system on its modes up to 1.5 times the highest frequency and on six
-    block-Krylov vectors of each input and of each motion that a local damper resists, which makes the result
-    exact at low frequency and leaves an error of about 10⁻⁶ of an FRF's root mean square at the highest.
-    ``"direct"`` factorises Z(ω) at every line; it takes local, Rayleigh and structural damping, but not modal
-    damping ratios.
+    - ``"reduced"`` projects the system on its modes up to 1.25 times the highest frequency and on
+      block-Krylov vectors of each input and of each motion that a local damper resists, as many as it takes
+      until a bound of the error meets the tolerance.
+    - ``"modal"`` superposes modes and adds the static flexibility of the others.
+    - ``"direct"`` factorises Z(ω) at every line; it takes all damping but modal ratios.
+    - ``"auto"`` is ``"reduced"``, or ``"direct"`` for one or two lines of a large system and for a small
+      system of which the bound does not meet the tolerance.
+
+    What was done and the bound are in ``accuracy`` of the result.
 
     Parameters
     ----------
@@ -236,7 +312,11 @@ def compute_frf(
     kind : FRFKind or str
         Receptance, mobility or accelerance.
     method : str
-        ``"reduced"`` or ``"direct"``.
+        ``"auto"``, ``"modal"``, ``"reduced"`` or ``"direct"``.
+    tolerance : float
+        Error to be met, relative to the peak of each FRF over the lines [-].
+    n_modes : int, optional
+        Number of modes of ``"modal"``; those up to 1.25 times the highest frequency unless given.
 
     Returns
     -------
@@ -250,26 +330,155 @@ def compute_frf(
         with ``"direct"``.
     """
     model = system.model
-    out, out_labels = dof_vectors(model, outputs)
-    inn, in_labels = dof_vectors(model, inputs)
+    kind = FRFKind(kind)
+    out, out_labels = dof_columns(model, outputs)
+    inn, in_labels = dof_columns(model, inputs)
     frequency = np.array(frequency, dtype=float, ndmin=1)
     if not frequency.size or not np.isfinite(frequency).all() or (frequency < 0).any():
         msg = "frequencies must be finite and not negative, and there must be one [Hz]"
         raise FRFError(msg)
-    if method == "reduced":
-        H = _reduced_receptance(system, frequency, out, inn)
-    elif method == "direct":
-        H = _direct_receptance(system, frequency, out, inn)
-    else:
-        msg = f"the FRF method is '{method}'; allowed are reduced, direct"
+    if method not in METHODS:
+        msg = f"the FRF method is '{method}'; allowed are {', '.join(METHODS)}"
         raise FRFError(msg)
+    q_out, q_in = sp.csc_array(system.Q.T @ out), sp.csc_array(system.Q.T @ inn)
+    # Z is symmetric, and so is H: forces and responses may change places.
+    swap = inn.shape[1] > out.shape[1]
+    task = _Task(system, frequency, *((q_out, q_in) if swap else (q_in, q_out)), kind, tolerance)
+    H, accuracy = _solved(task, method, n_modes)
+    bound = accuracy.bound
+    if swap:
+        H = np.swapaxes(H, 1, 2)
+        bound = None if bound is None else np.swapaxes(bound, 1, 2)
     # Rounding and local dampers may hold a free structure that nothing holds.
     free = (frequency == 0).any() and system.rigid.shape[1] > 0
     if free or not np.isfinite(H).all():
         msg = "the receptance is infinite at a line: 0 Hz on a free structure, or an undamped resonance"
         raise FRFError(msg)
     frf = FRF.from_arrays(frequency, H, FRFKind.RECEPTANCE, out_labels, in_labels)
-    return frf.as_kind(kind)
+    return replace(frf, accuracy=replace(accuracy, bound=bound)).as_kind(kind)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """What is to be computed: forces and responses as sparse columns on the independent coordinates."""
+
+    system: System
+    frequency: NDArray[np.float64]
+    inputs: Any
+    outputs: Any
+    kind: FRFKind
+    tolerance: float
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        return 2 * np.pi * self.frequency
+
+    @property
+    def highest(self) -> float:
+        return max(float(self.frequency.max()), 1.0)
+
+    @property
+    def few(self) -> bool:
+        """Whether factorising at each line costs less than modes and vectors."""
+        return self.frequency.size <= 2 and self.system.n_free > 1000
+
+    @property
+    def small(self) -> bool:
+        """Whether factorising at each line costs little enough to be a last resort."""
+        return self.frequency.size * self.system.n_free <= 400_000
+
+    def sample(self, eigenvalues: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return lines at which the bound is watched: next to the modes, the last ones, and some between."""
+        n = self.frequency.size
+        order = np.argsort(self.omega)
+        near = np.searchsorted(self.omega[order], np.sqrt(eigenvalues[eigenvalues > 0]))
+        some = np.linspace(0, n - 1, min(n, 12)).astype(int)
+        return order[np.unique(np.clip(np.concatenate([near - 1, near, some]), 0, n - 1))]
+
+    def worst(
+        self,
+        s: Superposition,
+        omega: NDArray[np.float64],
+        H: NDArray[np.complex128],
+        bound: NDArray[np.float64] | None,
+    ) -> float:
+        """Return the largest bound of an FRF relative to its peak."""
+        if bound is None:
+            return np.nan
+        power = omega[:, None, None] ** self.kind.derivatives
+        peak, error = (np.abs(H) * power).max(axis=0), (bound * power).max(axis=0)
+        level = _SMALL_LEVEL * _possible(s, omega, self.kind.derivatives)
+        return float((error / np.maximum(np.maximum(peak, level), 1e-300)).max(initial=0.0))
+
+
+def _possible(s: Superposition, omega: NDArray[np.float64], derivatives: int) -> NDArray[np.float64]:
+    """Return how large FRFs between these places could be, (n_out, n_in): Schwarz, with 0.1 % of damping."""
+    parts = omega[:, None] ** 2 * s.mass + s.stiffness
+    size = np.maximum(np.abs(s.stiffness - omega[:, None] ** 2 * s.mass), 1e-3 * parts)
+    weight = omega[:, None] ** derivatives / np.maximum(size, 1e-300)
+    out, inn = (np.sqrt(weight @ X**2).max(axis=0) for X in (s.responses, s.loads[:, : s.n_in]))
+    return out[:, None] * inn
+
+
+def _solved(task: _Task, method: str, n_modes: int | None) -> tuple[NDArray[np.complex128], Accuracy]:
+    ratios = task.system.model.damping.ratio.any()
+    if method == "direct" or (method == "auto" and task.few and not ratios):
+        return _direct(task), Accuracy("direct", 0, 0, None, 0.0, task.tolerance)
+    local = locals_of(task.system)
+    s = _modal(task, local, n_modes) if method == "modal" else _reduced(task, local)
+    H, bound = receptance(s, task.omega)
+    worst = task.worst(s, task.omega, H, bound)
+    if method == "auto" and worst > task.tolerance and task.small and not ratios:
+        return _direct(task), Accuracy("direct", 0, 0, None, 0.0, task.tolerance)
+    kind = "modal" if method == "modal" or s.n_vectors == s.n_modes else "reduced"
+    return H, Accuracy(kind, s.n_modes, s.n_vectors, bound, worst, task.tolerance)
+
+
+def _modal(task: _Task, local: Locals, n_modes: int | None) -> Superposition:
+    system = task.system
+    if n_modes is None:
+        pairs, cut = modes_below(system, _MARGIN * task.highest)
+    else:
+        pairs = solve_eigenpairs(system, n_modes)
+        cut = np.inf if n_modes >= system.n_free else float(pairs.eigenvalues[-1])
+    loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
+    s = superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, None)
+    return static_residual(system, pairs, s, loads, task.outputs)
+
+
+def _reduced(task: _Task, local: Locals) -> Superposition:
+    """Return modes and as many Krylov vectors as the tolerance takes."""
+    system = task.system
+    loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
+    pairs, cut = modes_below(system, _MARGIN * task.highest)
+    pairs = nearly_static(system, pairs, cut)
+    sizes = response_sizes(system, pairs, task.outputs) if cut < np.inf else np.zeros(task.outputs.shape[1])
+
+    def on(more: Complement | None) -> Superposition:
+        return superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, more, sizes)
+
+    if cut == np.inf or not loads.shape[1]:
+        return on(None)
+    more = complement(system, pairs, loads)
+    if local.wide:
+        for _ in range(_WIDE_STEPS - 1):
+            more = extended(system, pairs, more, loads)
+        return on(more)
+    omega = task.omega[task.sample(pairs.eigenvalues)]
+    x = (omega[-1] ** 2 - pairs.shift) / (cut - pairs.shift)
+    rate = (1 - np.sqrt(1 - x)) / (1 + np.sqrt(1 - x))
+    s, worst, step = on(more), np.inf, 1
+    while True:
+        # The bound falls by about this rate at each step (that of Lanczos' method), or faster.
+        missing = np.log(worst / (_RESERVE * task.tolerance)) / -np.log(rate) if worst < np.inf else 2
+        target = min(step + max(1, int(0.8 * missing)), _STEPS)
+        while step < target and not more.complete:
+            more, step = extended(system, pairs, more, loads), step + 1
+        s, previous = on(more), worst
+        worst = task.worst(s, omega, *receptance(s, omega))
+        done = worst <= _RESERVE * task.tolerance or more.complete or step == _STEPS
+        if done or worst > 0.5 * previous:
+            return s
 
 
 def dof_vectors(model: Model, selection: Selection) -> tuple[NDArray[np.float64], tuple[str, ...]]:
@@ -280,14 +489,20 @@ def dof_vectors(model: Model, selection: Selection) -> tuple[NDArray[np.float64]
     ModelError
         For a point or a direction that the model does not have.
     """
+    columns, labels = dof_columns(model, selection)
+    return columns.toarray(), labels
+
+
+def dof_columns(model: Model, selection: Selection) -> tuple[Any, tuple[str, ...]]:
+    """Return what :func:`dof_vectors` does, as sparse columns (n_dof, n)."""
     if isinstance(selection, np.ndarray) and selection.ndim == 2:
         if selection.shape[1] != model.n_dof:
             msg = f"the selection has {selection.shape[1]} columns; the model has {model.n_dof} DOFs"
             raise ModelError(msg)
-        return selection.T.astype(float), tuple(f"row{i + 1}" for i in range(len(selection)))
-    columns = np.zeros((model.n_dof, len(selection)))
-    labels = []
-    for i, item in enumerate(selection):
+        rows = sp.csc_array(selection.T.astype(float))
+        return rows, tuple(f"row{i + 1}" for i in range(len(selection)))
+    dofs, labels = [], []
+    for item in selection:
         if isinstance(item, tuple):
             point, direction = item
             if direction not in DIRECTIONS:
@@ -302,81 +517,26 @@ def dof_vectors(model: Model, selection: Selection) -> tuple[NDArray[np.float64]
                 f"{model.mesh.n_points} points, counted from 0"
             )
             raise ModelError(msg)
-        columns[dof, i] = 1.0
+        dofs.append(dof)
         labels.append(f"{dof // 6}{('X', 'Y', 'Z', 'RX', 'RY', 'RZ')[dof % 6]}+")
-    return columns, tuple(labels)
+    n = len(dofs)
+    columns = sp.coo_array((np.ones(n), (np.array(dofs, dtype=int), np.arange(n))), shape=(model.n_dof, n))
+    return columns.tocsc(), tuple(labels)
 
 
-def _reduced_receptance(
-    system: System, frequency: NDArray[np.float64], out: NDArray[np.float64], inn: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    damping = system.model.damping
-    highest = max(float(frequency[-1]), 1.0)
-    basis = reduced_basis(system, np.hstack([inn, _damped_motions(system)]), highest, margin=1.5, n_krylov=6)
-    V = system.Q.T @ basis.T[:, : basis.n_main]
-    K, M, C, D = (V.T @ (X @ V) for X in (system.K, system.M, system.C, system.D))
-    lam, phi = sla.eigh(K, M)
-    lam[: basis.n_rigid] = 0.0
-    bo, bi = phi.T @ (basis.T[:, : basis.n_main].T @ out), phi.T @ (basis.T[:, : basis.n_main].T @ inn)
-    omega = 2 * np.pi * frequency[:, None]
-    omega_r = np.sqrt(np.maximum(lam, 0.0))
-    zeta = damping.ratio_at(omega_r / (2 * np.pi))
-    diagonal = (
-        lam * (1 + 1j * damping.loss_factor)
-        + 1j * omega * (2 * zeta * omega_r + damping.alpha + damping.beta * lam)
-        - omega**2
-    )
-    if not (C.any() or D.any() or system.laws):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.einsum("ro,fr,ri->foi", bo, 1 / diagonal, bi, optimize=True)
-    local_C, local_D = phi.T @ C @ phi, phi.T @ D @ phi
-    laws = [(law_change(law, omega[:, 0]), phi.T @ (V.T @ (X @ V)) @ phi) for law, X in system.laws]
-    H = np.empty((len(frequency), out.shape[1], inn.shape[1]), dtype=complex)
-    for k in range(len(frequency)):
-        Z = np.diag(diagonal[k]) + 1j * (omega[k, 0] * local_C + local_D)
-        Z = Z + sum(change[k] * X for change, X in laws)
-        try:
-            H[k] = bo.T @ np.linalg.solve(Z, bi)
-        except np.linalg.LinAlgError:
-            H[k] = np.inf
-    return H
-
-
-def _damped_motions(system: System) -> NDArray[np.float64]:
-    """Return the forces of local dampers, shape (n_dof, n).
-
-    Each gives an orthonormal basis of the range of its C and D. Damping of whole members (a material's loss
-    factor) follows the stiffness there and needs none.
-    """
-    columns = [np.zeros((system.model.n_dof, 0))]
-    for part in system.model.contributions():
-        own = (part.C, part.D, part.K if part.law is not None else None)
-        damping = [X for X in own if X is not None and X.any()]
-        if not damping or part.dofs.size > LOCAL_DAMPING:
-            continue
-        for dofs, *matrices in zip(part.dofs, *damping, strict=True):
-            U, s, _ = np.linalg.svd(np.hstack([X / max(np.abs(X).max(), 1e-300) for X in matrices]))
-            keep = s > 1e-12 * s[0]
-            forces = np.zeros((system.model.n_dof, int(keep.sum())))
-            np.add.at(forces, dofs, U[:, keep])
-            columns.append(forces)
-    return np.hstack(columns)
-
-
-def _direct_receptance(
-    system: System, frequency: NDArray[np.float64], out: NDArray[np.float64], inn: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    damping = system.model.damping
-    if damping.ratio.any():
+def _direct(task: _Task) -> NDArray[np.complex128]:
+    """Return receptances (n_freq, n_out, n_in) by one factorisation for each line."""
+    system = task.system
+    if system.model.damping.ratio.any():
         msg = (
             "the direct method needs damping matrices; modal damping ratios have none (use method='reduced')"
         )
         raise FRFError(msg)
-    bo, bi = system.Q.T @ out, (system.Q.T @ inn).astype(complex)
-    H = np.empty((len(frequency), out.shape[1], inn.shape[1]), dtype=complex)
-    for k, omega in enumerate(2 * np.pi * frequency):
+    bi = task.inputs.toarray().astype(complex)
+    H = np.empty((task.frequency.size, task.outputs.shape[1], bi.shape[1]), dtype=complex)
+    for k, omega in enumerate(task.omega):
         try:
-            H[k] = bo.T @ factorise(system.dynamic_stiffness(omega)).solve(bi)
+            H[k] = task.outputs.T @ factorise(system.dynamic_stiffness(omega)).solve(bi)
         except SingularMatrixError:
             H[k] = np.inf
     return H

@@ -196,7 +196,7 @@ def respond(**more):
             lambda: frf()().select(band=(5.0, 6.0)),
             "no line lies in the band 5 to 6 Hz; the data cover 1 to 2 Hz",
         ),
-        (respond(method="magic"), "the FRF method is 'magic'; allowed are reduced, direct"),
+        (respond(method="magic"), "the FRF method is 'magic'; allowed are auto, modal, reduced, direct"),
         (respond(frequency=[-1.0]), "finite and not negative"),
         (respond(frequency=[0.0]), "infinite at a line: 0 Hz on a free structure"),
     ],
