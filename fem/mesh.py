@@ -262,6 +262,25 @@ class Mesh:
             names[rows] = name
         return names
 
+    def chains(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the lines of all members one after the other, and the number of the member of each."""
+        chains = list(self.members.values())
+        length = np.fromiter(map(len, chains), dtype=np.int64, count=len(chains))
+        return np.concatenate(chains), np.repeat(np.arange(len(chains)), length)
+
+    def arc_fractions(self) -> NDArray[np.float64]:
+        """Return where each line begins and ends along its member, 0 to 1 of its length, (n_lines, 2) [-]."""
+        chains, member = self.chains()
+        start = np.searchsorted(member, np.arange(len(self.members) + 1))
+        length, count = self.lengths(), np.diff(start)
+        out = np.zeros((self.n_lines, 2))
+        for n in np.unique(count):  # members of equally many lines together
+            rows = chains[start[:-1][count == n][:, None] + np.arange(n)]
+            s = np.cumsum(length[rows], axis=1)
+            out[rows, 1] = s / s[:, -1:]
+            out[rows[:, 1:], 0] = s[:, :-1] / s[:, -1:]
+        return out
+
     def nearest_point(self, xyz: ArrayLike) -> tuple[int, float]:
         """Return the index of the point nearest to given coordinates, and its distance [m]."""
         distance = np.linalg.norm(self.points - np.asarray(xyz, dtype=float), axis=1)

@@ -115,15 +115,16 @@ def _idle(model: Model, Q: Any, empty: NDArray[np.int64]) -> NDArray[np.int64]:
 
     Others are an error.
     """
-    on_lines = np.isin(np.arange(model.mesh.n_points), model.mesh.lines)
-    for column in empty:
-        dof = int(abs(Q[:, [column]]).argmax())
-        if dof % 6 < 3 or dof >= 6 * len(on_lines) or not on_lines[dof // 6]:
-            msg = (
-                f"point {dof // 6} of the mesh has neither stiffness nor mass in {DIRECTIONS[dof % 6]}; "
-                "leave it out of the mesh, or tie it with a line or a joint"
-            )
-            raise ModelError(msg)
+    on_lines = np.zeros(model.n_dof, dtype=bool)
+    on_lines[: 6 * model.mesh.n_points].reshape(-1, 6)[np.unique(model.mesh.lines), 3:] = True
+    dofs = np.asarray(abs(Q[:, empty]).argmax(axis=0)).ravel()
+    bad = dofs[~on_lines[dofs]]
+    if bad.size:
+        msg = (
+            f"point {bad[0] // 6} of the mesh has neither stiffness nor mass in {DIRECTIONS[bad[0] % 6]}; "
+            "leave it out of the mesh, or tie it with a line or a joint"
+        )
+        raise ModelError(msg)
     return empty
 
 
@@ -175,11 +176,23 @@ def unopposed(rows: NDArray[np.float64], tolerance: float) -> NDArray[np.float64
 
 
 def reproduced(model: Model, Q: Any) -> NDArray[np.float64]:
-    """Return the combinations (6, n) of rigid-body motions that meet the constraints."""
+    """Return the combinations (6, n) of rigid-body motions that meet the constraints.
+
+    Rotations that nothing touches and that Q therefore leaves out do not count.
+    """
     motions = rigid_motions(model)
     missed = motions - Q @ (Q.T @ motions)
+    idle = np.diff(Q.indptr) == 0
+    for c in model.constraints():
+        idle[c.dofs] = False
+    missed[idle] = 0.0
     missed[: 6 * model.mesh.n_points].reshape(-1, 6, 6)[:, 3:] *= model.mesh.size
-    return unopposed(missed[np.abs(missed).max(axis=1) > _ROUNDING], 10 * _ROUNDING)
+    found = unopposed(missed[np.abs(missed).max(axis=1) > _ROUNDING], 10 * _ROUNDING)
+    if not idle.any() or not found.shape[1]:
+        return found
+    # a straight string does not notice that it turns about itself
+    _, s, Vt = np.linalg.svd(np.linalg.qr(Q.T @ motions @ found, mode="r"))
+    return found @ Vt[: int((s > _ROUNDING * max(s[0], 1.0)).sum())].T
 
 
 def _allowed(model: Model, contributions: tuple[Contribution, ...], Q: Any) -> NDArray[np.float64]:

@@ -245,7 +245,9 @@ def refine(
         if count is not None:
             h = total / count
         else:
-            given = own_size if own_size is not None else size
+            # between the elements of a bar that no tension holds it would be a mechanism
+            loose = p.theory == "bar" and p.pretension == 0
+            given = own_size if own_size is not None else total if loose else size
             h = given if given is not None else min(element_size(p, max_frequency), total / at_least)
         if not total / h < MOST_ELEMENTS:
             msg = (
@@ -266,8 +268,12 @@ def refine(
 def element_size(p: MemberProperties, frequency: float) -> float:
     """Return an element size by the shortest waves of a member at a frequency [m].
 
-    Bending: λ = 2π (EI / ρA ω²)^¼ of an Euler-Bernoulli beam; torsion and tension: λ = c / f.
+    Bending: λ = 2π (EI / ρA ω²)^¼ of an Euler-Bernoulli beam; torsion and tension: λ = c / f; a bar under
+    tension is a string.
     """
+    if p.theory == "bar":
+        strain = min(max(p.pretension, 0.0) / (p.material.E * p.section.A), 1.0) or 1.0
+        return float(np.sqrt(strain * p.material.E / p.material.rho) / frequency / PER_OTHER_WAVE)
     m, s, omega = p.material, p.section, 2 * np.pi * frequency
     bending = 2 * np.pi * (m.E * min(s.Iy, s.Iz) / (m.rho * s.A * omega**2)) ** 0.25
     other = np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency

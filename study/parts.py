@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from fem.effects.added_mass import AddedMass
-from fem.effects.frame import THEORIES, MemberProperties, local_axes
+from fem.effects.frame import MASSES, THEORIES, MemberProperties, local_axes
 from fem.effects.support import Support
 from fem.mesh import Mesh
-from fem.model import Damping
+from fem.model import DIRECTIONS, Damping
 from fem.properties import Material, Section
 from fem.sections import SHAPES
 from study.geometry import Geometry
@@ -132,7 +132,7 @@ def _properties(
                 f"{suggest('', materials)}",
             )
         (material,) = materials.values()
-    section = read("section", lambda t: _section(t, sections), None)
+    section = read("section", lambda t: _section(t, "section", sections), None)
     if section is None:
         if len(sections) != 1:
             chain.own.refuse(
@@ -142,29 +142,46 @@ def _properties(
         (section,) = sections.values()
     zero = np.zeros(3)
     orientation = read("orientation", lambda t: t.direction("orientation"), None)
-    return MemberProperties(
-        material,
-        section,
-        orientation,
-        read("offset1", lambda t: t.vector("offset1"), zero),
-        read("offset2", lambda t: t.vector("offset2"), zero),
-        read("rigid1", lambda t: t.number("rigid1", least=0, unit="m"), 0.0),
-        read("rigid2", lambda t: t.number("rigid2", least=0, unit="m"), 0.0),
-        read("theory", lambda t: t.text("theory", choices=THEORIES), "timoshenko"),
-    )
+    with chain.own.at():
+        return MemberProperties(
+            material,
+            section,
+            orientation,
+            read("offset1", lambda t: t.vector("offset1"), zero),
+            read("offset2", lambda t: t.vector("offset2"), zero),
+            read("rigid1", lambda t: t.number("rigid1", least=0, unit="m"), 0.0),
+            read("rigid2", lambda t: t.number("rigid2", least=0, unit="m"), 0.0),
+            read("theory", lambda t: t.text("theory", choices=THEORIES), "timoshenko"),
+            section2=read("section2", lambda t: _section(t, "section2", sections), None),
+            mass=read("mass", lambda t: t.text("mass", choices=MASSES), "consistent"),
+            release1=read("release1", lambda t: t.directions("release1"), ()),
+            release2=read("release2", lambda t: t.directions("release2"), ()),
+            spring1=read("spring1", lambda t: _springs(t, "spring1"), {}),
+            spring2=read("spring2", lambda t: _springs(t, "spring2"), {}),
+            pretension=read("pretension", lambda t: t.number("pretension", unit="N"), 0.0),
+        )
 
 
-def _named(t: Table, key: str, known: Mapping[str, Any]) -> Any:
+def _springs(t: Table, key: str) -> dict[str, float]:
+    """Read ``{ ry = 2e4 }``: stiffness of an end's connection in local directions."""
+    inner = t.table(key)
+    units = {d: "N·m/rad" if d.startswith("r") else "N/m" for d in DIRECTIONS}
+    springs = {d: inner.number(d, least=0, unit=units[d]) for d in DIRECTIONS if d in inner}
+    inner.finish()
+    return springs
+
+
+def _named(t: Table, key: str, known: Mapping[str, Any], what: str = "") -> Any:
     name = t.text(key)
     if name not in known:
-        t.refuse(key, f"there is no {key} '{name}'; {suggest(name, known)}")
+        t.refuse(key, f"there is no {what or key} '{name}'; {suggest(name, known)}")
     return known[name]
 
 
-def _section(t: Table, sections: Mapping[str, Section]) -> Section:
-    if isinstance(t.values["section"], dict):
-        return read_section(t.table("section"))
-    return _named(t, "section", sections)
+def _section(t: Table, key: str, sections: Mapping[str, Section]) -> Section:
+    if isinstance(t.values[key], dict):
+        return read_section(t.table(key))
+    return _named(t, key, sections, "section")
 
 
 def _element_size(chain: MemberTables) -> tuple[float | None, int | None]:

@@ -1,7 +1,7 @@
-"""The frame itself: two-node, 12-DOF beams along the members of a mesh."""
+"""The frame itself: two-node, 12-DOF beams and bars along the members of a mesh."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Self
 
@@ -9,20 +9,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.mesh import Location, Mesh
-from fem.model import Array, Contribution, Effect, Model, ModelError, Parameter, dofs_of, lever_matrix
+from fem.model import DIRECTIONS, Array, Contribution, Effect, Model, ModelError, Parameter, dofs_of
 from fem.properties import Material, Section
 
-THEORIES = ("timoshenko", "euler-bernoulli")
+THEORIES = ("timoshenko", "euler-bernoulli", "bar")
+MASSES = ("consistent", "lumped")
+_BATCH = 8192
+"""Elements that are formed at a time: what they need stays within some tens of megabytes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MemberProperties:
-    """What a member is made of and how it lies.
+    """What a member is made of, how it lies, and how it holds to its ends.
 
     Attributes
     ----------
     material : Material
     section : Section
+        Of the whole member, or at its first end.
     orientation : ndarray (3,) or None
         A vector that, with the member's axis, spans the plane of the section's height (local z). Global Z,
         or global X for members within 1° of vertical, unless given.
@@ -31,7 +35,23 @@ class MemberProperties:
     rigid1, rigid2 : float
         Lengths of the rigid end zones [m]; they have the member's mass.
     theory : str
-        ``"timoshenko"`` (shear and rotary inertia) or ``"euler-bernoulli"`` (neither).
+        ``"timoshenko"`` (shear and rotary inertia), ``"euler-bernoulli"`` (neither) or ``"bar"`` (axial
+        stiffness alone, mass in all translations). A cable is a bar of several elements with a pretension;
+        it does not sag.
+    section2 : Section or None
+        At the second end of a tapered member. Each element has the section of its middle, so that errors
+        fall with the square of the element size.
+    mass : str
+        ``"consistent"`` (of the shape functions) or ``"lumped"``: at each node half of an element's mass, of
+        its rotary inertia about x and, with the Timoshenko theory, of that of bending. No inertia m L²
+        comes with it: without one, bending frequencies err by order h⁴ instead of h².
+    release1, release2 : tuple of str
+        Local directions (x y z rx ry rz) in which the first and second end is free: hinges and sliders.
+    spring1, spring2 : mapping of str to float
+        Stiffness of the connection of the first and second end in local directions: rigid unless given;
+        0 is a release [N/m, N·m/rad].
+    pretension : float
+        Axial force of the state about which the member vibrates, positive in tension [N].
     """
 
     material: Material
@@ -42,27 +62,106 @@ class MemberProperties:
     rigid1: float = 0.0
     rigid2: float = 0.0
     theory: str = "timoshenko"
+    section2: Section | None = None
+    mass: str = "consistent"
+    release1: tuple[str, ...] = ()
+    release2: tuple[str, ...] = ()
+    spring1: Mapping[str, float] = field(default_factory=dict)
+    spring2: Mapping[str, float] = field(default_factory=dict)
+    pretension: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.theory not in THEORIES:
-            msg = f"the beam theory is '{self.theory}'; allowed are {', '.join(THEORIES)}"
-            raise ModelError(msg)
+        for what, value, allowed in (("beam theory", self.theory, THEORIES), ("mass", self.mass, MASSES)):
+            if value not in allowed:
+                msg = f"the {what} is '{value}'; allowed are {', '.join(allowed)}"
+                raise ModelError(msg)
         if self.rigid1 < 0 or self.rigid2 < 0:
             msg = f"rigid end zones are {self.rigid1:g} and {self.rigid2:g} m; they cannot be negative"
             raise ModelError(msg)
+        if not np.isfinite(self.pretension):
+            msg = f"the pretension is {self.pretension}; it must be a finite number [N]"
+            raise ModelError(msg)
+        if self.section2 is not None:
+            Section.between(self.section, self.section2, 0.5)
+        _check_ends(self)
+
+    @property
+    def end_stiffness(self) -> NDArray[np.float64]:
+        """Stiffness of the connections of both ends in local directions, inf where rigid, shape (12,)."""
+        k = np.full(12, np.inf)
+        for end, (free, springs) in enumerate(((self.release1, self.spring1), (self.release2, self.spring2))):
+            for d, value in ({**dict.fromkeys(free, 0.0), **springs}).items():
+                k[6 * end + DIRECTIONS.index(d)] = value
+        return k
+
+
+_HELD = {
+    "stretching": (("x",), 1),
+    "torsion": (("rx",), 1),
+    "bending in x-z": (("z", "ry"), 2),
+    "bending in x-y": (("y", "rz"), 2),
+}
+"""Local directions that share a strain energy, and how many rigid motions it has."""
+
+
+def _check_ends(p: MemberProperties) -> None:
+    """Refuse directions that do not exist, are said twice, or leave the member loose."""
+    for end, (free, springs) in enumerate(((p.release1, p.spring1), (p.release2, p.spring2)), start=1):
+        for d in (*free, *springs):
+            if d not in DIRECTIONS:
+                msg = f"end {end} is released in '{d}'; allowed are {', '.join(DIRECTIONS)} (local axes)"
+                raise ModelError(msg)
+            if d in free and d in springs:
+                msg = f"end {end} has both a release and a spring in {d}; give one of them"
+                raise ModelError(msg)
+        for d, k in springs.items():
+            if not k >= 0:
+                msg = f"the spring of end {end} in {d} is {k}; it must be at least 0 (inf is rigid)"
+                raise ModelError(msg)
+    if p.theory == "bar" and (p.release1 or p.release2 or p.spring1 or p.spring2):
+        msg = "a bar has no moments to release, and nothing but its axial stiffness; leave its releases out"
+        raise ModelError(msg)
+    k = p.end_stiffness
+    for what, (directions, n) in _HELD.items():
+        free = [
+            f"{d} at end {e + 1}" for e in (0, 1) for d in directions if k[6 * e + DIRECTIONS.index(d)] == 0
+        ]
+        both = len([w for w in free if w.startswith(f"{directions[0]} ")]) == 2
+        if len(free) > n or both:
+            msg = f"with {', '.join(free)} released, nothing holds the member's {what}; release fewer"
+            raise ModelError(msg)
+
+
+_CONSTANTS = ("A", "Iy", "Iz", "Ip", "J", "ky", "kz")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Layout:
+    """What every line of a mesh is made of: a row of a table of kinds, and where it begins and ends."""
+
+    kind: NDArray[np.int64]  # (n_lines,) row of the table
+    table: dict[str, NDArray[np.float64]]  # (n_kinds, ...)
+    materials: tuple[Material, ...]  # of each kind
+    offset: NDArray[np.float64]  # (n_lines, 2, 3): from the nodes to the ends of the axis
+    zone: NDArray[np.float64]  # (n_lines, 2): lengths of the rigid zones
+    soft: NDArray[np.int64]  # (n_lines,): row of ends, -1 for rigid connections
+    ends: NDArray[np.float64]  # (n_soft, 12): stiffness of the connections
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Lines:
-    """Per-line geometry and properties of some lines, in arrays with one row per line."""
+    """Geometry and properties of some lines, in arrays with one row per line."""
 
     rows: NDArray[np.int64]
     dofs: NDArray[np.int64]  # (b, 12)
-    T: NDArray[np.float64]  # (b, 12, 12): local end displacements from global DOFs
+    T: Array  # (b, 12, 12): local displacements of the flexible part's ends from global DOFs
+    soft: NDArray[np.int64]  # lines whose ends slip
+    slip: Array  # (n_soft, 12, 12): what the ends slip, local, from global DOFs; taken from T
+    ends: NDArray[np.float64]  # (n_soft, 12): stiffness of what slips
     R: NDArray[np.float64]  # (b, 3, 3)
     end: NDArray[np.float64]  # (b, 2, 3): from the nodes to the ends of the flexible part
+    zone: NDArray[np.float64]  # (b, 2): lengths of the rigid zones
     span: NDArray[np.float64]  # length of the axis between the nodes' offsets
-    skip: NDArray[np.float64]  # length of the rigid zone at the first end
     L: NDArray[np.float64]  # flexible length
     A: NDArray[np.float64]
     Iy: NDArray[np.float64]
@@ -72,17 +171,29 @@ class _Lines:
     ky: NDArray[np.float64]
     kz: NDArray[np.float64]
     nu: NDArray[np.float64]
-    rotary: NDArray[np.float64]
+    eta: NDArray[np.float64]
+    rotary: NDArray[np.float64]  # 1 with rotary inertia of bending
+    bar: NDArray[np.float64]  # 1 for bars
+    lumped: NDArray[np.float64]  # 1 for lumped mass
+    tension: NDArray[np.float64]
     phi_y: NDArray[np.float64]  # shear parameter for bending in x-y
     phi_z: NDArray[np.float64]
     E: Array
     rho: Array
-    eta: Array
+
+    @property
+    def T_nodes(self) -> Array:
+        """As T, before the ends slip, shape (b, 12, 12)."""
+        if not self.soft.size:
+            return self.T
+        T = self.T.copy()
+        T[self.soft] += self.slip
+        return T
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Frame(Effect):
-    """Beams along members: Timoshenko (or Euler-Bernoulli) with consistent mass.
+    """Beams and bars along members: Timoshenko (or Euler-Bernoulli) with consistent mass unless they say.
 
     Shape functions that solve the static Timoshenko equations exactly, so that stiffness does not lock:
     Friedman & Kosmatka, Computers & Structures 47 (1993) 473-481.
@@ -90,7 +201,7 @@ class Frame(Effect):
     Attributes
     ----------
     members : mapping of str to MemberProperties
-        For every member of the mesh.
+        For every member of the mesh. Members that share one object are treated together.
     values : mapping of str to number
         Young's moduli ``"E:<material>"`` [Pa] and densities ``"rho:<material>"`` [kg/m³] that replace
         those of the materials; G follows E at constant ν.
@@ -103,16 +214,19 @@ class Frame(Effect):
 
     def __post_init__(self) -> None:
         by_name: dict[str, Material] = {}
-        for properties in self.members.values():
+        for properties in self._different():
             known = by_name.setdefault(properties.material.name, properties.material)
             if known != properties.material:
                 msg = f"two different materials have the name '{known.name}'; names must differ"
                 raise ModelError(msg)
 
+    def _different(self) -> list[MemberProperties]:
+        return list({id(p): p for p in self.members.values()}.values())
+
     @property
     def materials(self) -> dict[str, Material]:
         """The materials by name."""
-        return {p.material.name: p.material for p in self.members.values()}
+        return {p.material.name: p.material for p in self._different()}
 
     @property
     def where(self) -> str:
@@ -120,13 +234,22 @@ class Frame(Effect):
         return "all members"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Young's modulus and density of each material."""
+        """Young's modulus and density of each material.
+
+        K is not affine in the modulus of members on springs of their own.
+        """
+        sprung = {
+            p.material.name
+            for p in self._different()
+            if any(0 < k < np.inf for k in (*p.spring1.values(), *p.spring2.values()))
+        }
         out = []
         for name, m in self.materials.items():
             E, rho = self.values.get(f"E:{name}", m.E), self.values.get(f"rho:{name}", m.rho)
-            out.append(Parameter(f"E:{name}", "Pa", E, m.E, 0.5 * m.E, 2 * m.E, log=True, linear=True))
+            affine = name not in sprung
+            out.append(Parameter(f"E:{name}", "Pa", E, m.E, 0.5 * m.E, 2 * m.E, log=True, linear=affine))
             out.append(
-                Parameter(f"rho:{name}", "kg/m³", rho, m.rho, 0.5 * m.rho, 2 * m.rho, log=True, linear=True)
+                Parameter(f"rho:{name}", "kg/m³", rho, m.rho, 0.5 * m.rho, 2 * m.rho, log=True, linear=affine)
             )
         return tuple(out)
 
@@ -136,133 +259,104 @@ class Frame(Effect):
 
     def rotations(self, mesh: Mesh) -> NDArray[np.float64]:
         """Return the local axes of each line as rows, shape (n_lines, 3, 3)."""
-        R = np.zeros((mesh.n_lines, 3, 3))
-        for name, rows in mesh.members.items():
-            R[rows] = self._axis(mesh, name)[1]
-        return R
-
-    def _axis(
-        self, mesh: Mesh, member: str
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return where a member's axis runs.
-
-        That is the offsets of its points (n + 1, 3) [m], and the local axes (n, 3, 3) and lengths (n,) [m] of
-        its lines' axes.
-        """
-        p, chain = self._of(member), mesh.members[member]
-        s = mesh.member_positions(member)
-        at = p.offset1 + (s / s[-1])[:, None] * (p.offset2 - p.offset1)
-        # Offsets that change along the member turn its axis against the line.
-        t = mesh.points[mesh.lines[chain, 1]] - mesh.points[mesh.lines[chain, 0]] + np.diff(at, axis=0)
-        return at, local_axes(t, p.orientation, member), np.linalg.norm(t, axis=1)
-
-    def _of(self, member: str) -> MemberProperties:
-        try:
-            return self.members[member]
-        except KeyError:
-            msg = (
-                f"member '{member}' of the mesh has no material and section; given are "
-                f"{', '.join(self.members)}"
-            )
-            raise ModelError(msg) from None
+        return _place(_layout(self, mesh), mesh, np.arange(mesh.n_lines))[0]
 
     def _lines(self, mesh: Mesh, rows: ArrayLike) -> _Lines:
-        whole = _all_lines(self, mesh)
-        rows = np.asarray(rows, dtype=np.int64)
-        return _Lines(**{f.name: getattr(whole, f.name)[rows] for f in fields(_Lines)})
-
-    def _build_lines(self, mesh: Mesh) -> _Lines:
-        rows = np.arange(mesh.n_lines)
-        n = mesh.n_lines
-        R = np.zeros((n, 3, 3))
-        end, span, skip = np.zeros((n, 2, 3)), np.ones(n), np.zeros(n)
-        names = ("A", "Iy", "Iz", "Ip", "J", "ky", "kz")
-        columns = {key: np.ones(n) for key in (*names, "nu", "rotary")}
-        E, rho, eta = (
-            np.zeros(n, dtype=np.result_type(float, *map(type, self.values.values()))) for _ in range(3)
+        """Return geometry and properties of some lines."""
+        layout, rows = _layout(self, mesh), np.asarray(rows, dtype=np.int64)
+        R, end, span, L = _place(layout, mesh, rows)
+        kind = layout.kind[rows]
+        table = {key: values[kind] for key, values in layout.table.items() if key != "up"}
+        E, rho = (
+            np.array([self.values.get(f"{key}:{m.name}", getattr(m, key)) for m in layout.materials])[kind]
+            for key in ("E", "rho")
         )
-        for member, chain in mesh.members.items():
-            p = self._of(member)
-            at, R[chain], span[chain] = self._axis(mesh, member)
-            end[chain, 0], end[chain, 1] = at[:-1], at[1:]
-            room = span.copy()
-            for k, zone, line in ((0, p.rigid1, chain[0]), (1, p.rigid2, chain[-1])):
-                room[line] -= zone
-                if room[line] <= 0.001 * span[line]:
-                    msg = (
-                        f"member '{member}': the rigid end zone of {zone:g} m does not fit into the element "
-                        f"at that end ({span[line]:g} m); use larger elements"
-                    )
-                    raise ModelError(msg)
-                end[line, k] += (1 - 2 * k) * zone * R[line, 0]
-            skip[chain[0]] = p.rigid1
-            for key in names:
-                columns[key][chain] = getattr(p.section, key)
-            timoshenko = p.theory == "timoshenko"
-            columns["nu"][chain] = p.material.nu
-            columns["rotary"][chain] = float(timoshenko)
-            if not timoshenko:
-                columns["ky"][chain] = columns["kz"][chain] = 0.0
-            E[chain] = self.values.get(f"E:{p.material.name}", p.material.E)
-            rho[chain] = self.values.get(f"rho:{p.material.name}", p.material.rho)
-            eta[chain] = p.material.loss_factor
-        c, line = columns, mesh.lines
-        axis = mesh.points[line[:, 1]] + end[:, 1] - mesh.points[line[:, 0]] - end[:, 0]
-        L = np.einsum("bi,bi->b", axis, R[:, 0])
+
+        def shear(I: Array, k: Array) -> Array:
+            factor = 24 * (1 + table["nu"]) * I
+            return np.divide(factor, k * table["A"] * L**2, out=np.zeros_like(L), where=k > 0)
+
         T = np.zeros((len(rows), 12, 12))
         for k in range(2):
             o = 6 * k
             T[:, o : o + 3, o : o + 3] = R
             T[:, o + 3 : o + 6, o + 3 : o + 6] = R
             T[:, o : o + 3, o + 3 : o + 6] = -R @ _skew(end[:, k])
-        EG = 2 * (1 + c["nu"])
-
-        def shear(I: Array, k: Array) -> Array:
-            return np.divide(12 * EG * I, k * c["A"] * L**2, out=np.zeros_like(L), where=k > 0)
-
-        return _Lines(
-            rows=rows, dofs=dofs_of(line).reshape(len(rows), 12), T=T, R=R, end=end, span=span, skip=skip,
-            L=L, **c, phi_y=shear(c["Iz"], c["ky"]), phi_z=shear(c["Iy"], c["kz"]), E=E, rho=rho, eta=eta,
+        soft = np.flatnonzero(layout.soft[rows] >= 0)
+        stiff = _Lines(
+            rows=rows, dofs=dofs_of(mesh.lines[rows]).reshape(len(rows), 12), T=T, soft=soft[:0],
+            slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)), R=R, end=end, zone=layout.zone[rows],
+            span=span, L=L, **table, phi_y=shear(table["Iz"], table["ky"]),
+            phi_z=shear(table["Iy"], table["kz"]), E=E, rho=rho,
         )  # fmt: skip
+        if not soft.size:
+            return stiff
+        ends = layout.ends[layout.soft[rows[soft]]]
+        rigid = np.isinf(ends)
+        K = _stiffness(_some(stiff, soft))
+        slip = end_slips(K, np.where(rigid, 1.0, ends), np.where(rigid, 0.0, 1.0)) @ T[soft]
+        T = T.astype(slip.dtype)
+        T[soft] -= slip
+        return replace(stiff, T=T, soft=soft, slip=slip, ends=np.where(rigid, 0.0, ends))
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return stiffness, mass and the materials' structural damping of all members."""
-        return self.contribution_of(model, np.arange(model.mesh.n_lines))
+        """Return stiffness, mass and the materials' structural damping of all members, and pretensions."""
+        rows = np.arange(model.mesh.n_lines)
+        return (*self.contribution_of(model, rows), *self._pretensions(model.mesh))
 
     def contribution_of(self, model: Model, rows: ArrayLike) -> tuple[Contribution, ...]:
-        """Return stiffness, mass and structural damping of some lines of the mesh."""
-        g = self._lines(model.mesh, rows)
-        K: Array = np.zeros((len(g.L), 12, 12))
-        M: Array = np.zeros((len(g.L), 12, 12))
-        for xi, weight in zip(*_gauss(4), strict=True):
-            at = np.full(len(g.L), xi)
-            B, N = _strain(g, at), _shape(g, at)
-            K = K + np.einsum("bki,bk,bkj->bij", B, weight * g.L[:, None] * _rigidity(g), B, optimize=True)
-            M = M + np.einsum("bki,bk,bkj->bij", N, weight * g.L[:, None] * _inertia(g), N, optimize=True)
-        K, M = _to_global(K, g.T), _to_global(M, g.T)
-        D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
-        return (Contribution(g.dofs, K, M, None, D), *self._rigid_zone_masses(model.mesh, rows))
+        """Return stiffness, mass and structural damping of some lines of the mesh, without pretensions."""
+        rows = np.asarray(rows, dtype=np.int64)
+        parts = [self._elements(model.mesh, rows[i : i + _BATCH]) for i in range(0, len(rows), _BATCH)]
+        damped = any(part.D is not None for part in parts)
+        D = [np.zeros_like(part.K) if part.D is None else part.D for part in parts] if damped else None
+        whole = Contribution(
+            *(np.concatenate([getattr(part, key) for part in parts]) for key in ("dofs", "K", "M")),
+            D=None if D is None else np.concatenate(D),
+        )
+        return (whole, *self._rigid_zone_masses(model.mesh, rows))
 
-    def _rigid_zone_masses(self, mesh: Mesh, rows: ArrayLike) -> tuple[Contribution, ...]:
-        wanted = {int(r) for r in np.asarray(rows)}
+    def _elements(self, mesh: Mesh, rows: NDArray[np.int64]) -> Contribution:
+        g = self._lines(mesh, rows)
+        K, M = _to_global(_stiffness(g), g.T), _mass(g)
+        D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
+        if g.soft.size:
+            K[g.soft] += np.swapaxes(g.slip, 1, 2) @ (g.ends[:, :, None] * g.slip)
+        return Contribution(g.dofs, K, M, None, D)
+
+    def _pretensions(self, mesh: Mesh) -> tuple[Contribution, ...]:
+        layout = _layout(self, mesh)
+        rows = np.flatnonzero(layout.table["tension"][layout.kind] != 0)
+        parts = []
+        for i in range(0, len(rows), _BATCH):
+            g = self._lines(mesh, rows[i : i + _BATCH])
+            parts.append(Contribution(g.dofs, g.tension[:, None, None] * _tension(g)))
+        return tuple(parts)
+
+    def _rigid_zone_masses(self, mesh: Mesh, rows: NDArray[np.int64]) -> tuple[Contribution, ...]:
+        layout = _layout(self, mesh)
+        if not layout.zone.any():
+            return ()
         dofs, masses = [], []
-        for member, chain in mesh.members.items():
-            p = self._of(member)
-            for zone, line, k in ((p.rigid1, chain[0], 0), (p.rigid2, chain[-1], 1)):
-                if zone == 0 or int(line) not in wanted:
-                    continue
-                R = self._axis(mesh, member)[1][-k]
-                rho = self.values.get(f"rho:{p.material.name}", p.material.rho)
-                s, A = p.section, p.section.A
-                arm = (p.offset1, p.offset2)[k] + (0.5 - k) * zone * R[0]
-                local = np.diag([A, A, A, s.Ip, s.Iy + A * zone**2 / 12, s.Iz + A * zone**2 / 12])
-                G = np.kron(np.eye(2), R) @ lever_matrix(arm)
-                dofs.append(dofs_of(mesh.lines[line, k]))
-                masses.append(rho * zone * (G.T @ local @ G))
-        return (Contribution(np.array(dofs), M=np.array(masses)),) if dofs else ()
+        for k in range(2):
+            g = self._lines(mesh, rows[layout.zone[rows, k] > 0])
+            zone = g.zone[:, k]
+            arm = g.end[:, k] - ((0.5 - k) * zone)[:, None] * g.R[:, 0]
+            G = np.zeros((len(zone), 6, 6))
+            G[:, :3, :3] = G[:, 3:, 3:] = g.R
+            G[:, :3, 3:] = -g.R @ _skew(arm)
+            across = g.A * zone**2 / 12
+            local = np.stack([g.A, g.A, g.A, g.Ip, g.Iy + across, g.Iz + across], axis=1)
+            dofs.append(g.dofs[:, 6 * k : 6 * k + 6])
+            masses.append(np.swapaxes(G, 1, 2) @ (((g.rho * zone)[:, None] * local)[:, :, None] * G))
+        if not any(len(part) for part in dofs):
+            return ()
+        return (Contribution(np.concatenate(dofs), M=np.concatenate(masses)),)
 
     def interpolate(self, mesh: Mesh, locations: list[Location]) -> tuple[NDArray[np.int64], Array]:
         """Return the displacements and rotations at places along lines as functions of the DOFs.
+
+        At the very ends of a member, and in its rigid zones, they are those of the node: beyond a release.
 
         Returns
         -------
@@ -322,6 +416,27 @@ class Frame(Effect):
         return Contribution(unit.dofs, tension * unit.K)
 
 
+def end_slips(K: Array, hold: Array, give: Array) -> Array:
+    """Return how much the ends of an element slip in their connections, δ = G u, as G (b, n, n).
+
+    The connection's force is that of the element, K (u - δ). With u at the node and u - δ at the element's
+    end, each direction obeys hold δ = give K (u - δ), so that (hold + give K) δ = give K u. The element keeps
+    its shape functions at u - δ = (1 - G) u, and KG is what its stiffness loses. For one direction e and
+    the compliance c this is c K e eᵀK / (1 + c eᵀK e): Monforton & Wu, J. Struct. Div. ASCE 89 (1963) 13-42.
+
+    Parameters
+    ----------
+    K : ndarray (b, n, n)
+        Stiffness of the elements without connections.
+    hold, give : ndarray (b, n)
+        Spring of stiffness k: k and 1. Spring of compliance c: 1 and c. Rigid: 1 and 0. Free: 0 and 1.
+    """
+    inner = give[:, :, None] * K * (give != 0)[:, None, :]
+    index = np.arange(K.shape[1])
+    inner[:, index, index] += hold
+    return np.linalg.solve(inner, give[:, :, None] * K)
+
+
 @lru_cache(maxsize=32)
 def nominal(frame: Frame) -> Frame:
     """Return a frame with the moduli and densities of its materials, whatever has been fitted since.
@@ -332,9 +447,150 @@ def nominal(frame: Frame) -> Frame:
 
 
 @lru_cache(maxsize=8)
-def _all_lines(frame: Frame, mesh: Mesh) -> _Lines:
-    """Return the geometry and properties of all lines, kept for the last few frames and meshes."""
-    return frame._build_lines(mesh)
+def _layout(frame: Frame, mesh: Mesh) -> _Layout:
+    """Return what each line is made of, kept for the last few frames and meshes."""
+    names = list(mesh.members)
+    try:
+        of_member = [frame.members[name] for name in names]
+    except KeyError:
+        missing = next(name for name in names if name not in frame.members)
+        msg = (
+            f"member '{missing}' of the mesh has no material and section; given are "
+            f"{', '.join(frame.members)}"
+        )
+        raise ModelError(msg) from None
+    different = list({id(p): p for p in of_member}.values())
+    number = {id(p): i for i, p in enumerate(different)}
+    owner = np.array([number[id(p)] for p in of_member])
+    chains, member = mesh.chains()
+    made = np.empty(mesh.n_lines, dtype=np.int64)
+    made[chains] = owner[member]
+
+    uneven = [p.section2 is not None or not np.array_equal(p.offset1, p.offset2) for p in different]
+    along = mesh.arc_fractions() if any(uneven) else np.zeros((mesh.n_lines, 2))
+    kind, kinds = _kinds(different, made, along)
+    offset = np.zeros((1, 2, 3))
+    if any(p.offset1.any() or p.offset2.any() for p in different):
+        first, second = (
+            np.array([getattr(p, key) for p in different])[made] for key in ("offset1", "offset2")
+        )
+        offset = first[:, None] + along[:, :, None] * (second - first)[:, None]
+    layout = _Layout(
+        kind,
+        {
+            **{key: np.array([getattr(s, key) for _, s in kinds]) for key in _CONSTANTS},
+            "nu": np.array([p.material.nu for p, _ in kinds]),
+            "eta": np.array([p.material.loss_factor for p, _ in kinds]),
+            "rotary": np.array([float(p.theory == "timoshenko") for p, _ in kinds]),
+            "bar": np.array([float(p.theory == "bar") for p, _ in kinds]),
+            "lumped": np.array([float(p.mass == "lumped") for p, _ in kinds]),
+            "tension": np.array([p.pretension for p, _ in kinds]),
+            "up": np.array(
+                [np.full(3, np.nan) if p.orientation is None else p.orientation for p, _ in kinds]
+            ),
+        },
+        tuple(p.material for p, _ in kinds),
+        np.broadcast_to(offset, (mesh.n_lines, 2, 3)),
+        *_end_lines(different, owner, mesh),
+    )
+    for key in ("ky", "kz"):
+        layout.table[key][layout.table["rotary"] == 0] = 0.0
+    _check_layout(layout, mesh)
+    return layout
+
+
+def _kinds(
+    different: list[MemberProperties], made: NDArray[np.int64], along: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], list[tuple[MemberProperties, Section]]]:
+    """Return the row of each line in a list of properties with sections, and the list."""
+    kinds = [(p, p.section) for p in different]
+    kind = made.copy()
+    for i, p in enumerate(different):
+        if p.section2 is None:
+            continue
+        rows = np.flatnonzero(made == i)
+        middle, which = np.unique(along[rows].mean(axis=1), return_inverse=True)
+        kind[rows] = len(kinds) + which
+        kinds += [(p, Section.between(p.section, p.section2, float(x))) for x in middle]
+    return kind, kinds
+
+
+def _end_lines(
+    different: list[MemberProperties], owner: NDArray[np.int64], mesh: Mesh
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the rigid zones (n_lines, 2), and rows and stiffness of the connections of members' ends."""
+    n = mesh.n_lines
+    chains, member = mesh.chains()
+    at = np.searchsorted(member, np.arange(len(owner) + 1))
+    edge = chains[at[:-1]], chains[at[1:] - 1]  # first and last line of each member
+    zone, soft = np.zeros((1, 2)), np.full(n, -1)
+    zones = np.array([[p.rigid1, p.rigid2] for p in different])
+    if zones.any():
+        zone = np.zeros((n, 2))
+        for k in range(2):
+            zone[edge[k], k] = zones[owner, k]
+    springs = np.array([p.end_stiffness for p in different])
+    ends = np.zeros((0, 12))
+    if np.isfinite(springs).any():
+        lines = np.unique(
+            np.concatenate(
+                [edge[k][np.isfinite(springs[owner, 6 * k : 6 * k + 6]).any(axis=1)] for k in range(2)]
+            )
+        )
+        soft[lines] = np.arange(len(lines))
+        ends = np.full((len(lines), 12), np.inf)
+        for k in range(2):
+            mine = soft[edge[k]] >= 0
+            part = slice(6 * k, 6 * k + 6)
+            ends[soft[edge[k][mine]], part] = springs[owner[mine], part]
+    return np.broadcast_to(zone, (n, 2)), soft, ends
+
+
+def _check_layout(layout: _Layout, mesh: Mesh) -> None:
+    """Refuse orientations along a member and rigid zones that do not fit."""
+
+    def name(row: int) -> str:
+        return str(mesh.member_of_line()[row])
+
+    rows = np.flatnonzero(np.isfinite(layout.table["up"][layout.kind, 0]))
+    if rows.size:
+        t = _along(layout, mesh, rows)
+        up = layout.table["up"][layout.kind[rows]]
+        parallel = _is_parallel(t, up)
+        if parallel.any():
+            i = int(np.flatnonzero(parallel)[0])
+            raise ModelError(_parallel(name(int(rows[i])), up[i]))
+    rows = np.flatnonzero(layout.zone.any(axis=1))
+    if not rows.size:
+        return
+    zone, span = layout.zone[rows], np.linalg.norm(_along(layout, mesh, rows), axis=1)
+    for k, room in ((0, span - zone[:, 0]), (1, span - zone.sum(axis=1))):
+        bad = np.flatnonzero((zone[:, k] > 0) & (room <= 0.001 * span))
+        if bad.size:
+            i = int(bad[0])
+            msg = (
+                f"member '{name(int(rows[i]))}': the rigid end zone of {zone[i, k]:g} m does not fit into "
+                f"the element at that end ({span[i]:g} m); use larger elements"
+            )
+            raise ModelError(msg)
+
+
+def _along(layout: _Layout, mesh: Mesh, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the vectors along the axes of lines, shape (b, 3) [m]; offsets that change turn them."""
+    line = mesh.lines[rows]
+    return mesh.points[line[:, 1]] - mesh.points[line[:, 0]] + layout.offset[rows, 1] - layout.offset[rows, 0]
+
+
+def _place(
+    layout: _Layout, mesh: Mesh, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part."""
+    t = _along(layout, mesh, rows)
+    R = _axes(t, layout.table["up"][layout.kind[rows]])
+    span = np.linalg.norm(t, axis=1)
+    zone = layout.zone[rows]
+    end = layout.offset[rows] + (zone * [1.0, -1.0])[:, :, None] * R[:, None, 0]
+    return R, end, span, span - zone.sum(axis=1)
 
 
 @lru_cache(maxsize=256)
@@ -346,11 +602,7 @@ def member_contribution(frame: Frame, model: Model, member: str) -> tuple[Contri
 @lru_cache(maxsize=256)
 def _unit_tension(frame: Frame, model: Model, member: str) -> Contribution:
     g = frame._lines(model.mesh, model.mesh.members[member])
-    K: Array = np.zeros((len(g.L), 12, 12))
-    for xi, weight in zip(*_gauss(4), strict=True):
-        S = _slope(g, np.full(len(g.L), xi))
-        K = K + weight * np.einsum("bki,b,bkj->bij", S, g.L, S, optimize=True)
-    return Contribution(g.dofs, _to_global(K, g.T))
+    return Contribution(g.dofs, _tension(g))
 
 
 def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: str) -> NDArray[np.float64]:
@@ -361,17 +613,30 @@ def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: st
     ModelError
         If the orientation is parallel to the member.
     """
+    up = np.full(3, np.nan) if orientation is None else np.asarray(orientation, dtype=float)
+    if (
+        np.linalg.norm(np.cross(t, up), axis=1) < 1e-6 * np.linalg.norm(up) * np.linalg.norm(t, axis=1)
+    ).any():
+        raise ModelError(_parallel(member, up))
+    return _axes(t, np.broadcast_to(up, t.shape))
+
+
+def _is_parallel(t: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.bool_]:
+    sizes = np.linalg.norm(t, axis=-1) * np.linalg.norm(up, axis=-1)
+    return np.linalg.norm(np.cross(t, up), axis=-1) < 1e-6 * sizes
+
+
+def _parallel(member: str, orientation: NDArray[np.float64]) -> str:
+    return f"member '{member}': its orientation {orientation.tolist()} is parallel to its axis"
+
+
+def _axes(t: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return local axes as rows, shape (b, 3, 3), for directions t and orientations (b, 3), nan: default."""
     x = t / np.linalg.norm(t, axis=1, keepdims=True)
-    if orientation is None:
-        up = np.where(np.abs(x[:, 2:]) > np.cos(np.deg2rad(1.0)), [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
-    else:
-        up = np.broadcast_to(np.asarray(orientation, dtype=float), x.shape)
+    usual = np.where(np.abs(x[:, 2:]) > np.cos(np.deg2rad(1.0)), [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
+    up = np.where(np.isnan(up), usual, up)
     z = up - np.einsum("bi,bi->b", up, x)[:, None] * x
-    norm = np.linalg.norm(z, axis=1, keepdims=True)
-    if (norm < 1e-6 * np.linalg.norm(up, axis=1, keepdims=True)).any():
-        msg = f"member '{member}': its orientation {np.asarray(orientation).tolist()} is parallel to its axis"
-        raise ModelError(msg)
-    z = z / norm
+    z = z / np.linalg.norm(z, axis=1, keepdims=True)
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
@@ -386,13 +651,58 @@ def _gauss(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return (x + 1) / 2, w / 2
 
 
+def _some(g: _Lines, rows: NDArray[np.int64]) -> _Lines:
+    """Return some of the lines, with ends that do not slip."""
+    keep = {key: getattr(g, key)[rows] for key in _Lines.__slots__ if key not in ("soft", "slip", "ends")}
+    return _Lines(**keep, soft=g.soft[:0], slip=g.slip[:0], ends=g.ends[:0])
+
+
 def _rigidity(g: _Lines) -> Array:
-    G = g.E / (2 * (1 + g.nu))
-    return np.stack([g.E * g.A, g.ky * G * g.A, g.kz * G * g.A, G * g.J, g.E * g.Iy, g.E * g.Iz], axis=1)
+    G, beam = g.E / (2 * (1 + g.nu)), 1 - g.bar
+    return np.stack(
+        [g.E * g.A, *(beam * q for q in (g.ky * G * g.A, g.kz * G * g.A, G * g.J, g.E * g.Iy, g.E * g.Iz))],
+        axis=1,
+    )
 
 
 def _inertia(g: _Lines) -> Array:
-    return g.rho[:, None] * np.stack([g.A, g.A, g.A, g.Ip, g.rotary * g.Iy, g.rotary * g.Iz], axis=1)
+    return g.rho[:, None] * np.stack(
+        [g.A, g.A, g.A, (1 - g.bar) * g.Ip, g.rotary * g.Iy, g.rotary * g.Iz], axis=1
+    )
+
+
+def _stiffness(g: _Lines) -> Array:
+    """Return ∫ Bᵀ diag(EA, …) B dx of the flexible parts, local, shape (b, 12, 12)."""
+    K: Array = np.zeros((len(g.L), 12, 12))
+    scale = g.L[:, None] * _rigidity(g)
+    for xi, weight in zip(*_gauss(2), strict=True):
+        B = _strain(g, np.full(len(g.L), xi))
+        K = K + np.swapaxes(B, 1, 2) @ ((weight * scale)[:, :, None] * B)
+    return K
+
+
+def _mass(g: _Lines) -> Array:
+    """Return ∫ Nᵀ ρ diag(A, …) N dx or lumps, global, shape (b, 12, 12)."""
+    lumped = g.lumped != 0
+    scale = g.L[:, None] * _inertia(g)
+    M: Array = np.zeros((len(g.L), 12, 12), dtype=np.result_type(scale, g.T))
+    for xi, weight in zip(*_gauss(4), strict=True):
+        N = _shape(g, np.full(len(g.L), xi))
+        M += np.swapaxes(N, 1, 2) @ ((weight * scale)[:, :, None] * N)
+    M = _to_global(M, g.T)
+    if lumped.any():
+        T = g.T_nodes[lumped]
+        M[lumped] = np.swapaxes(T, 1, 2) @ (np.tile(scale[lumped] / 2, 2)[:, :, None] * T)
+    return M
+
+
+def _tension(g: _Lines) -> Array:
+    """Return ∫ v'² + w'² dx, global, shape (b, 12, 12)."""
+    K: Array = np.zeros((len(g.L), 12, 12))
+    for xi, weight in zip(*_gauss(3), strict=True):
+        S = _slope(g, np.full(len(g.L), xi))
+        K = K + np.swapaxes(S, 1, 2) @ ((weight * g.L)[:, None, None] * S)
+    return _to_global(K, g.T)
 
 
 def _to_global(matrix: Array, T: Array) -> Array:
@@ -422,7 +732,7 @@ def _flexible(g: _Lines, xi: Array) -> Array:
 
     The imaginary part of a complex step passes through.
     """
-    x = (xi * g.span - g.skip) / g.L
+    x = (xi * g.span - g.zone[:, 0]) / g.L
     return np.where(np.real(x) < 0, 0.0, np.where(np.real(x) > 1, 1.0, x))
 
 
@@ -431,7 +741,9 @@ def _motion(g: _Lines, mesh: Mesh, xi: Array) -> Array:
     x = _flexible(g, xi)
     G = np.zeros((len(xi), 6, 6))
     G[:, :3, :3] = G[:, 3:, 3:] = np.swapaxes(g.R, 1, 2)
-    N = G @ _shape(g, x) @ g.T
+    at_node = (np.imag(x) == 0) & ((np.real(x) < 1e-9) | (np.real(x) > 1 - 1e-9))
+    T = np.where(at_node[:, None, None], g.T_nodes, g.T)
+    N = G @ _shape(g, x) @ T
     ends = mesh.points[mesh.lines[g.rows]]
     arm = xi[:, None] * (ends[:, 1] - ends[:, 0]) - g.end[:, 0] - (x * g.L)[:, None] * g.R[:, 0]
     N[:, :3] = N[:, :3] - _skew(arm) @ N[:, 3:]
@@ -451,6 +763,19 @@ def _shape(g: _Lines, xi: Array) -> Array:
     N[:, 0, 6] = N[:, 3, 9] = xi
     N[:, 1, _Y], N[:, 5, _Y] = vy, ry
     N[:, 2, _Z], N[:, 4, _Z] = vz * _SIGN, -rz * _SIGN
+    bar = g.bar != 0
+    if bar.any():
+        N[bar] = _bar_shape(xi[bar], g.L[bar])
+    return N
+
+
+def _bar_shape(xi: Array, L: Array) -> Array:
+    """Return the motion of a bar: straight between its ends; about its own axis it turns as they do."""
+    N = np.zeros((len(L), 6, 12), dtype=np.result_type(xi, L))
+    for d in range(4):
+        N[:, d, d], N[:, d, 6 + d] = 1 - xi, xi
+    N[:, 4, 2], N[:, 4, 8] = 1 / L, -1 / L
+    N[:, 5, 1], N[:, 5, 7] = -1 / L, 1 / L
     return N
 
 
@@ -469,4 +794,9 @@ def _slope(g: _Lines, xi: Array) -> Array:
     S = np.zeros((len(g.L), 2, 12))
     S[:, 0, _Y] = _plane(xi, g.L, g.phi_y)[3]
     S[:, 1, _Z] = _plane(xi, g.L, g.phi_z)[3] * _SIGN
+    bar = g.bar != 0
+    if bar.any():
+        S[bar] = 0.0
+        for row, d in ((0, 1), (1, 2)):
+            S[bar, row, d], S[bar, row, 6 + d] = -1 / g.L[bar], 1 / g.L[bar]
     return S

@@ -126,6 +126,20 @@ def test_the_good_one_is_good(tmp_path, capsys):
             ["members.bar: the rigid end zones", "1.2 m long together"],
         ),
         ('to = "B"', 'to = "B"\nelements = 0', ["line 12, members.bar.elements: 0", "at least 1"]),
+        ('to = "B"', 'to = "B"\nmass = "diagonal"', ["line 12, members.bar.mass", "consistent, lumped"]),
+        ('to = "B"', 'to = "B"\nrelease1 = "w"', ["line 12, members.bar.release1", "'w' is not a direction"]),
+        (
+            'to = "B"',
+            'to = "B"\nrelease1 = "rx"\nrelease2 = ["rx", "ry"]',
+            ["members.bar: with rx at end 1, rx at end 2 released, nothing holds the member's torsion"],
+        ),
+        ('to = "B"', 'to = "B"\nspring2 = { kry = 3 }', ["members.bar.spring2.kry: unknown key", "ry"]),
+        (
+            'to = "B"',
+            'to = "B"\nspring2 = { ry = -3 }',
+            ["members.bar.spring2.ry: -3", "at least 0 [N·m/rad]"],
+        ),
+        ('to = "B"', 'to = "B"\nsection2 = "none"', ["members.bar.section2: there is no section 'none'"]),
         ('to = "B"', 'to = "B"\ntheory = "bernoulli"', ["members.bar.theory", "euler-bernoulli"]),
         (
             '[[supports]]\npoint = "A"',
