@@ -10,6 +10,10 @@ READY := $(VENV)/.ready
 DEV   := $(VENV)/.ready-dev
 IN    := . $(VENV)/bin/activate &&
 
+# other frame programs, to compare with: nothing of theirs is imported, they run in processes of their own
+PEERS       := .venv-peers
+PEERS_READY := $(PEERS)/.ready
+
 # one thread per process: the tests run in two processes, and the matrices are small or sparse
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
@@ -20,12 +24,14 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow independent check lint types contracts format lock clean
+.PHONY: help demo test slow independent peers bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
 	@echo 'make slow        the tests marked slow'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
+	@echo 'make peers       install OpenSeesPy and PyNite beside Dovetail: tests marked peer then run'
+	@echo 'make bench-peers speed and agreement against them; SIZES="8" for a quick one'
 	@echo 'make check       ruff, pyright and the import contracts'
 	@echo 'make format      let ruff rewrite the code'
 	@echo 'make lock        resolve requirements*.lock anew from pyproject.toml'
@@ -43,6 +49,12 @@ slow: $(DEV)
 # needs ../shared/data/independent-cases; CASES=DIR for others of the same form
 independent: $(DEV)
 	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
+
+peers: $(PEERS_READY)
+
+# points per side of the cubes; 17 has 27 700 degrees of freedom and takes minutes
+bench-peers: $(READY) $(PEERS_READY)
+	$(IN) python -m benchmarks.peers $(SIZES)
 
 check: lint types contracts
 
@@ -76,15 +88,28 @@ $(DEV): $(READY) requirements-dev.lock
 	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock
 	@touch $@
 
-# requirements.lock is what running needs, requirements-dev.lock what testing and checking need beside it
+$(PEERS_READY): requirements-peers.lock
+	@echo 'Installing OpenSeesPy and PyNite into $(PEERS): once, 500 MB'
+	@test -x $(PEERS)/bin/pip || $(PYTHON) -m venv --clear $(PEERS)
+	@$(PEERS)/bin/python -m pip --disable-pip-version-check install --quiet -r requirements-peers.lock
+	@$(PEERS)/bin/python -c 'import openseespy.opensees, Pynite' 2>$(PEERS)/import.txt || { \
+		cat $(PEERS)/import.txt >&2; echo 'OpenSeesPy or PyNite cannot be loaded: see above' >&2; exit 1; }
+	@touch $@
+
+# requirements.lock is what running needs, requirements-dev.lock what testing and checking need beside it,
+# requirements-peers.lock the programs to compare with
 lock:
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet 'setuptools>=77' --editable .
 	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude-editable > requirements.lock
 	.venv-lock/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[dev]'
 	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude-editable | grep -vxFf requirements.lock > requirements-dev.lock
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet openseespy PyNiteFEA scipy
+	.venv-lock/bin/python -m pip freeze --exclude setuptools \
+		| sed 's/^\(openseespylinux.*\)/\1; sys_platform == "linux"/' > requirements-peers.lock
 	rm -rf .venv-lock
 
 clean:
-	rm -rf $(VENV) .venv-lock out build dist *.egg-info .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(PEERS) .venv-lock out build dist *.egg-info .hypothesis .pytest_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

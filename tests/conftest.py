@@ -19,6 +19,7 @@ if sys.platform == "linux" and not os.environ.get("DISPLAY"):
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
+PEERS_PYTHON = Path(os.environ.get("DOVETAIL_PEERS_PYTHON", ROOT / ".venv-peers" / "bin" / "python"))
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 # A busy machine is no failure; on CI the same examples run every time, so that only a change can break it.
@@ -39,6 +40,8 @@ def pytest_collection_modifyitems(items):
                     item.add_marker(pytest.mark.skip(f"needs ../shared/{below}"))
         if item.get_closest_marker("browser") and not CHROMIUM:
             item.add_marker(pytest.mark.skip("needs Chromium: `chromium` on the PATH"))
+        if item.get_closest_marker("peer") and not PEERS_PYTHON.exists():
+            item.add_marker(pytest.mark.skip("needs OpenSeesPy and PyNite: `make peers`"))
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,75 @@
+"""Compute frames with Dovetail, as the other drivers do with their programs."""
+
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+from benchmarks.peers.exchange import PeerFrame, PeerResult, serve
+from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
+from fem.model import DIRECTIONS
+from fem.modes import solve_modes
+from fem.solvers import factorise
+from fem.system import sum_contributions
+
+
+def model_of(frame: PeerFrame, *, polar: bool = False) -> Model:
+    """Return a model of the frame.
+
+    The other programs' members oppose a spin about their axis with the torsion constant J in place of the
+    polar moment Iy + Iz; with ``polar`` they have the polar moment.
+    """
+    materials: dict[tuple[float, float, float], Material] = {}
+    sections: dict[tuple[float, ...], Section] = {}
+    members = {}
+    for k in range(len(frame.lines)):
+        E, G, rho = constants = float(frame.E[k]), float(frame.G[k]), float(frame.rho[k])
+        material = materials.setdefault(
+            constants, Material(f"material {len(materials)}", E, rho, E / (2 * G) - 1)
+        )
+        A, Iy, Iz, J, ky, kz = key = tuple(
+            float(getattr(frame, name)[k]) for name in ("A", "Iy", "Iz", "J", "ky", "kz")
+        )
+        section = sections.setdefault(key, Section(A, Iy, Iz, J, ky, kz, Ip=0.0 if polar else J))
+        members[f"m{k}"] = MemberProperties(
+            material, section, orientation=frame.local_z[k], theory=frame.theory
+        )
+    mesh = Mesh.from_lines(frame.points, frame.lines, {f"m{k}": [k] for k in range(len(frame.lines))})
+    supports = (
+        Support(
+            name=f"support{i}",
+            point=int(i),
+            fixed=tuple(d for d, held in zip(DIRECTIONS, frame.fixed[i], strict=True) if held),
+        )
+        for i in np.flatnonzero(frame.fixed.any(axis=1))
+    )
+    return Model(mesh, (Frame(members=members), *supports))
+
+
+def compute(frame: PeerFrame) -> PeerResult:
+    """Compute one frame."""
+    found: dict[str, Any] = {}
+    start = time.process_time()
+    model = model_of(frame)
+    found["build"] = time.process_time() - start
+    if frame.matrices:
+        K, M, _, _ = sum_contributions(model.contributions(), model.n_dof)
+        found["K"], found["M"] = K.toarray(), M.toarray()
+    if frame.static:
+        start = time.process_time()
+        system, load = assemble(model), frame.loads.ravel()
+        u = system.Q @ factorise(system.K).solve(system.Q.T @ load)
+        K = sum_contributions(model.contributions(), model.n_dof)[0]
+        reactions = (K @ u - load).reshape(-1, 6) * frame.fixed
+        found["static_seconds"] = time.process_time() - start
+        found["displacements"], found["reactions"] = u.reshape(-1, 6), reactions
+    if frame.n_modes:
+        start = time.process_time()
+        found["frequency"] = solve_modes(assemble(model), frame.n_modes).frequency
+        found["modes_seconds"] = time.process_time() - start
+    return PeerResult(program="Dovetail", **found)
+
+
+if __name__ == "__main__":
+    serve(compute, sys.argv[1:])

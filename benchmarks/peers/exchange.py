@@ -1,0 +1,190 @@
+"""What goes to another program and what comes back: a frame and its results, as npz files.
+
+Drivers run under interpreters that know neither Dovetail nor one another, so this module needs NumPy alone.
+"""
+
+import os
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[2]
+PEERS_PYTHON = Path(os.environ.get("DOVETAIL_PEERS_PYTHON", ROOT / ".venv-peers" / "bin" / "python"))
+"""The interpreter that `make peers` makes; another one by the variable DOVETAIL_PEERS_PYTHON."""
+
+EULER_BERNOULLI, TIMOSHENKO = "euler-bernoulli", "timoshenko"
+
+Floats = NDArray[np.float64]
+
+
+class PeerError(RuntimeError):
+    """Another program that did not do what it was asked."""
+
+
+class _Stored:
+    """Arrays and words that are written to one npz file and read from it."""
+
+    def save(self, path: Path) -> None:
+        """Write an npz file."""
+        np.savez(path, **{f.name: getattr(self, f.name) for f in fields(self)})  # pyright: ignore[reportArgumentType]
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read an npz file; numbers and words become Python's own."""
+        with np.load(path, allow_pickle=False) as data:
+            values = {name: data[name] for name in data.files}
+        return cls(**{name: x.item() if x.ndim == 0 else x for name, x in values.items()})
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PeerFrame(_Stored):
+    """A frame of straight members, one element each, and what is wanted of it.
+
+    Attributes
+    ----------
+    points : ndarray (n, 3)
+        Coordinates [m].
+    lines : ndarray of int (m, 2)
+        The points of each member.
+    local_z : ndarray (m, 3)
+        Unit vectors of the members' local z axes, square to the members.
+    E, G, rho : ndarray (m,)
+        Moduli [Pa] and density [kg/m³].
+    A, Iy, Iz, J : ndarray (m,)
+        Area [m²], second moments about local y and z and torsion constant [m⁴].
+    ky, kz : ndarray (m,)
+        Shear coefficients along y and z [-]; Euler-Bernoulli leaves them out.
+    fixed : ndarray of bool (n, 6)
+        Supported directions.
+    loads : ndarray (n, 6)
+        Forces and moments on points, global [N, N·m].
+    uniform : ndarray (m, 3)
+        Forces per length along the members' local axes [N/m].
+    released : ndarray of bool (m, 2, 2)
+        Moments about local y and z that the first and the second end do not pass on: ``[member, end, axis]``.
+    theory : str
+        ``"euler-bernoulli"`` or ``"timoshenko"``.
+    n_modes : int
+        Number of modes wanted; 0 for none.
+    static : bool
+        Whether displacements and reactions are wanted.
+    matrices : bool
+        Whether K and M of all DOFs are wanted, without supports; for small frames.
+    options : str
+        For the program: OpenSees' system, numberer and eigensolver, separated by blanks.
+    """
+
+    points: Floats
+    lines: NDArray[np.int64]
+    local_z: Floats
+    E: Floats
+    G: Floats
+    rho: Floats
+    A: Floats
+    Iy: Floats
+    Iz: Floats
+    J: Floats
+    ky: Floats
+    kz: Floats
+    fixed: NDArray[np.bool_]
+    loads: Floats
+    uniform: Floats
+    released: NDArray[np.bool_]
+    theory: str = EULER_BERNOULLI
+    n_modes: int = 0
+    static: bool = True
+    matrices: bool = False
+    options: str = ""
+
+    @property
+    def n_free(self) -> int:
+        """Number of directions that no support holds."""
+        return int((~self.fixed).sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PeerResult(_Stored):
+    """What a program found; arrays are empty where nothing was wanted.
+
+    Attributes
+    ----------
+    program : str
+        Its name and version.
+    displacements, reactions : ndarray (n, 6)
+        Global [m, rad; N, N·m].
+    frequency : ndarray (n_modes,)
+        Rising [Hz].
+    K, M : ndarray (6 n, 6 n)
+        Stiffness and mass of all DOFs [N/m …, kg …].
+    build, static_seconds, modes_seconds : float
+        CPU times of making the model, of statics and of modes, each with assembly [s].
+    """
+
+    program: str
+    displacements: Floats = field(default_factory=lambda: np.zeros((0, 6)))
+    reactions: Floats = field(default_factory=lambda: np.zeros((0, 6)))
+    frequency: Floats = field(default_factory=lambda: np.zeros(0))
+    K: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    M: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    build: float = 0.0
+    static_seconds: float = 0.0
+    modes_seconds: float = 0.0
+
+
+def with_changes(frame: PeerFrame, **changes: Any) -> PeerFrame:
+    """Return a frame with other values."""
+    return PeerFrame(**{f.name: changes.get(f.name, getattr(frame, f.name)) for f in fields(PeerFrame)})
+
+
+def run(
+    driver: str, frames: Sequence[PeerFrame], folder: Path, python: Path = PEERS_PYTHON
+) -> list[PeerResult]:
+    """Let one process of a driver compute frames, one after the other.
+
+    Parameters
+    ----------
+    driver : str
+        Module beside this one: ``"drive_opensees"``, ``"drive_pynite"`` or ``"drive_dovetail"``.
+    frames : sequence of PeerFrame
+    folder : Path
+        For the files.
+    python : Path
+        The interpreter.
+
+    Raises
+    ------
+    PeerError
+        If the process fails; the message ends with what it wrote last.
+    """
+    paths = [folder / f"{driver}-{i}.npz" for i in range(len(frames))]
+    answers = [path.with_suffix(".result.npz") for path in paths]
+    for path, frame in zip(paths, frames, strict=True):
+        frame.save(path)
+    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    done = subprocess.run(
+        [python, "-m", f"benchmarks.peers.{driver}", *paths],
+        cwd=ROOT,
+        env={**os.environ, **one_thread, "MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    missing = [path for path in answers if not path.exists()]
+    if done.returncode or missing:
+        msg = (
+            f"{driver} ended with {done.returncode} and {len(missing)} of {len(frames)} results missing; "
+            f"it wrote:\n{done.stderr[-2000:]}"
+        )
+        raise PeerError(msg)
+    return [PeerResult.load(path) for path in answers]
+
+
+def serve(compute: Any, paths: Sequence[str]) -> None:
+    """Read frames, compute each and write the results beside them: the drivers' main loop."""
+    for path in map(Path, paths):
+        compute(PeerFrame.load(path)).save(path.with_suffix(".result.npz"))

@@ -1,0 +1,83 @@
+"""Random frames for several programs, and what rounding may do to their results."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers.exchange import EULER_BERNOULLI, PeerFrame, with_changes
+
+EPS = float(np.finfo(float).eps)
+
+
+def random_frame(seed: int, theory: str = EULER_BERNOULLI, **changes) -> PeerFrame:
+    """Return a connected frame: random points, sections, orientations, supports and forces on points."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(4, 13))
+    points = rng.uniform(-1.0, 1.0, (n, 3))
+    points[:, 0] += np.arange(n)  # apart from one another
+    tree = [(int(rng.integers(max(0, i - 3), i)), i) for i in range(1, n)]
+    more = {tuple(sorted(rng.choice(n, 2, replace=False).tolist())) for _ in range(n // 2)}
+    lines = np.array(sorted({*tree, *more}))
+    lines = np.where(rng.random(len(lines))[:, None] < 0.5, lines, lines[:, ::-1])
+    m = len(lines)
+    along = points[lines[:, 1]] - points[lines[:, 0]]
+    across = np.cross(along, rng.standard_normal((m, 3)))
+    b, h = rng.uniform(0.02, 0.15, (2, m))
+    Iy, Iz = b * h**3 / 12, h * b**3 / 12
+    E, nu, rho = np.array([(70e9, 0.33, 2700.0), (210e9, 0.3, 7850.0)])[rng.integers(0, 2, m)].T
+    fixed = rng.random((n, 6)) < 0.1
+    fixed[0] = True
+    values = {
+        "points": points,
+        "lines": lines,
+        "local_z": across / np.linalg.norm(across, axis=1, keepdims=True),
+        "E": E,
+        "G": E / (2 * (1 + nu)),
+        "rho": rho,
+        "A": b * h,
+        "Iy": Iy,
+        "Iz": Iz,
+        "J": rng.uniform(0.1, 0.9, m) * (Iy + Iz),
+        "ky": rng.uniform(0.4, 1.0, m),
+        "kz": rng.uniform(0.4, 1.0, m),
+        "fixed": fixed,
+        "loads": rng.standard_normal((n, 6)) * np.repeat([1000.0, 100.0], 3),
+        "uniform": np.zeros((m, 3)),
+        "released": np.zeros((m, 2, 2), dtype=bool),
+        "theory": theory,
+    }
+    values["n_modes"] = min(10, int((~fixed).sum()) // 3)
+    return PeerFrame(**{**values, **changes})
+
+
+def single_member(seed: int, theory: str = EULER_BERNOULLI) -> PeerFrame:
+    """Return one clamped member of a random frame, of which K and M are wanted."""
+    frame = random_frame(seed, theory)
+    rows = {
+        name: getattr(frame, name)[:1]
+        for name in ("E", "G", "rho", "A", "Iy", "Iz", "J", "ky", "kz", "local_z", "uniform", "released")
+    }
+    fixed = np.zeros((2, 6), dtype=bool)
+    fixed[0] = True
+    return with_changes(
+        frame, **rows, points=frame.points[frame.lines[0]], lines=np.array([[0, 1]]), fixed=fixed,
+        loads=np.zeros((2, 6)), matrices=True, static=False, n_modes=0,
+    )  # fmt: skip
+
+
+def magnitudes(contributions, n_dof: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the sums of the absolute values of the elements' stiffness and mass, (n_dof, n_dof).
+
+    An entry of K is a sum, and its rounding is in proportion to the terms, however much of them cancels.
+    """
+    K, M = np.zeros((n_dof, n_dof)), np.zeros((n_dof, n_dof))
+    for part in contributions:
+        for at, k, m in zip(part.dofs, part.K, part.M, strict=True):
+            K[np.ix_(at, at)] += _blocks(k)
+            M[np.ix_(at, at)] += _blocks(m)
+    return K, M
+
+
+def _blocks(matrix):
+    """Return the largest entry of each 3 by 3 block, in all of the block's places: a rotation mixes them."""
+    size = np.abs(matrix).reshape(4, 3, 4, 3).max(axis=(1, 3))
+    return np.kron(size, np.ones((3, 3)))
