@@ -391,19 +391,17 @@ def project_lines(problem: ScaledProblem) -> Projection:
     QC = np.empty((n_freq, p, n_in), dtype=complex)
     rest, size = np.empty(n_freq), np.empty(n_freq)
     C = np.empty((n_out, n_in), dtype=complex)
-    scaled = (problem.scale_out != 1).any(), (problem.scale_in != 1).any()
+    flat, scale = C.view(float), np.outer(problem.scale_out, np.repeat(problem.scale_in, 2))
+    Qh = Q_A.conj().mT.copy()
     for k in range(n_freq):
         np.subtract(problem.H_aa[k], problem.H_nn[k], out=C)
-        if scaled[0]:
-            C *= problem.scale_out[:, None]
-        if scaled[1]:
-            C *= problem.scale_in
-        Q = Q_A[k]
-        QC[k] = Q.conj().T @ C
-        size[k], part = np.linalg.norm(C), np.linalg.norm(QC[k])
+        flat *= scale
+        np.matmul(Qh[k], C, out=QC[k])
+        square = float(flat.ravel() @ flat.ravel())
+        size[k] = np.sqrt(square)
         # the difference of squares has digits enough unless next to nothing is left
-        left = size[k] ** 2 - part**2
-        rest[k] = np.sqrt(left) if left > 1e-6 * size[k] ** 2 else np.linalg.norm(C - Q @ QC[k])
+        left = square - np.linalg.norm(QC[k]) ** 2
+        rest[k] = np.sqrt(left) if left > 1e-6 * square else np.linalg.norm(C - Q_A[k] @ QC[k])
     return Projection(R_A, inverse, QC, rest, size, rank, condition)
 
 

@@ -1,0 +1,111 @@
+"""Time the joint package: direct solution, output error, LM-FBS; ratios against plain references in one run.
+
+OPENBLAS_NUM_THREADS=1 python -m benchmarks.joint_speed
+"""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.joint_noise import ARMS, noisy, parts, truth
+from fem import assemble
+from fem.frf import FRF, compute_frf
+from fem.model import DIRECTIONS
+from joint import couple, identify_joint, relative_coordinates
+from joint.form import relative_form, with_masses
+from joint.output_error import fit_joint
+from joint.substructuring import couple_frf
+
+
+def seconds(call: Callable[[], object], repeat: int = 3) -> float:
+    """Return the shortest of several times of a call [s]."""
+    best = np.inf
+    for _ in range(repeat):
+        start = time.perf_counter()
+        call()
+        best = min(best, time.perf_counter() - start)
+    return best
+
+
+def direct(n_lines: int) -> None:
+    """Time the direct solution with all 240 internal coordinates against the decompositions it needs."""
+    from benchmarks import joint_noise
+
+    frequency = np.linspace(20.0, 3200.0, n_lines)
+    before = dict(joint_noise.NODES)
+    joint_noise.NODES.update(
+        {name: tuple(p for p in range(21) if p != joint_noise.AT[name]) for name in before}
+    )
+    try:
+        whole = parts(frequency, None)
+    finally:
+        joint_noise.NODES.update(before)
+    form = with_masses(relative_form(whole.interface.joint, relative_coordinates(*ARMS)), ARMS)
+    measured = noisy(couple(whole, form.Z(frequency, truth(form))).H_nn, 1e-4, np.random.default_rng(0))
+    ours = seconds(lambda: identify_joint(whole, frequency, measured, amplification_limit=np.inf))
+
+    def needed() -> None:
+        for tall in (whole.H_ab, whole.H_ba.mT):
+            np.linalg.svd(tall, full_matrices=False)
+
+    reference = seconds(needed)
+
+    def plain() -> None:
+        for k in range(0, n_lines, 10):
+            C = whole.H_aa[k] - measured[k]
+            A = np.linalg.pinv(whole.H_ab[k])
+            A @ C @ np.linalg.pinv(whole.H_ba[k] - whole.H_bb[k] @ A @ C)
+
+    text = 10 * seconds(plain, 1)
+    print(f"direct solution, 240 internal coordinates, {n_lines} lines: {ours:.2f} s;")
+    print(
+        f"  two SVDs {reference:.2f} s, ratio {ours / reference:.1f}; A⁺ C B⁺ with pinv, line by line: {text:.2f} s\n"
+    )
+
+
+def output_error(n_lines: int) -> None:
+    """Time the fit of 67 parameters to 54 x 6 FRFs."""
+    frequency = np.linspace(20.0, 3200.0, n_lines)
+    slim = parts(frequency, 6)
+    form = with_masses(relative_form(slim.interface.joint, relative_coordinates(*ARMS)), ARMS)
+    theta = truth(form)
+    measured = noisy(couple(slim, form.Z(frequency, theta)).H_nn, 0.01, np.random.default_rng(0))
+    time_of = seconds(lambda: fit_joint(form, slim, frequency, measured, 1.2 * theta, noise=0.01), 1)
+    print(f"output error, {len(theta)} parameters, 54 x 6 FRFs, {n_lines} lines: {time_of:.1f} s\n")
+
+
+def lm_fbs(n_lines: int) -> None:
+    """Time the coupling of 30 + 30 DOFs at 6 against the formula as it is usually written."""
+    from benchmarks.joint_noise import beam
+
+    frequency = np.linspace(20.0, 3200.0, n_lines)
+    frfs = []
+    for name, along in (("A", (1.0, 0, 0)), ("B", (0, 1.0, 0))):
+        dofs = [(p, d) for p in (0, 5, 10, 15, 20) for d in DIRECTIONS]
+        H = compute_frf(assemble(beam(along)), frequency, dofs, dofs, "receptance").H
+        labels = [f"{name}{p}{d}" for p, d in dofs]
+        frfs.append(FRF.from_arrays(frequency, H, "receptance", labels, labels))
+    pairs = [(f"A10{d}", f"B0{d}") for d in DIRECTIONS]
+    ours = seconds(lambda: couple_frf(frfs, pairs))
+
+    def plain():
+        Y = np.zeros((n_lines, 60, 60), dtype=complex)
+        Y[:, :30, :30], Y[:, 30:, 30:] = frfs[0].H, frfs[1].H
+        B = np.zeros((6, 60))
+        for i, (a, b) in enumerate(pairs):
+            B[i, frfs[0].outputs.index(a)], B[i, 30 + frfs[1].outputs.index(b)] = 1, -1
+        return Y - Y @ B.T @ np.linalg.pinv(B @ Y @ B.T) @ B @ Y
+
+    difference = np.abs(couple_frf(frfs, pairs).frf.H - plain()).max() / np.abs(plain()).max()
+    reference = seconds(plain)
+    print(f"LM-FBS, 30 + 30 DOFs, 6 at the interface, {n_lines} lines: {ours:.3f} s;")
+    print(
+        f"  with pinv {reference:.3f} s, ratio {reference / ours:.1f}; largest difference {difference:.0e} of the largest FRF"
+    )
+
+
+if __name__ == "__main__":
+    direct(400)
+    output_error(1600)
+    lm_fbs(1600)

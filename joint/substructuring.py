@@ -1,0 +1,381 @@
+"""Frequency based substructuring on labelled FRFs: coupling and decoupling by interface forces (LM-FBS).
+
+u = Y (f + g) with the interface forces g = -Bᵀ λ, compatibility B u = 0: de Klerk, Rixen & Voormeeren, AIAA
+Journal 46 (2008) 1169-1181, eqs. (22)-(27).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from fem.frf import FRF, FRFKind
+from joint._checks import ComplexArray, FloatArray, check_same_lines, frozen_copy, solve_lines
+
+_SINGULAR = 1e13
+"""Condition number from which an interface counts as singular: its motions depend on one another."""
+
+
+class SubstructuringError(ValueError):
+    """FRFs that cannot be joined or separated as asked; the message names labels and lines."""
+
+
+@dataclass(frozen=True, slots=True)
+class Regularisation:
+    """How the interface's receptances are inverted.
+
+    Attributes
+    ----------
+    method : str
+        ``"none"`` solves; ``"tsvd"`` leaves out singular values below ``amount`` of the largest at a line;
+        ``"tikhonov"`` divides by σ + (``amount`` σ₁)²/σ in place of σ.
+    amount : float
+        Relative to the largest singular value at a line [-].
+    """
+
+    method: str = "none"
+    amount: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.method not in ("none", "tsvd", "tikhonov"):
+            msg = f"the regularisation is '{self.method}'; allowed are none, tsvd, tikhonov"
+            raise SubstructuringError(msg)
+        if not 0 <= self.amount < 1:
+            msg = (
+                f"the amount of regularisation is {self.amount}; it is relative to the largest value: 0 to 1"
+            )
+            raise SubstructuringError(msg)
+
+    def solve(self, A: ComplexArray, B: ComplexArray) -> ComplexArray:
+        """Return the regularised solution X of A X = B at each line, (n_freq, n, k)."""
+        if self.method == "none":
+            return solve_lines(A, B)
+        U, s, Vh = np.linalg.svd(A)
+        return Vh.conj().mT @ (self._filter(s)[:, :, None] * (U.conj().mT @ B))
+
+    def _filter(self, s: FloatArray) -> FloatArray:
+        largest = s[:, :1]
+        if self.method == "tsvd":
+            return np.divide(1.0, s, out=np.zeros_like(s), where=s > self.amount * largest)
+        return s / (s**2 + (self.amount * largest) ** 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Substructured:
+    """Hold coupled or decoupled FRFs.
+
+    Attributes
+    ----------
+    frf : FRF
+        All responses and inputs of all parts, in their order; receptance.
+    condition : (n_freq,) array
+        2-norm condition number of the interface's receptance B Y Bᵀ, each row and column scaled to a unit
+        diagonal.
+    gap : (n_freq,) array
+        ‖B u‖ / ‖u at the interface‖ that regularisation leaves open [-]; rounding without.
+    """
+
+    frf: FRF
+    condition: FloatArray
+    gap: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("condition", "gap"):
+            object.__setattr__(self, name, frozen_copy(getattr(self, name)))
+
+
+def couple_frf(
+    parts: Sequence[FRF],
+    connections: Sequence[tuple[str, str]],
+    *,
+    compliance: npt.ArrayLike | None = None,
+    regularisation: Regularisation | None = None,
+) -> Substructured:
+    """Couple substructures at pairs of DOFs.
+
+    Y_c = Y - Y Bᵀ (B Y Bᵀ + S)⁻¹ B Y
+
+    with Y block-diagonal by part and one row of B, +1 and -1, for each pair; S is the compliance of flexible
+    connections, 0 for rigid ones (LM-FBS). Only the rows and columns at the interface are multiplied, part by
+    part.
+
+    Parameters
+    ----------
+    parts : sequence of FRF
+        One or more, on the same lines. All labels differ; each connected DOF is a response and an input.
+    connections : sequence of (str, str)
+        Labels of DOFs that move together. The sign of a label such as ``"3Z-"`` counts; directions themselves
+        are the user's matter.
+    compliance : (n_freq, n, n) array_like, optional
+        Relative motion for each force of the connections [m/N, rad/N, …], Z_j⁻¹.
+    regularisation : Regularisation, optional
+        None unless given.
+
+    Returns
+    -------
+    Substructured
+
+    Raises
+    ------
+    SubstructuringError
+        For a label that is not there, occurs twice or is no response and input; for lines that differ; for an
+        interface whose motions depend on one another, without regularisation.
+    """
+    parts = tuple(part.as_kind(FRFKind.RECEPTANCE) for part in parts)
+    return _dual(parts, connections, (1.0,) * len(parts), compliance, regularisation)
+
+
+def decouple_frf(
+    assembly: FRF,
+    part: FRF,
+    connections: Sequence[tuple[str, str]],
+    *,
+    regularisation: Regularisation | None = None,
+) -> Substructured:
+    """Take a known part out of an assembly: dual decoupling.
+
+    The part's negative is coupled to the assembly. Internal DOFs of the part that are in ``connections`` as
+    well make the interface an extended one; with more equations than forces need, regularise.
+
+    D'Ambrogio & Fregolent, Mechanical Systems and Signal Processing 24 (2010) 2150-2164.
+
+    Parameters
+    ----------
+    assembly, part : FRF
+        On the same lines, with labels of their own.
+    connections : sequence of (str, str)
+        Pairs of a label of the assembly and one of the part.
+    regularisation : Regularisation, optional
+        None unless given.
+
+    Returns
+    -------
+    Substructured
+        Of the remaining structure, at the assembly's responses and inputs. At DOFs that lie on the part it
+        has no meaning.
+
+    Raises
+    ------
+    SubstructuringError
+        As `couple_frf`.
+    """
+    both = tuple(f.as_kind(FRFKind.RECEPTANCE) for f in (assembly, part))
+    found = _dual(both, connections, (1.0, -1.0), None, regularisation)
+    frf = found.frf.select(outputs=assembly.outputs, inputs=assembly.inputs)
+    return Substructured(frf, found.condition, found.gap)
+
+
+def invert_substructure(
+    assembly: FRF,
+    connections: Sequence[tuple[str, str]],
+    *,
+    regularisation: Regularisation | None = None,
+) -> ComplexArray:
+    """Return a joint's dynamic stiffness from the assembly alone: inverse substructuring.
+
+    With DOFs on both sides of a joint without mass, the inverse of their receptances holds -Z_j between the
+    sides, whatever is attached to them: Meggitt, Elliott & Moorhouse, J. Sound and Vibration 350 (2015) 1-12.
+
+    Parameters
+    ----------
+    assembly : FRF
+        With responses and inputs at both sides.
+    connections : sequence of (str, str)
+        Pairs of a label on the first side and one on the second.
+    regularisation : Regularisation, optional
+        None unless given.
+
+    Returns
+    -------
+    (n_freq, n, n) complex array
+        Z_j for the relative motions of the pairs [N/m, N m/rad, …]: the mean of both off-diagonal blocks.
+
+    Raises
+    ------
+    SubstructuringError
+        As `couple_frf`.
+    """
+    frf = assembly.as_kind(FRFKind.RECEPTANCE)
+    labels = [a for a, _ in connections] + [b for _, b in connections]
+    _check_labels((frf,), connections)
+    Y = frf.select(outputs=labels, inputs=labels).H
+    n = len(connections)
+    _condition(Y, labels, frf.frequency, regularisation)
+    solver = regularisation or Regularisation()
+    Z = solver.solve(Y, np.broadcast_to(np.eye(2 * n, dtype=complex), Y.shape))
+    return -(Z[:, :n, n:] + Z[:, n:, :n]) / 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LCurve:
+    """Hold residual and solution norms of an inversion against the amount of regularisation.
+
+    Attributes
+    ----------
+    amount : (n,) array
+        Relative to the largest singular value [-].
+    residual, solution : (n,) arrays
+        Root mean square over lines of ‖A X - B‖/‖B‖ and of ‖X‖ over its largest value [-].
+    corner : float
+        The amount at the point of greatest curvature in the double logarithmic picture.
+    """
+
+    amount: FloatArray
+    residual: FloatArray
+    solution: FloatArray
+    corner: float
+
+
+def l_curve(
+    A: npt.ArrayLike, B: npt.ArrayLike, method: str = "tikhonov", amounts: npt.ArrayLike | None = None
+) -> LCurve:
+    """Return the L-curve of an inversion A X = B at many lines.
+
+    Hansen, SIAM Review 34 (1992) 561-580.
+
+    Parameters
+    ----------
+    A, B : (n_freq, n, n) and (n_freq, n, k) array_like
+        For example the interface's receptances and the motions that forces must close.
+    method : str
+        ``"tikhonov"`` or ``"tsvd"``.
+    amounts : array_like, optional
+        Amounts to try; 10⁻⁸ to 0.5 unless given.
+    """
+    A, B = np.asarray(A, dtype=complex), np.asarray(B, dtype=complex)
+    tried = np.geomspace(1e-8, 0.5, 60) if amounts is None else np.sort(np.asarray(amounts, dtype=float))
+    U, s, _ = np.linalg.svd(A)
+    c = U.conj().mT @ B
+    total = np.linalg.norm(B, axis=(1, 2))
+    rows = []
+    for amount in tried:
+        kept = Regularisation(method, float(amount))._filter(s)
+        x = np.linalg.norm(kept[:, :, None] * c, axis=(1, 2))
+        r = np.linalg.norm((1 - kept * s)[:, :, None] * c, axis=(1, 2)) / total
+        rows.append((np.sqrt((r**2).mean()), np.sqrt((x**2).mean())))
+    residual, solution = np.array(rows).T
+    solution = solution / solution.max()
+    return LCurve(tried, residual, solution, _corner(tried, residual, solution))
+
+
+def _corner(amount: FloatArray, residual: FloatArray, solution: FloatArray) -> float:
+    x, y = np.log(np.maximum(residual, 1e-300)), np.log(solution)
+    t = np.log(amount)
+    dx, dy = np.gradient(x, t), np.gradient(y, t)
+    ddx, ddy = np.gradient(dx, t), np.gradient(dy, t)
+    bend = (dx * ddy - ddx * dy) / np.maximum((dx**2 + dy**2) ** 1.5, 1e-300)
+    moving = (dx**2 + dy**2) > 1e-6
+    return float(amount[int(np.argmax(np.where(moving, bend, -np.inf)))])
+
+
+def _dual(
+    parts: tuple[FRF, ...],
+    connections: Sequence[tuple[str, str]],
+    signs: tuple[float, ...],
+    compliance: npt.ArrayLike | None,
+    regularisation: Regularisation | None,
+) -> Substructured:
+    frequency = parts[0].frequency
+    for k, part in enumerate(parts[1:], start=1):
+        check_same_lines(part.frequency, frequency, f"part {k}", "part 0")
+    _check_labels(parts, connections)
+    n, n_freq = len(connections), frequency.size
+    # per part: the rows of B that touch it, as response and input positions with signs
+    touched = [_touched(part, connections) for part in parts]
+    A = np.zeros((n_freq, n, n), dtype=complex)
+    for part, (rows, out, inn, sign), s in zip(parts, touched, signs, strict=True):
+        block = s * part.H[:, out][:, :, inn] * np.outer(sign, sign)
+        for i, row in enumerate(rows):
+            A[:, row, rows] += block[:, i]
+    if compliance is not None:
+        S = np.asarray(compliance, dtype=complex)
+        if S.shape != A.shape:
+            msg = f"compliance has shape {S.shape}; {A.shape} is needed: one row for each connection"
+            raise SubstructuringError(msg)
+        A = A + S
+    names = [f"{a} = {b}" for a, b in connections]
+    condition = _condition(A, names, frequency, regularisation)
+    # motions that inputs open at the interface, and the forces that close it
+    columns = np.cumsum([0] + [len(part.inputs) for part in parts])
+    rows_of = np.cumsum([0] + [len(part.outputs) for part in parts])
+    opened = np.zeros((n_freq, n, columns[-1]), dtype=complex)
+    for k, (part, (rows, out, _, sign), s) in enumerate(zip(parts, touched, signs, strict=True)):
+        opened[:, rows, columns[k] : columns[k + 1]] += s * sign[:, None] * part.H[:, out]
+    forces = (regularisation or Regularisation()).solve(A, opened)
+    H = np.zeros((n_freq, rows_of[-1], columns[-1]), dtype=complex)
+    for k, (part, (rows, _, inn, sign), s) in enumerate(zip(parts, touched, signs, strict=True)):
+        at = slice(rows_of[k], rows_of[k + 1])
+        H[:, at] = -(s * part.H[:, :, inn] * sign) @ forces[:, rows]
+        H[:, at, columns[k] : columns[k + 1]] += s * part.H
+    left = np.linalg.norm(opened - A @ forces, axis=(1, 2))
+    size = np.linalg.norm(opened, axis=(1, 2))
+    gap = np.divide(left, size, out=np.zeros(n_freq), where=size > 0)
+    outputs = tuple(label for part in parts for label in part.outputs)
+    inputs = tuple(label for part in parts for label in part.inputs)
+    frf = replace(parts[0], frequency=frequency, H=H, outputs=outputs, inputs=inputs)
+    return Substructured(frf, condition, gap)
+
+
+def _touched(
+    part: FRF, connections: Sequence[tuple[str, str]]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64], FloatArray]:
+    place_out = {label: i for i, label in enumerate(part.outputs)}
+    place_in = {label: i for i, label in enumerate(part.inputs)}
+    found = [
+        (row, place_out[label], place_in[label], sign)
+        for row, pair in enumerate(connections)
+        for label, sign in zip(pair, (1.0, -1.0), strict=True)
+        if label in place_out
+    ]
+    rows, out, inn, sign = zip(*found, strict=True) if found else ((), (), (), ())
+    whole = [np.array(values, dtype=np.int64) for values in (rows, out, inn)]
+    return whole[0], whole[1], whole[2], np.array(sign, dtype=float)
+
+
+def _check_labels(parts: tuple[FRF, ...], connections: Sequence[tuple[str, str]]) -> None:
+    if not connections:
+        msg = "there are no connections; at least one pair of labels is needed"
+        raise SubstructuringError(msg)
+    outputs = [label for part in parts for label in part.outputs]
+    inputs = [label for part in parts for label in part.inputs]
+    for word, labels in (("response", outputs), ("input", inputs)):
+        twice = {label for label in labels if labels.count(label) > 1}
+        if twice:
+            msg = f"the {word} '{min(twice)}' occurs in two parts; give their labels different names"
+            raise SubstructuringError(msg)
+        for pair in connections:
+            for label in pair:
+                if label not in labels:
+                    msg = f"'{label}' is no {word} of any part; there are {', '.join(labels[:12])}"
+                    raise SubstructuringError(msg)
+    for k, pair in enumerate(connections):
+        if pair[0] == pair[1] or pair in connections[:k]:
+            msg = f"the connection {pair} joins a DOF to itself or occurs twice"
+            raise SubstructuringError(msg)
+
+
+def _condition(
+    A: ComplexArray,
+    names: Sequence[str],
+    frequency: FloatArray,
+    regularisation: Regularisation | None,
+) -> FloatArray:
+    size = np.sqrt(np.maximum(np.abs(np.einsum("fii->fi", A)), 1e-300))
+    scaled = A / size[:, :, None] / size[:, None, :]
+    s = np.linalg.svd(scaled, compute_uv=False)
+    condition = np.divide(s[:, 0], s[:, -1], out=np.full(len(s), np.inf), where=s[:, -1] > 0)
+    if (condition > _SINGULAR).any() and (regularisation is None or regularisation.method == "none"):
+        line = int(np.argmax(condition))
+        null = np.abs(np.linalg.svd(scaled[line])[2][-1])
+        words = ", ".join(
+            names[i] for i in sorted(range(len(null)), key=lambda i: -null[i])[:4] if null[i] > 0.2
+        )
+        msg = (
+            f"the interface is singular at {frequency[line]:g} Hz (condition {condition[line]:.0e}): its "
+            f"motions {words} depend on one another; leave some out, or give a Regularisation"
+        )
+        raise SubstructuringError(msg)
+    return condition
