@@ -232,7 +232,7 @@ def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
     """Return an orthonormal basis Q (n_dof, n_free) of the motions that meet all constraints."""
     taken = np.zeros(n_dof, dtype=bool)
     rows, cols, data = [], [], []
-    for group in _groups(constraints):
+    for group in constraint_groups(constraints):
         dofs = np.unique(np.concatenate([c.dofs for c in group]))
         taken[dofs] = True
         if len(dofs) == 1:
@@ -260,7 +260,7 @@ def particular(constraints: tuple[Constraint, ...], released: Constraint, n_dof:
     Zero where there is none: another constraint says the same.
     """
     u = np.zeros(n_dof)
-    for group in _groups((*constraints, released)):
+    for group in constraint_groups((*constraints, released)):
         if released not in group:
             continue
         dofs = np.unique(np.concatenate([c.dofs for c in group]))
@@ -272,7 +272,7 @@ def particular(constraints: tuple[Constraint, ...], released: Constraint, n_dof:
     return u
 
 
-def _groups(constraints: tuple[Constraint, ...]) -> list[tuple[Constraint, ...]]:
+def constraint_groups(constraints: tuple[Constraint, ...]) -> list[tuple[Constraint, ...]]:
     """Return the constraints in sets that share no DOF."""
     if not constraints:
         return []

@@ -14,6 +14,7 @@ from fem.effects.joint_damping import JointStructuralDamping, JointViscousDampin
 from fem.effects.joint_stiffness import JointStiffness
 from fem.effects.member_change import MemberDensity, MemberStiffness
 from fem.effects.preload import Preload
+from fem.effects.prestress import Prestress
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.stiffness_loss import StiffnessLoss
 from fem.effects.support import Support
@@ -35,6 +36,7 @@ __all__ = [
     "PointMass",
     "PointPair",
     "Preload",
+    "Prestress",
     "RigidLink",
     "StiffnessLoss",
     "Support",

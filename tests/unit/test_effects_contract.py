@@ -10,6 +10,7 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.frf import compute_frf
 from fem.model import Contribution, Effect, Parameter, dofs_of, lever_matrix
 from fem.properties import Material
+from fem.statics import LoadCase, prestressed, solve_static
 from fem.system import assemble
 from tests.frames import beam, cross_beam, fix, mounted, portal, with_part
 
@@ -30,11 +31,12 @@ MODELS = {
     ),
     "mounts": mounted(),
     "part": with_part(),
+    "loaded": prestressed(portal(0.2), solve_static(assemble(portal(0.2)), LoadCase(gravity=(0, 0, -9.81)))),
 }
 GROUNDED = {"support_flexibility"}
 """Kinds that may hold a rigid body."""
 
-TURNED = {"preload"}
+TURNED = {"preload", "prestress"}
 """Kinds that resist its rotations: a force that keeps its direction."""
 
 
