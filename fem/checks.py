@@ -229,7 +229,7 @@ def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Fault]:
     with np.errstate(divide="ignore", invalid="ignore"):
         s = (uv * np.einsum("ij,ij->i", v, w) - vv * np.einsum("ij,ij->i", u, w)) / det
         t = (uu * np.einsum("ij,ij->i", v, w) - uv * np.einsum("ij,ij->i", u, w)) / det
-    gap = np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1)
+        gap = np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1)
     inside = (det > 1e-6 * uu * vv) & (gap <= near)
     for x, size in ((s, np.sqrt(uu)), (t, np.sqrt(vv))):
         inside &= (x * size > near) & ((1 - x) * size > near)

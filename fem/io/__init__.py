@@ -7,6 +7,7 @@ from typing import Any
 from fem.frf import FRF, FRFKind
 from fem.io.abaqus import read_node_sets
 from fem.io.arrays import TableError, read_csv, read_npz, read_npz_modes, write_csv, write_npz
+from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
 from fem.io.matrices import matrices_of, read_calculix, read_matrices, write_matrices
 from fem.io.meshfile import read_mesh, write_mesh
 from fem.io.uff import UffFile, read_uff, write_uff
@@ -21,6 +22,8 @@ __all__ = [
     "UffError",
     "UffFile",
     "label_of",
+    "line_axial_force",
+    "line_strain_energy",
     "matrices_of",
     "parse_label",
     "read_calculix",
@@ -34,8 +37,10 @@ __all__ = [
     "read_npz_modes",
     "read_uff",
     "write_csv",
+    "write_fields",
     "write_matrices",
     "write_mesh",
+    "write_modes",
     "write_npz",
     "write_uff",
 ]

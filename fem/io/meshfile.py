@@ -110,7 +110,7 @@ def _universal(file: Path) -> RawMesh:
 
 
 def _by_meshio(file: Path, sets: str | None) -> RawMesh:
-    with _quiet() as said:
+    with quiet() as said:
         import meshio
 
         try:
@@ -132,7 +132,7 @@ def _by_meshio(file: Path, sets: str | None) -> RawMesh:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[io.StringIO]:
+def quiet() -> Iterator[io.StringIO]:
     """Catch what meshio prints."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -218,7 +218,10 @@ def _by_tag(
 
 
 def write_mesh(
-    mesh: Mesh, path: str | os.PathLike[str], point_data: Mapping[str, ArrayLike] | None = None
+    mesh: Mesh,
+    path: str | os.PathLike[str],
+    point_data: Mapping[str, ArrayLike] | None = None,
+    line_data: Mapping[str, ArrayLike] | None = None,
 ) -> None:
     """Write a mesh; the suffix says the format, and the file is replaced whole or not at all.
 
@@ -233,16 +236,18 @@ def write_mesh(
     point_data : mapping of str to array_like, optional
         Values at the points, shape (n_points,) or (n_points, k): mode shapes, for example. Kept by ``.vtu``,
         ``.vtk`` and ``.xdmf``.
+    line_data : mapping of str to array_like, optional
+        Values of the lines, shape (n_lines,) or (n_lines, k). Kept by the same.
 
     Raises
     ------
     MeshError
-        If the format cannot be written or does not keep point data.
+        If the format cannot be written or does not keep such data.
     """
     file = Path(path)
     suffix = file.suffix.lower()
-    if suffix in (".inp", ".msh", *_UNIVERSAL) and point_data:
-        msg = f"{file.name}: a '{suffix}' file keeps no point data; write .vtu"
+    if suffix in (".inp", ".msh", *_UNIVERSAL) and (point_data or line_data):
+        msg = f"{file.name}: a '{suffix}' file keeps no {'point' if point_data else 'line'} data; write .vtu"
         raise MeshError(msg)
     if suffix in (".inp", ".msh"):
         _check_names([*mesh.members, *mesh.groups, *mesh.point_names], file.name)
@@ -254,7 +259,12 @@ def write_mesh(
 
         write_uff(file, mesh=mesh)
     else:
-        _write_by_meshio(mesh, file, {k: np.asarray(v) for k, v in (point_data or {}).items()})
+        data = [{k: np.asarray(v) for k, v in (given or {}).items()} for given in (point_data, line_data)]
+        _write_by_meshio(mesh, file, *data)
+
+
+def _no_blanks(name: str) -> str:
+    return "_".join(name.split())
 
 
 def _check_names(names: Iterable[str], file: str) -> None:
@@ -264,20 +274,30 @@ def _check_names(names: Iterable[str], file: str) -> None:
         raise MeshError(msg)
 
 
-def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any]) -> None:
-    for name, values in point_data.items():
-        if values.shape[:1] != (mesh.n_points,) or np.iscomplexobj(values):
-            msg = (
-                f"point data '{name}' have shape {values.shape} and type {values.dtype}; "
-                f"({mesh.n_points},) or ({mesh.n_points}, k) real numbers are expected"
-            )
-            raise MeshError(msg)
+def member_arrays(mesh: Mesh, blanks: bool = True) -> dict[str, Any]:
+    """Return the members as arrays of the lines: ``member``, numbers from 1, and ``set:name``, 0 and 1."""
     cells = {"member": np.zeros(mesh.n_lines, dtype=np.int64)}
     for number, (name, rows) in enumerate(mesh.members.items(), start=1):
         cells["member"][rows] = number
-        word = quote(name, safe="") if file.suffix.lower() == ".vtk" else name  # .vtk has no blanks in names
+        word = name if blanks else quote(name, safe="")
         cells[f"{_SET_PREFIX}{word}"] = np.isin(np.arange(mesh.n_lines), rows).astype(np.int64)
-    with _quiet() as said, replacing(file) as scratch:
+    return cells
+
+
+def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any], line_data: dict[str, Any]) -> None:
+    for word, data, n in (("point", point_data, mesh.n_points), ("line", line_data, mesh.n_lines)):
+        for name, values in data.items():
+            if values.shape[:1] != (n,) or np.iscomplexobj(values):
+                msg = (
+                    f"{word} data '{name}' have shape {values.shape} and type {values.dtype}; "
+                    f"({n},) or ({n}, k) real numbers are expected"
+                )
+                raise MeshError(msg)
+    blanks = file.suffix.lower() != ".vtk"  # whose names have none
+    if not blanks:
+        point_data, line_data = ({_no_blanks(k): v for k, v in d.items()} for d in (point_data, line_data))
+    cells = member_arrays(mesh, blanks) | line_data
+    with quiet() as said, replacing(file) as scratch:
         import meshio
 
         try:

@@ -22,6 +22,7 @@ class Shape:
     zeta: float
     modal_mass: float
     place: str
+    modal_a: complex = 0.0
 
 
 def read_shape(block: Block) -> Shape | str:
@@ -39,15 +40,17 @@ def read_shape(block: Block) -> Shape | str:
             "6 are read"
         )
     reals = [_number(block, 8, k, 13) for k in range(6 if analysis in (3, 7) else 4)]
+    modal_a = 0j
     if analysis == 2:
         frequency, modal_mass, zeta = reals[0], reals[1], reals[2] or reals[3] / 2
     else:
         size = float(np.hypot(reals[0], reals[1]))
         frequency, modal_mass, zeta = size / (2 * np.pi), 0.0, -reals[0] / size if size else 0.0
+        modal_a = complex(reals[2], reals[3])
     nodes, values = _nodal_values(block, per_node * (2 if data_type == 5 else 1))
     if data_type == 5:
         values = values[:, 0::2] + 1j * values[:, 1::2]
-    return Shape(nodes, values, frequency, zeta, modal_mass, block.name)
+    return Shape(nodes, values, frequency, zeta, modal_mass, block.name, modal_a)
 
 
 def _whole(block: Block, record: int, position: int) -> int:
@@ -106,11 +109,18 @@ def _nodal_values(block: Block, count: int) -> tuple[NDArray[np.int64], NDArray[
 
 
 def shape_in_si(shape: Shape, units: Units) -> Shape:
-    """Scale a shape to unit modal mass in kg where the file gives it, rotations to radians per metre."""
+    """Scale a shape to unit modal mass in kg where the file gives it, rotations to radians per metre.
+
+    With a modal A = φᵀ(2λM + C)φ it is scaled to A = 2iω_d: unit modal mass where damping is
+    proportional.
+    """
     values = shape.values.copy()
     values[:, 3:] *= units.length
     if shape.modal_mass > 0:
         values /= np.sqrt(shape.modal_mass * units.mass)
+    damped = 2 * np.pi * shape.frequency * np.sqrt(max(0.0, 1 - shape.zeta**2))
+    if shape.modal_a and np.isfinite(shape.modal_a) and damped > 0 and np.iscomplexobj(values):
+        values *= np.sqrt(2j * damped / (shape.modal_a * units.mass))
     return replace(shape, values=values)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fem.frf import FRF, FRFKind
 from fem.io.atomic import replacing
@@ -42,6 +42,7 @@ def write_uff(
     double: bool = True,
     points: int = 2411,
     dofs: Mapping[str, str] | None = None,
+    modal_a: ArrayLike | str | None = None,
 ) -> None:
     """Write FRFs, mode shapes and a mesh to a universal file, in SI units.
 
@@ -69,6 +70,10 @@ def write_uff(
         Dataset for the points.
     dofs : mapping of str to str, optional
         Labels such as ``"12Z+"`` for responses and forces that are named otherwise, such as ``"U1z"``.
+    modal_a : array_like of complex (n_modes,) or "unit", optional
+        Modal A = φᵀ(2λM + C)φ of complex modes [kg/s]; modal B = -λ·A goes with it. ``"unit"`` says 2iω_d,
+        ω_d the imaginary part of λ, which is unit modal mass where damping is proportional. Zero, for
+        unknown, unless given.
 
     Raises
     ------
@@ -84,7 +89,7 @@ def write_uff(
     if mesh is not None:
         parts.append(_element_text(mesh).encode())
     if modes is not None:
-        parts.extend(text.encode() for text in _shape_texts(modes, dofs or {}))
+        parts.extend(text.encode() for text in _shape_texts(modes, dofs or {}, modal_a))
     for one in frfs:
         parts.extend(_records(one, binary, double, dofs or {}))
     with replacing(path) as scratch:
@@ -257,13 +262,32 @@ def _axis(kind: int, word: str, unit: str) -> str:
 # Mode shapes: dataset 55 ------------------------------------------------------------------------------------
 
 
-def _shape_texts(modes: Modes, dofs: Mapping[str, str]) -> list[str]:
+def _shape_texts(modes: Modes, dofs: Mapping[str, str], modal_a: ArrayLike | str | None) -> list[str]:
     nodes, table = _nodal_table(modes, dofs)
     zeta = np.zeros(modes.n_modes) if modes.zeta is None else modes.zeta
+    poles = pole_of(modes.frequency, zeta)
+    if modal_a is not None and not np.iscomplexobj(modes.shapes):
+        msg = "modal A is given for real mode shapes, which have a modal mass instead: 1 kg"
+        raise UffError(msg)
+    if isinstance(modal_a, str) and modal_a != "unit":
+        msg = f"modal_a is '{modal_a}'; allowed are 'unit' and one complex number for each mode"
+        raise UffError(msg)
+    a = np.zeros(modes.n_modes, dtype=complex) if modal_a is None else 2j * poles.imag
+    if modal_a is not None and not isinstance(modal_a, str):
+        a = np.asarray(modal_a, dtype=complex)
+        if a.shape != (modes.n_modes,) or not np.isfinite(a).all():
+            msg = f"modal_a has shape {a.shape}; ({modes.n_modes},) finite numbers are expected"
+            raise UffError(msg)
     return [
-        _shape_text(nodes, table[:, :, k], k + 1, float(modes.frequency[k]), float(zeta[k]))
+        _shape_text(nodes, table[:, :, k], k + 1, float(modes.frequency[k]), float(zeta[k]), complex(a[k]))
         for k in range(modes.n_modes)
     ]
+
+
+def pole_of(frequency: ArrayLike, zeta: ArrayLike) -> NDArray[np.complex128]:
+    """Return λ = -ζω + iω √(1 - ζ²) [rad/s] from natural frequencies [Hz] and damping ratios."""
+    omega, zeta = 2 * np.pi * np.asarray(frequency, dtype=float), np.asarray(zeta, dtype=float)
+    return -zeta * omega + 1j * omega * np.sqrt(np.maximum(0.0, 1 - zeta**2))
 
 
 def _nodal_table(modes: Modes, dofs: Mapping[str, str]) -> tuple[list[int], NDArray[Any]]:
@@ -290,16 +314,18 @@ def _nodal_table(modes: Modes, dofs: Mapping[str, str]) -> tuple[list[int], NDAr
     return nodes, table
 
 
-def _shape_text(nodes: list[int], values: NDArray[Any], number: int, frequency: float, zeta: float) -> str:
+def _shape_text(
+    nodes: list[int], values: NDArray[Any], number: int, frequency: float, zeta: float, modal_a: complex
+) -> str:
     is_complex = np.iscomplexobj(values)
     width = values.shape[1]
     head = [_MARK, f"{55:6d}\n", f"{f'mode {number}':<80}\n", *(f"{'NONE':<80}\n" for _ in range(4))]
     data = (1, 3 if is_complex else 2, 2 if width == 3 else 3, 8, 5 if is_complex else 2, width)
     head.append("".join(f"{v:10d}" for v in data) + "\n")
     if is_complex:  # the eigenvalue lies on a circle of radius omega
-        omega = 2 * np.pi * frequency
-        pole = (-zeta * omega, omega * np.sqrt(max(0.0, 1 - zeta**2)), 0.0, 0.0, 0.0, 0.0)
-        head.append(f"{2:10d}{6:10d}{0:10d}{number:10d}\n" + "".join(f"{v:13.5e}" for v in pole) + "\n")
+        pole = complex(pole_of(frequency, zeta))
+        record = [part for z in (pole, modal_a, -pole * modal_a) for part in (z.real, z.imag)]
+        head.append(f"{2:10d}{6:10d}{0:10d}{number:10d}\n" + "".join(f"{v:13.5e}" for v in record) + "\n")
     else:
         record = (frequency, 1.0, zeta, 0.0)
         head.append(f"{2:10d}{4:10d}{0:10d}{number:10d}\n" + "".join(f"{v:13.5e}" for v in record) + "\n")

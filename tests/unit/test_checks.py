@@ -107,6 +107,13 @@ def test_lines_that_meet_are_no_crossing():
     assert kinds(check_mesh(Mesh.from_lines(SQUARE, [*RING, [0, 2], [1, 3]]))) == ["unconnected crossing"]
 
 
+def test_a_long_line_beside_its_own_many_pieces_is_no_fault_but_the_short_ones():
+    mesh = Mesh.from_lines([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1], [1, 2]]).split([200, 1])
+    (fault,) = check_mesh(mesh)
+    assert fault.kind == "short line"
+    assert fault.lines.tolist() == [199]
+
+
 def test_lines_that_overlap_are_found():
     """From one point in one direction: the shorter one's end lies on the longer one."""
     (fault,) = check_mesh(Mesh.from_lines([[0, 0, 0], [1, 0, 0], [0.4, 0, 0]], [[0, 1], [0, 2]]))
