@@ -85,9 +85,9 @@ def write_fields(
     """Write motions of a mesh and values of its lines as ``.vtu``, ``.vtk`` or ``.xdmf``.
 
     A motion ``dead load`` becomes the vectors ``dead load`` and ``dead load, rotation`` of ``.vtu``; in
-    ``.xdmf`` it is the step of that name with the vectors ``displacement`` and ``rotation``, and its time is
-    its number from 1. A complex motion has each of these as ``…, real`` and ``…, imaginary``: it is the real part
-    of (real + i imaginary) e^{iωt}. Members are the integer array ``member``.
+    ``.xdmf`` it is the step of that name with the vectors ``displacement`` and ``rotation``, and its time
+    is its number from 1. A complex motion has each of these as ``…, real`` and ``…, imaginary``: it is the
+    real part of (real + i imaginary) e^{iωt}. Members are the integer array ``member``.
 
     Parameters
     ----------
