@@ -1,6 +1,6 @@
 """What every effect promises, walked over all kinds on three models; a new one is met by itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,7 +9,9 @@ import pytest
 from fem.effects import candidate_kinds, effect_classes
 from fem.frf import compute_frf
 from fem.model import Contribution, Effect, Parameter, dofs_of, lever_matrix
+from fem.modes import solve_modes
 from fem.properties import Material
+from fem.sensitivity import differentiate_frf, differentiate_modes
 from fem.statics import LoadCase, prestressed, solve_static
 from fem.system import assemble
 from tests.frames import beam, cross_beam, fix, mounted, portal, with_part
@@ -230,6 +232,127 @@ def test_every_kind_is_proposed_somewhere():
     assert met == set(candidate_kinds())
     own = {effect.kind for model in MODELS.values() for effect in model.effects}
     assert met | own == set(effect_classes()), "a kind is on no model of this file"
+
+
+# ------------------------------------------------------------- derivatives of frequencies, shapes and FRFs
+
+
+def changed(model, effect):
+    """Return a model in which an effect stands for its namesake, or is added."""
+    if effect.name not in {e.name for e in model.effects}:
+        return model.with_effect(effect)
+    return replace(model, effects=tuple(effect if e.name == effect.name else e for e in model.effects))
+
+
+def stepped(model, effect, ref, of):
+    """Return what a function makes of effects and model, summed, with a complex step of one parameter."""
+    total = sum(of(e, model) for e in model.effects if e is not effect)
+    (value,) = (p.value for p in effect.parameters() if p.name == ref)
+    return total + of(effect.with_values(**{ref: value + 1e-200j}), model)
+
+
+def complex_newton(K, M, lam, phi):
+    """Return derivatives of eigenvalues and basis of a set of modes, by Newton's method on a complex step.
+
+    One step for K φ = M φ B with φ₀ᵀ M₀ φ fixed takes the imaginary parts of K and M over to B and φ exactly,
+    as their squares vanish. The basis is then turned to the normalisation with φᵀ M dφ = -½ φᵀ dM φ.
+    """
+    n, s = phi.shape
+    residual = K @ phi - M @ phi * lam
+    scale = np.concatenate([1 / np.sqrt(K.real.diagonal()), np.ones(s)])
+    dphi, B = np.zeros((n, s)), np.zeros((s, s))
+    for j in range(s):
+        border = M @ phi
+        J = np.block([[K - lam[j] * M, -border], [border.T, np.zeros((s, s))]])
+        rhs = np.concatenate([-residual[:, j], np.zeros(s)])
+        step = scale * np.linalg.solve(scale[:, None] * J * scale, scale * rhs)
+        dphi[:, j], B[:, j] = step.imag[:n] / 1e-200, step.imag[n:] / 1e-200
+    dM = phi.T @ (M.imag / 1e-200) @ phi
+    return np.linalg.eigvals(B).real, dphi - phi @ dM / 2
+
+
+def check_mode_sensitivity(model, effect, n=4):
+    effect = generic(effect)
+    model = changed(model, effect)
+    system = assemble(model)
+    Q = system.Q.toarray()
+    refs = [(effect.name, p.name) for p in effect.parameters()]
+    n += system.rigid.shape[1]
+    result = differentiate_modes(system, refs, n, outputs="all")
+    some = np.random.default_rng(0).standard_normal((3, model.n_dof))
+    seen = differentiate_modes(system, refs, n, outputs=some)
+    phi, lam = Q.T @ result.modes.shapes, result.modes.omega**2
+    together = {int(k): s.modes for s in result.sets for k in s.modes}
+    # An ω² is known to 1e-16 of the highest, and a shape turns by that over the distance to the next ω².
+    rounding = 2e-16 * (abs(system.K.diagonal()) / np.maximum(system.M.diagonal(), 1e-9)).max()
+    others = solve_modes(system, len(lam) + 6).omega ** 2
+    for i, p in enumerate(effect.parameters()):
+        K, M = Q.T @ stepped(model, effect, p.name, matrices)[:2] @ Q
+        per_one = 1 / (abs(p.value) or 1.0)  # what a change of the parameter by its own size makes
+        for k in range(len(lam)):
+            g = together.get(k, np.array([k]))
+            if k != g[0]:
+                continue
+            slope, dphi = complex_newton(K, M, lam[g], phi[:, g])
+            far = np.delete(others, g) if g[-1] < len(others) else others
+            turn = 30 * rounding / abs(far - lam[k]).min()
+            bound = 30 * rounding * per_one + (turn + 1e-9) * abs(slope).max()
+            difference = np.sort(result.eigenvalue[i, g]) - np.sort(slope)
+            assert abs(difference).max() <= bound, f"dω² of mode {k + 1} by {p.name}"
+            exact = Q @ dphi
+            bound = (turn + 1e-7) * abs(exact).max() + turn * abs(phi[:, g]).max() * per_one
+            assert abs(result.shapes[i][:, g] - exact).max() <= bound, f"shape of mode {k + 1} by {p.name}"
+            difference = abs(seen.shapes[i][:, g] - some @ exact).max()
+            assert difference <= bound * abs(some).sum(axis=1).max(), f"mode {k + 1} at outputs by {p.name}"
+
+
+def dynamic(effect, model):
+    """Return the real and the imaginary part of an effect's Z at 80 Hz, (2, n_dof, n_dof), either complex."""
+    omega, eta = 2 * np.pi * 80.0, model.damping.loss_factor
+    K, M, C, D, *_ = matrices(effect, model)
+    out = np.stack([K - omega**2 * M, eta * K + D + omega * C])
+    for part in effect.contribute(model):
+        if part.law is not None:
+            storage, loss = part.law(np.array([omega]))
+            for X, change in zip(out, (storage[0] * part.K - part.static, loss[0] * part.K), strict=True):
+                np.add.at(X, (part.dofs[:, :, None], part.dofs[:, None, :]), change)
+    return out
+
+
+def check_frf_sensitivity(model, effect):
+    effect = generic(effect)
+    model = changed(model, effect)
+    system = assemble(model)
+    Q = system.Q.toarray()
+    refs = [(effect.name, p.name) for p in effect.parameters()]
+    out, inn = np.random.default_rng(0).standard_normal((2, 2, model.n_dof))
+    direct, reduced = (
+        differentiate_frf(system, [80.0], out, inn, refs, "receptance", method)
+        for method in ("direct", "reduced")
+    )
+    forces = np.vstack([Q.T @ inn.T, np.zeros((system.n_free, 2))])
+    for i, p in enumerate(effect.parameters()):
+        real, imag = Q.T @ stepped(model, effect, p.name, dynamic) @ Q
+        # (A + iB) u = f as real equations, which leaves the complex step to the parameter
+        u = np.linalg.solve(np.block([[real, -imag], [imag, real]]), forces).reshape(2, -1, 2)
+        exact, slope = (out @ Q @ (x[0] + 1j * x[1]) for x in (u.real, u.imag / 1e-200))
+        level, per_one = abs(exact).max(), 1 / (abs(p.value) or 1.0)
+        # rounding: 1e-16 of the highest ω² is some 1e-8 of what decides a response at 80 Hz
+        assert abs(direct.frf.H[0] - exact).max() <= 1e-8 * level
+        bound = 1e-7 * abs(slope).max() + 1e-9 * level * per_one
+        assert abs(direct.dH[i, 0] - slope).max() <= bound, f"dH by {p.name}, direct"
+        # six Krylov vectors and modes up to 2.5 times the line's frequency leave (1/2.5)^12 of higher modes
+        bound = 2e-4 * abs(slope).max() + 1e-8 * level * per_one
+        assert abs(reduced.dH[i, 0] - slope).max() <= bound, f"dH by {p.name}, reduced"
+
+
+WITH_PARAMETERS = [case for case in (*CASES, *OWN) if case.values[1].parameters()]
+
+
+@pytest.mark.parametrize(("model", "effect"), WITH_PARAMETERS)
+def test_modes_and_frfs_have_the_derivatives_of_a_complex_step(model, effect):
+    check_mode_sensitivity(model, effect)
+    check_frf_sensitivity(model, effect)
 
 
 # ------------------------------------------------------------------------- would a broken effect be noticed?
