@@ -52,6 +52,8 @@ class AverageIdentification:
         Part of each line's equations that the matrices leave [-].
     misfit : float
         ‖H_nn rebuilt - H_nn‖ / ‖H_aa - H_nn‖ over all lines [-].
+    expanded_by : str
+        How coordinates of the substructures that were not measured came in; empty where none did.
     """
 
     form: JointForm
@@ -62,6 +64,7 @@ class AverageIdentification:
     lines: IntArray
     residual: FloatArray
     misfit: float
+    expanded_by: str = ""
 
     def __post_init__(self) -> None:
         for name in ("values", "std", "lines", "residual"):
@@ -174,7 +177,9 @@ def identify_average(
             "by line"
         )
         raise IdentificationError(msg)
-    return AverageIdentification(form, theta, std, condition, problem.length, lines, residual, misfit)
+    return AverageIdentification(
+        form, theta, std, condition, problem.length, lines, residual, misfit, substructures.expanded_by
+    )
 
 
 def _check_complete(labels: Sequence[str]) -> None:

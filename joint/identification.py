@@ -56,6 +56,8 @@ class JointIdentification:
         not prove Z.
     amplification_limit : float
         Largest amplification of a regular line.
+    expanded_by : str
+        How coordinates of the substructures that were not measured came in; empty where none did.
     """
 
     frequency: FloatArray
@@ -70,6 +72,7 @@ class JointIdentification:
     condition_B: FloatArray
     residual: FloatArray
     amplification_limit: float
+    expanded_by: str = ""
 
     def __post_init__(self) -> None:
         for name in [
@@ -195,6 +198,7 @@ def identify_joint(
         condition_B=conditions[1],
         residual=residual,
         amplification_limit=float(amplification_limit),
+        expanded_by=substructures.expanded_by,
     )
     if not result.regular.any():
         best = int(np.argmin(result.amplification))

@@ -141,6 +141,8 @@ class SubstructureFRF:
         M internal outputs, L internal inputs, N joint coordinates.
     H_aa, H_ab, H_ba, H_bb : (n_freq, M, L), (n_freq, M, N), (n_freq, N, L), (n_freq, N, N) complex arrays
         Receptances x/f [m/N, rad/N, m/(N m), rad/(N m)], e^{+iωt}.
+    expanded_by : str
+        How coordinates that were not measured came in, `ExpandedFRF.method`; empty where none did.
 
     Raises
     ------
@@ -154,6 +156,7 @@ class SubstructureFRF:
     H_ab: ComplexArray
     H_ba: ComplexArray
     H_bb: ComplexArray
+    expanded_by: str = ""
 
     def __post_init__(self) -> None:
         frequency = as_frequency(self.frequency)
@@ -179,6 +182,7 @@ def partition_frf(
     outputs: CoordinateSet,
     inputs: CoordinateSet,
     interface: Interface,
+    expanded_by: str = "",
 ) -> SubstructureFRF:
     """Pick the blocks of an interface out of one receptance array.
 
@@ -192,6 +196,8 @@ def partition_frf(
         What the rows and the columns of `H` are. Both must hold the joint coordinates.
     interface : Interface
         What to pick, in its order.
+    expanded_by : str
+        How coordinates that were not measured came in.
 
     Returns
     -------
@@ -214,6 +220,7 @@ def partition_frf(
         H_ab=array[np.ix_(every, row_a, col_b)],
         H_ba=array[np.ix_(every, row_b, col_a)],
         H_bb=array[np.ix_(every, row_b, col_b)],
+        expanded_by=expanded_by,
     )
 
 
@@ -259,6 +266,7 @@ def stack_substructures(*substructures: SubstructureFRF) -> SubstructureFRF:
         H_ab=_block_diagonal([substructure.H_ab for substructure in substructures]),
         H_ba=_block_diagonal([substructure.H_ba for substructure in substructures]),
         H_bb=_block_diagonal([substructure.H_bb for substructure in substructures]),
+        expanded_by=", ".join(dict.fromkeys(s.expanded_by for s in substructures if s.expanded_by)),
     )
 
 

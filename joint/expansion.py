@@ -1,0 +1,254 @@
+"""From measured translations to all coordinates of a joint: virtual point, SEREP, SEMM.
+
+Rotations cannot be measured well. They come from rigid motion near the joint (virtual point) or from a model
+(SEREP, SEMM). What was used belongs to the result: `ExpandedFRF.method`, and `SubstructureFRF.expanded_by`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from joint._checks import ComplexArray, FloatArray, as_frequency, as_lines, frozen_copy
+from joint.interface import CoordinateSet
+
+
+class ExpansionError(ValueError):
+    """Measured FRFs that do not determine what is asked; the message says what is lacking."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExpandedFRF:
+    """Hold receptances at more coordinates than were measured.
+
+    Attributes
+    ----------
+    frequency : (n_freq,) array
+        Lines [Hz].
+    outputs, inputs : CoordinateSet
+    H : (n_freq, n_out, n_in) complex array
+        Receptances x/f [m/N, rad/N, m/(N m), rad/(N m)].
+    method : str
+        What it was expanded by.
+    condition : float
+        Largest 2-norm condition number of what was inverted.
+    consistency : (n_freq,) array
+        ‖H measured as the expansion reproduces it‖ / ‖H measured‖ [-]: below 1 where the expansion's motions
+        cannot follow the data.
+    """
+
+    frequency: FloatArray
+    outputs: CoordinateSet
+    inputs: CoordinateSet
+    H: ComplexArray
+    method: str
+    condition: float
+    consistency: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("frequency", "H", "consistency"):
+            object.__setattr__(self, name, frozen_copy(getattr(self, name)))
+
+
+def rigid_rows(places: npt.ArrayLike, directions: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
+    """Return what sensors read of a rigid motion of a point, (n, 6): u = eᵀ (q + θ × r).
+
+    Parameters
+    ----------
+    places, directions : (n, 3) array_like
+        Coordinates [m] and unit vectors of sensors, or of forces.
+    point : (3,) array_like
+        The virtual point [m].
+    """
+    r = np.atleast_2d(np.asarray(places, dtype=float)) - np.asarray(point, dtype=float)
+    e = np.atleast_2d(np.asarray(directions, dtype=float))
+    return np.hstack([e, np.cross(r, e)])
+
+
+def virtual_point(
+    frequency: npt.ArrayLike,
+    H: npt.ArrayLike,
+    R_out: npt.ArrayLike,
+    R_in: npt.ArrayLike,
+    node: str,
+    *,
+    weight_out: npt.ArrayLike | None = None,
+    weight_in: npt.ArrayLike | None = None,
+) -> ExpandedFRF:
+    """Transform FRFs of sensors and forces around a point to that point's six coordinates.
+
+    q = (RᵀWR)⁻¹ RᵀW u, m = Rᵀ f:   H_q = T_u H T_f, T_u = (RᵀWR)⁻¹ RᵀW, T_f = W R (RᵀWR)⁻¹
+
+    van der Seijs, van den Bosch, Rixen & de Klerk, Proc. COMPDYN 2013. A joint with several nodes of one side
+    becomes a joint with one: give the rows of all of them.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array_like
+        Lines [Hz].
+    H : (n_freq, n_out, n_in) array_like
+        Receptances of the sensors to the forces.
+    R_out, R_in : (n_out, 6), (n_in, 6) array_like
+        `rigid_rows` of sensors and of forces. Where only one side lies at the point, give the identity of the
+        other's size: its coordinates are then kept.
+    node : str
+        Name of the virtual point.
+    weight_out, weight_in : array_like, optional
+        Weights of sensors and forces; 1 unless given.
+
+    Raises
+    ------
+    ExpansionError
+        If sensors or forces do not determine the six motions (the lacking one is named).
+    """
+    lines = as_frequency(frequency)
+    Ro, Ri = np.asarray(R_out, dtype=float), np.asarray(R_in, dtype=float)
+    Wo = np.ones(len(Ro)) if weight_out is None else np.asarray(weight_out, dtype=float)
+    Wi = np.ones(len(Ri)) if weight_in is None else np.asarray(weight_in, dtype=float)
+    data = as_lines(H, "H", lines, [f"o{i}" for i in range(len(Ro))], [f"i{i}" for i in range(len(Ri))])
+    T_u, cond_out = _reduction(Ro, Wo, "sensors", node)
+    T_f, cond_in = _reduction(Ri, Wi, "forces", node)
+    q = T_u @ data @ T_f.T
+    size = np.linalg.norm(data, axis=(1, 2))
+    kept = np.linalg.norm(Ro @ q @ Ri.T, axis=(1, 2))
+    six = CoordinateSet(tuple(f"{node}:{d}" for d in ("x", "y", "z", "rx", "ry", "rz")))
+    consistency = np.divide(kept, size, out=np.ones(lines.size), where=size > 0)
+    return ExpandedFRF(lines, six, six, q, "virtual point", max(cond_out, cond_in), consistency)
+
+
+def _reduction(R: FloatArray, weight: FloatArray, what: str, node: str) -> tuple[FloatArray, float]:
+    # rotations in units of the mean arm, so that the condition says what geometry gives
+    arm = float(np.sqrt((R[:, 3:] ** 2).sum() / max((R[:, :3] ** 2).sum(), 1e-300))) or 1.0
+    scale = np.array([1, 1, 1, arm, arm, arm])
+    s = np.linalg.svd(R / scale, compute_uv=False)
+    if len(R) < 6 or s[-1] < 1e-6 * s[0]:
+        Vt = np.linalg.svd(np.vstack([R / scale, np.zeros((6, 6))]))[2]
+        lost = ("x", "y", "z", "rx", "ry", "rz")[int(np.argmax(np.abs(Vt[-1])))]
+        msg = f"{len(R)} {what} do not determine the motion of '{node}' in {lost}; place more, off one line"
+        raise ExpansionError(msg)
+    RW = R.T * weight
+    return np.asarray(np.linalg.solve(RW @ R, RW), dtype=float), float(s[0] / s[-1])
+
+
+def expand_serep(
+    frequency: npt.ArrayLike,
+    H: npt.ArrayLike,
+    shapes_out: npt.ArrayLike,
+    shapes_in: npt.ArrayLike,
+    full_out: npt.ArrayLike,
+    full_in: npt.ArrayLike,
+    outputs: CoordinateSet,
+    inputs: CoordinateSet,
+) -> ExpandedFRF:
+    """Expand FRFs on the mode shapes of a model: SEREP.
+
+    H_full = Φ_full Φ_out⁺ H (Φ_in⁺)ᵀ Φ_fullᵀ
+
+    O'Callahan, Avitabile & Riemer, Proc. IMAC VII (1989) 29-37. Only what the modes span is kept: take as
+    many as the sensors tell apart, and more than lie in the band.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array_like
+        Lines [Hz].
+    H : (n_freq, n_out, n_in) array_like
+        Measured receptances.
+    shapes_out, shapes_in : (n_out, m), (n_in, m) array_like
+        Mode shapes of the model at the sensors and at the forces.
+    full_out, full_in : (len(outputs), m), (len(inputs), m) array_like
+        The same modes at the coordinates wanted.
+    outputs, inputs : CoordinateSet
+        Coordinates wanted.
+
+    Raises
+    ------
+    ExpansionError
+        If there are fewer sensors or forces than modes, or they do not tell the modes apart.
+    """
+    lines = as_frequency(frequency)
+    So, Si = np.asarray(shapes_out, dtype=float), np.asarray(shapes_in, dtype=float)
+    data = as_lines(H, "H", lines, [f"o{i}" for i in range(len(So))], [f"i{i}" for i in range(len(Si))])
+    inverse_out, cond_out = _modal_inverse(So, "sensors")
+    inverse_in, cond_in = _modal_inverse(Si, "forces")
+    modal = inverse_out @ data @ inverse_in.T
+    full = np.asarray(full_out, dtype=float) @ modal @ np.asarray(full_in, dtype=float).T
+    size = np.linalg.norm(data, axis=(1, 2))
+    kept = np.linalg.norm(So @ modal @ Si.T, axis=(1, 2))
+    consistency = np.divide(kept, size, out=np.ones(lines.size), where=size > 0)
+    return ExpandedFRF(lines, outputs, inputs, full, "SEREP", max(cond_out, cond_in), consistency)
+
+
+def _modal_inverse(shapes: FloatArray, what: str) -> tuple[FloatArray, float]:
+    n, m = shapes.shape
+    unit = shapes / np.maximum(np.linalg.norm(shapes, axis=0), 1e-300)
+    s = np.linalg.svd(unit, compute_uv=False)
+    if n < m or s[-1] < 1e-6 * s[0]:
+        if n < m:
+            msg = f"{n} {what} cannot tell {m} modes apart; at least {m} are needed, or fewer modes"
+            raise ExpansionError(msg)
+        v = np.abs(np.linalg.svd(unit)[2][-1])
+        words = ", ".join(str(i + 1) for i in np.argsort(-v)[:3] if v[i] > 0.3)
+        msg = f"the {what} do not tell modes {words} apart; add some where these differ, or leave modes out"
+        raise ExpansionError(msg)
+    return np.asarray(np.linalg.pinv(shapes), dtype=float), float(s[0] / s[-1])
+
+
+def expand_semm(
+    frequency: npt.ArrayLike,
+    H: npt.ArrayLike,
+    model: npt.ArrayLike,
+    outputs: CoordinateSet,
+    inputs: CoordinateSet,
+    measured_outputs: CoordinateSet,
+    measured_inputs: CoordinateSet,
+    *,
+    rcond: float = 1e-10,
+) -> ExpandedFRF:
+    """Mix measured FRFs into a model's: SEMM with a fully extended interface.
+
+    H = Y - Y (Y_o)⁺ (Y_oi - H_measured) (Y_i)⁺ Y
+
+    with the model Y at all coordinates, Y_o its rows at the measured outputs, Y_i its columns at the measured
+    inputs, Y_oi both.
+
+    Klaassen, van der Seijs & de Klerk, Mechanical Systems and Signal Processing 105 (2019) 90-112: at the
+    measured coordinates the result is the measurement, elsewhere the model corrected by it.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array_like
+        Lines [Hz].
+    H : (n_freq, n_out, n_in) array_like
+        Measured receptances at ``measured_outputs`` and ``measured_inputs``.
+    model : (n_freq, len(outputs), len(inputs)) array_like
+        The model's receptances at all coordinates, the measured ones among them.
+    outputs, inputs : CoordinateSet
+        All coordinates.
+    measured_outputs, measured_inputs : CoordinateSet
+    rcond : float
+        Singular values below this part of the largest at a line are left out.
+
+    Raises
+    ------
+    ValueError
+        If a measured coordinate is not among those of the model, or shapes do not fit.
+    """
+    lines = as_frequency(frequency)
+    data = as_lines(H, "H", lines, measured_outputs.labels, measured_inputs.labels)
+    Y = as_lines(model, "model", lines, outputs.labels, inputs.labels)
+    o, i = outputs.positions(measured_outputs.labels), inputs.positions(measured_inputs.labels)
+    rows, columns = Y[:, o], Y[:, :, i]
+    left = np.linalg.pinv(rows, rcond=rcond)  # inputs from measured outputs
+    right = np.linalg.pinv(columns, rcond=rcond)
+    full = Y - Y @ left @ (rows[:, :, i] - data) @ right @ Y
+    again = full[:, o][:, :, i]
+    s = np.linalg.svd(rows, compute_uv=False)
+    condition = float((s[:, 0] / np.maximum(s[:, -1], 1e-300)).max())
+    size = np.linalg.norm(data, axis=(1, 2))
+    off = np.linalg.norm(again - data, axis=(1, 2))
+    consistency = 1 - np.divide(off, size, out=np.zeros(lines.size), where=size > 0)
+    return ExpandedFRF(
+        lines, outputs, inputs, np.asarray(full, dtype=complex), "SEMM", condition, consistency
+    )
