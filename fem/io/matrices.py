@@ -423,10 +423,12 @@ def _calculix_dofs(file: Path) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _triplets(file: Path, n: int) -> sp.csr_array:
-    text = file.read_text(encoding="ascii", errors="replace").replace("D", "E").split()
+    text = file.read_text(encoding="ascii", errors="replace").replace("D", "E")
     try:
-        table = np.array(text, dtype=float).reshape(-1, 3)
-    except ValueError:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # so NumPy says that it met something else than a number
+            table = np.fromstring(text, sep=" ").reshape(-1, 3)
+    except (ValueError, DeprecationWarning):
         msg = f"{file.name}: row, column and value are expected on every line"
         raise MatricesError(msg) from None
     rows, cols = (table[:, k].astype(np.int64) - 1 for k in (0, 1))

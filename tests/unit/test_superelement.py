@@ -12,14 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from fem.effects.frame import Frame, MemberProperties
 from fem.effects.superelement import Attachment, Superelement
-from fem.frf import compute_frf
+from fem.frf import compute_frf, dof_vectors
 from fem.io.matrices import matrices_of, read_matrices
 from fem.matrices import Matrices
 from fem.mesh import Mesh
-from fem.model import Model, ModelError, dofs_of, lever_matrix
+from fem.model import Damping, Model, ModelError, dofs_of, lever_matrix
 from fem.modes import solve_modes
+from fem.reduced import ParametricFRF, reduce_model
 from fem.system import assemble
-from tests.frames import FLAT, STEEL, fix
+from tests.frames import FLAT, STEEL, fix, with_part
 
 DATA = Path(__file__).parents[1] / "data" / "bracket"
 CALCULIX = json.loads((DATA / "calculix.json").read_text())
@@ -287,6 +288,21 @@ def test_a_stiffer_part_scales_its_frequencies():
     np.testing.assert_allclose(
         solve_modes(assemble(free(mesh, other)), n=9).frequency[6:], base * 1.5, rtol=1e-10
     )
+
+
+@pytest.mark.parametrize("values", [(0.0, 0.0, 0.01), (0.3, -0.1, 0.03), (-0.5, 1.0, 0.0)])
+def test_the_engine_of_fits_follows_the_parameters(values):
+    """Against direct solves; the tie point's forces are in its basis, 5e-5 is its accuracy there."""
+    model = with_part().with_damping(Damping.structural(0.004))
+    refs = [("part", name) for name in ("stiffness", "mass", "eta")]
+    frequency, at = np.arange(5.0, 600.0, 15.0), [(1, "z"), (3, "y")]
+    out = dof_vectors(model, at)[0]
+    forces = np.hstack([out, np.eye(model.n_dof)[:, :12]])
+    engine = ParametricFRF(reduce_model(model, forces, 600.0, n_krylov=2), out, out, frequency, refs)
+    H, _, _ = engine.evaluate(np.array(values), np.zeros(frequency.size), gradient=False)
+    changed = assemble(model.with_values(dict(zip(refs, values, strict=True))))
+    exact = compute_frf(changed, frequency, at, at, "receptance", method="direct").H
+    assert (abs(H - exact) <= 5e-5 * np.sqrt((abs(exact) ** 2).mean(axis=0))).all()
 
 
 # What a part may be -----------------------------------------------------------------------------------------
