@@ -10,7 +10,7 @@ from benchmarks.peers.exchange import PeerFrame, PeerResult, serve
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
 from fem.model import DIRECTIONS
 from fem.modes import solve_modes
-from fem.solvers import factorise
+from fem.statics import LineLoad, LoadCase, solve_static
 from fem.system import sum_contributions
 
 
@@ -47,6 +47,15 @@ def model_of(frame: PeerFrame, *, polar: bool = False) -> Model:
     return Model(mesh, (Frame(members=members), *supports))
 
 
+def load_of(frame: PeerFrame) -> LoadCase:
+    """Return the forces on points and along members."""
+    along = tuple(
+        LineLoad(member=f"m{k}", force1=frame.uniform[k], axes="local")
+        for k in np.flatnonzero(frame.uniform.any(axis=1))
+    )
+    return LoadCase(points=frame.loads.ravel(), members=along)
+
+
 def compute(frame: PeerFrame) -> PeerResult:
     """Compute one frame."""
     found: dict[str, Any] = {}
@@ -58,12 +67,13 @@ def compute(frame: PeerFrame) -> PeerResult:
         found["K"], found["M"] = K.toarray(), M.toarray()
     if frame.static:
         start = time.process_time()
-        system, load = assemble(model), frame.loads.ravel()
-        u = system.Q @ factorise(system.K).solve(system.Q.T @ load)
-        K = sum_contributions(model.contributions(), model.n_dof)[0]
-        reactions = (K @ u - load).reshape(-1, 6) * frame.fixed
+        solution = solve_static(assemble(model), load_of(frame))
         found["static_seconds"] = time.process_time() - start
-        found["displacements"], found["reactions"] = u.reshape(-1, 6), reactions
+        found["displacements"] = solution.displacements[:, 0].reshape(-1, 6)
+        found["end_forces"] = solution.line_forces[..., 0]
+        found["reactions"] = np.zeros_like(frame.loads)
+        for (support, direction), force in solution.reactions.items():
+            found["reactions"][int(support.removeprefix("support")), DIRECTIONS.index(direction)] = force[0]
     if frame.n_modes:
         start = time.process_time()
         found["frequency"] = solve_modes(assemble(model), frame.n_modes).frequency

@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 from Pynite import FEModel3D  # pyright: ignore[reportMissingImports]
 
-from benchmarks.peers.exchange import EULER_BERNOULLI, PeerError, PeerFrame, PeerResult, serve
+from benchmarks.peers.exchange import (
+    EULER_BERNOULLI,
+    PeerError,
+    PeerFrame,
+    PeerResult,
+    on_positive_faces,
+    serve,
+)
 
 DIRECTIONS = ("DX", "DY", "DZ", "RX", "RY", "RZ")
 FORCES = ("FX", "FY", "FZ", "MX", "MY", "MZ")
@@ -82,6 +89,8 @@ def compute(frame: PeerFrame) -> PeerResult:
         found["static_seconds"] = time.process_time() - start
         nodes = [model.nodes[f"N{i}"] for i in range(len(frame.points))]
         found["displacements"] = np.array([[getattr(n, d)["static"] for d in DIRECTIONS] for n in nodes])
+        forces = [model.members[f"M{k}"].f("static") for k in range(len(frame.lines))]
+        found["end_forces"] = on_positive_faces(forces)
         found["reactions"] = np.array([[getattr(n, f"Rxn{f}")["static"] for f in FORCES] for n in nodes])
     if frame.n_modes:
         start = time.process_time()

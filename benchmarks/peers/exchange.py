@@ -6,9 +6,9 @@ Drivers run under interpreters that know neither Dovetail nor one another, so th
 import os
 import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,8 @@ class PeerResult(_Stored):
         Its name and version.
     displacements, reactions : ndarray (n, 6)
         Global [m, rad; N, N·m].
+    end_forces : ndarray (m, 2, 6)
+        N, Vy, Vz, T, My, Mz on the positive faces of both ends of each member, in its axes [N, N·m].
     frequency : ndarray (n_modes,)
         Rising [Hz].
     K, M : ndarray (6 n, 6 n)
@@ -128,6 +130,7 @@ class PeerResult(_Stored):
     program: str
     displacements: Floats = field(default_factory=lambda: np.zeros((0, 6)))
     reactions: Floats = field(default_factory=lambda: np.zeros((0, 6)))
+    end_forces: Floats = field(default_factory=lambda: np.zeros((0, 2, 6)))
     frequency: Floats = field(default_factory=lambda: np.zeros(0))
     K: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     M: Floats = field(default_factory=lambda: np.zeros((0, 0)))
@@ -136,9 +139,12 @@ class PeerResult(_Stored):
     modes_seconds: float = 0.0
 
 
-def with_changes(frame: PeerFrame, **changes: Any) -> PeerFrame:
-    """Return a frame with other values."""
-    return PeerFrame(**{f.name: changes.get(f.name, getattr(frame, f.name)) for f in fields(PeerFrame)})
+Stored = TypeVar("Stored", PeerFrame, PeerResult)
+
+
+def with_changes(stored: Stored, **changes: Any) -> Stored:
+    """Return a frame or a result with other values."""
+    return replace(stored, **changes)
 
 
 def run(
@@ -165,11 +171,12 @@ def run(
     answers = [path.with_suffix(".result.npz") for path in paths]
     for path, frame in zip(paths, frames, strict=True):
         frame.save(path)
+    others = {name: value for name, value in os.environ.items() if name != "DOVETAIL_SOLVER"}
     one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     done = subprocess.run(
         [python, "-m", f"benchmarks.peers.{driver}", *paths],
         cwd=ROOT,
-        env={**os.environ, **one_thread, "MPLBACKEND": "Agg"},
+        env={**others, **one_thread, "MPLBACKEND": "Agg"},
         capture_output=True,
         text=True,
         check=False,
@@ -182,6 +189,11 @@ def run(
         )
         raise PeerError(msg)
     return [PeerResult.load(path) for path in answers]
+
+
+def on_positive_faces(forces: Any) -> Floats:
+    """Return the forces (m, 12) of the nodes on both ends of members as those on positive faces (m, 2, 6)."""
+    return np.array(forces, dtype=float).reshape(-1, 2, 6) * np.array([-1.0, 1.0])[:, None]
 
 
 def serve(compute: Any, paths: Sequence[str]) -> None:

@@ -41,7 +41,7 @@ def random_frame(seed: int, theory: str = EULER_BERNOULLI, **changes) -> PeerFra
         "kz": rng.uniform(0.4, 1.0, m),
         "fixed": fixed,
         "loads": rng.standard_normal((n, 6)) * np.repeat([1000.0, 100.0], 3),
-        "uniform": np.zeros((m, 3)),
+        "uniform": rng.normal(0, 300.0, (m, 3)) * (rng.random((m, 1)) < 0.5),
         "released": np.zeros((m, 2, 2), dtype=bool),
         "theory": theory,
     }
@@ -72,12 +72,19 @@ def magnitudes(contributions, n_dof: int) -> tuple[NDArray[np.float64], NDArray[
     K, M = np.zeros((n_dof, n_dof)), np.zeros((n_dof, n_dof))
     for part in contributions:
         for at, k, m in zip(part.dofs, part.K, part.M, strict=True):
-            K[np.ix_(at, at)] += _blocks(k)
-            M[np.ix_(at, at)] += _blocks(m)
+            K[np.ix_(at, at)] += blocks(k)
+            M[np.ix_(at, at)] += blocks(m)
     return K, M
 
 
-def _blocks(matrix):
+def forces_of_uniform_loads(frame: PeerFrame) -> NDArray[np.float64]:
+    """Return the sizes (m, 12) of the forces and moments that hold the ends of loaded members."""
+    length = np.linalg.norm(np.diff(frame.points[frame.lines], axis=1)[:, 0], axis=1)
+    largest = length * np.abs(frame.uniform).max(axis=1)
+    return np.tile(np.repeat(np.column_stack([largest / 2, length * largest / 12]), 3, axis=1), 2)
+
+
+def blocks(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest entry of each 3 by 3 block, in all of the block's places: a rotation mixes them."""
     size = np.abs(matrix).reshape(4, 3, 4, 3).max(axis=(1, 3))
     return np.kron(size, np.ones((3, 3)))
