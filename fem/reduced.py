@@ -21,6 +21,9 @@ from fem.system import assemble, sum_contributions
 LOCAL_LIMIT = 60
 """Contributions that touch at most this many DOFs are kept in factored form."""
 
+_PLACES = 16
+"""Places whose responses are kept for further changes."""
+
 _STEP = 1e-200
 """Complex step; derivatives are exact to rounding."""
 
@@ -400,40 +403,118 @@ class LocalChanges:
     Xo: NDArray[np.complex128]
     Xi: NDArray[np.complex128]
     H: NDArray[np.complex128]
+    _places: dict[bytes, Any] = field(default_factory=dict, repr=False)
 
     def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128] | None]:
         """Return the receptances with each of some effects added, one at a time.
 
-        H' = H - Hₒ ΔZ (I + G ΔZ)⁻¹ Hᵢ, with G the receptance of the touched DOFs. Effects at the same place
-        share Hₒ, Hᵢ and G. An effect that touches too many DOFs gives None.
+        H' = H - Hₒ (I + ΔZ G)⁻¹ ΔZ Hᵢ, with G the receptance of the motions that the effect resists: six for a
+        joint. Effects at the same place share Hₒ, Hᵢ and G, also in later calls. An effect that touches too
+        many DOFs gives None.
         """
         out: list[NDArray[np.complex128] | None] = []
         state, omega = self.state, self.engine.omega
         factors = {"K": state.stiffness, "M": state.mass, "C": 1j * omega, "D": np.full(len(omega), 1j)}
-        place: NDArray[np.float64] | None = None
-        uo = ui = G = np.zeros(0)
         for effect in effects:
             term = self.engine._restrict(self.engine.reduced.value_of(effect))
             if term.L is None:
                 out.append(None)
                 continue
-            if place is None or place.shape != term.L.shape or not np.array_equal(place, term.L):
-                place = term.L
-                Lm = place @ state.V
-                uo, ui = np.moveaxis(_times(Lm, self.Xo), 2, 0), np.moveaxis(_times(Lm, self.Xi), 2, 0)
-                G = np.moveaxis(_times(Lm, state.solve(place.T)), 2, 0)
-            parts = [
-                factors[key][:, None, None] * X for key in "KMCD" if (X := getattr(term, key)) is not None
-            ]
-            parts += [f(omega)[:, None, None] * X for f, X in term.laws]
+            parts = [(factors[key], X) for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()]
+            parts += [(f(omega), X) for f, X in term.laws if X.any()]
             if not parts:
                 out.append(self.H)
                 continue
-            dZ = sum(parts[1:], parts[0])
-            out.append(
-                self.H - np.swapaxes(uo, 1, 2) @ (dZ @ np.linalg.solve(np.eye(len(place)) + G @ dZ, ui))
-            )
+            place = self._place(term.L, [X for _, X in parts])
+            # (I + ΔZ G) w = ΔZ Hᵢ
+            A = np.zeros(place.both.shape, dtype=complex)
+            for factor, X in parts:
+                A += factor * _times(place.inverse @ X @ place.inverse.T, place.both)
+            n = len(A)
+            A[np.arange(n), np.arange(n)] += 1
+            w = np.ascontiguousarray(np.moveaxis(_solve_lines(A), 2, 0))
+            out.append(self.H - place.outputs @ w)
         return out
+
+    def _place(self, L: NDArray[np.float64], matrices: list[NDArray[np.float64]]) -> "_Place":
+        """Return the responses at the motions that matrices on the rows of L act on (computed once)."""
+        key = L.tobytes()
+        known = self._places.get(key)
+        if known is not None and all(known.holds(X) for X in matrices):
+            return known
+        if known is not None:
+            matrices = [*matrices, known.motions @ known.motions.T]
+        motions, inverse, scale = _motions(matrices)
+        Lm = motions.T @ L @ self.state.V
+        G = _times(Lm, self.state.solve((motions.T @ L).T))
+        both = np.concatenate([G, _times(Lm, self.Xi)], axis=1)
+        outputs = np.ascontiguousarray(_times(Lm, self.Xo).transpose(2, 1, 0))
+        place = _Place(motions, inverse, scale, outputs, both)
+        while len(self._places) >= _PLACES:
+            self._places.pop(next(iter(self._places)))
+        self._places[key] = place
+        return place
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Place:
+    """Motions at a few DOFs, and what forces along them do.
+
+    A matrix X on the DOFs is S x Sᵀ with S = ``motions`` (m, k) and x = ``inverse`` X ``inverse``ᵀ; ``scale``
+    (m,) makes metres and radians alike. ``outputs`` (n_freq, n_out, k) are Hₒ, ``both`` (k, k + n_in, n_freq)
+    G and Hᵢ side by side.
+    """
+
+    motions: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    outputs: NDArray[np.complex128]
+    both: NDArray[np.complex128]
+
+    def holds(self, X: NDArray[np.float64]) -> bool:
+        """Whether a matrix acts on these motions alone."""
+        P, size = self.motions @ self.inverse, np.outer(self.scale, self.scale)
+        return bool(np.abs((P @ X @ P.T - X) / size).max() <= 1e-12 * np.abs(X / size).max())
+
+
+def _solve_lines(A: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Solve A[:, :n] w = A[:, n:] at each line; A (n, n + m, n_freq) gives w (n, m, n_freq).
+
+    Gauss's elimination on all lines at once, for matrices that differ from the identity by an effect. Without
+    exchange of rows a pivot is small only where the structure with a part of the effect resonates; such
+    lines are solved again one by one.
+    """
+    n, X = len(A), A.copy()
+    weak = np.zeros(A.shape[2], dtype=bool)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for j in range(n):
+            pivot = X[j, j].copy()
+            weak |= ~(np.abs(pivot) > 1e-4 * np.abs(X[j:, j]).max(axis=0))
+            X[j, j:] /= pivot
+            X[j + 1 :, j + 1 :] -= X[j + 1 :, j, None] * X[None, j, j + 1 :]
+        for j in range(n - 2, -1, -1):
+            X[j, n:] -= (X[j, j + 1 : n, None] * X[j + 1 :, n:]).sum(axis=0)
+    w = X[:, n:]
+    if weak.any():
+        some = np.moveaxis(A[:, :, weak], 2, 0)
+        w[:, :, weak] = np.moveaxis(np.linalg.solve(some[:, :, :n], some[:, :, n:]), 0, 2)
+    return w
+
+
+def _motions(
+    matrices: list[NDArray[np.float64]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return S (m, k) and S⁺ (k, m) for symmetric matrices: a basis of all their ranges, and its inverse.
+
+    Rows are scaled by the diagonals, so that soft directions count beside stiff ones, and rotations beside
+    displacements; the scales (m,) are the third result.
+    """
+    diagonal = sum(np.abs(X.diagonal()) / np.abs(X.diagonal()).max() for X in matrices)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    scaled = [X / np.outer(scale, scale) for X in matrices]
+    U, s, _ = np.linalg.svd(np.hstack([X / np.abs(X).max() for X in scaled]))
+    U = U[:, s > 1e-12 * s[0]]
+    return scale[:, None] * U, U.T / scale, scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
