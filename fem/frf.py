@@ -1,6 +1,6 @@
 """Frequency response functions: one type for measured and computed data, and how a system gives them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -19,6 +19,7 @@ from fem.receptance import (
     modes_below,
     nearly_static,
     receptance,
+    receptance_blocks,
     response_sizes,
     static_residual,
     superpose,
@@ -43,6 +44,9 @@ _RESERVE = 0.5
 
 _WIDE_STEPS = 6
 """Blocks of Krylov vectors where no bound is known."""
+
+_ALL_MODES = 3000
+"""Systems of at most this many coordinates are superposed of all modes where forces act nearly everywhere."""
 
 _SMALL_LEVEL = 1e-3
 """FRFs smaller than this part of what their places could give (zero by symmetry) are judged against it."""
@@ -329,33 +333,68 @@ def compute_frf(
         For an unknown method, frequencies that cannot be used, 0 Hz on a free structure, or modal ratios
         with ``"direct"``.
     """
-    model = system.model
-    kind = FRFKind(kind)
-    out, out_labels = dof_columns(model, outputs)
-    inn, in_labels = dof_columns(model, inputs)
-    frequency = np.array(frequency, dtype=float, ndmin=1)
-    if not frequency.size or not np.isfinite(frequency).all() or (frequency < 0).any():
-        msg = "frequencies must be finite and not negative, and there must be one [Hz]"
-        raise FRFError(msg)
     if method not in METHODS:
         msg = f"the FRF method is '{method}'; allowed are {', '.join(METHODS)}"
         raise FRFError(msg)
-    q_out, q_in = sp.csc_array(system.Q.T @ out), sp.csc_array(system.Q.T @ inn)
+    task, out_labels, in_labels = _task(system, frequency, outputs, inputs, kind, tolerance)
     # Z is symmetric, and so is H: forces and responses may change places.
-    swap = inn.shape[1] > out.shape[1]
-    task = _Task(system, frequency, *((q_out, q_in) if swap else (q_in, q_out)), kind, tolerance)
-    H, accuracy = _solved(task, method, n_modes)
+    swap = task.inputs.shape[1] > task.outputs.shape[1]
+    solved = replace(task, inputs=task.outputs, outputs=task.inputs) if swap else task
+    H, accuracy = _solved(solved, method, n_modes)
     bound = accuracy.bound
     if swap:
         H = np.swapaxes(H, 1, 2)
         bound = None if bound is None else np.swapaxes(bound, 1, 2)
-    # Rounding and local dampers may hold a free structure that nothing holds.
-    free = (frequency == 0).any() and system.rigid.shape[1] > 0
-    if free or not np.isfinite(H).all():
-        msg = "the receptance is infinite at a line: 0 Hz on a free structure, or an undamped resonance"
-        raise FRFError(msg)
-    frf = FRF.from_arrays(frequency, H, FRFKind.RECEPTANCE, out_labels, in_labels)
+    _check_finite(task, H, task.frequency)
+    frf = FRF.from_arrays(task.frequency, H, FRFKind.RECEPTANCE, out_labels, in_labels)
     return replace(frf, accuracy=replace(accuracy, bound=bound)).as_kind(kind)
+
+
+def frf_blocks(
+    system: System,
+    frequency: ArrayLike,
+    outputs: Selection,
+    inputs: Selection,
+    kind: FRFKind | str = FRFKind.ACCELERANCE,
+    *,
+    tolerance: float = 1e-5,
+    out: NDArray[Any] | None = None,
+) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
+    """Compute many FRFs a few lines at a time, for those that do not fit into memory together.
+
+    The method is ``"reduced"`` of :func:`compute_frf`, on all modes where forces are as many as a quarter of
+    the coordinates.
+
+    Parameters
+    ----------
+    system : System
+    frequency, outputs, inputs, kind, tolerance
+        As for :func:`compute_frf`.
+    out : array of complex (n_freq, n_out, n_in), optional
+        Filled as the blocks come; a ``numpy.memmap`` for example.
+
+    Yields
+    ------
+    lines : slice
+        Lines of the block.
+    H : ndarray (n_lines, n_out, n_in)
+        Their FRFs: a part of ``out``, or without it an array that the next block overwrites.
+
+    Raises
+    ------
+    FRFError
+        As :func:`compute_frf`, and for an array of another shape or type.
+    """
+    task, _, _ = _task(system, frequency, outputs, inputs, kind, tolerance)
+    shape = (task.frequency.size, task.outputs.shape[1], task.inputs.shape[1])
+    if out is not None and (out.shape != shape or out.dtype != complex):
+        msg = f"the array for the FRFs is {out.dtype} {out.shape}; complex128 {shape} is needed"
+        raise FRFError(msg)
+    s = _reduced(task, locals_of(system))
+    symmetric = shape[1] == shape[2] and bool((s.same == np.arange(shape[1])).all())
+    for lines, H in receptance_blocks(s, task.omega, task.kind.derivatives, symmetric, out):
+        _check_finite(task, H, task.frequency[lines])
+        yield lines, H
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -411,6 +450,33 @@ class _Task:
         return float((error / np.maximum(np.maximum(peak, level), 1e-300)).max(initial=0.0))
 
 
+def _task(
+    system: System,
+    frequency: ArrayLike,
+    outputs: Selection,
+    inputs: Selection,
+    kind: FRFKind | str,
+    tolerance: float,
+) -> tuple[_Task, tuple[str, ...], tuple[str, ...]]:
+    """Return what is asked for, checked, and the labels of outputs and inputs."""
+    out, out_labels = dof_columns(system.model, outputs)
+    inn, in_labels = dof_columns(system.model, inputs)
+    lines = np.array(frequency, dtype=float, ndmin=1)
+    if not lines.size or not np.isfinite(lines).all() or (lines < 0).any():
+        msg = "frequencies must be finite and not negative, and there must be one [Hz]"
+        raise FRFError(msg)
+    q_out, q_in = sp.csc_array(system.Q.T @ out), sp.csc_array(system.Q.T @ inn)
+    return _Task(system, lines, q_in, q_out, FRFKind(kind), tolerance), out_labels, in_labels
+
+
+def _check_finite(task: _Task, H: NDArray[np.complex128], frequency: NDArray[np.float64]) -> None:
+    # Rounding and local dampers may hold a free structure that nothing holds.
+    free = (frequency == 0).any() and task.system.rigid.shape[1] > 0
+    if free or not np.isfinite(H).all():
+        msg = "the receptance is infinite at a line: 0 Hz on a free structure, or an undamped resonance"
+        raise FRFError(msg)
+
+
 def _possible(s: Superposition, omega: NDArray[np.float64], derivatives: int) -> NDArray[np.float64]:
     """Return how large FRFs between these places could be, (n_out, n_in): Schwarz, with 0.1 % of damping."""
     parts = omega[:, None] ** 2 * s.mass + s.stiffness
@@ -450,6 +516,10 @@ def _reduced(task: _Task, local: Locals) -> Superposition:
     """Return modes and as many Krylov vectors as the tolerance takes."""
     system = task.system
     loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
+    if system.n_free <= _ALL_MODES and 4 * loads.shape[1] >= system.n_free:
+        pairs, cut = solve_eigenpairs(system, system.n_free), np.inf
+        if pairs.vectors.shape[1] == system.n_free:
+            return superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, None)
     pairs, cut = modes_below(system, _MARGIN * task.highest)
     pairs = nearly_static(system, pairs, cut)
     sizes = response_sizes(system, pairs, task.outputs) if cut < np.inf else np.zeros(task.outputs.shape[1])

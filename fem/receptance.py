@@ -226,13 +226,52 @@ def receptance(
     return H, bound
 
 
+def receptance_blocks(
+    s: Superposition, omega: NDArray[np.float64], derivatives: int, symmetric: bool, out: NDArray[Any] | None
+) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
+    """Return slices of lines and the FRFs there, (lines, n_out, n_in), one after the other.
+
+    Each overwrites the former unless there is an array ``out`` (n_freq, n_out, n_in) for all. Of modes that
+    nothing couples, H is one real product for each line: Φₒ times the real and imaginary columns of Φᵢ/z side
+    by side. ``symmetric`` says that outputs are inputs: then what lies below the diagonal is copied.
+    """
+    n_out, n_in = s.responses.shape[1], s.n_in
+    step = max(1, _CHUNK // max(n_out * n_in, 1))
+    plain = not (s.wide or s.local.C.size or s.residual is not None)
+    buffer = np.empty((min(step, len(omega)), n_out, n_in), dtype=complex) if out is None else None
+    left = np.ascontiguousarray(s.responses.T)
+    edges = np.linspace(0, n_out, 1 + (max(1, min(n_out // 48, 8)) if symmetric else 1)).astype(int)
+    work = np.empty((s.n_vectors, n_in), dtype=complex)
+    for start in range(0, len(omega), step):
+        lines = slice(start, min(start + step, len(omega)))
+        H = out[lines] if out is not None else buffer[: lines.stop - start]  # type: ignore[index]
+        factor = (1j * omega[lines]) ** derivatives
+        if not plain:
+            H[...] = receptance(s, omega[lines], bounds=False)[0] * factor[:, None, None]
+            yield lines, H
+            continue
+        with np.errstate(all="ignore"):
+            flexibility = factor[:, None] / _Lines.of(s, omega[lines]).z
+        for k in range(len(H)):
+            np.multiply(s.loads, flexibility[k, :, None], out=work)
+            for a, b in zip(edges[:-1], edges[1:], strict=True):
+                first = a if symmetric else 0
+                if H.flags.c_contiguous and first == 0 and b - a == n_out:
+                    np.matmul(left, work.view(float), out=H[k].view(float))
+                else:
+                    H[k, a:b, first:] = (left[a:b] @ work.view(float)[:, 2 * first :]).view(complex)
+                if symmetric:
+                    H[k, b:, a:b] = H[k, a:b, b:].T
+        yield lines, H
+
+
 def _receptance(
     s: Superposition, omega: NDArray[np.float64], bounds: bool
 ) -> tuple[NDArray[np.complex128], Any]:
     at, n_in = _Lines.of(s, omega), s.n_in
     if s.wide:
         return _coupled(s, at), None
-    y = s.loads / at.z[:, :, None]
+    y = s.loads * (1 / at.z)[:, :, None]
     H = _real_times(s.responses.T, y)
     if s.residual is not None:
         H = H + s.residual[0] / at.k[:, None, None]

@@ -408,9 +408,9 @@ class LocalChanges:
     def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128] | None]:
         """Return the receptances with each of some effects added, one at a time.
 
-        H' = H - Hₒ (I + ΔZ G)⁻¹ ΔZ Hᵢ, with G the receptance of the motions that the effect resists: six for a
-        joint. Effects at the same place share Hₒ, Hᵢ and G, also in later calls. An effect that touches too
-        many DOFs gives None.
+        H' = H - Hₒ (I + ΔZ G)⁻¹ ΔZ Hᵢ, with G the receptance of the motions that the effect resists: six for
+        a joint. Effects at the same place share Hₒ, Hᵢ and G, also in later calls. An effect that touches
+        too many DOFs gives None.
         """
         out: list[NDArray[np.complex128] | None] = []
         state, omega = self.state, self.engine.omega
