@@ -49,7 +49,9 @@ def lattice_row(n: int, damped: bool) -> str:
     direct = (time.perf_counter() - start) / some.size * f.size
     error = (abs(frf.H[some] - exact) / abs(frf.H).max(axis=0)).max()
     assert frf.accuracy is not None
-    line = f"{system.n_free:8d}{'yes' if damped else 'no':>7s}{modes:9.2f}{reduced:9.2f}{reduced / modes:8.2f}"
+    line = (
+        f"{system.n_free:8d}{'yes' if damped else 'no':>7s}{modes:9.2f}{reduced:9.2f}{reduced / modes:8.2f}"
+    )
     return line + f"{frf.accuracy.n_vectors:9d}{error:10.1e}{frf.accuracy.worst:10.1e}{direct / reduced:9.0f}"
 
 
@@ -70,7 +72,9 @@ def joint_change() -> str:
         for x in np.linspace(0.1, 1.0, 20)
     ]
     one = min(seconds(lambda c=c: state.receptances([c])) for c in changes * 3)
-    return f"{model.n_dof} DOFs: {1e3 * one:.2f} ms; all parameters anew, without gradient: {1e3 * whole:.2f} ms"
+    return (
+        f"{model.n_dof} DOFs: {1e3 * one:.2f} ms; all parameters anew, without gradient: {1e3 * whole:.2f} ms"
+    )
 
 
 def full_matrix() -> str:
@@ -100,7 +104,9 @@ def full_matrix() -> str:
 if __name__ == "__main__":
     print("a joint's change,", joint_change(), flush=True)
     print("full receptance,", full_matrix(), flush=True)
-    print("\nlattices: 20 modes, and 20 x 2 FRFs at 1000 lines; times in seconds; error and bound of the peak;")
+    print(
+        "\nlattices: 20 modes, and 20 x 2 FRFs at 1000 lines; times in seconds; error and bound of the peak;"
+    )
     print("direct: one factorisation for each line (from 3 of them) in units of the FRFs\n")
     print("  n_free damper    modes     FRFs   ratio  vectors     error     bound   direct")
     for size in [int(a) for a in sys.argv[1:]] or [6, 10]:
