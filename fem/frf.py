@@ -21,6 +21,7 @@ from fem.receptance import (
     receptance,
     receptance_blocks,
     response_sizes,
+    sharpened,
     static_residual,
     superpose,
 )
@@ -44,9 +45,6 @@ _RESERVE = 0.5
 
 _WIDE_STEPS = 6
 """Blocks of Krylov vectors where no bound is known."""
-
-_ALL_MODES = 3000
-"""Systems of at most this many coordinates are superposed of all modes where forces act nearly everywhere."""
 
 _SMALL_LEVEL = 1e-3
 """FRFs smaller than this part of what their places could give (zero by symmetry) are judged against it."""
@@ -362,8 +360,7 @@ def frf_blocks(
 ) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
     """Compute many FRFs a few lines at a time, for those that do not fit into memory together.
 
-    The method is ``"reduced"`` of :func:`compute_frf`, on all modes where forces are as many as a quarter of
-    the coordinates.
+    The method is ``"reduced"`` of :func:`compute_frf`.
 
     Parameters
     ----------
@@ -505,7 +502,7 @@ def _modal(task: _Task, local: Locals, n_modes: int | None) -> Superposition:
     if n_modes is None:
         pairs, cut = modes_below(system, _MARGIN * task.highest)
     else:
-        pairs = solve_eigenpairs(system, n_modes)
+        pairs = sharpened(system, solve_eigenpairs(system, n_modes))
         cut = np.inf if n_modes >= system.n_free else float(pairs.eigenvalues[-1])
     loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
     s = superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, None)
@@ -516,10 +513,6 @@ def _reduced(task: _Task, local: Locals) -> Superposition:
     """Return modes and as many Krylov vectors as the tolerance takes."""
     system = task.system
     loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
-    if system.n_free <= _ALL_MODES and 4 * loads.shape[1] >= system.n_free:
-        pairs, cut = solve_eigenpairs(system, system.n_free), np.inf
-        if pairs.vectors.shape[1] == system.n_free:
-            return superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, None)
     pairs, cut = modes_below(system, _MARGIN * task.highest)
     pairs = nearly_static(system, pairs, cut)
     sizes = response_sizes(system, pairs, task.outputs) if cut < np.inf else np.zeros(task.outputs.shape[1])
