@@ -17,6 +17,7 @@ from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
 from study.measured import check_units, labels_of, match, read_band, read_files, top_frequency
 from study.parts import (
+    note_shear_centres,
     read_damping,
     read_masses,
     read_materials,
@@ -178,6 +179,7 @@ class _Reader:
         inline = "file" not in top.table("mesh").values
         materials, known_sections = read_materials(top), read_sections(top)
         properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
+        notes.extend(note_shear_centres(properties))
         supports, joints = read_supports(top, geometry), read_joints(top, geometry)
         connections = (
             *read_viscoelastic(top, geometry),

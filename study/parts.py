@@ -1,7 +1,7 @@
 """Materials, sections, members, supports and masses of a study."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from fem.effects.support import Support
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping
 from fem.properties import Material, Section
-from fem.sections import SHAPES
+from fem.sections import OPTIONS, SHAPES
 from study.geometry import Geometry
 from study.table import Table, suggest
 
@@ -40,32 +40,86 @@ def read_sections(top: Table) -> dict[str, Section]:
 
 def read_section(t: Table, label: str = "") -> Section:
     """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz, which go before it."""
-    shape = t.text("shape", "", tuple(SHAPES))
+    shape = t.text("shape", "", (*SHAPES, "polygon"))
     constants = ("A", "Iy", "Iz", "J")
     if not shape:
         if not any(key in t for key in constants):
-            t.refuse("", f"the section has neither a shape ({', '.join(SHAPES)}) nor A, Iy, Iz and J")
-        values: dict[str, Any] = {
-            key: t.number(key, above=0, unit={"A": "m²"}.get(key, "m⁴")) for key in constants
-        }
+            t.refuse(
+                "", f"the section has neither a shape ({', '.join(SHAPES)}, polygon) nor A, Iy, Iz and J"
+            )
+        values: dict[str, Any] = {key: _constant(t, key) for key in constants}
         with t.at():
             section = Section(
                 **values, ky=t.number("ky", 0.0, least=0), kz=t.number("kz", 0.0, least=0), label=label
             )
         t.finish()
         return section
-    sizes = {key: t.number(key, above=0, unit="m") for key in SHAPES[shape]}
-    with t.at():
-        section = Section.of_shape(shape, **sizes)
-        own = {key: t.number(key, above=0, unit={"A": "m²"}.get(key, "m⁴")) for key in constants if key in t}
-        own |= {key: t.number(key, least=0) for key in ("ky", "kz") if key in t}
-        if own:
-            fields: dict[str, Any] = {key: getattr(section, key) for key in (*constants, "ky", "kz")} | own
-            section = Section(
-                **fields, outlines=section.outlines, label=f"{section.label}, {', '.join(own)} as given"
+    if shape == "polygon":
+        section = _polygon(t, label)
+    else:
+        sizes: dict[str, float] = {
+            key: t.whole(key, least=3) if key == "n" else t.number(key, above=0, unit="m")
+            for key in SHAPES[shape]
+        }
+        for key in OPTIONS.get(shape, ()):
+            if key in t:
+                sizes[key] = t.number(key) if key == "nu" else t.number(key, least=0, unit="m")
+        with t.at():
+            section = Section.of_shape(shape, **sizes)
+    own = {key: _constant(t, key) for key in constants if key in t}
+    own |= {key: t.number(key, least=0) for key in ("ky", "kz") if key in t}
+    if own and shape != "polygon":
+        with t.at():
+            section = replace(
+                section,
+                **own,
+                Ip=0.0,
+                shape="",
+                dimensions={},
+                label=f"{section.label}, {', '.join(own)} as given",
             )
     t.finish()
     return section
+
+
+def _polygon(t: Table, label: str) -> Section:
+    """Read an outline with holes: J, ky and kz as given, or by finite elements where J is not."""
+    outlines = [t.get("outer"), *t.get("holes", [])]
+    for key in ("A", "Iy", "Iz"):
+        if key in t:
+            t.refuse(key, "the polygon has it already; leave it out, or leave out the shape")
+    with t.at("outer"):
+        try:
+            outer, *holes = (np.array(outline, dtype=float) for outline in outlines)
+        except (ValueError, TypeError):
+            t.refuse(
+                "outer", "a list of corners [y, z] is needed, and a list of such lists for the holes [m]"
+            )
+        if "J" in t:
+            ky, kz = t.number("ky", 0.0, least=0), t.number("kz", 0.0, least=0)
+            return Section.polygon(outer, holes, J=_constant(t, "J"), ky=ky, kz=kz, label=label or "polygon")
+        if "ky" in t or "kz" in t:
+            t.refuse("", "the polygon has ky or kz but no J; give J too, or none of them")
+        return Section.arbitrary(outer, holes, nu=t.number("nu", 0.0), label=label or "arbitrary section")
+
+
+def _constant(t: Table, key: str) -> float:
+    return t.number(key, above=0, unit="m²" if key == "A" else "m⁴")
+
+
+def note_shear_centres(members: Mapping[str, MemberProperties]) -> list[str]:
+    """Return a note on each section whose shear centre is not its centroid: the elements take it to be."""
+    out: dict[str, str] = {}
+    for name, member in members.items():
+        y, z = member.section.shear_centre
+        if np.hypot(y, z) > 0.01 * np.sqrt(member.section.A):
+            out.setdefault(
+                member.section.label,
+                f"section {member.section.label} (member '{name}' …) has its shear centre "
+                f"{np.hypot(y, z):.3g} m from its centroid; it is taken to twist about the centroid, so that "
+                "bending and torsion are not coupled",
+            )
+    return list(out.values())
 
 
 @dataclass(slots=True)

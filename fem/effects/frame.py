@@ -266,7 +266,7 @@ class Frame(Effect):
         layout, rows = _layout(self, mesh), np.asarray(rows, dtype=np.int64)
         R, end, span, L = _place(layout, mesh, rows)
         kind = layout.kind[rows]
-        table = {key: values[kind] for key, values in layout.table.items() if key != "up"}
+        table = {key: values[kind] for key, values in layout.table.items() if key not in ("up", "angle")}
         E, rho = (
             np.array([self.values.get(f"{key}:{m.name}", getattr(m, key)) for m in layout.materials])[kind]
             for key in ("E", "rho")
@@ -478,7 +478,7 @@ def _layout(frame: Frame, mesh: Mesh) -> _Layout:
     layout = _Layout(
         kind,
         {
-            **{key: np.array([getattr(s, key) for _, s in kinds]) for key in _CONSTANTS},
+            **{key: np.array([getattr(s, key) for _, s in kinds]) for key in (*_CONSTANTS, "angle")},
             "nu": np.array([p.material.nu for p, _ in kinds]),
             "eta": np.array([p.material.loss_factor for p, _ in kinds]),
             "rotary": np.array([float(p.theory == "timoshenko") for p, _ in kinds]),
@@ -586,7 +586,8 @@ def _place(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part."""
     t = _along(layout, mesh, rows)
-    R = _axes(t, layout.table["up"][layout.kind[rows]])
+    kind = layout.kind[rows]
+    R = _turned(_axes(t, layout.table["up"][kind]), layout.table["angle"][kind])
     span = np.linalg.norm(t, axis=1)
     zone = layout.zone[rows]
     end = layout.offset[rows] + (zone * [1.0, -1.0])[:, :, None] * R[:, None, 0]
@@ -638,6 +639,14 @@ def _axes(t: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64
     z = up - np.einsum("bi,bi->b", up, x)[:, None] * x
     z = z / np.linalg.norm(z, axis=1, keepdims=True)
     return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _turned(R: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return local axes (b, 3, 3) turned about x, by angles (b,) [rad], to the sections' principal axes."""
+    if not angle.any():
+        return R
+    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    return np.stack([R[:, 0], c * R[:, 1] + s * R[:, 2], c * R[:, 2] - s * R[:, 1]], axis=1)
 
 
 def _skew(v: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from fem.system import assemble
 from study import load_study
 from study.geometry import element_size
 from study.measured import sensor_rows
+from study.table import StudyError
 
 BEAM = """
 [materials.steel]
@@ -171,11 +172,49 @@ def test_joint_between_places_on_members(tmp_path):
         ),
         ("{A = 1e-4, Iy = 1e-9, Iz = 2e-9, J = 1e-9}", 1e-4),
         ('{shape = "circle", d = 0.02, A = 3e-4}', 3e-4),
+        ('{shape = "ellipse", b = 0.02, h = 0.03, nu = 0.3}', np.pi * 0.02 * 0.03 / 4),
+        ('{shape = "angle_section", b = 0.03, h = 0.04, t = 0.003}', 0.07 * 0.003 - 0.003**2),
+        (
+            '{shape = "channel", b = 0.03, h = 0.06, tf = 0.003, tw = 0.002, r = 0.002}',
+            2 * 0.03 * 0.003 + 0.054 * 0.002 + 2 * (1 - np.pi / 4) * 0.002**2,
+        ),
+        ('{shape = "hollow_polygon", n = 6, d = 0.03, t = 0.002}', 6 * 0.028 * np.tan(np.pi / 6) * 0.002),
+        (
+            '{shape = "polygon", outer = [[0, 0], [0.03, 0], [0, 0.02]], '
+            "holes = [[[0.01, 0.005], [0.012, 0.005], [0.01, 0.007]]], J = 1e-9}",
+            3e-4 - 2e-6,
+        ),
     ],
 )
 def test_sections(tmp_path, section, area):
     study = load(tmp_path, BEAM.replace('{ shape = "rectangle", b = 0.03, h = 0.01 }', section) + CLAMP)
     assert pytest.approx(area, rel=1e-12) == study.model.effect("frame").members["bar"].section.A
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        (
+            '{shape = "hollow_polygon", n = 6.5, d = 0.03, t = 0.002}',
+            r"section\.n: 6\.5 is not allowed; a whole",
+        ),
+        ('{shape = "channel", b = 0.03, h = 0.06, tf = 0.003, tw = 0.04}', "do not fit"),
+        ('{shape = "channel", b = 0.03, h = 0.06, tf = 0.003, tw = 0.002, r = 0.04}', r"radius r is 0\.04"),
+        ('{shape = "chanel", b = 0.03}', "did you mean 'channel'"),
+        ('{shape = "polygon", outer = [[0, 0], [0.03, 0]], J = 1e-9}', "has 2 corners"),
+        ('{shape = "polygon", outer = "round", J = 1e-9}', "a list of corners"),
+        ('{shape = "polygon", outer = [[0, 0], [1, 0], [0, 1]], ky = 0.8}', "give J too"),
+    ],
+)
+def test_impossible_sections(tmp_path, section, words):
+    with pytest.raises(StudyError, match=words):
+        load(tmp_path, BEAM.replace('{ shape = "rectangle", b = 0.03, h = 0.01 }', section) + CLAMP)
+
+
+def test_a_shear_centre_beside_the_centroid_is_said(tmp_path):
+    section = '{shape = "channel", b = 0.03, h = 0.06, tf = 0.003, tw = 0.002}'
+    study = load(tmp_path, BEAM.replace('{ shape = "rectangle", b = 0.03, h = 0.01 }', section) + CLAMP)
+    assert any("shear centre 0.0" in text for text in study.assumptions)
 
 
 def test_members_of_a_mesh_file_and_their_groups(tmp_path):
