@@ -36,6 +36,10 @@ class RitzPairs:
     residual: NDArray[np.float64]
     following: float
 
+    def head(self, n: int) -> "RitzPairs":
+        """Return the n lowest; the rest is forgotten."""
+        return RitzPairs(self.eigenvalues[:n], self.vectors[:, :n], self.residual[:n], self.following)
+
 
 def lowest_eigenpairs(
     solve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
@@ -66,7 +70,7 @@ def lowest_eigenpairs(
     n : int
         Number of eigenpairs, those known left out.
     limit : float
-        All eigenpairs up to this eigenvalue are computed as well.
+        All eigenpairs up to this eigenvalue are computed as well, and one more.
     known : ndarray (n_free, k), optional
         M-orthonormal eigenvectors that are left out.
     block : int, optional
@@ -74,57 +78,26 @@ def lowest_eigenpairs(
     seed : int
         Of the random starting vectors.
     """
-    n_free = M.shape[0]
-    fixed = np.zeros((n_free, 0)) if known is None else known
-    r = fixed.shape[1]
-    n = min(n, n_free - r)
+    fixed = np.zeros((M.shape[0], 0)) if known is None else known
+    n = min(n, M.shape[0] - fixed.shape[1])
     block = min(max(n // 4, 8), 16) if block is None else block
-    random = np.random.default_rng(seed)
-    basis = np.empty((n_free, min(r + 4 * n + 6 * block, n_free)))
-    basis[:, :r] = fixed
-    T = np.zeros((0, 0))
-    current = solve(M @ random.standard_normal((n_free, min(block, n_free - r))))
-    before = _norms(M, current)
-    current = _normalised(M, _orthogonal(M, basis[:, :r], current)[0], before)
-    size, look = r, 0
-    while True:
-        first, size = size, size + current.shape[1]
-        if size > basis.shape[1]:
-            wider = np.empty((n_free, min(max(size, int(1.5 * basis.shape[1])), n_free)))
-            wider[:, :first] = basis[:, :first]
-            basis = wider
-        basis[:, first:size] = current
-        W = solve(M @ current)
-        before = _norms(M, W)
-        W, part = _orthogonal(M, basis[:, :size], W)
-        T = _bordered(T, part[r:])
-        current = _normalised(M, W, before)[:, : n_free - size]
-        ended = current.shape[1] == 0
-        if len(T) < look and not ended:
-            continue
-        look = max(n, int(1.05 * len(T)))
-        nu, S = (x[..., ::-1] for x in np.linalg.eigh(T))
-        nu = nu[nu > 1e-14 * nu[:1]]  # directions without mass have none
-        S = S[:, : len(nu)]
-        carried = current.T @ (M @ W) @ S[first - r :]
-        residual = np.sqrt(np.einsum("ij,ij->j", carried, carried)) / nu
-        eigenvalues = 1 / nu + shift
-        want = max(n, int((eigenvalues <= limit).sum()) + 1)
-        if ended or (len(nu) >= want and bool((residual[:want] < TOLERANCE).all())):
+    pairs, ended = _search(solve, M, shift, n, limit, fixed, block, seed)
+    new = pairs
+    while new.eigenvalues.size and fixed.shape[1] + pairs.vectors.shape[1] < M.shape[0]:
+        short = n - len(pairs.eigenvalues)
+        top = np.inf if short > 0 else max(limit, pairs.eigenvalues[n - 1] * (1 + EQUAL) if n else limit)
+        full = _largest_set(1 / (new.eigenvalues[new.eigenvalues <= top] - shift)) >= block
+        if not (full or ended):
             break
-    want = min(want, len(nu))
-    # The part outside the basis sharpens the vectors and takes out what has no mass (Ericsson and Ruhe).
-    vectors = basis[:, r:size] @ S[:, :want] + current @ (carried[:, :want] / nu[:want])
-    vectors /= _norms(M, vectors)
-    following = float(eigenvalues[want]) if len(nu) > want else np.inf
-    pairs = RitzPairs(eigenvalues[:want], vectors, residual[:want], following)
-    if want and size < n_free and (_largest_set(nu[:want]) >= block or ended):
-        return _completed(pairs, solve, M, shift, n, limit, fixed, block, seed + 1)
-    return pairs
+        seed += 1
+        beside = np.hstack([fixed, pairs.vectors])
+        new, ended = _search(solve, M, shift, max(short, 0), limit if short > 0 else top, beside, block, seed)
+        pairs = merged(pairs, new, len(pairs.eigenvalues) + len(new.eigenvalues))
+    want = max(n, int((pairs.eigenvalues <= limit).sum()) + 1)
+    return pairs if new is pairs else merged(pairs, pairs.head(0), want)
 
 
-def _completed(
-    pairs: RitzPairs,
+def _search(
     solve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     M: Any,
     shift: float,
@@ -133,21 +106,60 @@ def _completed(
     fixed: NDArray[np.float64],
     block: int,
     seed: int,
-) -> RitzPairs:
-    """Return the pairs together with those that another start finds beside them."""
-    short = n - len(pairs.eigenvalues)
-    below = limit if short > 0 else max(limit, float(pairs.eigenvalues[-1]) * (1 + EQUAL))
-    known = np.hstack([fixed, pairs.vectors])
-    more = lowest_eigenpairs(solve, M, shift, max(short, 1), below, known, block, seed)
-    eigenvalues = np.concatenate([pairs.eigenvalues, more.eigenvalues])
+) -> tuple[RitzPairs, bool]:
+    """Return the n lowest eigenpairs, those up to a limit and one more, and whether no step was left.
+
+    Of a repeated eigenvalue there are no more than the block has vectors.
+    """
+    n_free, r = fixed.shape
+    random = np.random.default_rng(seed)
+    basis = np.empty((n_free, min(r + 4 * n + 6 * block, n_free)))
+    basis[:, :r] = fixed
+    T = np.zeros((0, 0))
+    W = solve(M @ random.standard_normal((n_free, min(block, n_free - r))))
+    current, carried, _ = _next_block(M, basis[:, :r], W, 0)
+    size, previous, look = r, r, 0
+    while True:
+        first, size = size, size + current.X.shape[1]
+        if size > basis.shape[1]:
+            wider = np.empty((n_free, min(max(size, int(1.5 * basis.shape[1])), n_free)))
+            wider[:, :first] = basis[:, :first]
+            basis = wider
+        basis[:, first:size] = current.X
+        # But for rounding a new block has a part in the last two alone, and none in known vectors.
+        local, previous = 0 if r else previous, first
+        current, carried, part = _next_block(M, basis[:, :size], solve(current.MX), local)
+        T = _bordered(T, part[r:])
+        current = current.head(n_free - size)
+        ended = current.X.shape[1] == 0
+        if len(T) < look and not ended:
+            continue
+        look = max(n, int(1.05 * len(T)))
+        nu, S = (x[..., ::-1] for x in np.linalg.eigh(T))
+        nu = nu[nu > 1e-14 * nu[:1]]  # directions without mass have none
+        S = S[:, : len(nu)]
+        carried = carried[: current.X.shape[1]] @ S[first - r :]
+        residual = np.sqrt(np.einsum("ij,ij->j", carried, carried)) / nu
+        eigenvalues = 1 / nu + shift
+        want = max(n, int((eigenvalues <= limit).sum()) + 1)
+        if ended or (len(nu) >= want and bool((residual[:want] < TOLERANCE).all())):
+            break
+    want = min(want, len(nu))
+    # The part outside the basis sharpens the vectors and takes out what has no mass (Ericsson and Ruhe).
+    vectors = basis[:, r:size] @ S[:, :want] + current.X @ (carried[:, :want] / nu[:want])
+    vectors /= _norms(M, vectors)
+    following = float(eigenvalues[want]) if len(nu) > want else np.inf
+    pairs = RitzPairs(eigenvalues[:want], vectors, residual[:want], following)
+    return pairs, ended
+
+
+def merged(one: RitzPairs, two: RitzPairs, n: int) -> RitzPairs:
+    """Return the n lowest of two sets of pairs that are M-orthogonal to each other."""
+    eigenvalues = np.concatenate([one.eigenvalues, two.eigenvalues])
     order = np.argsort(eigenvalues, kind="stable")
-    vectors, residual = (
-        np.hstack([pairs.vectors, more.vectors]),
-        np.concatenate([pairs.residual, more.residual]),
-    )
-    want = max(n, int((eigenvalues <= limit).sum()) + 1)
-    keep = order[:want]
-    following = min([pairs.following, more.following, *eigenvalues[order[want:]].tolist()])
+    keep, left = order[:n], order[n:]
+    vectors, residual = np.hstack([one.vectors, two.vectors]), np.concatenate([one.residual, two.residual])
+    following = min([one.following, two.following, *eigenvalues[left].tolist()])
     return RitzPairs(eigenvalues[keep], vectors[:, keep], residual[keep], following)
 
 
@@ -156,30 +168,60 @@ def _norms(M: Any, X: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, M @ X), 0.0))
 
 
-def _orthogonal(
-    M: Any, V: NDArray[np.float64], W: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return W without its part in M-orthonormal V, and that part Vᵀ M W; twice, which is enough."""
-    part = V.T @ (M @ W)
-    W = W - V @ part
-    rest = V.T @ (M @ W)
-    return W - V @ rest, part + rest
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """M-orthonormal vectors X, and M X."""
+
+    X: NDArray[np.float64]
+    MX: NDArray[np.float64]
+
+    def head(self, n: int) -> "_Block":
+        """Return the first n of them."""
+        return _Block(self.X[:, :n], self.MX[:, :n])
 
 
-def _normalised(M: Any, W: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return M-orthonormal columns that span W, without those that were lost beside their former norms."""
-    for accuracy in (1e-12, 1e-4):  # the second time nothing but rounding is left to take out
-        scale = _norms(M, W)
-        keep = scale > accuracy * before
-        W, scale = W[:, keep], scale[keep]
-        if not W.shape[1]:
-            return W
-        W = W / scale
-        gram, rotation = np.linalg.eigh(W.T @ (M @ W))
-        keep = gram > 1e-20
-        W = W @ (rotation[:, keep] / np.sqrt(gram[keep]))
-        before = np.ones(W.shape[1])
-    return W
+def _next_block(
+    M: Any, V: NDArray[np.float64], W: NDArray[np.float64], local: int
+) -> tuple[_Block, NDArray[np.float64], NDArray[np.float64]]:
+    """Split W into its part in M-orthonormal V and an M-orthonormal block.
+
+    The columns of V from a given one on are taken out twice and the others once, which is enough where W has
+    nothing but rounding in these.
+
+    Returns
+    -------
+    block : _Block
+        X; directions that are lost in rounding are left out.
+    carried : ndarray
+        R of W = V part + X R.
+    part : ndarray
+        Vᵀ M W.
+    """
+    MW = M @ W
+    before = np.sqrt(np.maximum(np.einsum("ij,ij->j", W, MW), 0.0))
+    part = np.zeros((V.shape[1], W.shape[1]))
+    for begin in (local, 0):
+        h = V[:, begin:].T @ MW
+        W = W - V[:, begin:] @ h
+        part[begin:] += h
+        MW = M @ W
+    X, MX = W / np.maximum(before, 1e-300), MW / np.maximum(before, 1e-300)
+    least = 1e-12
+    while X.shape[1]:
+        # Directions that all but vanish are rounding; as long as there are some, V has a part in them again.
+        rotation = np.linalg.eigh(X.T @ MX)[1][:, ::-1]
+        X = X @ rotation
+        MX = M @ X
+        size = np.sqrt(np.maximum(np.einsum("ij,ij->j", X, MX), 0.0))
+        keep = size > least
+        X, MX = X[:, keep] / size[keep], MX[:, keep] / size[keep]
+        if (size > 0.5).all():
+            break
+        if size.min() < 1e-3:
+            X = X - V @ (V.T @ MX)
+            MX = M @ X
+        least = 1e-6
+    return _Block(X, MX), MX.T @ W, part
 
 
 def _bordered(T: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -195,5 +237,7 @@ def _bordered(T: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.f
 
 def _largest_set(nu: NDArray[np.float64]) -> int:
     """Return how many values the largest set of equal ones has."""
+    if not nu.size:
+        return 0
     ends = np.flatnonzero(np.concatenate([nu[1:] < nu[:-1] * (1 - EQUAL), [True]]))
     return int(np.diff(ends, prepend=-1).max())

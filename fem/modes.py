@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fem.lanczos import lowest_eigenpairs
+from fem.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.model import DIRECTIONS, ModelError
 from fem.solvers import Factor, factorise
 from fem.system import System, reproduced, resistance, rigid_motions, unopposed
@@ -92,8 +92,15 @@ class Eigenpairs:
     n_rigid: int
 
 
-def solve_modes(system: System, n: int | None = None, max_frequency: float | None = None) -> Modes:
+def solve_modes(
+    system: System, n: int | None = None, max_frequency: float | None = None, *, check: bool = False
+) -> Modes:
     """Compute natural modes of the undamped system, K φ = ω² M φ.
+
+    Small systems are solved densely, larger ones by block Lanczos until the residual of each mode is below
+    1e-9 (:func:`fem.lanczos.lowest_eigenpairs`), which leaves 1e-18 of ω² over the relative distance to other
+    modes. Repeated modes are all found. That none is missed has a probability of one, not a proof; for that,
+    ask for the check.
 
     Parameters
     ----------
@@ -102,6 +109,9 @@ def solve_modes(system: System, n: int | None = None, max_frequency: float | Non
         Number of modes, rigid-body modes included; 20 unless ``max_frequency`` is given.
     max_frequency : float, optional
         All modes up to this frequency [Hz].
+    check : bool
+        Whether to count the modes below the highest of them by the signs of the pivots of K - μM (Sylvester),
+        at the price of one more factorisation, and to search for those that were missed.
 
     Returns
     -------
@@ -112,8 +122,10 @@ def solve_modes(system: System, n: int | None = None, max_frequency: float | Non
     ------
     MechanismError
         For a motion without stiffness that is not a rigid-body motion of the whole structure.
+    ModelError
+        If the check counts other than were found, and a second search does not find them.
     """
-    pairs = solve_eigenpairs(system, n, max_frequency)
+    pairs = solve_eigenpairs(system, n, max_frequency, check=check)
     frequency = np.sqrt(pairs.eigenvalues) / (2 * np.pi)
     damping = system.model.damping
     omega = 2 * np.pi * frequency
@@ -124,24 +136,25 @@ def solve_modes(system: System, n: int | None = None, max_frequency: float | Non
     return Modes(frequency, system.Q @ pairs.vectors, zeta, n_rigid=pairs.n_rigid)
 
 
-def solve_eigenpairs(system: System, n: int | None = None, max_frequency: float | None = None) -> Eigenpairs:
+def solve_eigenpairs(
+    system: System, n: int | None = None, max_frequency: float | None = None, *, check: bool = False
+) -> Eigenpairs:
     """Compute modes on the independent coordinates; see :func:`solve_modes`."""
     if n is not None and n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
     n_free = system.n_free
-    reference, shift, factor, held = _reference_eigenvalue(system)
-    if not held or shift < -0.1 * reference:
-        shift = -0.1 * reference
-        factor = factorise(system.K - shift * system.M, factor)
+    shift, factor, reference = _shifted(system)
     rigid = rigid_body_motions(system)
     want = min(n_free, max(n if n is not None else 20, rigid.shape[1] + 1))
     limit = -np.inf if n is not None or max_frequency is None else (2 * np.pi * max_frequency) ** 2
     while True:
-        eigenvalues, vectors = _lowest(system, factor, shift, want, limit, rigid)
+        eigenvalues, vectors = _lowest(system, factor, shift, want, limit, rigid, check)
         if len(eigenvalues) == n_free or eigenvalues[-1] > limit:
             break
         want = min(n_free, 2 * want)
+    if reference is None:
+        reference = max(float(eigenvalues[0]), 1e-12 * _highest(system))
     n_zero = int((eigenvalues < max(1e-7 * reference, 1e-14 * _highest(system))).sum())
     if n_zero > rigid.shape[1]:
         _check_mechanism(system, vectors[:, :n_zero], rigid)
@@ -155,7 +168,13 @@ def solve_eigenpairs(system: System, n: int | None = None, max_frequency: float 
 
 
 def _lowest(
-    system: System, factor: Factor, shift: float, n: int, limit: float, rigid: NDArray[np.float64]
+    system: System,
+    factor: Factor,
+    shift: float,
+    n: int,
+    limit: float,
+    rigid: NDArray[np.float64],
+    check: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     n_free = system.n_free
     if n_free <= DENSE_LIMIT or n > n_free // 3:
@@ -175,11 +194,42 @@ def _lowest(
         # High modes keep theirs in Rayleigh's quotient.
         return np.where(nu > 1e-8 * nu[0], 1 / nu + shift, np.einsum("ij,ij->j", phi, system.K @ phi)), phi
     rigid = rigid[:, :n]
-    known = np.full(rigid.shape[1], 0.0)
-    if n == len(known):
-        return known, rigid
-    pairs = lowest_eigenpairs(factor.solve, system.M.tocsr(), shift, n - len(known), limit, rigid)
-    return np.concatenate([known, pairs.eigenvalues]), np.hstack([rigid, pairs.vectors])
+    zeros = np.zeros(rigid.shape[1])
+    if n == len(zeros):
+        return zeros, rigid
+    pairs = lowest_eigenpairs(factor.solve, system.M.tocsr(), shift, n - len(zeros), limit, rigid)
+    if check:
+        pairs = _counted(system, factor, shift, pairs, rigid)
+    return np.concatenate([zeros, pairs.eigenvalues]), np.hstack([rigid, pairs.vectors])
+
+
+def _counted(
+    system: System, factor: Factor, shift: float, pairs: RitzPairs, rigid: NDArray[np.float64]
+) -> RitzPairs:
+    """Return the pairs with those that were missed, if the inertia of K - μM counts more of them below μ."""
+    n_rigid = rigid.shape[1]
+    lam = np.append(pairs.eigenvalues, min(pairs.following, 2 * pairs.eigenvalues[-1]))
+    # μ lies just above the highest pair that is not one of a set with the next: what follows is not exact.
+    k = int(np.flatnonzero(lam[1:] > lam[:-1] * (1 + 1e-6)).max(initial=-1)) + 1
+    if k == 0:
+        return pairs
+    mu = float(lam[k - 1] + 0.1 * (lam[k] - lam[k - 1]))
+    count = factorise(system.K - mu * system.M, factor).count_negative() - n_rigid
+    want = len(pairs.eigenvalues)
+    if count > k:
+        known = np.hstack([rigid, pairs.vectors])
+        more = lowest_eigenpairs(factor.solve, system.M.tocsr(), shift, count - k, -np.inf, known, seed=1)
+        pairs = merged(pairs, more, want + len(more.eigenvalues))
+    found = int((pairs.eigenvalues < mu).sum())
+    if found != count:
+        top = np.sqrt(max(mu, 0)) / (2 * np.pi)
+        msg = (
+            f"{found + n_rigid} modes were found below {top:.6g} Hz, but K - ω²M has "
+            f"{count + n_rigid} negative eigenvalues there; rounding hides what is below "
+            f"{np.sqrt(1e-16 * _highest(system)) / (2 * np.pi):.2g} Hz"
+        )
+        raise ModelError(msg)
+    return pairs.head(want)
 
 
 def _highest(system: System) -> float:
@@ -187,21 +237,30 @@ def _highest(system: System) -> float:
     return float(system.K.diagonal().sum() / max(system.M.diagonal().sum(), 1e-300))
 
 
-def _reference_eigenvalue(system: System) -> tuple[float, float, Factor, bool]:
-    """Estimate the order of the first elastic eigenvalue [rad²/s²]: three steps of subspace iteration.
+def _shifted(system: System) -> tuple[float, Factor, float | None]:
+    """Choose the shift σ, below the first elastic eigenvalue, and factorise K - σM.
 
-    Returns also the shift σ that this took, the factor of K - σM, and whether the constraints hold the
-    structure, so that this is well conditioned however small the shift.
-
-    It starts from the rigid-body motions that the constraints allow and random loads. As many of the lowest
+    Constraints that leave no rigid-body motion make K positive definite, and σ as small as rounding allows is
+    good. Else σ is a tenth of the first elastic eigenvalue, which three steps of subspace iteration estimate.
+    They start from the rigid-body motions that the constraints allow and random loads. As many of the lowest
     values as there are such motions are left out, also where springs resist these: were the shift as small as
     the eigenvalues on soft springs, K - σM would be singular but for rounding.
+
+    Returns
+    -------
+    shift : float
+    factor : Factor
+    reference : float or None
+        The estimate [rad²/s²], where there is one.
     """
     K, M, mesh = system.K, system.M, system.model.mesh
     upper = _highest(system)
-    shift = -upper * max((1e-4 / max(mesh.n_lines, 1)) ** 2, 1e-12)
-    factor = factorise(K - shift * M)
     q = system.Q.T @ rigid_motions(system.model) @ reproduced(system.model, system.Q)
+    held = q.shape[1] == 0
+    shift = -upper * max((1e-4 / max(mesh.n_lines, 1)) ** 2, 1e-14 if held else 1e-12)
+    factor = factorise(K - shift * M)
+    if held:
+        return shift, factor, None
     X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3))])
     for _ in range(3):
         X = factor.solve(np.asarray(M @ X))
@@ -211,7 +270,7 @@ def _reference_eigenvalue(system: System) -> tuple[float, float, Factor, bool]:
     X = X @ (vectors[:, mass > 1e-14 * mass[-1]] / np.sqrt(mass[mass > 1e-14 * mass[-1]]))
     ritz = np.linalg.eigvalsh(X.T @ (K @ X))
     reference = float(max(ritz[min(q.shape[1], len(ritz) - 1)], 1e-12 * upper))
-    return reference, shift, factor, q.shape[1] == 0
+    return -0.1 * reference, factorise(K + 0.1 * reference * M, factor), reference
 
 
 def rigid_body_motions(system: System) -> NDArray[np.float64]:

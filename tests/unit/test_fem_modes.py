@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
+import fem.modes
 from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
+from fem.lanczos import RitzPairs
 from fem.mesh import Mesh
 from fem.model import Model, ModelError
 from fem.modes import DENSE_LIMIT, solve_modes
@@ -74,6 +76,61 @@ def test_repeated_and_close_modes_are_all_found(model, n):
     # as many members of each set as there are: a value more or less would shift all that follow
     M = modes.shapes.T @ (system.Q @ system.M @ system.Q.T @ modes.shapes)
     np.testing.assert_allclose(M, np.eye(n), atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("model", "n"),
+    [
+        (star(20), 5),
+        (star(20), 21),
+        (lattice(6, FLAT, True), 20),
+        (lattice(6, FLAT, False), 20),
+        (portal(), 10),
+    ],
+)
+def test_the_count_agrees_with_what_was_found(model, n):
+    system = assemble(model)
+    np.testing.assert_array_equal(
+        solve_modes(system, n, check=True).frequency, solve_modes(system, n).frequency
+    )
+
+
+def without_one(pairs, which):
+    left = np.delete(np.arange(len(pairs.eigenvalues)), which)
+    return RitzPairs(pairs.eigenvalues[left], pairs.vectors[:, left], pairs.residual[left], pairs.following)
+
+
+@pytest.mark.parametrize("clamped", [True, False])
+@pytest.mark.parametrize("which", [0, 7, -2])
+def test_a_missed_mode_is_noticed_and_found(monkeypatch, clamped, which):
+    system = assemble(lattice(6, FLAT, clamped))
+    right = solve_modes(system, 20).frequency
+    real, calls = fem.modes.lowest_eigenpairs, []
+
+    def forgetful(solve, M, shift, n, *args, **more):
+        calls.append(n)
+        found = real(solve, M, shift, n + 1 if len(calls) == 1 else n, *args, **more)
+        return without_one(found, which) if len(calls) == 1 else found
+
+    monkeypatch.setattr(fem.modes, "lowest_eigenpairs", forgetful)
+    np.testing.assert_allclose(solve_modes(system, 20, check=True).frequency, right, rtol=1e-9)
+    assert len(calls) == 2
+    calls.clear()
+    # unchecked, it stays missed: all above move down by one
+    assert abs(solve_modes(system, 20).frequency - right).max() > 1e-4 * right[-1]
+
+
+def test_a_mode_that_stays_missed_is_an_error(monkeypatch):
+    system = assemble(lattice(6, FLAT, True))
+    real = fem.modes.lowest_eigenpairs
+
+    def blind(solve, M, shift, n, *args, **more):
+        found = real(solve, M, shift, n + 1, *args, **more)
+        return found.head(0) if "seed" in more else without_one(found, 3)
+
+    monkeypatch.setattr(fem.modes, "lowest_eigenpairs", blind)
+    with pytest.raises(ModelError, match=r"20 modes were found below .* Hz, but .* has 21 negative"):
+        solve_modes(system, 20, check=True)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 40])
