@@ -46,7 +46,7 @@ def test_laws_are_drawn_with_their_sentence():
     noisy = Z * (1 + 0.01 * rng.standard_normal(Z.shape))
     laws = explain_stiffness(LINES, noisy, ["x", "y"])
     figure = plot_stiffness_laws(laws, "bolt")
-    assert "structural damping" in figure.get_axes()[0].get_title()
+    assert "structural damping" in figure.get_axes()[0].get_title(loc="left")
     assert figure_png(figure)
 
 
