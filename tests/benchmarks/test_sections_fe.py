@@ -40,18 +40,18 @@ def test_solid_and_thick_sections_agree():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("shape", "sizes"),
+    ("shape", "sizes", "ratio"),
     [
-        ("hollow_rectangle", {"b": 1, "h": 2}),
-        ("hollow_polygon", {"n": 8, "d": 1}),
-        ("angle_section", {"b": 1, "h": 1}),
-        ("cruciform", {"b": 1, "h": 1.5}),
+        ("hollow_rectangle", {"b": 1, "h": 2}, 2),
+        ("hollow_polygon", {"n": 8, "d": 1}, 2),
+        ("angle_section", {"b": 1, "h": 1}, (2, 4)),  # across its axis of symmetry of second order
+        ("cruciform", {"b": 1, "h": 1.5}, 2),
     ],
 )
-def test_thin_walls_err_by_their_thickness(shape, sizes):
+def test_thin_walls_err_by_their_thickness(shape, sizes, ratio):
     # the theory of thin walls is the limit: half the thickness, half the error, to the next order in t
     thick, thin = (errors(Section.of_shape(shape, **sizes, t=t), 1500) for t in (0.06, 0.03))
-    assert thick[1:] / thin[1:] == pytest.approx(2, abs=0.4)
+    np.testing.assert_allclose(thick[1:] / thin[1:], ratio, rtol=0.2)
     assert abs(thick[1:]).max() < 0.06
     # open: the ends and corners are counted; closed: corners are stiffer than Bredt's walls by a like measure
     assert abs(thick[0]) < (0.03 if shape.startswith("hollow") else 0.006)
@@ -73,11 +73,12 @@ def test_thin_walls_err_by_their_thickness(shape, sizes):
 )
 def test_open_walls(section):
     fe = Section.arbitrary(section.outlines[0], n_triangles=800)
-    # the fits of junctions and corners are within 0.04 t⁴ of the elements, t the thickest wall
+    # the fits of junctions and corners are within 0.04 t⁴, t the thickest wall; J of so few triangles is up
+    # to 0.1 % too high
     sizes = section.dimensions
     t = max(value for key, value in sizes.items() if key.startswith("t"))
     junctions = 2 if "i_" in section.shape or section.shape == "channel" else 1
-    assert pytest.approx(fe.J, abs=0.04 * junctions * t**4) == section.J
+    assert pytest.approx(fe.J, abs=0.04 * junctions * t**4 + 1e-3 * fe.J) == section.J
     # where walls overlap they bear more shear: of the order of t over the width
     overlap = t / min(value for key, value in sizes.items() if key[0] in "bh")
     assert -0.8 * overlap < section.ky / fe.ky - 1 < 0
