@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fem.basis import Complement, root_of
-from fem.model import Damping, Law
+from fem.model import Contribution, Damping, Law
 from fem.modes import Eigenpairs, solve_eigenpairs
 from fem.solvers import factorise
 from fem.system import System, law_change, sum_contributions
@@ -24,6 +24,9 @@ LOCAL_DAMPING = 48
 
 It is then taken for a member with a loss factor rather than a damper.
 """
+
+_FEW_JOINTS = 10
+"""With more joints and springs than this, members' loss factors are not taken for one of the whole."""
 
 _SOLVE_COLUMNS = 64
 """Right-hand sides that are solved at once where only products of the solutions are needed."""
@@ -46,6 +49,9 @@ class Locals:
         Their dependence on frequency.
     wide : tuple
         What acts on many DOFs: of each ("C", "D" or its Law) the sparse (n_free, n_free) matrix.
+    loss : float
+        Loss factor of K as a whole that is taken out of ``D`` and ``wide`` [-]: that of the members'
+        material, which joints and springs then lack.
     """
 
     U: Any
@@ -53,6 +59,7 @@ class Locals:
     D: NDArray[np.float64]
     laws: tuple[tuple[Law, NDArray[np.float64]], ...]
     wide: tuple[tuple[str | Law, Any], ...]
+    loss: float = 0.0
 
     def stiffness(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return what the local part adds to Z, (n_freq, n, n)."""
@@ -78,20 +85,27 @@ def locals_of(system: System) -> Locals:
     rows, values, blocks = [], [], []
     wide: dict[str | Law, Any] = {}
     n = 0
-    for part in system.model.contributions():
+    parts = system.model.contributions()
+    loss = _common_loss(parts)
+    lacking = sum(len(p.dofs) for p in parts if p.K is not None and p.dofs.size <= LOCAL_DAMPING)
+    loss = loss if lacking <= _FEW_JOINTS else 0.0
+    for part in parts:
         law = part.law
-        own = {"C": part.C, "D": part.D} if law is None else {"law": part.K}
+        # the law's part without its static stiffness, which K contains, and the loss that K as a whole has
+        own = {"C": part.C, "D": _less(part.D, part.static, loss), "law": None if law is None else part.K}
         have = {key: X for key, X in own.items() if X is not None and X.any()}
         if not have:
             continue
-        if part.dofs.size > LOCAL_DAMPING:
+        acts = np.any([X.any(axis=(1, 2)) for X in have.values()], axis=0)
+        dofs_of_all, have = part.dofs[acts], {key: X[acts] for key, X in have.items()}
+        if dofs_of_all.size > LOCAL_DAMPING:
             for key, X in have.items():
-                kind = law if law is not None else key
-                full = sum_contributions((replace(part, K=X, M=None, C=None, D=None, law=None),), n_dof)[0]
+                kind = law if key == "law" and law is not None else key
+                full = sum_contributions((Contribution(dofs_of_all, X),), n_dof)[0]
                 on_q = sp.csc_array(system.Q.T @ full @ system.Q)
                 wide[kind] = wide[kind] + on_q if kind in wide else on_q
             continue
-        for i, dofs in enumerate(part.dofs):
+        for i, dofs in enumerate(dofs_of_all):
             matrices = {key: X[i] for key, X in have.items()}
             stacked = np.hstack([X / max(np.abs(X).max(), 1e-300) for X in matrices.values()])
             vectors, s, _ = np.linalg.svd(stacked)
@@ -103,7 +117,7 @@ def locals_of(system: System) -> Locals:
             n += k
     if not n:
         none = np.zeros((0, 0))
-        return Locals(sp.csr_array((system.n_free, 0)), none, none, (), tuple(wide.items()))
+        return Locals(sp.csr_array((system.n_free, 0)), none, none, (), tuple(wide.items()), loss)
     index = tuple(np.concatenate([r[i] for r in rows]) for i in (0, 1))
     U = sp.coo_array((np.concatenate(values), index), shape=(n_dof, n)).tocsr()
     C, D = np.zeros((2, n, n))
@@ -113,7 +127,34 @@ def locals_of(system: System) -> Locals:
         for key, X in matrices.items():
             target = C if key == "C" else D if key == "D" else laws.setdefault(law, np.zeros((n, n)))
             target[at, at] += X
-    return Locals(system.Q.T @ U, C, D, tuple(laws.items()), tuple(wide.items()))
+    return Locals(system.Q.T @ U, C, D, tuple(laws.items()), tuple(wide.items()), loss)
+
+
+def _common_loss(parts: tuple[Contribution, ...]) -> float:
+    """Return the loss factor that most elements of members have, 0 where they have none."""
+    found = [np.zeros(0)]
+    for part in parts:
+        if part.D is None or part.K is None or part.law is not None or part.dofs.size <= LOCAL_DAMPING:
+            continue
+        size = np.einsum("bij,bij->b", part.K, part.K)
+        eta = np.einsum("bij,bij->b", part.D, part.K) / np.maximum(size, 1e-300)
+        rest = np.abs(part.D - eta[:, None, None] * part.K).max(axis=(1, 2))
+        found.append(eta[(rest <= 1e-12 * np.abs(part.D).max(axis=(1, 2))) & (eta > 0)])
+    values, first, count = np.unique(
+        np.round(np.concatenate(found), 12), return_index=True, return_counts=True
+    )
+    return float(np.concatenate(found)[first[np.argmax(count)]]) if values.size else 0.0
+
+
+def _less(D: Any, K: Any, loss: float) -> Any:
+    """Return D - loss · K, (b, m, m), exactly 0 for elements of just that loss factor; None for none."""
+    if loss == 0 or K is None:
+        return D
+    if D is None:
+        return -loss * K
+    rest = D - loss * K
+    equal = np.abs(rest).max(axis=(1, 2)) <= 1e-12 * np.abs(D).max(axis=(1, 2))
+    return np.where(equal[:, None, None], 0.0, rest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +241,7 @@ class _Lines:
     @classmethod
     def of(cls, s: Superposition, omega: NDArray[np.float64]) -> "_Lines":
         d = s.damping
-        k = 1 + 1j * (d.loss_factor + omega * d.beta)
+        k = 1 + 1j * (d.loss_factor + s.local.loss + omega * d.beta)
         m = 1j * omega * d.alpha - omega**2
         undamped = k[:, None] * s.stiffness + m[:, None] * s.mass
         root = np.sqrt(s.stiffness * s.mass)

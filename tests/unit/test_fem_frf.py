@@ -1,5 +1,7 @@
 """FRFs and the bound of their error, against a solution of every line with the full matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -205,3 +207,30 @@ def test_local_changes_at_one_place_do_not_disturb_each_other():
         # rounding: 1e-16 of the highest eigenvalue of the reduced model against the lowest
         assert (abs(H - exact).max(axis=0) < 1e-7 * abs(exact).max(axis=0).max()).all()
         assert abs(H - state.H).max() > 1e-3 * abs(exact).max()
+
+
+def lossy(*loss):
+    """Return the crossed beams of materials with loss factors, the joint between them without."""
+    model = cross_beam(0.1, eta=0.0, loss_factor=0.0)
+    members = {
+        name: MemberProperties(replace(STEEL, name=f"steel{i}", loss_factor=eta), FLAT)
+        for i, (name, eta) in enumerate(zip(model.mesh.members, loss, strict=True))
+    }
+    return assemble(replace(model, effects=(Frame(members=members), *model.effects[1:])))
+
+
+@pytest.mark.parametrize(("loss", "bounded"), [((0.02, 0.02), True), ((0.02, 0.05), False)])
+def test_loss_factors_of_materials(loss, bounded):
+    system = lossy(*loss)
+    f = np.linspace(60.0, 900.0, 40)
+    frf = compute_frf(system, f, AT, IN, "receptance")
+    H = exact(system, f)
+    error, peak = abs(frf.H - H), abs(H).max(axis=0)
+    assert (frf.accuracy.bound is not None) == bounded
+    if bounded:
+        assert frf.accuracy.reached
+        assert (error <= frf.accuracy.bound + ROUNDING * peak.max()).all()
+    else:
+        assert np.isnan(frf.accuracy.worst)
+        # what the vectors miss is of the order of the difference of the loss factors times what modes miss
+        assert (error.max(axis=0) <= 1e-4 * peak.max()).all()
