@@ -32,8 +32,16 @@ def model_of(frame: PeerFrame, *, polar: bool = False) -> Model:
             float(getattr(frame, name)[k]) for name in ("A", "Iy", "Iz", "J", "ky", "kz")
         )
         section = sections.setdefault(key, Section(A, Iy, Iz, J, ky, kz, Ip=0.0 if polar else J))
+        first, second = (
+            tuple(d for d, free in zip(("ry", "rz"), end, strict=True) if free) for end in frame.released[k]
+        )
         members[f"m{k}"] = MemberProperties(
-            material, section, orientation=frame.local_z[k], theory=frame.theory
+            material,
+            section,
+            orientation=frame.local_z[k],
+            theory=frame.theory,
+            release1=first,
+            release2=second,
         )
     mesh = Mesh.from_lines(frame.points, frame.lines, {f"m{k}": [k] for k in range(len(frame.lines))})
     supports = (

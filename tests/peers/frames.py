@@ -9,7 +9,7 @@ EPS = float(np.finfo(float).eps)
 
 
 def random_frame(seed: int, theory: str = EULER_BERNOULLI, **changes) -> PeerFrame:
-    """Return a connected frame: random points, sections, orientations, supports and forces on points."""
+    """Return a connected frame of random points, sections, orientations, supports and forces."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(4, 13))
     points = rng.uniform(-1.0, 1.0, (n, 3))
@@ -47,6 +47,19 @@ def random_frame(seed: int, theory: str = EULER_BERNOULLI, **changes) -> PeerFra
     }
     values["n_modes"] = min(10, int((~fixed).sum()) // 3)
     return PeerFrame(**{**values, **changes})
+
+
+def random_releases(frame: PeerFrame, seed: int) -> NDArray[np.bool_]:
+    """Return releases of members' ends that leave no mechanism: a tree of members keeps all of its ends."""
+    rng = np.random.default_rng(seed)
+    released = rng.random((len(frame.lines), 2, 2)) < 0.6
+    reached = np.zeros(len(frame.points), dtype=bool)
+    reached[0] = True
+    for _ in frame.points:
+        for k, ends in enumerate(frame.lines):
+            if reached[ends].sum() == 1:
+                released[k], reached[ends] = False, True
+    return released
 
 
 def single_member(seed: int, theory: str = EULER_BERNOULLI) -> PeerFrame:
