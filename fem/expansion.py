@@ -195,7 +195,7 @@ def expand_static(system: System, sensors: Selection, shapes: ArrayLike) -> Expa
 def expand_dynamic(system: System, sensors: Selection, shapes: ArrayLike, frequency: ArrayLike) -> Expansion:
     """Expand with inertia: K - ω²M in place of K, each shape at its own frequency.
 
-    No force acts but at the sensors (Kidder, *AIAA J.* 11, 1973, 745). A natural frequency of the structure
+    No force acts but at the sensors (Kidder, *AIAA J.* 11, 1973, 892). A natural frequency of the structure
     is no obstacle, but one of the structure held at its sensors is.
 
     Parameters

@@ -298,7 +298,7 @@ def frequency_errors(reduction: Reduction, max_frequency: float, *, count: bool 
     """Bound the errors of a reduced system's natural frequencies.
 
     One step of inverse iteration on the reduced modes X, Y = K⁺ M X, gives Rayleigh-Ritz upper bounds and
-    Lehmann's lower bounds (Parlett, *The Symmetric Eigenvalue Problem*, 1998, §10.5 and 11.11; for one mode
+    Lehmann's lower bounds (Parlett, *The Symmetric Eigenvalue Problem*, 1998, ch. 10 and 11; for one mode
     the latter are Temple's and Kato's), which hold for close and repeated modes as well. K⁺ is at hand from
     the static condensation. The lower ones need the number of modes below a frequency that separates them:
     Sylvester's inertia of one more factorisation.

@@ -285,13 +285,13 @@ def differentiate_modes(
     groups = [g for g in groups if g[0] < n]
     shapes = system.Q @ pairs.vectors
     everywhere = isinstance(outputs, str)
-    W, gain, bo = np.zeros((len(shapes), 0)), np.zeros((0, n)), None
+    basis_at, basis, bo = shapes, None, None
     errors, sizes = np.zeros(max(len(refs), 1)), np.ones(max(len(refs), 1))
     if outputs is not None and not everywhere:
         bo = dof_vectors(model, outputs)[0]
         basis = _complement(system, pairs, np.asarray(system.Q.T @ bo), lam[:n], False, close, tolerance)
-        W, gain, errors[:] = system.Q @ basis.vectors, basis.gain, basis.error
-    basis_at = np.hstack([shapes, W])
+        basis_at = np.hstack([shapes, system.Q @ basis.vectors])
+        errors[:] = basis.error
     at_outputs = None if bo is None else bo.T @ basis_at
     slopes = np.zeros((len(refs), n))
     dshapes = None
@@ -311,15 +311,15 @@ def differentiate_modes(
             matrix[i] = S[np.ix_(g, g)]
         if dshapes is None:
             continue
-        if at_outputs is not None:
-            dshapes[i] = at_outputs @ np.vstack([factors, gain * f[len(lam) :]])
+        if at_outputs is not None and basis is not None:
+            dshapes[i] = at_outputs @ np.vstack([factors, basis.solve(f[len(lam) :])])
             continue
         loads = np.asarray(system.Q.T @ _forces(parts, shapes[:, :n], lam[:n]))
         rest = np.zeros((system.n_free, n))
         if loads.any():
-            basis = _complement(system, pairs, loads, lam[:n], True, close, tolerance)
-            rest = basis.vectors @ (basis.gain * (basis.vectors.T @ loads))
-            errors[i] = basis.error
+            own = _complement(system, pairs, loads, lam[:n], True, close, tolerance)
+            rest = own.vectors @ own.solve(own.vectors.T @ loads)
+            errors[i] = own.error
         kinetic = np.einsum("ij,ij->j", rest, system.M @ rest).max()
         sizes[i] = np.sqrt(max(float(kinetic), 0.0)) * (abs(_effect_value(model, ref)) or 1.0)
         dshapes[i] = shapes @ factors + system.Q @ rest
@@ -396,14 +396,25 @@ def differentiate_frf(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Complement:
-    """Galerkin's solutions of (K - λ_j M) z = b in the space of the modes that were not computed.
+    """Galerkin's solutions z_j of (K - λ_j M) z = b in the space of the modes that were not computed.
 
-    z_j = vectors · (gain_j · vectorsᵀ b), with vectors (n_free, w) and gain (w, n).
+    Attributes
+    ----------
+    vectors : ndarray (n_free, w)
+        Basis W.
+    U, gain : ndarray (w, w), (w, n)
+        z_j = W U (gain_j · Uᵀ Wᵀ b_j).
+    error : float
     """
 
     vectors: NDArray[np.float64]
+    U: NDArray[np.float64]
     gain: NDArray[np.float64]
     error: float
+
+    def solve(self, load: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the coordinates of the solutions on W for loads Wᵀ b, one for each mode, (w, n)."""
+        return self.U @ (self.gain * (self.U.T @ load))
 
 
 def _complement(
@@ -426,26 +437,24 @@ def _complement(
     A = system.K - sigma * M
     start = np.linalg.norm(b, axis=0)
     block = pairs.factor.solve(b / np.where(start > 0, start, 1.0))
-    space = np.empty((3, 8 * b.shape[1], system.n_free))  # rows are vectors: W, A W and M W
-    k = 0
+    space, k = np.empty((8 * b.shape[1], system.n_free)), 0  # its rows are the vectors
     G, load = np.zeros((0, 0)), np.zeros((0, b.shape[1]))
     shift = lam - sigma
     errors: list[float] = []
     while True:
-        W, AW, MW = (X[:k].T for X in space)
-        new, Anew = _orthonormal(A, V, MV, W, AW, block)
+        W = space[:k].T
+        new = _orthonormal(A, V, MV, W, block)
         if not new.shape[1]:
             errors.append(np.sqrt(_LOST) * (errors[-1] if errors else float(k > 0)))
             break
         Mnew = np.asarray(M @ new)
-        coupling, own = MW.T @ new, new.T @ Mnew
+        coupling, own = W.T @ Mnew, new.T @ Mnew
         if k:
             errors.append(_left(G, coupling, own, load, shift, each))
         G, load = np.block([[G, coupling], [coupling.T, own]]), np.vstack([load, new.T @ b])
-        if k + new.shape[1] > space.shape[1]:
-            space = np.concatenate([space, np.empty_like(space)], axis=1)
-        for X, more in zip(space, (new, Anew, Mnew), strict=True):
-            X[k : k + new.shape[1]] = more.T
+        if k + new.shape[1] > len(space):
+            space = np.concatenate([space, np.empty_like(space)])
+        space[k : k + new.shape[1]] = new.T
         k += new.shape[1]
         stuck = len(errors) > _PATIENCE and min(errors[-_PATIENCE:]) > min(errors[:-_PATIENCE]) / 2
         if (errors and errors[-1] <= tolerance) or stuck:
@@ -458,7 +467,7 @@ def _complement(
             "; compute more"
         )
         raise ModelError(msg)
-    return _Complement(space[0, :k].T @ U, 1 / (1 - shift * g[:, None]), errors[-1])
+    return _Complement(space[:k].T, U, 1 / (1 - shift * g[:, None]), errors[-1])
 
 
 def _orthonormal(
@@ -466,24 +475,20 @@ def _orthonormal(
     V: NDArray[np.float64],
     MV: NDArray[np.float64],
     W: NDArray[np.float64],
-    AW: NDArray[np.float64],
     block: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the new directions of a block, A-orthonormal and orthogonal to V and W, and A times them."""
+) -> NDArray[np.float64]:
+    """Return the new directions of a block, A-orthonormal and A-orthogonal to V and W."""
     before = np.sqrt(np.maximum(np.einsum("ij,ij->j", block, A @ block), 0.0))
     block = np.asfortranarray(block[:, before > 0] / before[before > 0])
-    Ablock = np.zeros_like(block)
     for _ in range(2):
         block -= V @ (MV.T @ block)
-        block -= W @ (AW.T @ block)
-        Ablock = np.asarray(A @ block)
-        size, vectors = np.linalg.eigh(block.T @ Ablock)
+        block -= W @ (W.T @ (A @ block))
+        size, vectors = np.linalg.eigh(block.T @ (A @ block))
         keep = size > _LOST * max(1.0, size.max(initial=0.0))
-        scaled = vectors[:, keep] / np.sqrt(size[keep])
-        block, Ablock = np.asfortranarray(block @ scaled), Ablock @ scaled
+        block = np.asfortranarray(block @ (vectors[:, keep] / np.sqrt(size[keep])))
         if not block.shape[1]:
             break
-    return block, Ablock
+    return block
 
 
 def _left(
