@@ -107,6 +107,16 @@ def build_parser() -> argparse.ArgumentParser:
     p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
     p = command(
+        "check",
+        commands.check,
+        "name what is probably not meant in the model: loose parts, crossings, mechanisms",
+        "dovetail check study.toml --picture faults.png",
+    )
+    p.add_argument(
+        "--picture", type=Path, metavar="FILE", help="also draw the faults, and how a mechanism moves"
+    )
+
+    p = command(
         "modes",
         commands.modes,
         "compute natural frequencies and mode shapes",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fem.checks import check_model
 from fem.frf import FRF, compute_frf
 from fem.io import write_csv, write_npz, write_uff
 from fem.io.atomic import replacing
@@ -42,6 +43,41 @@ def new(options: Options, progress: Progress) -> None:
         "something that the study lacks.",
         "Next:",
         f"  dovetail modes {options.folder / 'study.toml'}",
+    )
+
+
+def check(options: Options, progress: Progress) -> None:
+    """Print what is probably not meant in the model; draw where it is."""
+    if options.picture is not None and options.picture.suffix.lower() != ".png":
+        msg = f"{options.picture}: the picture is written as .png"
+        raise OutputError(msg)
+    check_writable(options.json, options.picture)
+    study = load_study(options.study)
+    progress("checking the model")
+    faults = check_model(study.model)
+    if options.picture is not None:
+        from viz.render import render_faults
+
+        progress("drawing the faults")
+        with replacing(options.picture) as scratch:
+            render_faults(study.model, faults, scratch)
+    progress.close()
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "faults": [
+                {"kind": f.kind, "message": f.message, "points": f.points.tolist(), "lines": f.lines.tolist()}
+                for f in faults
+            ],
+        },
+    )
+    mesh = study.model.mesh
+    say(
+        options,
+        f"{study.name}: {mesh.n_points} points, {mesh.n_lines} elements, {len(mesh.members)} members",
+        *(f"  {f.kind}: {f.message}" for f in faults),
+        f"{len(faults)} fault(s) found" if faults else "nothing found that is probably not meant",
     )
 
 

@@ -97,7 +97,7 @@ def plot_frf(
                     zorder=3,
                 )
             _frf_axes(top, low, measured, h, (output, input_), first=c == 0, last=k + columns >= len(pairs))
-        _legend_above(figure, title, _curve_keys(figure.axes[0], held_out, floor=floor is not None))
+        legend_above(figure, title, _curve_keys(figure.axes[0], held_out, floor=floor is not None))
     return figure
 
 
@@ -167,7 +167,7 @@ def plot_frf_error(
         ax.set_xlim(measured.frequency[0], measured.frequency[-1])
         ax.set_xlabel("frequency [Hz]")
         ax.set_ylabel("relative error [dB]")
-        _legend_above(figure, title, _curve_keys(ax, held_out, floor=floor is not None))
+        legend_above(figure, title, _curve_keys(ax, held_out, floor=floor is not None))
     return figure
 
 
@@ -325,7 +325,7 @@ def plot_ranking(
                     label=f"noise floor: {_number(floor, digits)} dB",
                 )
             )
-        _legend_above(figure, title, keys)
+        legend_above(figure, title, keys)
     return figure
 
 
@@ -524,7 +524,7 @@ def plot_joint_stiffness(
         for ax in axes[-1]:
             ax.set_xlabel("frequency [Hz]")
         figure.align_ylabels()
-        _legend_above(figure, title, _curve_keys(axes[0, 0], held_out))
+        legend_above(figure, title, _curve_keys(axes[0, 0], held_out))
     return figure
 
 
@@ -584,7 +584,7 @@ def plot_position(
         ax.set_ylim(low - pad, high + pad)
         ax.set_xlabel(f"place along {member} [m]" if member else "place along the member [m]")
         ax.set_ylabel("error [dB]")
-        _legend_above(figure, title, _curve_keys(ax))
+        legend_above(figure, title, _curve_keys(ax))
     return figure
 
 
@@ -655,7 +655,7 @@ def _curve_keys(ax: Axes, held_out: Sequence[Band] = (), *, floor: bool = False)
     return keys
 
 
-def _legend_above(figure: Figure, title: str, keys: Sequence[Any]) -> None:
+def legend_above(figure: Figure, title: str, keys: Sequence[Any]) -> None:
     """Set the heading and the legend above the axes, in as many columns as the width allows."""
     longest = max((len(str(key.get_label())) for key in keys), default=1)
     columns = max(1, int(figure.get_figwidth() / (0.6 + 0.066 * longest)))

@@ -14,7 +14,7 @@ from study import load_study
 from study.cli import main
 from study.measured import sensor_rows
 
-COMMANDS = ("new", "modes", "frf", "identify-joint")
+COMMANDS = ("new", "check", "modes", "frf", "identify-joint")
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +59,54 @@ def test_new_is_whole_and_the_users_own(portal, capsys):
     assert "not measured" in study.text
     assert main(["new", str(portal.parent)]) == 2
     assert "--force" in capsys.readouterr().err
+
+
+LOOSE = """
+[study]
+name = "two bars"
+
+[members.post]
+from = [0, 0, 0]
+to = [0, 0, 0.5]
+material = "steel"
+section = { shape = "rectangle", b = 0.03, h = 0.012 }
+
+[members.arm]
+from = [0, 0, 0.5002]
+to = [0.4, 0, 0.5002]
+material = "steel"
+section = { shape = "rectangle", b = 0.03, h = 0.012 }
+
+[materials.steel]
+E = 210e9
+rho = 7850
+nu = 0.3
+
+[[supports]]
+point = [0, 0, 0]
+"""
+
+
+def test_check_of_a_sound_model(portal, capsys):
+    assert main(["check", str(portal)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "nothing found that is probably not meant"
+
+
+@pytest.mark.usefixtures("offscreen")
+def test_check_names_and_draws_faults(tmp_path, capsys):
+    study, picture = tmp_path / "study.toml", tmp_path / "faults.png"
+    study.write_text(LOOSE, encoding="utf-8")
+    assert main(["check", str(study), "--picture", str(picture), "--json", str(tmp_path / "f.json")]) == 0
+    out = capsys.readouterr().out
+    assert "loose part: " in out
+    assert "of member 'arm'" in out
+    assert "0.0002 m apart" in out
+    assert out.splitlines()[-1] == "2 fault(s) found"
+    found = json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))
+    assert [f["kind"] for f in found["faults"]] == ["loose part", "unconnected points"]
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert main(["check", str(study), "--picture", str(tmp_path / "faults.jpg")]) == 2
+    assert "written as .png" in capsys.readouterr().err
 
 
 def test_modes(portal, tmp_path, capsys):

@@ -1,0 +1,75 @@
+"""Pictures of joints and the study that makes them: what they hold, and what they refuse."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from joint.physics import explain_stiffness
+from joint.substructuring import l_curve
+from viz.joints import plot_l_curve, plot_stiffness_entries, plot_stiffness_laws
+from viz.style import figure_png
+
+LINES = np.linspace(10.0, 500.0, 60)
+Z = np.einsum("f,ij->fij", 1e6 * (1 + 0.05j) + 0 * LINES, np.array([[2.0, 1.0], [1.0, 3.0]]))
+
+
+def test_entries_bands_and_labels():
+    band = 1e4 * (1 + 1j) * np.ones_like(Z)
+    figure = plot_stiffness_entries(
+        LINES, {"direct": Z, "fit": 1.01 * Z}, [(0, 0), (0, 1)], ["A:z", "A:rx"], {"fit": band}, title="joint"
+    )
+    axes = figure.get_axes()
+    assert len(axes) == 4
+    assert "N/rad" in axes[2].get_ylabel()
+    np.testing.assert_allclose(axes[0].get_lines()[1].get_ydata(), 2.02e6)
+    edges = axes[0].collections[0].get_paths()[0].vertices[:, 1]
+    assert edges.max() == pytest.approx(2.02e6 + 1.96e4)
+    assert figure_png(figure)
+
+
+def test_real_parts_alone():
+    figure = plot_stiffness_entries(LINES, {"direct": Z}, [(0, 0)], ["A:z", "A:rx"], parts="real")
+    assert len(figure.get_axes()) == 1
+
+
+def test_what_does_not_fit_is_refused():
+    with pytest.raises(ValueError, match="'fit' has shape"):
+        plot_stiffness_entries(LINES, {"direct": Z, "fit": Z[:3]}, [(0, 0)], ["a:z", "b:z"])
+    with pytest.raises(ValueError, match="nothing to plot"):
+        plot_stiffness_entries(LINES, {}, [(0, 0)], ["a:z", "b:z"])
+
+
+def test_laws_are_drawn_with_their_sentence():
+    rng = np.random.default_rng(0)
+    noisy = Z * (1 + 0.01 * rng.standard_normal(Z.shape))
+    laws = explain_stiffness(LINES, noisy, ["x", "y"])
+    figure = plot_stiffness_laws(laws, "bolt")
+    assert "structural damping" in figure.get_axes()[0].get_title(loc="left")
+    assert figure_png(figure)
+
+
+def test_an_l_curve_marks_its_corner():
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((3, 6, 6)) * np.logspace(0, -8, 6)
+    curve = l_curve(A, rng.standard_normal((3, 6, 1)))
+    figure = plot_l_curve(curve, chosen=1e-3)
+    texts = [t.get_text() for t in figure.get_axes()[0].texts]
+    assert texts == [f"corner: {curve.corner:.1e}", "chosen: 1.0e-03"]
+
+
+def test_the_papers_numerical_study(tmp_path):
+    path = Path(__file__).parents[2] / "examples" / "joint-study" / "numerical.py"
+    spec = importlib.util.spec_from_file_location("numerical_study", path)
+    study = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(study)
+    study.FREQUENCY = np.linspace(10.0, 3200.0, 40)
+    errors = study.run(tmp_path)
+    assert errors["direct"] < 1e-9
+    assert errors["average K"] < 1e-8
+    assert errors["rebuilt"] < 1e-9
+    assert errors["9 nodes"] < 1e-9
+    assert errors["average with translations only refused"]
+    assert errors["rebuilt, translations only"] > 0.1
+    assert len(list(tmp_path.glob("*.png"))) == 5

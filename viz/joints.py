@@ -1,0 +1,174 @@
+"""Pictures of joints: dynamic stiffness over frequency with confidence bands and laws, and L-curves."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from joint.physics import StiffnessLaw
+from joint.substructuring import LCurve
+from viz import style
+from viz.curves import legend_above
+
+__all__ = ["plot_l_curve", "plot_stiffness_entries", "plot_stiffness_laws"]
+
+_PARTS = ((np.real, "Re"), (np.imag, "Im"))
+
+
+def plot_stiffness_entries(
+    frequency: ArrayLike,
+    curves: Mapping[str, ArrayLike],
+    entries: Sequence[tuple[int, int]],
+    labels: Sequence[str],
+    bands: Mapping[str, ArrayLike] | None = None,
+    *,
+    parts: str = "both",
+    level: float = 1.96,
+    title: str = "",
+) -> Figure:
+    """Plot entries of joints' dynamic stiffness matrices over frequency.
+
+    Parameters
+    ----------
+    frequency : array_like (n_freq,)
+        Frequencies [Hz].
+    curves : mapping of str to array_like (n_freq, N, N)
+        Dynamic stiffness by label [N/m, N/rad, N·m/m, N·m/rad]; the first is drawn as points, the others as
+        lines.
+    entries : sequence of (int, int)
+        Rows and columns to plot, one axis each.
+    labels : sequence of str
+        Names of the N coordinates.
+    bands : mapping of str to array_like (n_freq, N, N), optional
+        Standard deviations of real and imaginary part, as complex numbers, of some of the curves: shaded as
+        confidence bands.
+    parts : str
+        ``"real"``, ``"imag"`` or ``"both"``.
+    level : float
+        Half width of the band in standard deviations [-].
+    title : str
+        Heading.
+
+    Raises
+    ------
+    ValueError
+        If a curve or band does not have the shape of the others, or there is nothing to plot.
+    """
+    f = np.asarray(frequency, dtype=float)
+    data = {name: np.asarray(Z, dtype=complex) for name, Z in curves.items()}
+    shaded = {name: np.asarray(Z, dtype=complex) for name, Z in (bands or {}).items()}
+    shape = (f.size, len(labels), len(labels))
+    for name, Z in (*data.items(), *shaded.items()):
+        if Z.shape != shape:
+            msg = f"'{name}' has shape {Z.shape}; {shape} is needed"
+            raise ValueError(msg)
+    if not data or not entries:
+        msg = "there is nothing to plot: at least one curve and one entry are needed"
+        raise ValueError(msg)
+    shown = [p for p in _PARTS if parts == "both" or p[1].lower() == {"real": "re", "imag": "im"}.get(parts)]
+    n = len(entries)
+    with style.look():
+        figure = style.new_figure(height=0.9 + 1.7 * n)
+        axes = figure.subplots(n, len(shown), sharex=True, squeeze=False)
+        for row, (i, j) in zip(axes, entries, strict=True):
+            for ax, (part, word) in zip(row, shown, strict=True):
+                for k, (name, Z) in enumerate(data.items()):
+                    _draw(ax, f, part(Z[:, i, j]), k, name)
+                    if name in shaded:
+                        half = level * part(shaded[name][:, i, j])
+                        colour = style.MODELS[max(k, 1) % len(style.MODELS)][0]
+                        low, high = part(Z[:, i, j]) - half, part(Z[:, i, j]) + half
+                        ax.fill_between(f, low, high, color=colour, alpha=0.25, linewidth=0, zorder=1)
+                _limits(ax, [part(Z[:, i, j]) for Z in data.values()])
+                ax.set_ylabel(f"{word} Z({labels[i]}, {labels[j]})\n[{_unit(labels[i], labels[j])}]")
+                ax.set_xlim(f[0], f[-1])
+        for ax in axes[-1]:
+            ax.set_xlabel("frequency [Hz]")
+        legend_above(figure, title, axes[0, 0].get_legend_handles_labels()[0])
+    return figure
+
+
+def plot_stiffness_laws(laws: Sequence[StiffnessLaw], title: str = "") -> Figure:
+    """Plot what each direction of a joint is made of: the identified stiffness and the law that fits it best.
+
+    Parameters
+    ----------
+    laws : sequence of StiffnessLaw
+        From `joint.physics.explain_stiffness`.
+    title : str
+        Heading.
+    """
+    with style.look():
+        figure = style.new_figure(height=0.8 + 2.0 * len(laws))
+        axes = figure.subplots(len(laws), 2, sharex=True, squeeze=False)
+        for row, law in zip(axes, laws, strict=True):
+            fitted = law.best.stiffness(law.frequency)
+            for ax, (part, word) in zip(row, _PARTS, strict=True):
+                _draw(ax, law.frequency, part(law.Z), 0, "identified")
+                _draw(ax, law.frequency, part(fitted), 2, "best law")
+                if law.rivals:
+                    _draw(ax, law.frequency, part(law.rivals[0].stiffness(law.frequency)), 1, "nearest rival")
+                _limits(ax, [part(law.Z), part(fitted)], part(fitted))
+                ax.set_ylabel(f"{word} Z [{_unit(law.name, law.name)}]")
+                ax.set_xlim(law.frequency[0], law.frequency[-1])
+            row[0].set_title("\n".join(textwrap.wrap(law.sentence, 62)), fontsize=8, fontweight="normal")
+        for ax in axes[-1]:
+            ax.set_xlabel("frequency [Hz]")
+        legend_above(figure, title, axes[0, 0].get_legend_handles_labels()[0])
+    return figure
+
+
+def plot_l_curve(curve: LCurve, chosen: float | None = None, title: str = "") -> Figure:
+    """Plot residual against solution over the amount of regularisation, with its corner.
+
+    Parameters
+    ----------
+    curve : LCurve
+    chosen : float, optional
+        An amount to mark beside the corner [-].
+    title : str
+        Heading.
+    """
+    with style.look():
+        figure = style.new_figure(width=4.6, height=3.4)
+        ax = figure.subplots()
+        ax.loglog(curve.residual, curve.solution, color=style.FITTED, marker=".", markersize=3)
+        for amount, word, colour in ((curve.corner, "corner", style.EFFECT), (chosen, "chosen", style.GREEN)):
+            if amount is None:
+                continue
+            k = int(np.argmin(np.abs(np.log(curve.amount / amount))))
+            ax.loglog(curve.residual[k], curve.solution[k], "o", color=colour, markersize=6)
+            ax.annotate(f"{word}: {amount:.1e}", (curve.residual[k], curve.solution[k]), xytext=(8, 6),
+                        textcoords="offset points", color=colour)  # fmt: skip
+        ax.set_xlabel("residual ‖A X - B‖ / ‖B‖ [-]")
+        ax.set_ylabel("solution ‖X‖, relative [-]")
+        if title:
+            ax.set_title(title)
+    return figure
+
+
+def _draw(ax: Axes, f: NDArray[np.float64], y: NDArray[Any], k: int, label: str) -> None:
+    if k == 0:
+        ax.plot(f, y, ".", color=style.MEASURED, markersize=2.6, label=label, zorder=2)
+        return
+    colour, line = style.MODELS[k % len(style.MODELS)]
+    ax.plot(f, y, color=colour, linestyle=line, linewidth=1.4, label=label, zorder=3)
+
+
+def _limits(ax: Axes, curves: Sequence[NDArray[Any]], guide: NDArray[Any] | None = None) -> None:
+    """Leave out wild lines: the middle 96 % of all values, and all of a guiding curve, are seen."""
+    values = np.concatenate([c[np.isfinite(c)] for c in curves])
+    low, high = np.percentile(values, [2, 98])
+    if guide is not None:
+        low, high = min(low, guide.min()), max(high, guide.max())
+    margin = 0.12 * (high - low) or 0.1 * abs(high) or 1.0
+    ax.set_ylim(low - margin, high + margin)
+
+
+def _unit(row: str, column: str) -> str:
+    turn = [name.rpartition(":")[2].startswith("r") for name in (row, column)]
+    return f"{'N·m' if turn[0] else 'N'}/{'rad' if turn[1] else 'm'}"
