@@ -247,7 +247,8 @@ class StaticSolution:
         """Return displacements and rotations of places along a member's line, global.
 
         The motion of the nodes, and what the loads between them add while these rest: strains of the forces
-        that the shape functions do not give, integrated twice.
+        that the shape functions do not give, integrated twice. At a released end and in rigid
+        zones it is the node's.
 
         Parameters
         ----------
@@ -270,8 +271,10 @@ class StaticSolution:
         (frame,) = self.model.of_kind(Frame)
         dofs, N = frame.interpolate(mesh, at)
         u = np.einsum("bij,bjc->bic", N, self.displacements[dofs])
+        zone = _axes(self.model).zone
         for line in np.unique(np.concatenate([self._spread.line, np.flatnonzero(self._strain.any((1, 2)))])):
-            here = np.flatnonzero([a.line == line for a in at])
+            first, last = zone[line, 0], 1 - zone[line, 1]
+            here = np.flatnonzero([a.line == line and first < a.xi < last for a in at])
             if here.size:
                 properties = frame.members[member]
                 for free in (getattr(properties, "release1", ()), getattr(properties, "release2", ())):

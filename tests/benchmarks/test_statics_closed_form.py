@@ -179,7 +179,7 @@ def test_a_beam_on_a_spring():
 
 
 def test_a_fixed_portal_under_a_horizontal_load():
-    # Half of P at each corner leaves the beam without axial force, and the frame moves antisymmetrically: sway
+    # Half of P at each corner leaves the beam without axial force. The frame moves antisymmetrically: sway
     # u, corner rotation θ, the columns' stretch ±w. With EIc, h for the columns, EIb, l for the beam:
     #   corner moment from the beam    6EIb/l θ - 12EIb/l² w,
     #   vertical equilibrium           (EAc/h + 24EIb/l³) w = 12EIb/l² θ,
