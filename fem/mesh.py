@@ -116,22 +116,22 @@ class Mesh:
             raise MeshError(msg)
 
         sets = {name: np.unique(np.asarray(rows, dtype=np.int64)) for name, rows in (sets or {}).items()}
-        owner: dict[int, str] = {}
-        for name, rows in sets.items():
-            for row in rows:
-                if not 0 <= row < len(lines):
-                    msg = (
-                        f"set '{name}' refers to line {row}, but the mesh has {len(lines)} lines, "
-                        "counted from 0"
-                    )
-                    raise MeshError(msg)
-                if row in owner:
-                    msg = (
-                        f"line {row} is in the sets '{owner[row]}' and '{name}'; a line belongs to one member"
-                    )
-                    raise MeshError(msg)
-                owner[int(row)] = name
-        rest = np.array([row for row in range(len(lines)) if row not in owner], dtype=np.int64)
+        owner = np.full(len(lines), -1)
+        for number, (name, rows) in enumerate(sets.items()):
+            outside = rows[(rows < 0) | (rows >= len(lines))]
+            if outside.size:
+                msg = (
+                    f"set '{name}' refers to line {outside[0]}, but the mesh has {len(lines)} lines, "
+                    "counted from 0"
+                )
+                raise MeshError(msg)
+            twice = rows[owner[rows] >= 0]
+            if twice.size:
+                other = list(sets)[owner[twice[0]]]
+                msg = f"line {twice[0]} is in the sets '{other}' and '{name}'; a line belongs to one member"
+                raise MeshError(msg)
+            owner[rows] = number
+        rest = np.flatnonzero(owner < 0)
         if rest.size:
             sets["frame"] = rest
 
@@ -140,13 +140,12 @@ class Mesh:
         for name, rows in sets.items():
             if not rows.size:
                 continue
-            chains = _chains(points, lines, rows)
+            chains, turned = _chains(points, lines, rows)
+            lines[turned] = lines[turned][:, ::-1]
             names = [name] if len(chains) == 1 else [f"{name}.{i}" for i in range(1, len(chains) + 1)]
             if len(chains) > 1:
                 groups[name] = tuple(names)
-            for member, (chain, flipped) in zip(names, chains, strict=True):
-                lines[chain[flipped]] = lines[chain[flipped]][:, ::-1]
-                members[member] = chain
+            members.update(zip(names, chains, strict=True))
         return cls._frozen(points, lines, members, groups, dict(point_names or {}))
 
     @classmethod
@@ -257,9 +256,9 @@ class Mesh:
 
     def member_of_line(self) -> NDArray[np.object_]:
         """Return the name of the member of each line, shape (n_lines,)."""
+        chains, member = self.chains()
         names = np.empty(self.n_lines, dtype=object)
-        for name, rows in self.members.items():
-            names[rows] = name
+        names[chains] = np.array(list(self.members), dtype=object)[member]
         return names
 
     def chains(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -290,17 +289,15 @@ class Mesh:
     def nearest_on_members(self, xyz: ArrayLike) -> tuple[str, float, float]:
         """Return the member nearest to given coordinates, the position on it [m] and the distance [m]."""
         xyz = np.asarray(xyz, dtype=float)
-        best = ("", 0.0, np.inf)
-        for name, rows in self.members.items():
-            a = self.points[self.lines[rows, 0]]
-            t = self.points[self.lines[rows, 1]] - a
-            xi = np.clip(np.einsum("ij,ij->i", xyz - a, t) / np.einsum("ij,ij->i", t, t), 0.0, 1.0)
-            distance = np.linalg.norm(a + xi[:, None] * t - xyz, axis=1)
-            k = int(np.argmin(distance))
-            if distance[k] < best[2] - 1e-12:
-                s = self.member_positions(name)
-                best = (name, float(s[k] + xi[k] * (s[k + 1] - s[k])), float(distance[k]))
-        return best
+        chains, member = self.chains()
+        a = self.points[self.lines[chains, 0]]
+        t = self.points[self.lines[chains, 1]] - a
+        xi = np.clip(np.einsum("ij,ij->i", xyz - a, t) / np.einsum("ij,ij->i", t, t), 0.0, 1.0)
+        distance = np.linalg.norm(a + xi[:, None] * t - xyz, axis=1)
+        best = int(np.flatnonzero(distance <= distance.min() + 1e-12)[0])
+        name = list(self.members)[member[best]]
+        s, k = self.member_positions(name), best - int(np.searchsorted(member, member[best]))
+        return name, float(s[k] + xi[best] * (s[k + 1] - s[k])), float(distance[best])
 
     def with_point_on(self, member: str, position: float, name: str | None = None) -> "Mesh":
         """Return a mesh with a point at a position along a member, splitting a line where there is none yet.
@@ -362,76 +359,85 @@ class Mesh:
         pieces = np.broadcast_to(np.asarray(pieces, dtype=np.int64), (self.n_lines,))
         if (pieces == 1).all():
             return self
-        points = [self.points]
-        lines: list[NDArray[np.int64]] = []
-        rows_of: list[NDArray[np.int64]] = []
-        n_points, n_lines = self.n_points, 0
-        for (a, b), n in zip(self.lines, pieces, strict=True):
-            xi = np.arange(1, n)[:, None] / n
-            points.append(self.points[a] + xi * (self.points[b] - self.points[a]))
-            chain = np.concatenate([[a], np.arange(n_points, n_points + n - 1), [b]])
-            lines.append(np.column_stack([chain[:-1], chain[1:]]))
-            rows_of.append(np.arange(n_lines, n_lines + n))
-            n_points += n - 1
-            n_lines += n
-        members = {name: np.concatenate([rows_of[r] for r in rows]) for name, rows in self.members.items()}
-        return self._frozen(np.vstack(points), np.vstack(lines), members, self.groups, self.point_names)
+        a, b = self.points[self.lines[:, 0]], self.points[self.lines[:, 1]]
+        of, step = _counted(pieces - 1)
+        inner = a[of] + ((step + 1) / pieces[of])[:, None] * (b - a)[of]
+        # the points inside a line are numbered one after the other, line by line
+        before = self.n_points + np.cumsum(pieces - 1) - (pieces - 1)
+        of, step = _counted(pieces)
+        lines = (before[of] + step)[:, None] + [-1, 0]
+        first, last = step == 0, step == pieces[of] - 1
+        lines[first, 0], lines[last, 1] = self.lines[of[first], 0], self.lines[of[last], 1]
+        chains, member = self.chains()
+        of, step = _counted(pieces[chains])
+        rows = (np.cumsum(pieces) - pieces)[chains[of]] + step
+        members = dict(zip(self.members, _parts(rows, np.bincount(member[of])), strict=True))
+        return self._frozen(np.vstack([self.points, inner]), lines, members, self.groups, self.point_names)
+
+
+def _counted(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return each index as often as its count says, and 0, 1, … for each."""
+    of = np.repeat(np.arange(len(counts)), counts)
+    return of, np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _parts(rows: NDArray[np.int64], counts: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Return an array, which becomes read-only, in parts of so many entries."""
+    rows.flags.writeable = False
+    ends = np.cumsum(counts).tolist()
+    return [rows[i:j] for i, j in zip([0, *ends[:-1]], ends, strict=True)]
 
 
 def _chains(
     points: NDArray[np.float64], lines: NDArray[np.int64], rows: NDArray[np.int64]
-) -> list[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-    """Split a set of lines into chains; return the ordered rows of each and which of them are reversed."""
-    at: dict[int, list[int]] = {}
-    for line in rows.tolist():
-        for p in lines[line]:
-            at.setdefault(int(p), []).append(line)
+) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
+    """Split a set of lines into chains; return the ordered rows of each, and the rows that are reversed.
 
-    def goes_on(point: int, row: int) -> int | None:
-        """Return the row that continues a chain beyond a point.
-
-        It is the only other one there, and meets the chain without a sharp corner.
-        """
-        others = [r for r in at[point] if r != row]
-        if len(others) != 1:
-            return None
-        u = _direction(points, lines[row], point)
-        v = _direction(points, lines[others[0]], point)
-        return others[0] if u @ v < -0.5 else None
-
-    free = set(rows.tolist())
-    chains: list[tuple[NDArray[np.int64], NDArray[np.bool_]]] = []
-    for seed in rows.tolist():
-        if seed not in free:
+    A chain goes on at a point where two lines of the set meet, without a sharp corner.
+    """
+    partner = _partners(points, lines[rows])
+    alone = (partner < 0).all(axis=1)
+    if alone.all():
+        return _parts(rows.copy(), np.ones(len(rows), dtype=np.int64)), rows[:0]
+    beyond, free = partner.ravel().tolist(), np.ones(len(rows), dtype=bool).tolist()
+    order: list[int] = []
+    turned: list[int] = []
+    counts: list[int] = []
+    for seed in range(len(rows)):
+        if not free[seed]:
             continue
-        start, point = seed, int(lines[seed, 0])
-        seen = {start}
-        while (back := goes_on(point, start)) is not None and back not in seen:
-            start = back
-            seen.add(back)
-            point = _other(lines[back], point)
-        chain, flips = [], []
-        row: int | None = start
-        while row is not None and row in free:
-            free.discard(row)
-            chain.append(row)
-            flips.append(bool(lines[row, 0] != point))
-            point = _other(lines[row], point)
-            row = goes_on(point, row)
-        order, flipped = np.array(chain, dtype=np.int64), np.array(flips, dtype=bool)
-        if flipped.mean() > 0.5:  # keep the direction that most lines of the file have
-            order, flipped = order[::-1].copy(), ~flipped[::-1]
-        chains.append((order, flipped))
-    return chains
+        here, seen = 2 * seed, {seed}  # an end: of line here // 2, its first or second
+        while (back := beyond[here]) >= 0 and back // 2 not in seen:
+            seen.add(back // 2)
+            here = back ^ 1
+        chain: list[int] = []
+        while here >= 0 and free[here // 2]:
+            free[here // 2] = False
+            chain.append(here)
+            here = beyond[here ^ 1]
+        flipped = [end for end in chain if end & 1]
+        if 2 * len(flipped) > len(chain):  # keep the direction that most lines of the file have
+            flipped = [end for end in chain if not end & 1]
+            chain.reverse()
+        order += [end // 2 for end in chain]
+        turned += [end // 2 for end in flipped]
+        counts.append(len(chain))
+    return _parts(rows[order], np.array(counts)), rows[turned]
 
 
-def _other(line: NDArray[np.int64], point: int) -> int:
-    return int(line[1] if line[0] == point else line[0])
-
-
-def _direction(points: NDArray[np.float64], line: NDArray[np.int64], origin: int) -> NDArray[np.float64]:
-    t = points[_other(line, origin)] - points[origin]
-    return t / np.linalg.norm(t)
+def _partners(points: NDArray[np.float64], lines: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the end, 2 · line + 0 or 1, with which each line's ends go on, -1 for none, (n_lines, 2)."""
+    t = points[lines[:, 1]] - points[lines[:, 0]]
+    t /= np.linalg.norm(t, axis=1, keepdims=True)
+    ends = np.argsort(lines.ravel(), kind="stable")
+    _, start, count = np.unique(lines.ravel()[ends], return_index=True, return_counts=True)
+    first, second = ends[start[count == 2]], ends[start[count == 2] + 1]
+    turn = np.where((first + second) % 2, 1.0, -1.0)  # both at their first or both at their second points
+    cosine = turn * np.einsum("ij,ij->i", t[first // 2], t[second // 2])
+    straight = cosine > 0.5
+    partner = np.full(lines.size, -1)
+    partner[first[straight]], partner[second[straight]] = second[straight], first[straight]
+    return partner.reshape(-1, 2)
 
 
 def merge_names(names: Iterable[str]) -> str:

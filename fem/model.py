@@ -5,7 +5,7 @@ stiffness are effects, one file each in ``fem.effects``. Effects are additive an
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
@@ -100,6 +100,8 @@ class Contribution:
     law : Law or None
         Dependence on frequency: Z = (storage(ω) + i loss(ω)) K, with M, C and D None. Both are real functions
         of real parameters, so that the complex steps of derivatives pass through each.
+    lines : ndarray of int (b,) or None
+        Lines of the mesh that the elements are on, with their points' DOFs in order; None for others.
     """
 
     dofs: NDArray[np.int64]
@@ -108,6 +110,7 @@ class Contribution:
     C: Array | None = None
     D: Array | None = None
     law: Law | None = field(default=None, kw_only=True)
+    lines: NDArray[np.int64] | None = field(default=None, kw_only=True)
 
     @property
     def static(self) -> Array | None:
@@ -179,6 +182,10 @@ class Effect(ABC):
         It must accept complex parameter values, for complex-step derivatives.
         """
         return ()
+
+    def batches(self, model: "Model") -> Iterator[Contribution]:
+        """Return the same as :meth:`contribute`, in parts that need little memory at a time."""
+        yield from self.contribute(model)
 
     def constraints(self, model: "Model") -> tuple[Constraint, ...]:
         """Return the linear constraints that it imposes."""
@@ -385,6 +392,11 @@ class Model:
     def contributions(self) -> tuple[Contribution, ...]:
         """Return the contributions of all effects."""
         return tuple(c for effect in self.effects for c in effect.contribute(self))
+
+    def batches(self) -> Iterator[Contribution]:
+        """Return the contributions of all effects in parts that need little memory at a time."""
+        for effect in self.effects:
+            yield from effect.batches(self)
 
     def constraints(self) -> tuple[Constraint, ...]:
         """Return the constraints of all effects, without those that an effect has released."""

@@ -1,6 +1,8 @@
 """Assembly: from a model to K, M, C and D on the independent coordinates."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Constraint, Contribution, Law, Model, ModelError
 
 _ROUNDING = 1e-9
@@ -80,14 +83,8 @@ def assemble(model: Model) -> System:
         If a matrix is not finite, constraints leave no motion at all, or a point has neither stiffness
         nor mass.
     """
-    contributions = model.contributions()
-    full = sum_contributions(contributions, model.n_dof)
-    laws = tuple(
-        (c.law, sum_contributions((replace(c, law=None),), model.n_dof)[0])
-        for c in contributions
-        if c.law is not None
-    )
-    for name, X in zip("KMCD", full, strict=True):
+    full, laws = _full_matrices(model)
+    for name, X in full.items():
         if not np.isfinite(X.data).all():
             msg = f"the matrix {name} of the model has entries that are not finite numbers"
             raise ModelError(msg)
@@ -95,13 +92,14 @@ def assemble(model: Model) -> System:
     if Q.shape[1] == 0:
         msg = "the supports and rigid joints leave no motion at all; the model has nothing to compute"
         raise ModelError(msg)
-    K, M, C, D = (sp.csc_array(Q.T @ X @ Q) for X in full)
-    idle = _idle(model, Q, np.flatnonzero(abs(K).sum(axis=0) + abs(M).sum(axis=0) == 0))
+    free = _selection(Q)
+    K, M, C, D = (_on_q(full.pop(key), Q, free) for key in "KMCD")
+    idle = _idle(model, Q, np.flatnonzero((np.diff(K.indptr) == 0) & (np.diff(M.indptr) == 0)))
     if idle.size:
-        Q = Q[:, np.setdiff1d(np.arange(Q.shape[1]), idle)]
-        K, M, C, D = (sp.csc_array(Q.T @ X @ Q) for X in full)
+        keep = np.setdiff1d(np.arange(Q.shape[1]), idle)
+        Q, K, M, C, D = Q[:, keep], *(sp.csc_array(X[keep][:, keep]) for X in (K, M, C, D))
     on_q = tuple((law, sp.csc_array(Q.T @ X @ Q)) for law, X in laws)
-    return System(K, M, C, D, Q, _allowed(model, contributions, Q), model, on_q)
+    return System(K, M, C, D, Q, _allowed(model, Q), model, on_q)
 
 
 def law_change(law: Law, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -145,7 +143,7 @@ def rigid_motions(model: Model) -> NDArray[np.float64]:
 
 
 def resistance(
-    contributions: tuple[Contribution, ...], motions: NDArray[np.float64], size: float, rounding: float
+    contributions: Iterable[Contribution], motions: NDArray[np.float64], size: float, rounding: float
 ) -> NDArray[np.float64]:
     """Return the forces, as rows (n_rows, n), with which elements oppose motions.
 
@@ -195,13 +193,97 @@ def reproduced(model: Model, Q: Any) -> NDArray[np.float64]:
     return found @ Vt[: int((s > _ROUNDING * max(s[0], 1.0)).sum())].T
 
 
-def _allowed(model: Model, contributions: tuple[Contribution, ...], Q: Any) -> NDArray[np.float64]:
+def _allowed(model: Model, Q: Any) -> NDArray[np.float64]:
     """Return the rigid-body motions (n_free, n_rigid) that Q reproduces and that no element resists."""
     motions = rigid_motions(model) @ reproduced(model, Q)
     if not motions.shape[1]:
         return np.zeros((Q.shape[1], 0))
     size = model.mesh.size
-    return Q.T @ motions @ unopposed(resistance(contributions, motions, size, _ROUNDING), 10 * _ROUNDING)
+    return Q.T @ motions @ unopposed(resistance(model.batches(), motions, size, _ROUNDING), 10 * _ROUNDING)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pattern:
+    """Which 6x6 blocks the elements on a mesh's lines fill, by rows of points."""
+
+    indptr: NDArray[np.int32]
+    indices: NDArray[np.int32]
+    own: NDArray[np.int64]  # (n_points,): the block of a point with itself
+    other: NDArray[np.int64]  # (2, n_lines): those of a line's first point with its second, and back
+    once: bool  # no two lines join the same two points
+
+
+@lru_cache(maxsize=4)
+def _pattern(mesh: Mesh) -> _Pattern:
+    """Return the blocks of a mesh, kept for the last few meshes."""
+    n, first, second = mesh.n_points, *mesh.lines.T
+    keys = np.concatenate([np.arange(n) * (n + 1), first * n + second, second * n + first])
+    blocks, place = np.unique(keys, return_inverse=True)
+    indptr = np.searchsorted(blocks, n * np.arange(n + 1)).astype(np.int32)
+    once = len(blocks) == len(keys)
+    return _Pattern(indptr, (blocks % n).astype(np.int32), place[:n], place[n:].reshape(2, -1), once)
+
+
+def _full_matrices(model: Model) -> tuple[dict[str, Any], list[tuple[Law, Any]]]:
+    """Return K, M, C and D on all DOFs, and each law with the stiffness that it multiplies.
+
+    Elements on lines of the mesh are summed block by block in a pattern that is sorted once; all others are
+    sorted by their entries.
+    """
+    pattern, n = _pattern(model.mesh), model.n_dof
+    blocks: dict[str, Any] = {}
+    others: list[Contribution] = []
+    for part in model.batches():
+        if part.lines is None or part.law is not None:
+            others.append(part)
+            continue
+        for key in "KMCD":
+            X = getattr(part, key)
+            if X is not None:
+                if key not in blocks:
+                    blocks[key] = np.zeros((len(pattern.indices), 6, 6), dtype=X.dtype)
+                _add_blocks(blocks[key], pattern, model.mesh.lines[part.lines], part.lines, X)
+    rest = sum_contributions(tuple(others), n)
+    full: dict[str, Any] = {}
+    for key, sums in zip("KMCD", rest, strict=True):
+        if key not in blocks:
+            full[key] = sums
+            continue
+        X = sp.bsr_array((blocks.pop(key), pattern.indices, pattern.indptr)).tocsr()
+        X.resize((n, n))
+        X.eliminate_zeros()
+        full[key] = X + sums if sums.nnz else X
+    laws = [(c.law, sum_contributions((replace(c, law=None),), n)[0]) for c in others if c.law is not None]
+    return full, laws
+
+
+def _add_blocks(
+    out: NDArray[Any], pattern: _Pattern, ends: NDArray[np.int64], lines: NDArray[np.int64], X: NDArray[Any]
+) -> None:
+    """Add element matrices (b, 12, 12) of lines to blocks (n_blocks, 6, 6)."""
+    for place, block in zip(pattern.other[:, lines], (X[:, :6, 6:], X[:, 6:, :6]), strict=True):
+        if pattern.once:
+            out[place] += block
+        else:
+            np.add.at(out, place, block)
+    points, row = np.unique(ends, return_inverse=True)
+    gather = sp.csr_array((np.ones(ends.size), (row.ravel(), np.arange(ends.size))))
+    own = np.stack([X[:, :6, :6], X[:, 6:, 6:]], axis=1).reshape(-1, 36)
+    out[pattern.own[points]] += (gather @ own).reshape(-1, 6, 6)
+
+
+def _selection(Q: Any) -> NDArray[np.int64] | None:
+    """Return the DOFs that Q takes as they are, in order; None if it combines some."""
+    if Q.nnz != Q.shape[1] or not (Q.data == 1.0).all() or (np.diff(Q.indices) <= 0).any():
+        return None
+    return np.flatnonzero(np.diff(Q.indptr))
+
+
+def _on_q(X: Any, Q: Any, free: NDArray[np.int64] | None) -> sp.csc_array:
+    """Return QᵀXQ without entries that are zero."""
+    if free is None:
+        return sp.csc_array(Q.T @ X @ Q)
+    return sp.csc_array(X if len(free) == X.shape[0] else X[free][:, free])
 
 
 def sum_contributions(contributions: tuple[Contribution, ...], n_dof: int) -> list[Any]:
@@ -231,18 +313,27 @@ def sum_contributions(contributions: tuple[Contribution, ...], n_dof: int) -> li
 def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
     """Return an orthonormal basis Q (n_dof, n_free) of the motions that meet all constraints."""
     taken = np.zeros(n_dof, dtype=bool)
+    held = np.zeros(n_dof, dtype=bool)
+    joint = [c for c in constraints if len(c.dofs) != 1]
+    linked = np.zeros(n_dof, dtype=bool)
+    for c in joint:
+        linked[c.dofs] = True
+    for c in constraints:
+        if len(c.dofs) == 1:
+            if linked[c.dofs[0]]:
+                joint.append(c)
+            else:
+                held[c.dofs[0]] = True
     rows, cols, data = [], [], []
-    for group in constraint_groups(constraints):
+    for group in constraint_groups(tuple(joint)):
         dofs = np.unique(np.concatenate([c.dofs for c in group]))
         taken[dofs] = True
-        if len(dofs) == 1:
-            continue
         N = _null(_rows(group, dofs))
         for j in range(N.shape[1]):
             rows.append(dofs)
             cols.append(np.full(len(dofs), len(cols)))
             data.append(N[:, j])
-    free = np.flatnonzero(~taken)
+    free = np.flatnonzero(~(taken | held))
     n_groups = len(cols)
     rows.append(free)
     cols.append(n_groups + np.arange(len(free)))
@@ -251,7 +342,7 @@ def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
         (np.concatenate(data), (np.concatenate(rows), np.concatenate(cols))),
         shape=(n_dof, n_groups + len(free)),
     ).tocsr()
-    return Q[:, np.argsort(_leading(Q))]
+    return Q[:, np.argsort(_leading(Q), kind="stable")] if n_groups else Q
 
 
 def particular(constraints: tuple[Constraint, ...], released: Constraint, n_dof: int) -> NDArray[np.float64]:
@@ -281,7 +372,9 @@ def constraint_groups(constraints: tuple[Constraint, ...]) -> list[tuple[Constra
     dofs, column = np.unique(np.concatenate([c.dofs for c in constraints]), return_inverse=True)
     graph = sp.coo_array((np.ones(len(rows)), (rows, n + column)), shape=(n + len(dofs),) * 2)
     label = connected_components(graph, directed=False)[1][:n]
-    return [tuple(constraints[i] for i in np.flatnonzero(label == k)) for k in np.unique(label)]
+    order = np.argsort(label, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+    return [tuple(constraints[i] for i in part) for part in parts]
 
 
 def _rows(group: tuple[Constraint, ...], dofs: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 """The frame itself: two-node, 12-DOF beams and bars along the members of a mesh."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Self
@@ -14,8 +14,8 @@ from fem.properties import Material, Section
 
 THEORIES = ("timoshenko", "euler-bernoulli", "bar")
 MASSES = ("consistent", "lumped")
-_BATCH = 8192
-"""Elements that are formed at a time: what they need stays within some tens of megabytes."""
+_BATCH = 2048
+"""Elements that are formed at a time: what they need stays within some megabytes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,6 +146,7 @@ class _Layout:
     zone: NDArray[np.float64]  # (n_lines, 2): lengths of the rigid zones
     soft: NDArray[np.int64]  # (n_lines,): row of ends, -1 for rigid connections
     ends: NDArray[np.float64]  # (n_soft, 12): stiffness of the connections
+    plain: NDArray[np.bool_]  # (n_lines,): straight from point to point, no rigid zones, no ends that slip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -261,8 +262,8 @@ class Frame(Effect):
         """Return the local axes of each line as rows, shape (n_lines, 3, 3)."""
         return _place(_layout(self, mesh), mesh, np.arange(mesh.n_lines))[0]
 
-    def _lines(self, mesh: Mesh, rows: ArrayLike) -> _Lines:
-        """Return geometry and properties of some lines."""
+    def _lines(self, mesh: Mesh, rows: ArrayLike, maps: bool = True) -> _Lines:
+        """Return geometry and properties of some lines, and if asked for their maps T."""
         layout, rows = _layout(self, mesh), np.asarray(rows, dtype=np.int64)
         R, end, span, L = _place(layout, mesh, rows)
         kind = layout.kind[rows]
@@ -276,13 +277,13 @@ class Frame(Effect):
             factor = 24 * (1 + table["nu"]) * I
             return np.divide(factor, k * table["A"] * L**2, out=np.zeros_like(L), where=k > 0)
 
-        T = np.zeros((len(rows), 12, 12))
-        for k in range(2):
+        T = np.zeros((len(rows), 12, 12) if maps else (len(rows), 0, 0))
+        for k in range(2 if maps else 0):
             o = 6 * k
             T[:, o : o + 3, o : o + 3] = R
             T[:, o + 3 : o + 6, o + 3 : o + 6] = R
             T[:, o : o + 3, o + 3 : o + 6] = -R @ _skew(end[:, k])
-        soft = np.flatnonzero(layout.soft[rows] >= 0)
+        soft = np.flatnonzero(layout.soft[rows] >= 0) if maps else np.zeros(0, dtype=np.int64)
         stiff = _Lines(
             rows=rows, dofs=dofs_of(mesh.lines[rows]).reshape(len(rows), 12), T=T, soft=soft[:0],
             slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)), R=R, end=end, zone=layout.zone[rows],
@@ -304,34 +305,62 @@ class Frame(Effect):
         rows = np.arange(model.mesh.n_lines)
         return (*self.contribution_of(model, rows), *self._pretensions(model.mesh))
 
+    def batches(self, model: Model) -> Iterator[Contribution]:
+        """Return the same in parts of a few thousand elements."""
+        rows = np.arange(model.mesh.n_lines)
+        for i in range(0, len(rows), _BATCH):
+            yield self._elements(model.mesh, rows[i : i + _BATCH])
+        yield from self._rigid_zone_masses(model.mesh, rows)
+        yield from self._pretensions(model.mesh)
+
     def contribution_of(self, model: Model, rows: ArrayLike) -> tuple[Contribution, ...]:
         """Return stiffness, mass and structural damping of some lines of the mesh, without pretensions."""
         rows = np.asarray(rows, dtype=np.int64)
         parts = [self._elements(model.mesh, rows[i : i + _BATCH]) for i in range(0, len(rows), _BATCH)]
+        if len(parts) == 1:
+            return (parts[0], *self._rigid_zone_masses(model.mesh, rows))
         damped = any(part.D is not None for part in parts)
         D = [np.zeros_like(part.K) if part.D is None else part.D for part in parts] if damped else None
         whole = Contribution(
             *(np.concatenate([getattr(part, key) for part in parts]) for key in ("dofs", "K", "M")),
             D=None if D is None else np.concatenate(D),
+            lines=rows,
         )
         return (whole, *self._rigid_zone_masses(model.mesh, rows))
 
     def _elements(self, mesh: Mesh, rows: NDArray[np.int64]) -> Contribution:
+        """Return the elements of lines: plain ones in closed form, others by quadrature."""
+        layout = _layout(self, mesh)
+        plain = layout.plain[rows]
+        dofs = dofs_of(mesh.lines[rows]).reshape(len(rows), 12)
+        if plain.all():
+            g = self._lines(mesh, rows, maps=False)
+            K, M = _spread(g.R, *_plain_stiffness(g)), _spread(g.R, *_plain_mass(g))
+            D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
+            return Contribution(dofs, K, M, None, D, lines=rows)
+        if plain.any():
+            parts = [(part, self._elements(mesh, rows[part])) for part in (plain, ~plain)]
+            merged: dict[str, Array | None] = {"D": None}
+            for key in "KMD" if any(c.D is not None for _, c in parts) else "KM":
+                found = [(part, getattr(c, key)) for part, c in parts if getattr(c, key) is not None]
+                X = np.zeros((len(rows), 12, 12), dtype=np.result_type(*(Y for _, Y in found)))
+                for part, Y in found:
+                    X[part] = Y
+                merged[key] = X
+            return Contribution(dofs, merged["K"], merged["M"], None, merged["D"], lines=rows)
         g = self._lines(mesh, rows)
         K, M = _to_global(_stiffness(g), g.T), _mass(g)
         D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
         if g.soft.size:
             K[g.soft] += np.swapaxes(g.slip, 1, 2) @ (g.ends[:, :, None] * g.slip)
-        return Contribution(g.dofs, K, M, None, D)
+        return Contribution(dofs, K, M, None, D, lines=rows)
 
-    def _pretensions(self, mesh: Mesh) -> tuple[Contribution, ...]:
+    def _pretensions(self, mesh: Mesh) -> Iterator[Contribution]:
         layout = _layout(self, mesh)
         rows = np.flatnonzero(layout.table["tension"][layout.kind] != 0)
-        parts = []
         for i in range(0, len(rows), _BATCH):
             g = self._lines(mesh, rows[i : i + _BATCH])
-            parts.append(Contribution(g.dofs, g.tension[:, None, None] * _tension(g)))
-        return tuple(parts)
+            yield Contribution(g.dofs, g.tension[:, None, None] * _tension(g), lines=g.rows)
 
     def _rigid_zone_masses(self, mesh: Mesh, rows: NDArray[np.int64]) -> tuple[Contribution, ...]:
         layout = _layout(self, mesh)
@@ -475,6 +504,10 @@ def _layout(frame: Frame, mesh: Mesh) -> _Layout:
             np.array([getattr(p, key) for p in different])[made] for key in ("offset1", "offset2")
         )
         offset = first[:, None] + along[:, :, None] * (second - first)[:, None]
+    zone, soft, ends = _end_lines(different, owner, mesh)
+    plain = soft < 0
+    for part in (offset, zone):
+        plain &= ~part.any(axis=tuple(range(1, part.ndim)))
     layout = _Layout(
         kind,
         {
@@ -491,7 +524,10 @@ def _layout(frame: Frame, mesh: Mesh) -> _Layout:
         },
         tuple(p.material for p, _ in kinds),
         np.broadcast_to(offset, (mesh.n_lines, 2, 3)),
-        *_end_lines(different, owner, mesh),
+        np.broadcast_to(zone, (mesh.n_lines, 2)),
+        soft,
+        ends,
+        plain,
     )
     for key in ("ky", "kz"):
         layout.table[key][layout.table["rotary"] == 0] = 0.0
@@ -543,7 +579,7 @@ def _end_lines(
             mine = soft[edge[k]] >= 0
             part = slice(6 * k, 6 * k + 6)
             ends[soft[edge[k][mine]], part] = springs[owner[mine], part]
-    return np.broadcast_to(zone, (n, 2)), soft, ends
+    return zone, soft, ends
 
 
 def _check_layout(layout: _Layout, mesh: Mesh) -> None:
@@ -712,6 +748,96 @@ def _tension(g: _Lines) -> Array:
         S = _slope(g, np.full(len(g.L), xi))
         K = K + np.swapaxes(S, 1, 2) @ ((weight * g.L)[:, None, None] * S)
     return _to_global(K, g.T)
+
+
+def _plain_stiffness(g: _Lines) -> tuple[Array, ...]:
+    """Return the factors of :func:`_spread` of a beam's or bar's stiffness."""
+    beam = (1 - g.bar) * g.E
+    y, z = (beam * I / (g.L * (1 + phi)) for I, phi in ((g.Iz, g.phi_y), (g.Iy, g.phi_z)))
+    axial, torsion = g.E * g.A / g.L, beam * g.J / (2 * (1 + g.nu) * g.L)
+    tt = np.stack([axial, 12 * y / g.L**2, 12 * z / g.L**2])
+    tr = np.stack([6 * y / g.L, 6 * z / g.L])
+    rr = np.stack([torsion, (4 + g.phi_z) * z, (4 + g.phi_y) * y])
+    return tt, -tt, tr, tr, rr, np.stack([-torsion, (2 - g.phi_z) * z, (2 - g.phi_y) * y])
+
+
+def _plain_mass(g: _Lines) -> tuple[Array, ...]:
+    """Return the factors of :func:`_spread` of an element's mass.
+
+    The integrals of the shape functions' products: Friedman & Kosmatka (1993), with ρA for the deflection
+    and ρI for the rotation.
+    """
+    m, L = g.rho * g.A * g.L, g.L
+    planes = []
+    for phi, I in ((g.phi_y, g.Iz), (g.phi_z, g.Iy)):
+        own = m / (210 * (1 + phi) ** 2)
+        turn = g.rotary * g.rho * I / (30 * L * (1 + phi) ** 2)
+        planes.append(
+            np.stack(
+                [
+                    own * (70 * phi**2 + 147 * phi + 78) + 36 * turn,
+                    own * (35 * phi**2 + 63 * phi + 27) - 36 * turn,
+                    own * (35 * phi**2 + 77 * phi + 44) * L / 4 - turn * (15 * phi - 3) * L,
+                    -own * (35 * phi**2 + 63 * phi + 26) * L / 4 - turn * (15 * phi - 3) * L,
+                    own * (7 * phi**2 + 14 * phi + 8) * L**2 / 4 + turn * (10 * phi**2 + 5 * phi + 4) * L**2,
+                    -own * (7 * phi**2 + 14 * phi + 6) * L**2 / 4 + turn * (5 * phi**2 - 5 * phi - 1) * L**2,
+                ]
+            )
+        )
+    y, z = planes
+    spin = (1 - g.bar) * g.rho * g.Ip * L
+    blocks = [
+        np.stack([m / 3, y[0], z[0]]),
+        np.stack([m / 6, y[1], z[1]]),
+        np.stack([y[2], z[2]]),
+        np.stack([y[3], z[3]]),
+        np.stack([spin / 3, z[4], y[4]]),
+        np.stack([spin / 6, z[5], y[5]]),
+    ]
+    bar, lumped = g.bar != 0, g.lumped != 0
+    for mass, kind in (((m / 3, m / 6), bar), ((m / 2, 0 * m), lumped)):
+        if kind.any():
+            for block, value in zip(blocks, (*mass, 0 * m, 0 * m, 0 * m, 0 * m), strict=True):
+                block[:, kind] = value[kind]
+    if lumped.any():
+        blocks[4][:, lumped] = (_inertia(g).T[[3, 4, 5]] * L / 2)[:, lumped]
+    return tuple(blocks)
+
+
+def _spread(R: NDArray[np.float64], *factors: Array) -> Array:
+    """Return the global matrices (b, 12, 12) of elements that run straight between their points.
+
+    Parameters
+    ----------
+    R : ndarray (b, 3, 3)
+        Local axes x, y, z as rows.
+    factors : ndarray (3, b) or (2, b)
+        Translations with translations of the same and of the other end, as factors of xxᵀ, yyᵀ, zzᵀ; with
+        rotations of either, as factors of yzᵀ and -zyᵀ; rotations with rotations. Of the second end and of
+        its translations with rotations of the first, the middle ones have the other sign.
+    """
+    tt, tt2, tr, tr2, rr, rr2 = factors
+    x, y, z = np.ascontiguousarray(R.transpose(1, 2, 0))
+    out = np.empty((12, 12, len(R)), dtype=np.result_type(*factors))
+    for i in range(3):
+        for j in range(i, 3):
+            square = x[i] * x[j], y[i] * y[j], z[i] * z[j]
+            for (a, p, q), places in (
+                (tt, ((0, 0), (6, 6))),
+                (tt2, ((0, 6), (6, 0))),
+                (rr, ((3, 3), (9, 9))),
+                (rr2, ((3, 9), (9, 3))),
+            ):
+                value = a * square[0] + p * square[1] + q * square[2]
+                for r, c in places:
+                    out[r + i, c + j] = out[r + j, c + i] = value
+        for j in range(3):
+            yz, zy = y[i] * z[j], z[i] * y[j]
+            for (p, q), first, second in ((tr, (0, 3), (6, 9)), (tr2, (0, 9), (6, 3))):
+                value = p * yz - q * zy
+                for (r, c), v in ((first, value), (second, -value)):
+                    out[r + i, c + j] = out[c + j, r + i] = v
+    return np.ascontiguousarray(out.reshape(144, -1).T).reshape(-1, 12, 12)
 
 
 def _to_global(matrix: Array, T: Array) -> Array:
