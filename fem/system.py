@@ -1,6 +1,7 @@
 """Assembly: from a model to K, M, C and D on the independent coordinates."""
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -10,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from fem.effects.frame import Frame
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Constraint, Contribution, Law, Model, ModelError
 
@@ -83,7 +85,7 @@ def assemble(model: Model) -> System:
         If a matrix is not finite, constraints leave no motion at all, or a point has neither stiffness
         nor mass.
     """
-    full, laws = _full_matrices(model)
+    full, laws = _full_matrices(model.mesh, model.n_dof, model.batches())
     for name, X in full.items():
         if not np.isfinite(X.data).all():
             msg = f"the matrix {name} of the model has entries that are not finite numbers"
@@ -100,6 +102,79 @@ def assemble(model: Model) -> System:
         Q, K, M, C, D = Q[:, keep], *(sp.csc_array(X[keep][:, keep]) for X in (K, M, C, D))
     on_q = tuple((law, sp.csc_array(Q.T @ X @ Q)) for law, X in laws)
     return System(K, M, C, D, Q, _allowed(model, Q), model, on_q)
+
+
+def reassemble(system: System, model: Model) -> System:
+    """Return what :func:`assemble` returns for a model that shares most effects with the system's own.
+
+    Effects that are the same objects are not formed again where nothing else is new. New moduli and
+    densities of a frame scale its matrices, if all its lines have the same factor, or form those lines again
+    that have others. The result differs from that of `assemble` by rounding of the old and the new entries.
+    Another mesh, other constraints, frequency-dependent elements or internal coordinates among what has
+    changed, and effects on rotations that were left out, take it to `assemble`.
+
+    Parameters
+    ----------
+    system : System
+    model : Model
+        On the same mesh as ``system.model``; made from it by `with_values`, `with_effect`, ….
+    """
+    was, kept = system.model, {id(e) for e in model.effects} & {id(e) for e in system.model.effects}
+    gone = [e for e in was.effects if id(e) not in kept]
+    new = [e for e in model.effects if id(e) not in kept]
+    frames = [e for e in (*gone, *new) if isinstance(e, Frame)]
+    change = frames[0].change_to(frames[1], model.mesh) if len(frames) == 2 else None
+    others = [e for e in (*gone, *new) if not isinstance(e, Frame)]
+    if (
+        model.mesh is not was.mesh
+        or system.laws
+        or any(e.n_internal for e in model.effects)
+        or any(e.released() or e.constraints(model) for e in others)
+        or (frames and change is None)
+    ):
+        return assemble(model)
+    scale: dict[str, float] = dict.fromkeys("KMCD", 1.0)
+    lines: Iterable[Contribution] = ()
+    if change is not None:
+        # effects on a frame may depend on it: all of them are formed anew
+        gone, new = ([e for e in m.effects if not isinstance(e, Frame)] for m in (was, model))
+        scale |= change.scale
+        lines = change.batches
+    before = [c for e in gone for c in e.contribute(was)]
+    after = [c for e in new for c in e.contribute(model)]
+    left_out = _left_out(model, system.Q)
+    if any(c.law is not None or left_out[c.dofs].any() for c in after):
+        return assemble(model)
+    if change is not None:
+        before += change.constant
+        after += change.constant
+    parts = [_scaled(c, {key: -factor for key, factor in scale.items()}) for c in before] + after
+    differences, _ = _full_matrices(model.mesh, model.n_dof, itertools.chain(parts, lines))
+    free = _selection(system.Q)
+    matrices = {}
+    for key, D in differences.items():
+        X = getattr(system, key)
+        X = X if scale[key] == 1.0 else scale[key] * X
+        D.eliminate_zeros()
+        matrices[key] = X + _on_q(D, system.Q, free) if D.nnz else X
+        if not np.isfinite(matrices[key].data).all():
+            msg = f"the matrix {key} of the model has entries that are not finite numbers"
+            raise ModelError(msg)
+    return replace(system, **matrices, rigid=_allowed(model, system.Q), model=model)
+
+
+def _scaled(part: Contribution, factor: Mapping[str, float]) -> Contribution:
+    """Return matrices times factors."""
+    scaled = {key: getattr(part, key) for key in "KMCD"}
+    return replace(part, **{key: None if X is None else factor[key] * X for key, X in scaled.items()})
+
+
+def _left_out(model: Model, Q: Any) -> NDArray[np.bool_]:
+    """Return the DOFs that Q leaves out though no constraint holds them, (n_dof,)."""
+    idle = np.diff(Q.indptr) == 0
+    for c in model.constraints():
+        idle[c.dofs] = False
+    return idle
 
 
 def law_change(law: Law, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -180,9 +255,7 @@ def reproduced(model: Model, Q: Any) -> NDArray[np.float64]:
     """
     motions = rigid_motions(model)
     missed = motions - Q @ (Q.T @ motions)
-    idle = np.diff(Q.indptr) == 0
-    for c in model.constraints():
-        idle[c.dofs] = False
+    idle = _left_out(model, Q)
     missed[idle] = 0.0
     missed[: 6 * model.mesh.n_points].reshape(-1, 6, 6)[:, 3:] *= model.mesh.size
     found = unopposed(missed[np.abs(missed).max(axis=1) > _ROUNDING], 10 * _ROUNDING)
@@ -224,32 +297,31 @@ def _pattern(mesh: Mesh) -> _Pattern:
     return _Pattern(indptr, (blocks % n).astype(np.int32), place[:n], place[n:].reshape(2, -1), once)
 
 
-def _full_matrices(model: Model) -> tuple[dict[str, Any], list[tuple[Law, Any]]]:
-    """Return K, M, C and D on all DOFs, and each law with the stiffness that it multiplies.
+def _full_matrices(
+    mesh: Mesh, n: int, batches: Iterable[Contribution]
+) -> tuple[dict[str, Any], list[tuple[Law, Any]]]:
+    """Return K, M, C and D on all n DOFs, and each law with the stiffness that it multiplies.
 
     Elements on lines of the mesh are summed block by block in a pattern that is sorted once; all others are
     sorted by their entries.
     """
-    pattern, n = _pattern(model.mesh), model.n_dof
+    pattern = _pattern(mesh)
     blocks: dict[str, Any] = {}
     others: list[Contribution] = []
-    for part in model.batches():
+    for part in batches:
         if part.lines is None or part.law is not None:
             others.append(part)
             continue
-        for key in "KMCD":
-            X = getattr(part, key)
-            if X is not None:
-                if key not in blocks:
-                    blocks[key] = np.zeros((len(pattern.indices), 6, 6), dtype=X.dtype)
-                _add_blocks(blocks[key], pattern, model.mesh.lines[part.lines], part.lines, X)
+        _add_blocks(blocks, pattern, mesh.lines[part.lines], part)
     rest = sum_contributions(tuple(others), n)
+    for X in rest:
+        X.eliminate_zeros()
     full: dict[str, Any] = {}
     for key, sums in zip("KMCD", rest, strict=True):
         if key not in blocks:
             full[key] = sums
             continue
-        X = sp.bsr_array((blocks.pop(key), pattern.indices, pattern.indptr)).tocsr()
+        X = sp.bsr_array((blocks.pop(key).reshape(-1, 6, 6), pattern.indices, pattern.indptr)).tocsr()
         X.resize((n, n))
         X.eliminate_zeros()
         full[key] = X + sums if sums.nnz else X
@@ -258,18 +330,28 @@ def _full_matrices(model: Model) -> tuple[dict[str, Any], list[tuple[Law, Any]]]
 
 
 def _add_blocks(
-    out: NDArray[Any], pattern: _Pattern, ends: NDArray[np.int64], lines: NDArray[np.int64], X: NDArray[Any]
+    blocks: dict[str, NDArray[Any]], pattern: _Pattern, ends: NDArray[np.int64], part: Contribution
 ) -> None:
-    """Add element matrices (b, 12, 12) of lines to blocks (n_blocks, 6, 6)."""
-    for place, block in zip(pattern.other[:, lines], (X[:, :6, 6:], X[:, 6:, :6]), strict=True):
-        if pattern.once:
-            out[place] += block
-        else:
-            np.add.at(out, place, block)
+    """Add element matrices (b, 12, 12) on lines with these ends (b, 2) to blocks (n_blocks, 36)."""
     points, row = np.unique(ends, return_inverse=True)
     gather = sp.csr_array((np.ones(ends.size), (row.ravel(), np.arange(ends.size))))
-    own = np.stack([X[:, :6, :6], X[:, 6:, 6:]], axis=1).reshape(-1, 36)
-    out[pattern.own[points]] += (gather @ own).reshape(-1, 6, 6)
+    own, other = pattern.own[points], pattern.other[:, part.lines]
+    for key in "KMCD":
+        X = getattr(part, key)
+        if X is None:
+            continue
+        if key not in blocks:
+            blocks[key] = np.zeros((len(pattern.indices), 36), dtype=X.dtype)
+        out = blocks[key]
+        quarters = np.ascontiguousarray(X.reshape(-1, 2, 6, 2, 6).transpose(1, 3, 0, 2, 4)).reshape(
+            2, 2, -1, 36
+        )
+        for place, block in zip(other, (quarters[0, 1], quarters[1, 0]), strict=True):
+            if pattern.once:
+                out[place] += block
+            else:
+                np.add.at(out, place, block)
+        out[own] += gather @ quarters[[0, 1], [0, 1]].transpose(1, 0, 2).reshape(-1, 36)
 
 
 def _selection(Q: Any) -> NDArray[np.int64] | None:
@@ -282,7 +364,10 @@ def _selection(Q: Any) -> NDArray[np.int64] | None:
 def _on_q(X: Any, Q: Any, free: NDArray[np.int64] | None) -> sp.csc_array:
     """Return QᵀXQ without entries that are zero."""
     if free is None:
-        return sp.csc_array(Q.T @ X @ Q)
+        product = sp.csc_array(Q.T @ X @ Q)
+        product.eliminate_zeros()
+        product.sort_indices()
+        return product
     return sp.csc_array(X if len(free) == X.shape[0] else X[free][:, free])
 
 

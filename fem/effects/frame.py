@@ -192,6 +192,25 @@ class _Lines:
         return T
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameChange:
+    """What new moduli and densities make of a frame's matrices: factors, or the differences of some lines.
+
+    Attributes
+    ----------
+    scale : mapping of str to float
+        Factors of K, D and M.
+    constant : tuple of Contribution
+        Pretensions, which the factor of K does not concern.
+    batches : iterator of Contribution
+        What is to be added beside.
+    """
+
+    scale: Mapping[str, float]
+    constant: tuple[Contribution, ...]
+    batches: Iterator[Contribution]
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Frame(Effect):
     """Beams and bars along members: Timoshenko (or Euler-Bernoulli) with consistent mass unless they say.
@@ -307,11 +326,46 @@ class Frame(Effect):
 
     def batches(self, model: Model) -> Iterator[Contribution]:
         """Return the same in parts of a few thousand elements."""
-        rows = np.arange(model.mesh.n_lines)
-        for i in range(0, len(rows), _BATCH):
-            yield self._elements(model.mesh, rows[i : i + _BATCH])
-        yield from self._rigid_zone_masses(model.mesh, rows)
+        yield from self._batches_of(model.mesh, np.arange(model.mesh.n_lines))
         yield from self._pretensions(model.mesh)
+
+    def change_to(self, other: "Frame", mesh: Mesh) -> FrameChange | None:
+        """Return the change of matrices that takes this frame to another one with other values.
+
+        None if more than values differ, or springs at ends make K depend on moduli in another way.
+        """
+        if self.members is not other.members or self.name != other.name:
+            return None
+        layout = _layout(self, mesh)
+        used = np.bincount(layout.kind, minlength=len(layout.materials)) > 0
+        old, new = (
+            np.array(
+                [
+                    [f.values.get(f"{q}:{m.name}", getattr(m, q)) for m in layout.materials]
+                    for q in ("E", "rho")
+                ]
+            )
+            for f in (self, other)
+        )
+        ratio = new[:, used] / old[:, used]
+        E, rho = ratio[:, 0]
+        if not (layout.soft >= 0).any() and (ratio == ratio[:, :1]).all():
+            return FrameChange({"K": E, "D": E, "M": rho}, tuple(self._pretensions(mesh)), iter(()))
+        if (layout.soft >= 0).any():
+            return None
+        differs = (new != old).any(axis=0)
+        rest = {
+            f"{q}:{m.name}": new[i, k] - old[i, k]
+            for k, m in enumerate(layout.materials)
+            for i, q in enumerate(("E", "rho"))
+        }
+        rows = np.flatnonzero(differs[layout.kind])
+        return FrameChange({}, (), replace(self, values=rest)._batches_of(mesh, rows))
+
+    def _batches_of(self, mesh: Mesh, rows: NDArray[np.int64]) -> Iterator[Contribution]:
+        for i in range(0, len(rows), _BATCH):
+            yield self._elements(mesh, rows[i : i + _BATCH])
+        yield from self._rigid_zone_masses(mesh, rows)
 
     def contribution_of(self, model: Model, rows: ArrayLike) -> tuple[Contribution, ...]:
         """Return stiffness, mass and structural damping of some lines of the mesh, without pretensions."""

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from fem.model import DIRECTIONS, Constraint, Effect, Model, Parameter
 
+_ONE = np.ones(1)
+_ONE.flags.writeable = False
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Support(Effect):
@@ -36,10 +39,8 @@ class Support(Effect):
 
     def constraints(self, model: Model) -> tuple[Constraint, ...]:
         """One for each held direction."""
-        return tuple(
-            Constraint((self.name, d), np.array([6 * self.point + DIRECTIONS.index(d)]), np.ones(1))
-            for d in self.fixed
-        )
+        dofs = 6 * self.point + np.array([DIRECTIONS.index(d) for d in self.fixed], dtype=np.int64)
+        return tuple(Constraint((self.name, d), dofs[i : i + 1], _ONE) for i, d in enumerate(self.fixed))
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the point."""
