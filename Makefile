@@ -93,7 +93,8 @@ $(PEERS_READY): requirements-peers.lock
 	@test -x $(PEERS)/bin/pip || $(PYTHON) -m venv --clear $(PEERS)
 	@$(PEERS)/bin/python -m pip --disable-pip-version-check install --quiet -r requirements-peers.lock
 	@$(PEERS)/bin/python -c 'import openseespy.opensees, Pynite' 2>$(PEERS)/import.txt || { \
-		cat $(PEERS)/import.txt >&2; echo 'OpenSeesPy or PyNite cannot be loaded: see above' >&2; exit 1; }
+		cat $(PEERS)/import.txt >&2; echo 'OpenSeesPy or PyNite cannot be loaded: they need Linux, Python 3.11 and,' \
+		'on Debian and Ubuntu, apt-get install libblas3 libquadmath0' >&2; exit 1; }
 	@touch $@
 
 # requirements.lock is what running needs, requirements-dev.lock what testing and checking need beside it,
