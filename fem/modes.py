@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fem.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.model import DIRECTIONS, ModelError
-from fem.solvers import Factor, factorise
+from fem.solvers import Factor, factorise, one_thread
 from fem.system import System, reproduced, resistance, rigid_motions, unopposed
 
 DENSE_LIMIT = 300
@@ -143,6 +143,11 @@ def solve_eigenpairs(
     if n is not None and n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
+    with one_thread():
+        return _eigenpairs(system, n, max_frequency, check)
+
+
+def _eigenpairs(system: System, n: int | None, max_frequency: float | None, check: bool) -> Eigenpairs:
     n_free = system.n_free
     shift, factor, reference = _shifted(system)
     rigid = rigid_body_motions(system)

@@ -2,13 +2,16 @@
 
 import os
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
+from threadpoolctl import ThreadpoolController
 
 from fem.multifrontal import Plan, factorise_blocks, plan_elimination
 
@@ -44,6 +47,20 @@ class Factor:
     count_negative: Callable[[], int]
     backend: str
     plan: Plan | None = None
+
+
+@cache
+def _pools() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def one_thread() -> AbstractContextManager[Any]:
+    """Keep BLAS to one thread within a with-block.
+
+    The blocks of frames are so small that threads wait for each other rather than work: on two cores with
+    other work, two threads took five to ten times as long as one. What called it gets its number back.
+    """
+    return _pools().limit(limits=1, user_api="blas")
 
 
 def factorise(A: Any, like: Factor | None = None, backend: str | None = None) -> Factor:

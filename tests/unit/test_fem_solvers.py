@@ -6,10 +6,11 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from threadpoolctl import threadpool_info
 
 from fem.lanczos import EQUAL, lowest_eigenpairs
 from fem.multifrontal import LEAF, plan_elimination
-from fem.solvers import BACKENDS, SingularMatrixError, factorise
+from fem.solvers import BACKENDS, SingularMatrixError, factorise, one_thread
 
 EPS = np.finfo(float).eps
 
@@ -167,6 +168,16 @@ def test_the_backend_can_be_chosen(monkeypatch):
     monkeypatch.setenv("DOVETAIL_SOLVER", "mumps")
     with pytest.raises(ValueError, match="no solver 'mumps'; there are superlu, multifrontal"):
         factorise(A)
+
+
+def test_one_thread_within_and_as_many_as_before_after():
+    def threads():
+        return [lib["num_threads"] for lib in threadpool_info() if lib["user_api"] == "blas"]
+
+    before = threads()
+    with one_thread():
+        assert set(threads()) == {1}
+    assert threads() == before
 
 
 def laplace(n):
