@@ -10,7 +10,7 @@ from benchmarks.peers.exchange import PeerFrame, PeerResult, serve
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
 from fem.model import DIRECTIONS
 from fem.modes import solve_modes
-from fem.statics import LineLoad, LoadCase, solve_static
+from fem.statics import LineLoad, LoadCase, StaticSolution, solve_static
 from fem.system import sum_contributions
 
 
@@ -64,6 +64,18 @@ def load_of(frame: PeerFrame) -> LoadCase:
     return LoadCase(points=frame.loads.ravel(), members=along)
 
 
+def within(frame: PeerFrame, solution: StaticSolution) -> dict[str, Any]:
+    """Return section forces and deflections at a fraction of each member."""
+    mesh = solution.model.mesh
+    (beams,) = solution.model.of_kind(Frame)
+    turn, forces, deflections = beams.rotations(mesh), [], []
+    for k in range(mesh.n_lines):
+        at = [frame.within * mesh.member_length(f"m{k}")]
+        forces.append(solution.internal_forces(f"m{k}", at)[0, :, 0])
+        deflections.append(turn[k] @ solution.displacements_along(f"m{k}", at)[0, :3, 0])
+    return {"section_forces": np.array(forces), "deflections": np.array(deflections)}
+
+
 def compute(frame: PeerFrame) -> PeerResult:
     """Compute one frame."""
     found: dict[str, Any] = {}
@@ -82,6 +94,8 @@ def compute(frame: PeerFrame) -> PeerResult:
         found["reactions"] = np.zeros_like(frame.loads)
         for (support, direction), force in solution.reactions.items():
             found["reactions"][int(support.removeprefix("support")), DIRECTIONS.index(direction)] = force[0]
+        if frame.within:
+            found.update(within(frame, solution))
     if frame.n_modes:
         start = time.process_time()
         found["frequency"] = solve_modes(assemble(model), frame.n_modes).frequency

@@ -72,6 +72,21 @@ def matrices(model: Any) -> tuple[Any, Any]:
     return model.Ke("static").toarray(), model.M("mass").toarray()
 
 
+def within(model: Any, fraction: float) -> dict[str, Any]:
+    """Return section forces and deflections at a fraction of each member.
+
+    PyNite counts forces as those on negative faces, but for the moment about local y.
+    """
+    forces, deflections = [], []
+    for member in model.members.values():
+        x = fraction * member.L()
+        shear = [-member.shear(d, x, "static") for d in ("Fy", "Fz")]
+        moments = [member.moment("My", x, "static"), -member.moment("Mz", x, "static")]
+        forces.append([-member.axial(x, "static"), *shear, -member.torque(x, "static"), *moments])
+        deflections.append([member.deflection(d, x, "static") for d in ("dx", "dy", "dz")])
+    return {"section_forces": np.array(forces, float), "deflections": np.array(deflections, float)}
+
+
 def compute(frame: PeerFrame) -> PeerResult:
     """Compute one frame."""
     if frame.theory != EULER_BERNOULLI:
@@ -92,6 +107,8 @@ def compute(frame: PeerFrame) -> PeerResult:
         forces = [model.members[f"M{k}"].f("static") for k in range(len(frame.lines))]
         found["end_forces"] = on_positive_faces(forces)
         found["reactions"] = np.array([[getattr(n, f"Rxn{f}")["static"] for f in FORCES] for n in nodes])
+        if frame.within:
+            found.update(within(model, frame.within))
     if frame.n_modes:
         start = time.process_time()
         model.analyze_modal(frame.n_modes, "mass")

@@ -75,6 +75,8 @@ class PeerFrame(_Stored):
         Whether displacements and reactions are wanted.
     matrices : bool
         Whether K and M of all DOFs are wanted, without supports; for small frames.
+    within : float
+        Fraction of the members' lengths at which section forces and deflections are wanted; 0 for nowhere.
     options : str
         For the program: OpenSees' system, numberer and eigensolver, separated by blanks.
     """
@@ -99,6 +101,7 @@ class PeerFrame(_Stored):
     n_modes: int = 0
     static: bool = True
     matrices: bool = False
+    within: float = 0.0
     options: str = ""
 
     @property
@@ -119,6 +122,10 @@ class PeerResult(_Stored):
         Global [m, rad; N, N·m].
     end_forces : ndarray (m, 2, 6)
         N, Vy, Vz, T, My, Mz on the positive faces of both ends of each member, in its axes [N, N·m].
+    section_forces : ndarray (m, 6)
+        N, Vy, Vz, T, My, Mz at the wanted fraction of each member; not from OpenSees [N, N·m].
+    deflections : ndarray (m, 3)
+        Displacements there, in the member's axes; not from OpenSees [m].
     frequency : ndarray (n_modes,)
         Rising [Hz].
     K, M : ndarray (6 n, 6 n)
@@ -131,6 +138,8 @@ class PeerResult(_Stored):
     displacements: Floats = field(default_factory=lambda: np.zeros((0, 6)))
     reactions: Floats = field(default_factory=lambda: np.zeros((0, 6)))
     end_forces: Floats = field(default_factory=lambda: np.zeros((0, 2, 6)))
+    section_forces: Floats = field(default_factory=lambda: np.zeros((0, 6)))
+    deflections: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     frequency: Floats = field(default_factory=lambda: np.zeros(0))
     K: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     M: Floats = field(default_factory=lambda: np.zeros((0, 0)))

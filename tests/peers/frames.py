@@ -44,6 +44,7 @@ def random_frame(seed: int, theory: str = EULER_BERNOULLI, **changes) -> PeerFra
         "uniform": rng.normal(0, 300.0, (m, 3)) * (rng.random((m, 1)) < 0.5),
         "released": np.zeros((m, 2, 2), dtype=bool),
         "theory": theory,
+        "within": float(rng.uniform(0.1, 0.9)),
     }
     values["n_modes"] = min(10, int((~fixed).sum()) // 3)
     return PeerFrame(**{**values, **changes})

@@ -99,6 +99,11 @@ def assert_statics_agree(frame: PeerFrame, theirs: PeerResult) -> None:
         for name in ("displacements", "reactions", "end_forces"):
             a, b = getattr(theirs, name)[..., kind], getattr(ours, name)[..., kind]
             assert abs(a - b).max() < 1e-9 * abs(b).max()
+        if theirs.program.startswith("PyNite"):
+            a, b = theirs.section_forces[:, kind], ours.section_forces[:, kind]
+            assert abs(a - b).max() < 1e-9 * abs(b).max()
+    if theirs.program.startswith("PyNite"):
+        assert abs(theirs.deflections - ours.deflections).max() < 1e-9 * abs(ours.deflections).max()
 
 
 @pytest.fixture(scope="module")
