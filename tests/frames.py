@@ -125,6 +125,23 @@ TURNED = np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]])
 """Axes at 53° to the global ones."""
 
 
+def braced(n=4):
+    """Return a mast that tapers, with lumped mass, springs and a hinge, and a bar that stays it."""
+    points = [[0, 0, 0], [0.1, 0.05, 0.8], [0.5, 0.2, 0]]
+    mesh = Mesh.from_lines(points, [[0, 1], [2, 1]], {"mast": [0], "stay": [1]}).refined(counts={"mast": n})
+    mast = MemberProperties(
+        STEEL,
+        FLAT,
+        section2=Section.rectangle(0.02, 0.015),
+        mass="lumped",
+        spring1={"ry": 2e3, "rx": 500.0},
+        release1=("rz",),
+        spring2={"z": 1e6},
+    )
+    frame = Frame(members={"mast": mast, "stay": MemberProperties(STEEL, FLAT, theory="bar")})
+    return Model(mesh, (frame, fix(0, name="foot"), fix(2, ("x", "y", "z"), "anchor")))
+
+
 def mounted(size=0.1):
     """Return a beam on a rubber mount, with a tabulated mount, a turned spring, and tied points beside it."""
     points = [[0, 0, 0], [0.6, 0, 0], [0, 0.04, 0], [0.6, 0.04, 0]]

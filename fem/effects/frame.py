@@ -650,6 +650,19 @@ def _check_layout(layout: _Layout, mesh: Mesh) -> None:
         if parallel.any():
             i = int(np.flatnonzero(parallel)[0])
             raise ModelError(_parallel(name(int(rows[i])), up[i]))
+    bars = np.flatnonzero((layout.table["bar"][layout.kind] != 0) & layout.offset.any(axis=(1, 2)))
+    if bars.size:
+        chains, member = mesh.chains()
+        of, count = np.empty(mesh.n_lines, dtype=np.int64), np.bincount(member)
+        of[chains] = member
+        loose = bars[count[of[bars]] > 1]
+        if loose.size:
+            msg = (
+                f"bar '{name(int(loose[0]))}' has an offset and {count[of[loose[0]]]} elements; nothing "
+                "keeps the points between them from turning about its axis: give it one element, or no "
+                "offset"
+            )
+            raise ModelError(msg)
     rows = np.flatnonzero(layout.zone.any(axis=1))
     if not rows.size:
         return
@@ -935,6 +948,7 @@ def _motion(g: _Lines, mesh: Mesh, xi: Array) -> Array:
     N = G @ _shape(g, x) @ T
     ends = mesh.points[mesh.lines[g.rows]]
     arm = xi[:, None] * (ends[:, 1] - ends[:, 0]) - g.end[:, 0] - (x * g.L)[:, None] * g.R[:, 0]
+    arm = np.where(np.abs(arm) < 1e-12 * g.span[:, None], 0.0, arm)  # rounding would load idle rotations
     N[:, :3] = N[:, :3] - _skew(arm) @ N[:, 3:]
     return N
 

@@ -1,5 +1,7 @@
 """What holds for every frame: symmetry, orthogonality, and no part played by orientation or numbering."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -14,6 +16,8 @@ from fem.model import DIRECTIONS, Constraint, Damping, Model, lever_matrix
 from fem.modes import solve_modes
 from fem.properties import Section
 from fem.system import assemble, null_space
+from joint.interface import Interface, coordinates_of, partition_frf, stack_substructures
+from joint.synthesis import couple, joint_impedance
 from tests.frames import FLAT, STEEL
 
 modest = settings(max_examples=25, derandomize=True, deadline=None)
@@ -215,3 +219,177 @@ def test_strain_energy_and_mass_are_positive(seed):
         assert abs(dense - dense.T).max() <= 1e-14 * abs(dense).max()
         scale = 1 / np.sqrt(dense.diagonal())
         assert np.linalg.eigvalsh(dense * np.outer(scale, scale)).min() > -1e-12
+
+
+def options_of(rng, loop):
+    """Return what a member may be beside a plain beam; only one that closes a loop may be loose at an end."""
+    if loop:
+        # without offsets, about which the points inside it could turn
+        bar = {"theory": "bar", "pretension": 5e3, "offset1": np.zeros(3), "offset2": np.zeros(3)}
+        choices = [
+            {"release1": ("ry", "rz")},
+            {"release1": ("rx",), "release2": ("ry", "rz")},
+            {"release2": ("x", "y")},
+            bar,
+            {**bar, "mass": "lumped"},
+        ]
+    else:
+        choices = [
+            {"mass": "lumped"},
+            {"section2": Section.rectangle(0.05, 0.02), "section": FLAT},
+            {"section2": Section.circle(0.03), "section": Section.circle(0.02), "mass": "lumped"},
+            {"spring1": {"ry": 2e3, "rz": 5e3}},
+            {"spring1": {"x": 1e7}, "spring2": {"rx": 400.0, "z": 1e6}},
+            {"pretension": 2e3},
+        ]
+    return choices[rng.integers(len(choices))]
+
+
+def with_options(model, seed, flip=None):
+    """Return a frame of :func:`random_frame` whose members have releases, springs, tapers and the like."""
+    rng = np.random.default_rng(seed)
+    (frame,) = model.of_kind(Frame)
+    members = {}
+    for i, (name, p) in enumerate(frame.members.items()):
+        more = options_of(rng, loop=i == len(frame.members) - 1)
+        if flip is not None and flip[i]:  # the other way round: what is at end 1 is at end 2
+            ends = {"release1": "release2", "spring1": "spring2", "section": "section2"}
+            ends |= {b: a for a, b in ends.items()}
+            more = {ends.get(key, key): value for key, value in more.items()}
+        members[name] = replace(p, **more)
+    return Model(model.mesh, (replace(frame, members=members), *model.effects[1:]), model.damping)
+
+
+def response(model, force, frequency=37.0):
+    """Return the displacements under forces (n_dof,) or (n_dof, n), with a little structural damping."""
+    S = assemble(model.with_damping(Damping.structural(0.05)))
+    Z = S.dynamic_stiffness(2 * np.pi * frequency).toarray()
+    scale = 1 / np.sqrt(abs(Z.diagonal()))
+    scaled = np.linalg.solve(Z * np.outer(scale, scale), np.diag(scale) @ S.Q.T @ force)
+    return S.Q @ np.diag(scale) @ scaled
+
+
+few = settings(max_examples=10, derandomize=True, deadline=None)
+
+
+@few
+@given(seeds, seeds)
+def test_turning_a_model_turns_its_responses_and_nothing_else(seed, turn):
+    R = rotation_of(turn)
+    still, turned = (with_options(random_frame(seed, rotation=r)[0], seed) for r in (None, R))
+    np.testing.assert_allclose(frequencies(turned), frequencies(still), rtol=1e-7)
+    force = np.random.default_rng(turn).standard_normal((still.mesh.n_points, 2, 3))
+    for f in (0.0, 37.0):
+        u = response(still, force.ravel(), f).reshape(-1, 2, 3) @ R.T
+        v = response(turned, (force @ R.T).ravel(), f).reshape(-1, 2, 3)
+        # rounding: 1e-16 of the condition, the stiffest over the softest motion, 1e8 after scaling
+        np.testing.assert_allclose(v, u, atol=1e-7 * abs(u).max())
+
+
+@few
+@given(seeds, st.permutations(range(5)), st.lists(st.booleans(), min_size=5, max_size=5))
+def test_numbering_and_direction_of_lines_change_no_response(seed, order, flip):
+    plain, _ = random_frame(seed)
+    other, new = random_frame(seed, order=order, flip=flip)
+    plain, other = with_options(plain, seed), with_options(other, seed, flip)
+    np.testing.assert_allclose(frequencies(other), frequencies(plain), rtol=1e-7)
+    force, moved = np.zeros((plain.mesh.n_points, 6)), np.zeros((plain.mesh.n_points, 6))
+    force[:5] = np.random.default_rng(seed).standard_normal((5, 6))
+    moved[new] = force[:5]
+    u, v = response(plain, force.ravel()).reshape(-1, 6), response(other, moved.ravel()).reshape(-1, 6)
+    np.testing.assert_allclose(v[new], u[:5], atol=1e-7 * abs(u[:5]).max())
+
+
+@modest
+@given(seeds, st.integers(1, 3))
+def test_elements_conserve_mass_and_let_rigid_motions_be(seed, split):
+    model = with_options(random_frame(seed, split=split)[0], seed)
+    (frame,), mesh = model.of_kind(Frame), model.mesh
+    motions = np.vstack([lever_matrix(p) for p in mesh.points])
+    for name, rows in mesh.members.items():
+        (part,) = frame.contribution_of(model, rows)
+        u = motions[part.dofs]
+        for i in range(len(rows)):
+            assert abs(part.K[i] @ u[i]).max() <= 1e-13 * abs(part.K[i]).max()
+        total = (np.swapaxes(u, 1, 2) @ part.M @ u).sum(axis=0)[:3, :3]
+        p = frame.members[name]
+        s = (np.arange(split) + 0.5) / split
+        area = np.mean([Section.between(p.section, p.section2 or p.section, x).A for x in s])
+        ends = mesh.points[mesh.member_points(name)[[0, -1]]] + [p.offset1, p.offset2]
+        mass = p.material.rho * area * np.linalg.norm(ends[1] - ends[0])
+        np.testing.assert_allclose(total, mass * np.eye(3), atol=1e-12 * mass)
+        if p.section2 is not None:
+            # A is quadratic along it: the middles' sum lacks h²/24 [A'] of its integral, exactly
+            a, b = (np.sqrt(q.A) if q.shape == "circle" else None for q in (p.section, p.section2))
+            if a is not None:
+                whole = (a * a + a * b + b * b) / 3
+                assert whole - area == pytest.approx((b - a) ** 2 / 12 / split**2, rel=1e-6)
+
+
+@modest
+@given(seeds)
+def test_members_with_options_have_symmetric_matrices_and_reciprocal_frfs(seed):
+    model = with_options(random_frame(seed)[0], seed).with_damping(Damping.structural(0.02))
+    S = assemble(model)
+    for X in (S.K, S.M, S.D):
+        assert abs(X - X.T).max() <= 1e-14 * max(abs(X).max(), 1e-300)
+    at = [(1, "x"), (3, "rz"), (4, "y"), (2, "z")]
+    H = compute_frf(S, [11.0, 47.0], at, at, method="direct").H
+    level = np.sqrt(abs(np.einsum("fii,fjj->fij", H, H)))
+    assert (abs(H - np.swapaxes(H, 1, 2)) < 1e-7 * level).all()
+
+
+def receptances(model, points, frequency):
+    """Return receptances (n_freq, 6 n, 6 n) of points."""
+    dofs = (6 * np.array(points)[:, None] + np.arange(6)).ravel()
+    unit = np.eye(model.n_dof)[:, dofs]
+    return np.array([response(model, unit, f)[dofs] for f in frequency])
+
+
+@few
+@given(seeds, seeds)
+def test_frames_coupled_by_their_frfs_are_those_assembled_with_the_joint(first, second):
+    models = [with_options(random_frame(seed, split=1)[0], seed) for seed in (first, second)]
+    rng = np.random.default_rng(first)
+    shift = np.array([0.0, 0.0, 3.0])
+    frequency, n = np.array([5.0, 90.0]), 5
+    K = rng.standard_normal((6, 6))
+    ends = models[0].mesh.points[1], models[1].mesh.points[3] + shift
+    middle = (ends[0] + ends[1]) / 2
+    joint = Joint(name="bolt", point1=1, point2=n + 3, location=middle, K=1e5 * K @ K.T, eta=0.03)
+
+    # one model of both
+    meshes = [m.mesh for m in models]
+    points = np.vstack([meshes[0].points, meshes[1].points + shift])
+    sets = {f"a{k}": v for k, v in meshes[0].members.items()}
+    sets |= {f"b{k}": v + meshes[0].n_lines for k, v in meshes[1].members.items()}
+    mesh = Mesh.from_lines(points, np.vstack([meshes[0].lines, meshes[1].lines + n]), sets)
+    assert np.array_equal(mesh.lines[meshes[0].n_lines :], meshes[1].lines + n)
+    members, others = {}, []
+    for x, m, start, by in zip("ab", models, (0, n), (0 * shift, shift), strict=True):
+        frame, spring, foot = m.effects
+        members |= {f"{x}{k}": p for k, p in frame.members.items()}
+        location = spring.location + by
+        others.append(replace(spring, name=f"{x}s", point1=spring.point1 + start, location=location))
+        others.append(replace(foot, name=f"{x}f", point=foot.point + start))
+    whole = Model(mesh, (Frame(members=members), *others, joint))
+    expected = receptances(whole, [2, 1, n + 4, n + 3], frequency)
+
+    parts = []
+    for x, m, (inner, end) in zip("ab", models, ((2, 1), (4, 3)), strict=True):
+        own = coordinates_of([f"{x}{inner}", f"{x}{end}"])
+        inside = coordinates_of([f"{x}{inner}"])
+        interface = Interface(coordinates_of([f"{x}{end}"]), inside, inside)
+        parts.append(partition_frf(frequency, receptances(m, [inner, end], frequency), own, own, interface))
+    (bolt,) = joint.contribute(whole)
+    both = stack_substructures(*parts)
+    # the whole's damping of 5 % is the bolt's as well
+    Z_j = joint_impedance(frequency, bolt.K[0], D=bolt.D[0] + 0.05 * bolt.K[0])
+    H = couple(both, Z_j)
+    inner = [*range(6), *range(12, 18)]
+    bolted = [*range(6, 12), *range(18, 24)]
+    for block, rows, columns in ((H.H_nn, inner, inner), (H.H_jj, bolted, bolted), (H.H_nj, inner, bolted)):
+        found = expected[np.ix_([0, 1], rows, columns)]
+        own = abs(np.einsum("fii->fi", expected))
+        scale = np.sqrt(own[:, rows, None] * own[:, None, columns])
+        assert (abs(block - found) <= 1e-7 * scale).all()
