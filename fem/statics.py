@@ -9,6 +9,7 @@ wherever the element is: a distributed load bends N, V and M between the nodes a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -21,7 +22,7 @@ from fem.effects.member_change import MemberDensity, MemberStiffness
 from fem.effects.preload import Preload
 from fem.effects.prestress import Prestress
 from fem.effects.stiffness_loss import StiffnessLoss
-from fem.mesh import Location
+from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
 from fem.modes import solve_eigenpairs
 from fem.solvers import Factor, SingularMatrixError, factorise
@@ -565,7 +566,13 @@ def _pieces(
 
 
 def _axes(model: Model) -> _Axes:
-    mesh, (frame,) = model.mesh, model.of_kind(Frame)
+    (frame,) = model.of_kind(Frame)
+    return _axes_of(frame, model.mesh)
+
+
+@lru_cache(maxsize=8)
+def _axes_of(frame: Frame, mesh: Mesh) -> _Axes:
+    """Return the axes of the lines, kept for the last few frames and meshes."""
     offset, zone = np.zeros((mesh.n_lines, 2, 3)), np.zeros((mesh.n_lines, 2))
     for member, rows in mesh.members.items():
         p, s = frame.members[member], mesh.member_positions(member)
