@@ -90,7 +90,7 @@ def assemble(model: Model) -> System:
         if not np.isfinite(X.data).all():
             msg = f"the matrix {name} of the model has entries that are not finite numbers"
             raise ModelError(msg)
-    Q = null_space(model.constraints(), model.n_dof)
+    Q = null_space(_constraints(model), model.n_dof)
     if Q.shape[1] == 0:
         msg = "the supports and rigid joints leave no motion at all; the model has nothing to compute"
         raise ModelError(msg)
@@ -172,9 +172,16 @@ def _scaled(part: Contribution, factor: Mapping[str, float]) -> Contribution:
 def _left_out(model: Model, Q: Any) -> NDArray[np.bool_]:
     """Return the DOFs that Q leaves out though no constraint holds them, (n_dof,)."""
     idle = np.diff(Q.indptr) == 0
-    for c in model.constraints():
-        idle[c.dofs] = False
+    constraints = _constraints(model)
+    if constraints:
+        idle[np.concatenate([c.dofs for c in constraints])] = False
     return idle
+
+
+@lru_cache(maxsize=4)
+def _constraints(model: Model) -> tuple[Constraint, ...]:
+    """Return the constraints of a model, kept for the last few models: thousands of supports have many."""
+    return model.constraints()
 
 
 def law_change(law: Law, omega: NDArray[np.float64]) -> NDArray[np.complex128]:

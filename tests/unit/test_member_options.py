@@ -358,11 +358,12 @@ def test_string(mass):
     np.testing.assert_allclose(found, np.sqrt(square * tension / MASS) * n / length / (2 * np.pi), rtol=1e-9)
 
 
-def test_a_stretched_beam_has_the_preload_of_its_effect():
+@pytest.mark.parametrize("more", [{}, {"theory": "bar"}, {"release1": ("ry",), "mass": "lumped"}])
+def test_a_stretched_member_has_the_preload_of_its_effect(more):
     ends = (fix(0, PINNED), fix(1, ("y", "z", "rx")))
     pull = Preload(name="pull", member="beam", tension=4e3, buckling=1e3)
-    own = assemble(beam(6, effects=ends, pretension=4e3))
-    other = assemble(beam(6, effects=(*ends, pull)))
+    own = assemble(beam(6, effects=ends, pretension=4e3, **more))
+    other = assemble(beam(6, effects=(*ends, pull), **more))
     np.testing.assert_allclose(own.K.toarray(), other.K.toarray(), rtol=0, atol=1e-16 * abs(own.K).max())
 
 
