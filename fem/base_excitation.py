@@ -170,7 +170,7 @@ def _check_rigid(system: System, base: NDArray[np.float64], motion: str) -> None
         violated = np.abs(c.coefficients @ base[c.dofs]) > _ROUNDING * size
         if violated and np.unique(c.dofs // 6).size > 1:  # of one point alone: a support
             msg = (
-                f"the constraint ({', '.join(c.key)}) holds points against a motion of the whole in {motion}; "
+                f"the constraint ({', '.join(c.key)}) holds points against a motion of all in {motion}; "
                 "move single supports instead"
             )
             raise ModelError(msg)
