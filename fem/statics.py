@@ -409,22 +409,21 @@ def prestressed(
     if not -solution.n_cases <= column < solution.n_cases:
         msg = f"there is no load case {column}; the solution has {solution.n_cases}, counted from 0"
         raise ModelError(msg)
-    tension = {}
     mesh = solution.model.mesh
+    lines = np.arange(mesh.n_lines)
+    ends, middles = solution.line_forces[:, :, 0, column], solution._cut(lines, np.full(lines.size, 0.5))
+    whole = np.stack([ends[:, 0], middles[:, 0, column], ends[:, 1]], axis=1)
+    tension = {}
     for member, rows in mesh.members.items():
         if member not in model.mesh.members:
             known = ", ".join(model.mesh.members)
             msg = f"the solution's member '{member}' is not in the model; it has {known}"
             raise ModelError(msg)
-        s = mesh.member_positions(member)
-        middle = solution._cut(rows, np.full(rows.size, 0.5))[:, 0, column]
-        N = np.stack(
-            [solution.line_forces[rows, 0, 0, column], middle, solution.line_forces[rows, 1, 0, column]],
-            axis=1,
-        )
+        s, N = mesh.member_positions(member), whole[rows]
         places = np.stack([s[:-1], (s[:-1] + s[1:]) / 2, s[1:]], axis=1)
         # a linear course needs its ends alone: where N is quadratic, the middle keeps ∫N ds by Simpson's rule
-        N[:, 1] = 2 * (N[:, 0] + 4 * N[:, 1] + N[:, 2]) / 6 - (N[:, 0] + N[:, 2]) / 2
+        middle = (N[:, 0] + 4 * N[:, 1] + N[:, 2]) / 3 - (N[:, 0] + N[:, 2]) / 2
+        N = np.stack([N[:, 0], middle, N[:, 2]], axis=1)
         tension[member] = (places.ravel(), N.ravel())
     return model.with_effect(Prestress(name=name, tension=MappingProxyType(tension), factor=factor))
 

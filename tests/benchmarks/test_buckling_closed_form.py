@@ -15,7 +15,7 @@ from fem.mesh import Mesh
 from fem.model import Model, ModelError
 from fem.modes import DENSE_LIMIT, solve_modes
 from fem.properties import Section
-from fem.statics import LoadCase, solve_static
+from fem.statics import LoadCase, prestressed, solve_static
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, fix
 from tests.frames import planar as held_in_plane
@@ -146,6 +146,23 @@ def test_frequencies_vanish_at_the_load_factor():
     np.testing.assert_allclose(
         squares, squares[0] * np.array([1, 0.5, 0.001]), rtol=1e-4, atol=1e-5 * squares[0]
     )
+
+
+@pytest.mark.parametrize("pull", [0.5, 20.0])
+def test_a_pinned_beam_tuned_by_its_tension(pull):
+    # ω² = (k⁴EI + k²N)/ρA, k = jπ/L, N from statics on three elements. The cubics miss e with
+    # e'' = v''''/2 (x² - h²/12) in each element: EI ∫ e''² = EI k⁸ h⁴/720 ∫ v², N ∫ e'² = N k⁸ h⁶/30240 ∫ v².
+    euler = np.pi**2 * EI / L**2
+    N, n = pull * euler, 16
+    coarse = planar(beam(3, L, effects=ENDS["pinned-pinned"][0]))
+    solution = solve_static(assemble(coarse), {(1, "x"): N})
+    fine = planar(beam(n, L, effects=ENDS["pinned-pinned"][0]))
+    modes = solve_modes(assemble(prestressed(fine, solution)), 3)
+    k, h, m = np.pi / L * np.arange(1, 4), L / n, STEEL.rho * FLAT.A
+    exact = k**4 * EI + k**2 * N
+    error = modes.omega**2 * m / exact - 1
+    predicted = k**8 * (EI * h**4 / 720 + N * h**6 / 30240) / exact
+    np.testing.assert_allclose(error, predicted, rtol=0.3 * (k[-1] * h) ** 2, atol=1e-10)
 
 
 def test_both_signs():
