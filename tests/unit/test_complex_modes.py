@@ -116,6 +116,7 @@ CASES = {
     "viscous": {"C": DAMPER, "eta": 0.0, "loss_factor": 0.0},
     "structural": {"eta": 0.3, "loss_factor": 0.01},
     "mixed": {"C": DAMPER, "eta": 0.1, "loss_factor": 0.02},
+    "creeping": {"C": np.diag([5e4, 2e4, 5e3, 9, 9, 30]), "eta": 0.0, "loss_factor": 0.0},
 }
 
 
@@ -212,7 +213,7 @@ def test_a_law_is_met_at_the_modes_own_frequency():
 @pytest.mark.parametrize("size", [0.1, 0.02])
 def test_laws_are_met_in_a_frame(size):
     system = assemble(mounted(size))
-    modes = solve_complex_modes(system, 5)
+    modes = solve_complex_modes(system, 3)
     assert modes.converged
     # each pole is one of Z with its laws frozen at its own frequency
     for s, x in zip(modes.poles, modes.shapes.T, strict=True):
