@@ -756,16 +756,16 @@ def _prescribed(
 
 def _check_idle(system: System, constraints: tuple[Constraint, ...], f: NDArray[np.float64]) -> None:
     """Raise an error for a load where there is neither stiffness nor mass."""
-    moved = abs(system.Q).sum(axis=1) > 0
-    held = np.zeros(len(moved), dtype=bool)
+    missed = np.abs(f - system.Q @ (system.Q.T @ f)) > 1e-9 * np.abs(f).max(axis=0)
+    held = np.zeros(len(f), dtype=bool)
     for c in constraints:
         held[c.dofs] = True
-    lost = np.flatnonzero(~moved & ~held & f.any(axis=1))
+    lost = np.flatnonzero(~held & missed.any(axis=1))
     if lost.size:
         dof = int(lost[0])
         msg = (
-            f"a load acts on point {dof // 6} {DIRECTIONS[dof % 6]}, where nothing has stiffness (bars or "
-            "cables alone meet there)"
+            f"a load acts on point {dof // 6} {DIRECTIONS[dof % 6]}, where nothing has stiffness (bars, "
+            "cables or released ends alone meet there)"
         )
         raise ModelError(msg)
 

@@ -94,6 +94,7 @@ def assemble(model: Model) -> System:
     if Q.shape[1] == 0:
         msg = "the supports and rigid joints leave no motion at all; the model has nothing to compute"
         raise ModelError(msg)
+    Q = _without_idle_turns(model, Q, full["K"], full["M"])
     free = _selection(Q)
     K, M, C, D = (_on_q(full.pop(key), Q, free) for key in "KMCD")
     idle = _idle(model, Q, np.flatnonzero((np.diff(K.indptr) == 0) & (np.diff(M.indptr) == 0)))
@@ -170,8 +171,10 @@ def _scaled(part: Contribution, factor: Mapping[str, float]) -> Contribution:
 
 
 def _left_out(model: Model, Q: Any) -> NDArray[np.bool_]:
-    """Return the DOFs that Q leaves out though no constraint holds them, (n_dof,)."""
+    """Return the DOFs that Q leaves out, wholly or in part, though no constraint holds them, (n_dof,)."""
     idle = np.diff(Q.indptr) == 0
+    if _selection(Q) is None:
+        idle = np.asarray(Q.multiply(Q).sum(axis=1)).ravel() < 1 - 1e-9
     constraints = _constraints(model)
     if constraints:
         idle[np.concatenate([c.dofs for c in constraints])] = False
@@ -188,6 +191,48 @@ def law_change(law: Law, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return storage(ω) - storage(0) + i loss(ω), shape (n,): what a law adds to the static stiffness."""
     storage, loss = law(omega)
     return storage - law(np.zeros(1))[0][0] + 1j * loss
+
+
+def _without_idle_turns(model: Model, Q: Any, K: Any, M: Any) -> Any:
+    """Return Q without rotations of a point about an axis that nothing there resists, nor has inertia about.
+
+    Where all ends that meet are released, their torsion alone holds the point, and the axis may lie anywhere.
+    """
+    ends = [
+        model.mesh.lines[rows[k], k]
+        for frame in model.of_kind(Frame)
+        for member, rows in model.mesh.members.items()
+        for k, free in ((0, frame.members[member].release1), (-1, frame.members[member].release2))
+        if free
+    ]
+    columns = np.arange(Q.shape[1])
+    blocks, at = [], []
+    for point in np.unique(np.array(ends, dtype=np.int64)):
+        turns = 6 * int(point) + np.arange(3, 6)
+        here = Q[turns]
+        if here.nnz != 3 or not (here.data == 1.0).all():
+            continue  # a constraint has taken part of them
+        stiffness, inertia = (X.tocsr()[turns].toarray() for X in (K, M))
+        values, axes = np.linalg.eigh(stiffness[:, turns])
+        idle = values <= 1e-12 * values[-1]
+        for X in (stiffness, inertia):
+            idle &= np.abs(X.T @ axes).max(axis=0) <= 1e-12 * np.abs(X).max()
+        if 0 < idle.sum() < 3:
+            blocks.append(axes[:, ~idle])
+            at.append(here.indices)
+    if not blocks:
+        return Q
+    kept = np.setdiff1d(columns, np.concatenate(at))
+    same = sp.coo_array((np.ones(kept.size), (kept, np.arange(kept.size))), shape=(columns.size, kept.size))
+    turned = [
+        sp.coo_array(
+            (V.ravel(), (np.repeat(i, V.shape[1]), np.tile(np.arange(V.shape[1]), 3))),
+            shape=(columns.size, V.shape[1]),
+        )
+        for i, V in zip(at, blocks, strict=True)
+    ]
+    Q = sp.csr_array(Q @ sp.hstack([same, *turned]))
+    return Q[:, np.argsort(_leading(Q), kind="stable")]
 
 
 def _idle(model: Model, Q: Any, empty: NDArray[np.int64]) -> NDArray[np.int64]:
