@@ -147,6 +147,16 @@ class JointForm:
         ]
         return np.array(marks, dtype=bool)
 
+    @property
+    def semidefinite(self) -> npt.NDArray[np.bool_]:
+        """Mark the parameters whose matrices are positive semidefinite: those on a diagonal."""
+        least = np.linalg.eigvalsh((self.matrices + self.matrices.mT) / 2)[:, 0]
+        whole = least >= -1e-9 * np.linalg.norm(self.matrices, axis=(1, 2))
+        marks = [
+            bool(whole[term.matrix]) and k == 0 for term in self.terms for k in range(len(term.parameters))
+        ]
+        return np.array(marks, dtype=bool)
+
     def starts(self, theta: npt.ArrayLike, frequency: FloatArray) -> list[FloatArray]:
         """Return points from which to start: θ with NaN replaced by usual values of viscoelastic laws.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,12 @@ _CHUNK = 1 << 21
 """Complex numbers of the Jacobian that are held at a time."""
 
 _STEPS = 40
+
+SCAN = tuple(10.0 ** (k / 6) for k in range(-18, 19) if k)
+"""Factors by which stiffnesses are tried far from the data [-]."""
+
+FAR = 10.0
+"""Mean square of the residuals over the noise beyond which a start is far from the data [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,6 +168,7 @@ def fit_joint(
     max_iterations: int = 30,
     tolerance: float = 1e-6,
     determined: float = 0.5,
+    positive: bool = False,
 ) -> JointFit:
     """Fit a joint's parameters to the receptances of the assembly by maximum likelihood: output error.
 
@@ -175,8 +182,11 @@ def fit_joint(
     dH_nn = [I, -H_nj Z_j] dH [I; -Z_j H_jn]             by the substructures
 
     Gauss-Newton steps with Levenberg-Marquardt damping run over a low band first and then over ever wider
-    ones, as a start that is a resonance's width off misleads in the whole band. The covariance is the inverse
-    of Fisher's information (Cramér and Rao's bound), multiplied by chi² where that is above 1.
+    ones, as a start that is a resonance's width off misleads in the whole band. Far from the data,
+    stiffnesses are first tried over six decades, the one that helps most first, and the steps minimise robust
+    residuals of ln H, in which a resonance in the wrong place counts no more than one that lacks, with
+    stiffness, mass and damping on the matrices' diagonals positive. The covariance is the inverse of Fisher's
+    information (Cramér and Rao's bound), multiplied by chi² where that is above 1.
 
     Parameters
     ----------
@@ -203,6 +213,9 @@ def fit_joint(
         the cost falls by less than this part of itself.
     determined : float
         A parameter counts as determined if its standard deviation is below this part of its value [-].
+    positive : bool
+        Whether parameters whose matrices are positive semidefinite stay positive to the end. They are then
+        biased where noise hides them.
 
     Returns
     -------
@@ -242,14 +255,25 @@ def fit_joint(
         msg = f"{int(seen.sum())} complex values cannot determine {n} parameters"
         raise IdentificationError(msg)
     problem = _Problem(form, parts, lines, measured, weight)
+    signed = form.positive | (form.semidefinite & (begin[0] > 0))
+    problem = replace(problem, positive=signed if positive else form.positive)
     history: list[tuple[float, float, float]] = []
-    count = max(1, min(lines.size, round(stages[0] * lines.size)))
-    tried = [problem.state(theta, np.zeros(m), count) for theta in begin]
-    if len(tried) > 1:
-        tried = [_descend(problem, state, [], max_iterations, tolerance)[0] for state in tried]
+    counts = [max(1, min(lines.size, round(part * lines.size))) for part in stages]
+    tried = []
+    for theta in begin:
+        first = problem.state(theta, np.zeros(m), lines.size, False)
+        if len(begin) > 1 or first.cost > FAR * seen.sum():
+            rough = replace(problem, positive=signed).rough(first, counts[-1])
+            first = _scan(rough, rough.state(first.theta, first.x, counts[-1]))
+            for count in counts:
+                rough = replace(problem, positive=signed).rough(first, count)
+                at = rough.state(first.theta, first.x, count)
+                first, _ = _descend(rough, at, history, max_iterations, 1e-3)
+        tried.append(problem.state(first.theta, first.x, lines.size))
     state, converged = min(tried, key=lambda s: s.cost), False
-    for part in (*stages, stages[-1]):
-        count = max(1, min(lines.size, round(part * lines.size)))
+    if state.cost < FAR * seen.sum():
+        counts = counts[-1:]  # near enough for the whole band
+    for count in (*counts, lines.size):
         state = problem.state(state.theta, state.x, count)
         state, converged = _descend(problem, state, history, max_iterations, tolerance)
         if count == lines.size and (noise is None or np.ndim(noise) == 0):
@@ -284,9 +308,26 @@ class _Problem:
     lines: FloatArray
     measured: ComplexArray
     weight: FloatArray
+    positive: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    huber: float | None = None
+    """Where the loss of ln H turns linear [-]; None for plain residuals of H."""
 
-    def state(self, theta: FloatArray, x: FloatArray, count: int) -> _State:
-        """Evaluate cost, Gauss-Newton matrix and gradient over the first lines."""
+    def rough(self, state: _State, count: int) -> _Problem:
+        """Return the problem with robust residuals of ln H, for points far from the data."""
+        plain = self.state(state.theta, state.x, count)
+        r = np.abs(self._logarithmic(plain.H, slice(0, count))[0])
+        return replace(self, huber=max(float(np.median(r[r > 0])) if r.any() else 0.0, 3.0))
+
+    def _logarithmic(self, H: ComplexArray, at: slice) -> tuple[ComplexArray, ComplexArray]:
+        """Return ln(H / measured) over the relative noise, and what makes derivatives of H those of it."""
+        measured = self.measured[at]
+        use = (self.weight[at] > 0) & (measured != 0) & (H != 0)
+        safe, model = np.where(use, measured, 1.0), np.where(use, H, 1.0)
+        size = np.where(use, self.weight[at] * np.abs(safe), 0.0)
+        return np.asarray(size * np.log(model / safe), dtype=complex), np.asarray(size / model, dtype=complex)
+
+    def state(self, theta: FloatArray, x: FloatArray, count: int, gradient: bool = True) -> _State:
+        """Evaluate the cost and, if asked, Gauss-Newton matrix and gradient over the first lines."""
         frf, slopes = self.parts.evaluate(x)
         omega = 2 * np.pi * self.lines[:count]
         n, m, n_matrices = len(theta), len(x), len(self.form.matrices)
@@ -302,12 +343,24 @@ class _Problem:
             N = len(self.form.coordinates)
             unit = np.eye(N)
             H_jn = solve_lines(unit + frf.H_bb[at] @ Z, frf.H_ba[at])
-            H_nj = solve_lines((unit + Z @ frf.H_bb[at]).mT, frf.H_ab[at].mT).mT
             H[at] = frf.H_aa[at] - frf.H_ab[at] @ (Z @ H_jn)
             w = self.weight[at]
-            r = (w * (H[at] - self.measured[at])).reshape(len(H_jn), -1)
+            if self.huber is None:
+                r = (w * (H[at] - self.measured[at])).reshape(len(H_jn), -1)
+            else:
+                r, w = self._logarithmic(H[at], at)
+                r = r.reshape(len(H_jn), -1)
+            square, root = np.abs(r) ** 2, np.ones(r.shape)
+            if self.huber is not None:  # pseudo-Huber: less weight for what is far off
+                root = np.sqrt(1 + square / self.huber**2)
+                square = 2 * self.huber**2 * (root - 1)
+            cost += float(square.sum())
+            if not gradient:
+                continue
+            H_nj = solve_lines((unit + Z @ frf.H_bb[at]).mT, frf.H_ab[at].mT).mT
             J = self._jacobian(H_nj, H_jn, Z, slopes, at) * w[:, None]
-            J = J.reshape(len(J), n_matrices + m, -1)
+            J = J.reshape(len(J), n_matrices + m, -1) / np.sqrt(root)[:, None]
+            r = r / np.sqrt(root)
             G = J.conj() @ J.mT  # (lines, u, u)
             b = (J.conj() @ r[:, :, None])[:, :, 0]
             P = np.zeros((len(J), n + m, n_matrices + m), dtype=complex)
@@ -315,7 +368,6 @@ class _Problem:
             P[:, n + np.arange(m), n_matrices + np.arange(m)] = 1.0
             A += (P.conj() @ G @ P.mT).sum(axis=0).real
             g += (P.conj() @ b[:, :, None]).sum(axis=0).real[:, 0]
-            cost += float((np.abs(r) ** 2).sum())
         # 2 Σ|r|²/2 … the prior ½ x² beside Σ|r|²: in units of the negative log likelihood
         A[n:, n:] += 0.5 * np.eye(m)
         g[n:] += 0.5 * x
@@ -355,6 +407,32 @@ def _noise(measured: ComplexArray, noise: npt.ArrayLike | None, reference: Compl
     return np.broadcast_to(level, measured.shape)
 
 
+def _scan(problem: _Problem, state: _State) -> _State:
+    """Return the best of points where one stiffness, then another, is up to three decades off."""
+    kinds = [term.kind for term in problem.form.terms for _ in term.parameters]
+    first = {name for term in problem.form.terms for name, _ in term.parameters[:1]}
+    scanned = [
+        i
+        for i, name in enumerate(problem.form.names)
+        if problem.positive[i] and name in first and kinds[i] not in ("M", "C", "D")
+    ]
+    for _ in range(3):
+        # the one that helps most first: another may only imitate it
+        points = []
+        for i in scanned:
+            unit = np.arange(len(state.theta)) == i
+            points += [np.where(unit, factor * state.theta, state.theta) for factor in SCAN]
+        best = min(
+            (problem.state(p, state.x, state.count, False) for p in points),
+            key=lambda s: s.cost,
+            default=state,
+        )
+        if best.cost > 0.95 * state.cost:
+            break
+        state = best
+    return problem.state(state.theta, state.x, state.count)
+
+
 def _descend(
     problem: _Problem,
     state: _State,
@@ -366,7 +444,7 @@ def _descend(
     n = len(state.theta)
     low, high = problem.form.bounds
     low, high = np.append(low, np.full(len(state.x), -8.0)), np.append(high, np.full(len(state.x), 8.0))
-    log = np.append(problem.form.positive, np.zeros(len(state.x), dtype=bool))
+    log = np.append(problem.positive, np.zeros(len(state.x), dtype=bool))
     damping = 1e-3
     top = float(problem.lines[state.count - 1])
     for _ in range(max_iterations):

@@ -83,7 +83,12 @@ def plot_stiffness_entries(
                         colour = style.MODELS[max(k, 1) % len(style.MODELS)][0]
                         low, high = part(Z[:, i, j]) - half, part(Z[:, i, j]) + half
                         ax.fill_between(f, low, high, color=colour, alpha=0.25, linewidth=0, zorder=1)
-                _limits(ax, [part(Z[:, i, j]) for Z in data.values()])
+                wide = [
+                    part(data[name][:, i, j]) + sign * level * part(X[:, i, j])
+                    for name, X in shaded.items()
+                    for sign in (-1, 1)
+                ]
+                _limits(ax, [part(Z[:, i, j]) for Z in data.values()] + wide)
                 ax.set_ylabel(f"{word} Z({labels[i]}, {labels[j]})\n[{_unit(labels[i], labels[j])}]")
                 ax.set_xlim(f[0], f[-1])
         for ax in axes[-1]:

@@ -59,11 +59,16 @@ def test_an_l_curve_marks_its_corner():
     assert texts == [f"corner: {curve.corner:.1e}", "chosen: 1.0e-03"]
 
 
-def test_the_papers_numerical_study(tmp_path):
-    path = Path(__file__).parents[2] / "examples" / "joint-study" / "numerical.py"
-    spec = importlib.util.spec_from_file_location("numerical_study", path)
+def study_of(name):
+    path = Path(__file__).parents[2] / "examples" / "joint-study" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
     study = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(study)
+    return study
+
+
+def test_the_papers_numerical_study(tmp_path):
+    study = study_of("numerical")
     study.FREQUENCY = np.linspace(10.0, 3200.0, 40)
     errors = study.run(tmp_path)
     assert errors["direct"] < 1e-9
@@ -73,3 +78,16 @@ def test_the_papers_numerical_study(tmp_path):
     assert errors["average with translations only refused"]
     assert errors["rebuilt, translations only"] > 0.1
     assert len(list(tmp_path.glob("*.png"))) == 5
+
+
+@pytest.mark.slow
+def test_the_papers_experimental_study(tmp_path, capsys):
+    """The joint of the solid model: krx 200 N m/rad, kry 3000; the start takes 2980 and 3040."""
+    study = study_of("experimental")
+    study.BAND = (20.0, 700.0)
+    fit = study.run(tmp_path)
+    values = dict(zip(fit.form.names, fit.values, strict=True))
+    assert values["K rx rx"] == pytest.approx(200.0, rel=0.02)
+    assert values["K ry ry"] == pytest.approx(3000.0, rel=0.02)
+    assert "beam U" in capsys.readouterr().out
+    assert len(list(tmp_path.glob("*.png"))) == 4
