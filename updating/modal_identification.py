@@ -1,0 +1,661 @@
+"""Modes from measured FRFs, without a choice by hand.
+
+    FRF ─ identify_modes → IdentifiedModes: modes with uncertainty, complex shapes, synthesised FRFs, what was
+                           tried and why it was taken or left
+
+`docs/modal-identification.md` gives the criteria.
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import median_filter
+
+from fem.frf import FRF, FRFKind
+from fem.model import Damping
+from fem.modes import Modes
+from updating.complexity import (
+    mean_phase,
+    mean_phase_deviation,
+    modal_complexity_factor,
+    modal_phase_collinearity,
+    real_shapes,
+)
+from updating.correlation import mac
+from updating.modal_fit import FitData, ModalFit, fit_modes, scatter_near
+from updating.poles import (
+    LEAST_ORDERS,
+    MATHEMATICAL_DAMPING,
+    IdentificationError,
+    Stabilisation,
+    Track,
+    fit_orders,
+    track_poles,
+)
+
+LARGEST_DEVIATION = 0.15
+"""A mode's frequency and decay must be known within this part of its half-power half-width [-]."""
+
+SIGNIFICANCE = 8.0
+"""A mode must lower the weighted sum of squares by its number of parameters n and this times √(2n), which is
+the standard deviation of what n parameters gain by fitting noise [-]."""
+
+TWIN_MAC, TWIN_DISTANCE = 0.9, 1.0
+"""Of two modes with a higher MAC of shapes and of participations, |λ₁ - λ₂| being less than this times the
+sum of their |Re λ|, one is dropped."""
+
+ROUNDING = 1e-10
+"""Noise is taken for at least this part of the root mean square of an output [-]."""
+
+_FEW_STEPS, _MANY_STEPS = 8, 60
+"""Steps of a fit while there may be poles that are no modes, which converge slowly or not at all, and of the
+last."""
+
+_PARTS, _PART, _PART_ORDER = 8, 128, 24
+"""What a fit leaves is searched in this many parts of the band, of so many lines at least, up to this
+order."""
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A pole that was tried as a mode.
+
+    Attributes
+    ----------
+    frequency, zeta : float
+        As tried last [Hz, -].
+    n_orders : int
+        Number of orders of the stabilisation diagram in which it was found.
+    accepted : bool
+    reason : str
+        Why it was not taken; empty if it was.
+    """
+
+    frequency: float
+    zeta: float
+    n_orders: int
+    accepted: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IdentifiedModes:
+    """Modes identified from FRFs.
+
+    Attributes
+    ----------
+    modes : Modes
+        Natural frequencies |λ|/2π, damping ratios, real shapes at the outputs, whose labels are the rows'
+        [1/√kg if ``scaled``, else with a largest entry of 1].
+    poles : ndarray of complex (n_modes,)
+        λ [rad/s].
+    participation : ndarray of complex (n_modes, n_in)
+        With ``complex_shapes`` φ, the residue of a receptance being φ_o participation_i.
+    complex_shapes : ndarray of complex (n_out, n_modes)
+        Of the scale of ``modes.shapes``.
+    frequency_std, zeta_std : ndarray (n_modes,)
+        Standard deviations [Hz, -].
+    covariance : ndarray (2 n_modes, 2 n_modes)
+        Of (frequency, ratio), mode by mode.
+    mpc, mpd, mcf : ndarray (n_modes,)
+        Modal phase collinearity [-], mean phase deviation [degrees], modal complexity factor [-].
+    scaled : bool
+        Whether the shapes have a modal mass of 1.
+    driving : tuple of (str, str)
+        Outputs and inputs at the same place and direction, from which the scale is.
+    lower, upper : ndarray (n_out, n_in)
+        Residuals: the receptance gains -lower/ω² + upper [1/kg, m/N].
+    synthesised : FRF
+        On the lines and of the kind of the data.
+    error : ndarray (n_out, n_in)
+        Root of Σ |H_synthesised - H|² / Σ |H|² over the lines [-].
+    noise : ndarray (n_freq, n_out, n_in)
+        Standard deviation of the real and of the imaginary parts that the fit assumed [unit of the FRF].
+    stabilisation : Stabilisation
+        Poles of all orders.
+    candidates : tuple of Candidate
+        All that were tried, by frequency.
+    choices : tuple of str
+        What was chosen on the way, in order.
+    """
+
+    modes: Modes
+    poles: Complexes
+    participation: Complexes
+    complex_shapes: Complexes
+    frequency_std: Floats
+    zeta_std: Floats
+    covariance: Floats
+    mpc: Floats
+    mpd: Floats
+    mcf: Floats
+    scaled: bool
+    driving: tuple[tuple[str, str], ...]
+    lower: Floats
+    upper: Floats
+    synthesised: FRF
+    error: Floats
+    noise: Floats
+    stabilisation: Stabilisation
+    candidates: tuple[Candidate, ...]
+    choices: tuple[str, ...]
+
+    @property
+    def residues(self) -> Complexes:
+        """Residues of the receptances at the poles, shape (n_modes, n_out, n_in) [m/(N s)]."""
+        return self.complex_shapes.T[:, :, None] * self.participation[:, None, :]
+
+    def damping(self) -> Damping:
+        """Return the damping ratios as those of a model, over frequency."""
+        zeta = self.modes.zeta
+        if zeta is None or not zeta.size:
+            msg = "there is no mode to take a damping ratio from"
+            raise IdentificationError(msg)
+        return Damping.modal(zeta, self.modes.frequency)
+
+    def table(self) -> str:
+        """Return the modes as lines of text."""
+        zeta = np.zeros(0) if self.modes.zeta is None else self.modes.zeta
+        lines = ["mode  frequency [Hz]        damping ratio [%]     MPC    MPD [deg]"]
+        for k, f in enumerate(self.modes.frequency):
+            lines.append(
+                f"{k + 1:4d}  {f:9.3f} ± {self.frequency_std[k]:<8.2g}  {100 * zeta[k]:8.4f} ± "
+                f"{100 * self.zeta_std[k]:<8.2g}  {self.mpc[k]:.4f}  {self.mpd[k]:6.2f}"
+            )
+        return "\n".join(lines)
+
+
+def identify_modes(
+    frf: FRF | ArrayLike,
+    H: ArrayLike | None = None,
+    *,
+    kind: FRFKind | str = FRFKind.ACCELERANCE,
+    band: tuple[float, float] | None = None,
+    highest_order: int | None = None,
+    std: ArrayLike | None = None,
+    driving: Sequence[tuple[str, str]] | None = None,
+    lower: bool = True,
+    upper: bool = True,
+    least_mpc: float = 0.3,
+    largest_mpd: float = 45.0,
+) -> IdentifiedModes:
+    """Identify natural frequencies, damping ratios and shapes from FRFs.
+
+    Poles of polyreference least-squares models of all orders (:func:`updating.poles.fit_orders`) that persist
+    over orders are candidates. A fit of greatest likelihood (:mod:`updating.modal_fit`) refines them, with
+    residuals of the modes outside the band. Those that are uncertain, insignificant, not collinear or a
+    second copy are left out, and the rest is fitted again; then what the fit leaves is searched in the same
+    way for more. Nothing is random: the same data give the same result.
+
+    The standard deviations are those of the fit, for the noise given or estimated from what it leaves, and
+    are raised where the misfit near a mode is larger or correlated from line to line.
+
+    Parameters
+    ----------
+    frf : FRF or array_like (n_freq,)
+        FRFs, or frequencies of ``H`` [Hz]; the lines may be unevenly spaced.
+    H : array_like (n_freq, n_out, n_in), optional
+        FRFs, if ``frf`` has the frequencies.
+    kind : FRFKind or str
+        Of ``H``.
+    band : (float, float), optional
+        Lowest and highest frequency to use [Hz].
+    highest_order : int, optional
+        Of the denominator's matrix polynomial, which has as many poles as that times the inputs;
+        150 over the number of inputs, but 30 to 100, unless given.
+    std : array_like, optional
+        Standard deviation of the real and of the imaginary part of the FRFs, of the shape of ``H`` or one
+        that broadcasts to it [unit of the FRF]. The fit uses the product of a number for each output and one
+        for each line and input that comes nearest to it. Estimated from what the fit leaves, unless given.
+    driving : sequence of (output, input), optional
+        Labels of responses at the place and in the direction of a force; equal labels, but for the sign,
+        unless given.
+    lower, upper : bool
+        Whether modes below and above the band are allowed for.
+    least_mpc : float
+        Smallest modal phase collinearity of a mode [-]; 0 for structures with complex modes.
+    largest_mpd : float
+        Largest mean phase deviation of a mode [degrees]; 90 for structures with complex modes.
+
+    Returns
+    -------
+    IdentifiedModes
+
+    Raises
+    ------
+    IdentificationError
+        For too few lines, responses that are zero, a driving point or standard deviations that do not fit.
+    fem.frf.FRFError
+        For arrays that are not FRFs.
+
+    Warns
+    -----
+    UserWarning
+        If there is no driving point, or one seems to have the wrong sign.
+    """
+    if isinstance(frf, FRF) and H is not None:
+        msg = "H is given beside an FRF; give the FRF alone, or frequencies and H"
+        raise IdentificationError(msg)
+    if isinstance(frf, FRF):
+        whole = frf
+    elif H is None:
+        msg = "frequencies are given without FRFs; identify_modes takes an FRF, or frequencies and H"
+        raise IdentificationError(msg)
+    else:
+        whole = FRF.from_arrays(frf, H, kind)
+    lines = _lines(whole, band)
+    data = whole.select(lines=lines)
+    orders = _orders(data, highest_order)
+    points = _driving_points(data, driving)
+    fitted = _fit_data(data, None if std is None else _standard_deviation(std, whole)[lines], lower, upper)
+    task = _Task(fitted, std is None, least_mpc, largest_mpd)
+
+    level = np.sqrt((np.abs(data.H) ** 2).mean(axis=(0, 2)))
+    line_weight = np.exp(-np.log(fitted.spread).mean(axis=1))
+    stabilisation = fit_orders(data, orders, level, line_weight)
+    tracks = track_poles(stabilisation)
+    found = _settle(task, _State(fitted, _starts(tracks), None, (), ()))
+    more = _overlooked(found, orders)
+    if more:
+        wider = _settle(task, replace(found, starts=found.starts + more))
+        found = wider if len(wider.starts) > len(found.starts) else replace(found, rejected=wider.rejected)
+
+    choices = (
+        f"{data.n_freq} of {whole.n_freq} lines, {data.frequency[0]:g} to {data.frequency[-1]:g} Hz",
+        f"orders {orders[0]} to {orders[-1]}: {len(tracks)} poles in at least {LEAST_ORDERS} of them; "
+        f"{len(more)} more in what the first fit left",
+        *found.steps,
+        "noise: " + ("estimated from what the fit leaves" if std is None else "as given"),
+    )
+    return _result(found, points, stabilisation, choices)
+
+
+def damping_matrix(mass: ArrayLike, shapes: ArrayLike, frequency: ArrayLike, zeta: ArrayLike) -> Floats:
+    """Compute the damping matrix C = M Φ diag(2ζω) Φᵀ M that gives modes their damping ratios.
+
+    Then φᵀCφ = 2ζω and the modes stay uncoupled; modes that are not among Φ get none (Caughey and O'Kelly,
+    *J. Appl. Mech.* 32, 1965, 583; Wilson and Penzien, *Earthquake Eng. Struct. Dyn.* 1, 1972, 5).
+
+    Parameters
+    ----------
+    mass : array_like or sparse (n_dof, n_dof)
+        M [kg, kg m²].
+    shapes : array_like (n_dof, n_modes)
+        Real mode shapes; they are scaled to φᵀMφ = 1.
+    frequency, zeta : array_like (n_modes,)
+        Natural frequencies [Hz] and damping ratios [-], identified or computed.
+
+    Returns
+    -------
+    ndarray (n_dof, n_dof)
+        [N s/m, N m s].
+
+    Raises
+    ------
+    IdentificationError
+        If the shapes do not fit the mass matrix, or the frequencies and ratios the shapes.
+    """
+    phi = np.array(shapes, dtype=float, ndmin=2)
+    f, ratio = (np.array(x, dtype=float, ndmin=1) for x in (frequency, zeta))
+    M = mass if hasattr(mass, "tocsr") else np.array(mass, dtype=float, ndmin=2)
+    if np.shape(M) != (len(phi), len(phi)):
+        msg = f"the shapes have {len(phi)} rows and the mass matrix the shape {np.shape(M)}; they must fit"
+        raise IdentificationError(msg)
+    if f.shape != (phi.shape[1],) or ratio.shape != f.shape:
+        msg = f"{phi.shape[1]} shapes need as many frequencies and ratios; found {f.size} and {ratio.size}"
+        raise IdentificationError(msg)
+    momentum = M @ phi
+    modal_mass = np.einsum("ij,ij->j", phi, momentum)
+    if (modal_mass <= 0).any():
+        k = int(np.argmin(modal_mass))
+        msg = f"shape {k + 1} has the modal mass {modal_mass[k]:.3g}; it must be positive"
+        raise IdentificationError(msg)
+    return (momentum * (4 * np.pi * ratio * f / modal_mass)) @ momentum.T
+
+
+# What is given ----------------------------------------------------------------------------------------------
+
+
+def _lines(frf: FRF, band: tuple[float, float] | None) -> NDArray[np.int64]:
+    """Return the lines to use; 0 Hz holds nothing of a mode that other lines do not."""
+    low, high = band if band is not None else (0.0, np.inf)
+    lines = np.flatnonzero((frf.frequency > 0) & (frf.frequency >= low) & (frf.frequency <= high))
+    if lines.size < 20:
+        msg = (
+            f"{lines.size} line(s) lie in the band {low:g} to {high:g} Hz; at least 20 are needed, and the "
+            f"data cover {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz with {frf.n_freq}"
+        )
+        raise IdentificationError(msg)
+    size = np.abs(frf.H[lines]).max(axis=0)
+    for axis, names, word in ((1, frf.outputs, "response"), (0, frf.inputs, "force")):
+        dead = np.flatnonzero(size.max(axis=axis) == 0)
+        if dead.size:
+            msg = f"all FRFs of {word} '{names[dead[0]]}' are zero; leave it out with select(…)"
+            raise IdentificationError(msg)
+    return lines
+
+
+def _orders(data: FRF, highest: int | None) -> NDArray[np.int64]:
+    n_in = data.H.shape[2]
+    # a model of this order has (order + 1)(n_in + 1) coefficients for each row, two numbers a line and input
+    most = 2 * n_in * data.n_freq // (3 * (n_in + 1)) - 1
+    if highest is None:
+        highest = min(int(np.clip(round(150 / n_in), 30, 100)), most)
+    if not 6 <= highest <= most:
+        msg = (
+            f"the highest order is {highest}; for {data.n_freq} lines and {n_in} force(s) 6 to {most} "
+            "are allowed"
+        )
+        raise IdentificationError(msg)
+    return np.arange(max(2, highest // 8), highest + 1)
+
+
+def _standard_deviation(std: ArrayLike, frf: FRF) -> Floats:
+    try:
+        sigma = np.broadcast_to(np.asarray(std, dtype=float), frf.H.shape)
+    except ValueError:
+        msg = (
+            f"std has the shape {np.shape(std)}; that of H, {frf.H.shape}, or one that broadcasts to it "
+            "is expected"
+        )
+        raise IdentificationError(msg) from None
+    bad = ~(np.isfinite(sigma) & (sigma > 0))
+    if bad.any():
+        k, i, j = (int(v) for v in np.argwhere(bad)[0])
+        msg = (
+            f"std is {sigma[k, i, j]:g} at {frf.frequency[k]:g} Hz, response '{frf.outputs[i]}', force "
+            f"'{frf.inputs[j]}'; standard deviations must be positive"
+        )
+        raise IdentificationError(msg)
+    return sigma
+
+
+def _fit_data(data: FRF, sigma: Floats | None, lower: bool, upper: bool) -> FitData:
+    if sigma is None:
+        scale = np.sqrt((np.abs(data.H) ** 2).mean(axis=(0, 2)))
+        return FitData(data, scale, np.ones((data.n_freq, data.H.shape[2])), lower, upper)
+    log = np.log(sigma)
+    of_output = log.mean(axis=(0, 2))
+    return FitData(data, np.exp(of_output), np.exp((log - of_output[:, None]).mean(axis=1)), lower, upper)
+
+
+def _driving_points(data: FRF, driving: Sequence[tuple[str, str]] | None) -> tuple[tuple[int, int, int], ...]:
+    """Return (output, input, sign) of driving points."""
+    if driving is None:
+        pairs = [
+            (i, j, 1 if a == b else -1)
+            for j, b in enumerate(data.inputs)
+            for i, a in enumerate(data.outputs)
+            if a == b or (a[:-1] == b[:-1] and {a[-1:], b[-1:]} == {"+", "-"})
+        ]
+        if not pairs:
+            warnings.warn(
+                "no response has the label of a force, so that modal masses are unknown and shapes have a "
+                "largest entry of 1; name responses at the place of a force: driving=[(output, input), …]",
+                stacklevel=3,
+            )
+        return tuple(pairs)
+    out = []
+    for output, force in driving:
+        for word, name, names in (("response", output, data.outputs), ("force", force, data.inputs)):
+            if name not in names:
+                msg = f"the driving point names the {word} '{name}'; the data have {', '.join(names)}"
+                raise IdentificationError(msg)
+        out.append((data.outputs.index(output), data.inputs.index(force), 1))
+    return tuple(out)
+
+
+# Which poles are modes --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """A pole to begin with, and in how many orders it was found."""
+
+    pole: complex
+    participation: tuple[complex, ...]
+    n_orders: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    data: FitData
+    estimate_noise: bool
+    least_mpc: float
+    largest_mpd: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """Modes so far, their fit and the weights it used."""
+
+    data: FitData
+    starts: tuple[_Start, ...]
+    fit: ModalFit | None
+    rejected: tuple[Candidate, ...]
+    steps: tuple[str, ...]
+
+    @property
+    def fitted(self) -> ModalFit:
+        assert self.fit is not None
+        return self.fit
+
+
+def _starts(tracks: Sequence[Track]) -> tuple[_Start, ...]:
+    return tuple(_Start(t.pole, tuple(t.participation.tolist()), len(t.members)) for t in tracks)
+
+
+def _overlooked(found: _State, orders: NDArray[np.int64]) -> tuple[_Start, ...]:
+    """Return poles that persist in what the fit left, by parts of the band that overlap by half.
+
+    In a part, fewer poles describe what is left, and strong modes elsewhere do not matter.
+    """
+    data = found.data.frf
+    left = replace(data, H=data.H - found.fitted.H)
+    quiet = np.exp(-np.log(found.data.spread).mean(axis=1))
+    size = max(_PART, data.n_freq // _PARTS)
+    firsts = np.arange(0, max(data.n_freq - size // 2, 1), max(size // 2, 1))
+    low_orders = orders[orders <= _PART_ORDER]
+    out: list[_Start] = []
+    for first in firsts:
+        rows = np.arange(first, min(first + size, data.n_freq))
+        for start in _starts(
+            track_poles(fit_orders(left.select(lines=rows), low_orders, found.data.scale, quiet[rows]))
+        ):
+            near = (abs(start.pole - other.pole) < -start.pole.real - other.pole.real for other in out)
+            if not any(near):
+                out.append(start)
+    return tuple(out)
+
+
+def _settle(task: _Task, state: _State) -> _State:
+    """Fit, leave out what is not a mode, and fit again until all are."""
+    data, starts, rejected, steps = state.data, state.starts, state.rejected, state.steps
+    final = False
+    while True:
+        n_in = data.spread.shape[1]
+        poles = np.array([s.pole for s in starts], dtype=complex)
+        L = np.array([s.participation for s in starts], dtype=complex).reshape(-1, n_in)
+        fit = fit_modes(data, poles, L, _MANY_STEPS if final else _FEW_STEPS)
+        if task.estimate_noise:
+            data = _reweighted(data, fit)
+            fit = fit_modes(data, fit.poles, fit.participation, _MANY_STEPS if final else _FEW_STEPS)
+        steps = (
+            *steps,
+            f"{len(starts)} poles fitted in {fit.n_steps} steps"
+            + ("" if fit.converged else ", without convergence"),
+        )
+        starts = tuple(
+            _Start(complex(p), tuple(row.tolist()), s.n_orders)
+            for p, row, s in zip(fit.poles, fit.participation, starts, strict=True)
+        )
+        reasons = _reasons(task, data, fit)
+        if not any(reasons):
+            if fit.converged or final:
+                return _State(data, starts, fit, rejected, steps)
+            final = True
+            continue
+        rejected += tuple(
+            Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, False, reason)
+            for s, reason in zip(starts, reasons, strict=True)
+            if reason
+        )
+        starts = tuple(s for s, reason in zip(starts, reasons, strict=True) if not reason)
+
+
+def _reweighted(data: FitData, fit: ModalFit) -> FitData:
+    """Return weights for what the fit leaves: σ² = (s_o)² (a_ki² + ε_i² h_ki²).
+
+    a is the level of noise over the lines, a running median over a sixteenth of them, which resonances do not
+    raise. h_ki² is the mean over the outputs of |H_oi|²/s_o², and ε_i what errors in proportion to the
+    response (gains, places, masses of sensors, lines too far apart for a peak) leave on the twentieth of the
+    lines with the largest h.
+    """
+    error = np.abs(data.frf.H - fit.H) ** 2 / 2
+    n_freq, _, n_in = error.shape
+    level = np.sqrt((np.abs(data.frf.H) ** 2).mean(axis=(0, 2)))
+    free = 1 - min(fit.poles.size / n_in + 1, 0.5 * n_freq) / n_freq
+    scale = np.maximum(np.sqrt(np.median(error.mean(axis=2), axis=0) / free), ROUNDING * level)
+    over_lines = (error / scale[:, None] ** 2).mean(axis=1)
+    width = max(n_freq // 16, 9) | 1
+    along = np.maximum(median_filter(over_lines, (width, 1), mode="nearest") / free, 1e-6)
+    size = (np.abs(fit.H) ** 2 / scale[:, None] ** 2).mean(axis=1)
+    top = np.argsort(-size, axis=0, kind="stable")[: max(n_freq // 20, 5)]
+    excess = np.take_along_axis(over_lines - along, top, axis=0).clip(min=0)
+    proportion = (excess / np.take_along_axis(size, top, axis=0).clip(min=1e-300)).mean(axis=0)
+    return replace(data, scale=scale, spread=np.sqrt(along + proportion * size))
+
+
+def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
+    """Return for each pole why it is not a mode, or nothing."""
+    frequency = fit.poles.imag / (2 * np.pi)
+    low, high = data.frf.frequency[[0, -1]]
+    noise = scatter_near(fit, data.frf.omega)
+    deviation = np.sqrt(fit.covariance.diagonal()).reshape(-1, 2).max(axis=1, initial=0.0) * noise
+    n = fit.n_parameters
+    needed = n + SIGNIFICANCE * np.sqrt(2 * n)
+    mpc, mpd = modal_phase_collinearity(fit.shapes), mean_phase_deviation(fit.shapes)
+    zeta = -fit.poles.real / np.abs(fit.poles)
+    gain = fit.energy / noise**2
+    reasons = [""] * fit.poles.size
+    for k in range(fit.poles.size):
+        if not low <= frequency[k] <= high:
+            reasons[k] = "outside the band"
+        elif zeta[k] > MATHEMATICAL_DAMPING:
+            reasons[k] = f"damping ratio above {MATHEMATICAL_DAMPING:g}"
+        elif deviation[k] > LARGEST_DEVIATION:
+            reasons[k] = f"uncertain by {deviation[k]:.2g} of its half-width, above {LARGEST_DEVIATION:g}"
+        elif gain[k] < needed:
+            reasons[k] = f"insignificant: lowers the sum of squares by {gain[k]:.3g}, below {needed:.3g}"
+        elif mpc[k] < task.least_mpc:
+            reasons[k] = f"modal phase collinearity {mpc[k]:.2f}, below {task.least_mpc:g}"
+        elif mpd[k] > task.largest_mpd:
+            reasons[k] = f"mean phase deviation {mpd[k]:.0f}°, above {task.largest_mpd:g}°"
+    alike = np.ones((fit.poles.size, fit.poles.size), dtype=bool)
+    for vectors in (fit.shapes, fit.participation.T):
+        real = real_shapes(vectors)
+        alike &= np.maximum(mac(vectors, vectors), mac(real, real)) > TWIN_MAC
+    apart = np.abs(fit.poles[:, None] - fit.poles) / -(fit.poles.real[:, None] + fit.poles.real)
+    for i, j in np.argwhere(np.triu(alike & (apart < TWIN_DISTANCE), 1)):
+        if max(data.frf.H.shape[1:]) > 1 and not reasons[i] and not reasons[j]:
+            weaker, other = (i, j) if gain[i] < gain[j] else (j, i)
+            reasons[weaker] = f"a second copy of the mode at {frequency[other]:.4g} Hz"
+    return reasons
+
+
+# What is handed back ----------------------------------------------------------------------------------------
+
+
+def _result(
+    found: _State,
+    points: tuple[tuple[int, int, int], ...],
+    stabilisation: Stabilisation,
+    choices: tuple[str, ...],
+) -> IdentifiedModes:
+    fit, data = found.fitted, found.data.frf
+    size = np.abs(fit.poles)
+    rising = np.argsort(size, kind="stable")
+    poles, psi, L = fit.poles[rising], fit.shapes[:, rising], fit.participation[rising]
+    size, decay = size[rising], -poles.real
+    phi, gamma = _scaled(poles, psi, L, points)
+    frequency, zeta = size / (2 * np.pi), decay / size
+    # d|λ| = (decay² du + Im λ · decay dv)/|λ|, dζ = decay du/|λ| - decay d|λ|/|λ|²
+    J = np.zeros((2 * poles.size, 2 * poles.size))
+    for k in range(poles.size):
+        grow = decay[k] * np.array([decay[k], poles[k].imag]) / size[k]
+        J[2 * k, 2 * k : 2 * k + 2] = grow / (2 * np.pi)
+        J[2 * k + 1, 2 * k : 2 * k + 2] = np.array([decay[k] / size[k], 0]) - decay[k] * grow / size[k] ** 2
+    index = np.column_stack([2 * rising, 2 * rising + 1]).ravel()
+    noise = np.repeat(scatter_near(fit, data.omega)[rising], 2)
+    covariance = J @ (fit.covariance[np.ix_(index, index)] * np.outer(noise, noise)) @ J.T
+    deviation = np.sqrt(covariance.diagonal()).reshape(-1, 2)
+    accepted = tuple(
+        Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, True)
+        for s in found.starts
+    )
+    sigma = found.data.scale[:, None] * found.data.spread[:, None, :]
+    power = (np.abs(data.H) ** 2).sum(axis=0)
+    error = np.sqrt(
+        np.divide(
+            (np.abs(fit.H - data.H) ** 2).sum(axis=0), power, out=np.zeros(power.shape), where=power > 0
+        )
+    )
+    return IdentifiedModes(
+        Modes(frequency, real_shapes(phi), zeta, data.outputs),
+        poles,
+        gamma,
+        phi,
+        deviation[:, 0],
+        deviation[:, 1],
+        covariance,
+        modal_phase_collinearity(phi),
+        mean_phase_deviation(phi),
+        modal_complexity_factor(phi),
+        bool(points),
+        tuple((data.outputs[i], data.inputs[j]) for i, j, _ in points),
+        fit.lower,
+        fit.upper,
+        FRF.from_arrays(data.frequency, fit.H, data.kind, data.outputs, data.inputs),
+        error,
+        sigma,
+        stabilisation,
+        tuple(sorted(accepted + found.rejected, key=lambda c: c.frequency)),
+        choices,
+    )
+
+
+def _scaled(
+    poles: Complexes, psi: Complexes, L: Complexes, points: tuple[tuple[int, int, int], ...]
+) -> tuple[Complexes, Complexes]:
+    """Return shapes and participations of the same residues, scaled to a modal mass of 1.
+
+    A mode of mass 1 has residues φ_o φ_i / (2i Im λ): of the scale s with φ = sψ, s² ψ_d = 2i Im λ L_d at
+    driving points d, in least squares.
+    """
+    if not points:
+        s = (
+            1 / psi[np.argmax(np.abs(psi), axis=0), np.arange(psi.shape[1])]
+            if psi.size
+            else np.ones(psi.shape[1])
+        )
+        return psi * s, L / s[:, None]
+    out, inn, sign = (np.array(p) for p in zip(*points, strict=True))
+    here, there = psi[out].T, L[:, inn] * sign
+    power = np.maximum((np.abs(here) ** 2).sum(axis=1), 1e-300)
+    square = 2j * poles.imag * (here.conj() * there).sum(axis=1) / power
+    s = np.sqrt(square)
+    phi = psi * s
+    turned = np.abs(np.cos(mean_phase(phi)))
+    if psi.size and (np.median(turned) < np.sqrt(0.5)):
+        warnings.warn(
+            "the driving points' residues have the wrong sign in most modes: do the response and the force "
+            "point in opposite directions? The sizes of the shapes are right if so",
+            stacklevel=4,
+        )
+    return phi, L / s[:, None]
