@@ -1,0 +1,436 @@
+"""Which point of the mesh is which point of the test, by position, with units and axes found."""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SCALES: Mapping[str, float] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
+"""Metres in the units that test coordinates may have."""
+PLAUSIBLE = (0.2, 2.0)
+"""Size of the test's points over the mesh's that is taken for metres without question."""
+FITTING = (0.2, 1.05)
+"""The same for another unit to be taken instead."""
+AS_GOOD = 2.0
+"""Alternatives whose root mean square distance is below this times the best one's are as good as it."""
+_COLLINEAR = 1e-3
+_MOST_PLACES = 20_000
+"""Placements of three points that are tried for each base."""
+_BASES = 4
+
+
+class GeometryMatchError(ValueError):
+    """Test points that cannot be placed on the mesh, or in several ways.
+
+    Attributes
+    ----------
+    alternatives : tuple of GeometryMatch
+        The placements that are as good as one another.
+    """
+
+    def __init__(self, message: str, alternatives: "tuple[GeometryMatch, ...]" = ()) -> None:
+        super().__init__(message)
+        self.alternatives = alternatives
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GeometryMatch:
+    """Test points on the points of a mesh, x_mesh = scale · R x_test + translation.
+
+    Attributes
+    ----------
+    pairs : ndarray of int (n, 2)
+        Test point and mesh point, by rising test point; each at most once.
+    distance : ndarray (n,)
+        Between the two after the transform [m].
+    scale : float
+        Metres in the test's unit of length.
+    R : ndarray (3, 3)
+        Proper rotation from the test's axes to the mesh's.
+    translation : ndarray (3,)
+        [m].
+    unmatched : tuple of int
+        Test points without a mesh point within the tolerance.
+    points : ndarray (n_test, 3)
+        All test points in the mesh's axes [m].
+    """
+
+    pairs: Ints
+    distance: Floats
+    scale: float
+    R: Floats
+    translation: Floats
+    unmatched: tuple[int, ...]
+    points: Floats
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance of the pairs [m]; NaN without any."""
+        return float(np.sqrt((self.distance**2).mean())) if self.distance.size else float("nan")
+
+    @property
+    def turn(self) -> tuple[float, Floats]:
+        """Angle [degrees] and axis (3,) of the rotation."""
+        skew = np.array(
+            [self.R[2, 1] - self.R[1, 2], self.R[0, 2] - self.R[2, 0], self.R[1, 0] - self.R[0, 1]]
+        )
+        angle = float(np.arctan2(np.linalg.norm(skew), np.trace(self.R) - 1))
+        values, vectors = np.linalg.eigh((self.R + self.R.T) / 2)
+        axis = vectors[:, np.argmax(values)]
+        return np.rad2deg(angle), axis if skew @ axis >= 0 else -axis
+
+    def directions(self, vectors: ArrayLike) -> Floats:
+        """Turn directions (n, 3) of the test into the mesh's axes."""
+        return np.asarray(vectors, dtype=float) @ self.R.T
+
+    def describe(self) -> str:
+        """Return rotation, translation and distances in one line."""
+        angle, axis = self.turn
+        about = ", ".join(f"{v:.2f}" for v in np.round(axis, 2) + 0.0)
+        moved = ", ".join(f"{v:.4g}" for v in np.round(self.translation, 6) + 0.0)
+        return (
+            ("not turned" if angle < 0.05 else f"turned {angle:.1f}° about ({about})")
+            + f", moved by ({moved}) m, {len(self.pairs)} of {len(self.points)} points matched, "
+            f"rms {self.rms:.2g} m"
+        )
+
+
+def align_points(points: ArrayLike, onto: ArrayLike) -> tuple[Floats, Floats]:
+    """Compute the rotation and translation that bring points nearest to others, pair by pair.
+
+    Kabsch, Acta Cryst. A32, 1976, 922-923: R = U diag(1, 1, det UVᵀ) Vᵀ of the cross-covariance, proper also
+    for points in a plane; for points on a line the turn about it is arbitrary.
+
+    Parameters
+    ----------
+    points, onto : array_like (n, 3)
+
+    Returns
+    -------
+    R : ndarray (3, 3)
+    translation : ndarray (3,)
+        R p + translation is nearest to the others.
+
+    Raises
+    ------
+    ValueError
+        If the shapes are not (n, 3) and the same.
+    """
+    a, b = np.asarray(points, dtype=float), np.asarray(onto, dtype=float)
+    if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3 or not len(a):
+        msg = f"the points have shapes {a.shape} and {b.shape}; both must be (n, 3)"
+        raise ValueError(msg)
+    centre_a, centre_b = a.mean(axis=0), b.mean(axis=0)
+    U, _, Vt = np.linalg.svd((b - centre_b).T @ (a - centre_a))
+    R = U @ np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)]) @ Vt
+    return R, centre_b - R @ centre_a
+
+
+def match_geometry(
+    test_points: ArrayLike,
+    mesh_points: ArrayLike,
+    tolerance: float,
+    axes: str = "any",
+    labels: Mapping[int, int] | None = None,
+    unit: str | None = None,
+    alternative: int | None = None,
+) -> GeometryMatch:
+    """Place test points on the points of a mesh.
+
+    *Units*: metres, unless the size of the test does not fit the mesh and that in another unit does; this is
+    warned of. *Axes*: for any axes three test points that span much are laid on all triangles of mesh points
+    with the same sides, each placement is improved by matching nearest points and :func:`align_points` in
+    turns (Besl and McKay, IEEE Trans. PAMI 14, 1992, 239-256), and the one with most pairs, then least
+    distances, is taken. This is exhaustive, unlike ICP from a few starts, for test points within the
+    tolerance of mesh points. Reflections are not tried.
+
+    Parameters
+    ----------
+    test_points : array_like (n_test, 3)
+        In any unit of ``SCALES``.
+    mesh_points : array_like (n_mesh, 3)
+        [m]; leave out those where no sensor can be, as they only make ambiguity.
+    tolerance : float
+        Largest distance of a pair [m].
+    axes : str
+        ``"same"``: the test has the mesh's axes and origin. ``"any"``: both are unknown.
+    labels : mapping of int to int, optional
+        Mesh points of some test points: three that are not on a line settle the axes, fewer choose among
+        alternatives.
+    unit : str, optional
+        Unit of the test's coordinates; found unless given.
+    alternative : int, optional
+        Which of the alternatives that an earlier call named is right.
+
+    Raises
+    ------
+    GeometryMatchError
+        If nothing fits, or several placements are as good: a symmetric structure. It names them.
+    ValueError
+        If arguments are not as told.
+    """
+    test, mesh = _points("test", test_points), _points("mesh", mesh_points)
+    labels = dict(labels or {})
+    if not tolerance > 0:
+        msg = f"the tolerance is {tolerance:g} m; it must be positive"
+        raise ValueError(msg)
+    if axes not in ("same", "any"):
+        msg = f"the axes are '{axes}'; allowed are same, any"
+        raise ValueError(msg)
+    for i, j in labels.items():
+        if not (0 <= i < len(test) and 0 <= j < len(mesh)):
+            msg = f"label {i} → {j} is not among {len(test)} test and {len(mesh)} mesh points, counted from 0"
+            raise ValueError(msg)
+    scale = _scale(test, mesh, unit)
+    scaled = scale * test
+    tree = cKDTree(mesh)
+    if axes == "same":
+        return _finish(test, mesh, tree, tolerance, scale, np.eye(3), np.zeros(3), labels)
+    if len(labels) >= 3 and _spread(scaled[list(labels)]) > _COLLINEAR:
+        R, t = align_points(scaled[list(labels)], mesh[list(labels.values())])
+        off = np.linalg.norm(scaled[list(labels)] @ R.T + t - mesh[list(labels.values())], axis=1)
+        if off.max() > tolerance:
+            worst = list(labels)[int(np.argmax(off))]
+            msg = (
+                f"labelled test point {worst} lies {off.max():.3g} m from mesh point {labels[worst]} "
+                "after the "
+                f"best rotation; the tolerance is {tolerance:g} m"
+            )
+            raise GeometryMatchError(msg)
+        return _finish(test, mesh, tree, tolerance, scale, R, t, labels)
+    if _spread(scaled) <= _COLLINEAR:
+        msg = (
+            f"the {len(test)} test points lie on a line or are fewer than three, so the turn about it "
+            "cannot be "
+            "found; give axes='same' or points beside the line"
+        )
+        raise GeometryMatchError(msg)
+    found = _search(test, scaled, mesh, tree, tolerance, scale, labels)
+    return _chosen(found, tolerance, alternative, len(test))
+
+
+def _chosen(
+    found: list[GeometryMatch], tolerance: float, alternative: int | None, n_test: int
+) -> GeometryMatch:
+    if not found:
+        msg = (
+            f"no placement brings more than two of the {n_test} test points within {tolerance:g} m of "
+            "mesh points; "
+            "look at units, tolerance, and whether the mesh has points where the test has"
+        )
+        raise GeometryMatchError(msg)
+    best = found[0]
+    limit = AS_GOOD * max(best.rms, tolerance / 10)
+    same = tuple(m for m in found if len(m.pairs) == len(best.pairs) and m.rms <= limit)
+    if alternative is not None:
+        if not 0 <= alternative < len(same):
+            msg = f"alternative {alternative} is asked for; there are {len(same)}, counted from 0"
+            raise ValueError(msg)
+        return same[alternative]
+    if len(same) > 1:
+        lines = [f"{k}: {m.describe()}" for k, m in enumerate(same[:8])]
+        more = f"\n  and {len(same) - 8} more" if len(same) > 8 else ""
+        msg = (
+            f"the test points fit the mesh in {len(same)} ways, as a symmetric or regular structure's do; "
+            "give labels "
+            "of a few points, axes='same', or the number of the right alternative:\n  "
+            + "\n  ".join(lines)
+            + more
+        )
+        raise GeometryMatchError(msg, same)
+    return best
+
+
+def _points(word: str, points: ArrayLike) -> Floats:
+    p = np.array(points, dtype=float)
+    if p.ndim != 2 or p.shape[1] != 3 or not len(p) or not np.isfinite(p).all():
+        msg = f"the {word} points have shape {p.shape}; finite numbers (n, 3) are expected"
+        raise ValueError(msg)
+    return p
+
+
+def _size(points: Floats) -> float:
+    """Return the largest distance of two points; of many points a lower bound that is near it."""
+    if len(points) <= 500:
+        return float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
+    at, size = points.mean(axis=0), 0.0
+    for _ in range(4):
+        distance = np.linalg.norm(points - at, axis=1)
+        at, size = points[np.argmax(distance)], float(distance.max())
+    return size
+
+
+def _spread(points: Floats) -> float:
+    """Return the second singular value over the first: 0 for points on a line."""
+    if len(points) < 3:
+        return 0.0
+    s = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return float(s[1] / s[0]) if s[0] > 0 else 0.0
+
+
+def _scale(test: Floats, mesh: Floats, unit: str | None) -> float:
+    if unit is not None:
+        if unit not in SCALES:
+            msg = f"the unit is '{unit}'; allowed are {', '.join(SCALES)}"
+            raise ValueError(msg)
+        return SCALES[unit]
+    if len(test) < 2:
+        return 1.0
+    ratio = _size(test) / _size(mesh)
+    if PLAUSIBLE[0] <= ratio <= PLAUSIBLE[1]:
+        return 1.0
+    fits = [u for u, s in SCALES.items() if FITTING[0] <= s * ratio <= FITTING[1]]
+    if not fits and ratio <= PLAUSIBLE[1]:
+        return 1.0  # a test of a small part
+    if len(fits) != 1:
+        what = f"would fit in {' or '.join(fits)}" if fits else "fits in no unit"
+        msg = (
+            f"the test points are {ratio:.3g} times as large as the mesh, which {what}; give the unit, "
+            "one of "
+            f"{', '.join(SCALES)}"
+        )
+        raise GeometryMatchError(msg)
+    warnings.warn(
+        f"the test points are {ratio:.3g} times as large as the mesh: their coordinates look like "
+        f"{fits[0]} and are "
+        f"multiplied by {SCALES[fits[0]]:g}; give unit='{fits[0]}' to say so, or unit='m' if not",
+        stacklevel=3,
+    )
+    return SCALES[fits[0]]
+
+
+def _assign(points: Floats, mesh: Floats, tree: cKDTree, tolerance: float) -> tuple[Ints, Floats]:
+    """Return mesh points of test points (-1 for none), each once, and the distances; most pairs first."""
+    distance, nearest = tree.query(points, distance_upper_bound=tolerance)
+    near = np.isfinite(distance)
+    mine = nearest[near]
+    if len(set(mine.tolist())) == len(mine):
+        return np.where(near, nearest, -1).astype(np.int64), distance
+    rows = np.flatnonzero(near)
+    columns = np.unique(np.concatenate(tree.query_ball_point(points[rows], tolerance)).astype(np.int64))
+    d = np.linalg.norm(points[rows][:, None] - mesh[columns][None], axis=2)
+    cost = np.where(d <= tolerance, d, 1e3 * tolerance * len(rows))
+    index, distance = np.full(len(points), -1, dtype=np.int64), np.full(len(points), np.inf)
+    for a, b in zip(*linear_sum_assignment(cost), strict=True):
+        if d[a, b] <= tolerance:
+            index[rows[a]], distance[rows[a]] = columns[b], d[a, b]
+    return index, distance
+
+
+def _finish(
+    test: Floats,
+    mesh: Floats,
+    tree: cKDTree,
+    tolerance: float,
+    scale: float,
+    R: Floats,
+    t: Floats,
+    labels: Mapping[int, int],
+) -> GeometryMatch:
+    placed = scale * test @ R.T + t
+    index, distance = _assign(placed, mesh, tree, tolerance)
+    for i, j in labels.items():
+        if index[i] != j:
+            index[index == j] = -1
+            index[i], distance[i] = j, np.linalg.norm(placed[i] - mesh[j])
+    rows = np.flatnonzero(index >= 0)
+    return GeometryMatch(
+        np.column_stack([rows, index[rows]]),
+        distance[rows],
+        scale,
+        R,
+        t,
+        tuple(int(i) for i in np.flatnonzero(index < 0)),
+        placed,
+    )
+
+
+def _search(
+    test: Floats,
+    scaled: Floats,
+    mesh: Floats,
+    tree: cKDTree,
+    tolerance: float,
+    scale: float,
+    labels: Mapping[int, int],
+) -> list[GeometryMatch]:
+    """Return placements with at least three pairs, most pairs first, then least distances."""
+    found: dict[bytes, GeometryMatch] = {}
+    for base in _bases(scaled):
+        for corners in _triangles(scaled[base], mesh, 2 * tolerance):
+            R, t = align_points(scaled[base], mesh[corners])
+            index, distance = _assign(scaled @ R.T + t, mesh, tree, 2 * tolerance)
+            for _ in range(20):
+                rows = np.flatnonzero(index >= 0)
+                if rows.size < 3:
+                    break
+                R, t = align_points(scaled[rows], mesh[index[rows]])
+                again, distance = _assign(scaled @ R.T + t, mesh, tree, tolerance)
+                if np.array_equal(again, index):
+                    break
+                index = again
+            kept = index[np.isfinite(distance) & (index >= 0)]
+            if kept.size < 3 or any(index[i] != j for i, j in labels.items()):
+                continue
+            key = index.tobytes()
+            if key not in found:
+                found[key] = _finish(test, mesh, tree, tolerance, scale, R, t, labels)
+        best = max((len(m.pairs) for m in found.values()), default=0)
+        if best == len(test):
+            break
+    return sorted(found.values(), key=lambda m: (-len(m.pairs), m.rms))
+
+
+def _bases(points: Floats) -> list[Ints]:
+    """Return a few triples of points that span much and share as little as possible."""
+    n = len(points)
+    left = list(range(n))
+    bases = []
+    while len(left) >= 3 and len(bases) < _BASES:
+        part = points[left]
+        far = part - part.mean(axis=0)
+        a = int(np.argmax(np.linalg.norm(far, axis=1)))
+        b = int(np.argmax(np.linalg.norm(part - part[a], axis=1)))
+        line = part[b] - part[a]
+        area = np.linalg.norm(np.cross(part - part[a], line), axis=1)
+        c = int(np.argmax(area))
+        if area[c] <= _COLLINEAR * float(line @ line):
+            break
+        bases.append(np.array([left[a], left[b], left[c]], dtype=np.int64))
+        left = [k for i, k in enumerate(left) if i not in (a, b, c)]
+    if not bases:  # the first point, and whatever spans most with it
+        line = points - points[0]
+        b = int(np.argmax(np.linalg.norm(line, axis=1)))
+        c = int(np.argmax(np.linalg.norm(np.cross(line, line[b]), axis=1)))
+        bases.append(np.array([0, b, c], dtype=np.int64))
+    return bases
+
+
+def _triangles(corners: Floats, mesh: Floats, tolerance: float) -> Ints:
+    """Return the mesh points (k, 3) that lie to one another as the corners do, the nearest in shape first."""
+    d = np.linalg.norm(mesh[:, None] - mesh[None], axis=2)
+    ab, bc, ca = (float(np.linalg.norm(corners[i] - corners[(i + 1) % 3])) for i in range(3))
+    near_ab, near_bc, near_ca = (np.abs(d - side) <= tolerance for side in (ab, bc, ca))
+    places, errors = [], []
+    for a, b in np.argwhere(near_ab):
+        third = np.flatnonzero(near_bc[b] & near_ca[a])
+        third = third[(third != a) & (third != b)]
+        for c in third if a != b else ():
+            places.append((a, b, c))
+            errors.append(abs(d[a, b] - ab) + abs(d[b, c] - bc) + abs(d[c, a] - ca))
+    if len(places) > _MOST_PLACES:
+        msg = (
+            f"{len(places)} triangles of mesh points are alike within {tolerance / 2:g} m; give fewer "
+            "mesh points, a "
+            "smaller tolerance, labels of three points or axes='same'"
+        )
+        raise GeometryMatchError(msg)
+    order = np.argsort(errors, kind="stable")
+    return np.array(places, dtype=np.int64).reshape(-1, 3)[order]
