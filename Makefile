@@ -24,12 +24,14 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow independent peers bench-peers check lint types contracts format lock clean
+.PHONY: help demo test slow independent sections peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
 	@echo 'make slow        the tests marked slow'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
+	@echo 'make sections    install sectionproperties, for sections of any outline'
+	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
 	@echo 'make peers       install OpenSeesPy and PyNite beside Dovetail: tests marked peer then run'
 	@echo 'make bench-peers speed and agreement against them; SIZES="8" for a quick one'
 	@echo 'make check       ruff, pyright and the import contracts'
@@ -49,6 +51,14 @@ slow: $(DEV)
 # needs ../shared/data/independent-cases; CASES=DIR for others of the same form
 independent: $(DEV)
 	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
+
+sections: $(DEV) requirements-sections.lock
+	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock -r requirements-sections.lock
+
+# each prints its own table; docs/benchmarks.md says what they show
+BENCHMARKS := assembly modes frf engine sensitivity joint_speed joint_noise
+bench: $(READY)
+	$(IN) for name in $(BENCHMARKS); do echo "── benchmarks.$$name"; python -m benchmarks.$$name || exit 1; done
 
 peers: $(PEERS_READY)
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.engine import cross_beam
-from benchmarks.modes_and_frf import lattice
+from benchmarks.lattice import lattice
 from fem import Joint, assemble
 from fem.frf import compute_frf, dof_vectors, frf_blocks
 from fem.modes import solve_modes

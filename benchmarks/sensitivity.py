@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.modes_and_frf import lattice
+from benchmarks.lattice import lattice
 from fem import Frame, MemberProperties, Model, assemble
 from fem.effects import MemberStiffness
 from fem.modes import solve_eigenpairs

@@ -1,47 +1,124 @@
-"""Finite-element models of frames: from a mesh to modes and frequency response functions.
+"""Finite-element models of frames: from a mesh to modes, frequency responses and static states.
 
     Mesh ─ effects, supports → Model ─ assemble → System (K, M, C, D) ─ solve_modes → Modes
                                                                       ─ compute_frf → FRF
+                                                                      ─ solve_static → StaticSolution
 
 Every noun is frozen and every arrow a function of its arguments alone; `with_…` gives a changed copy. SI
 units, frequencies in Hz, e^{+iωt}; axes and signs are in `docs/conventions.md`. Files are read and written by
 `fem.io`, and the effects that a diagnosis proposes are in `fem.effects`.
+
+    what it is made of    Material, Section, MemberProperties, Frame, Support, Joint, AddedMass, RigidLink,
+                          MultiPointConstraint, Viscoelastic, TabulatedStiffness, Superelement, Damping
+    static                solve_static, prestressed, solve_buckling
+    modes                 solve_modes, solve_complex_modes, compute_participation, compute_energies
+    frequency responses   compute_frf, frf_blocks, compute_base_frf
+    derivatives           differentiate_modes, differentiate_frf
+    fewer coordinates     `fem.reduction` (Guyan, dynamic, IRS, SEREP, Craig-Bampton), `fem.expansion`
+    checks                check_mesh, check_model
 """
 
-from fem.effects import AddedMass, Frame, Joint, MemberProperties, PointMass, Support
-from fem.frf import FRF, FRFError, FRFKind, compute_frf
+from fem.base_excitation import compute_base_frf
+from fem.buckling import BucklingModes, solve_buckling
+from fem.checks import Fault, check_mesh, check_model
+from fem.complex_modes import ComplexModes, solve_complex_modes
+from fem.effects import (
+    AddedMass,
+    Attachment,
+    Frame,
+    Joint,
+    MemberProperties,
+    MultiPointConstraint,
+    PointMass,
+    RigidLink,
+    Superelement,
+    Support,
+    TabulatedStiffness,
+    Viscoelastic,
+)
+from fem.expansion import Expansion
+from fem.frf import FRF, Accuracy, FRFError, FRFKind, compute_frf, frf_blocks
+from fem.matrices import Matrices, matrices_of
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Constraint, Contribution, Damping, Effect, Model, ModelError, Parameter
-from fem.modes import Modes, solve_modes
+from fem.modes import MechanismError, Modes, solve_modes
+from fem.participation import Energies, Participation, compute_energies, compute_participation
 from fem.properties import Material, PropertyError, Section
+from fem.reduction import Reduction
+from fem.sensitivity import FRFSensitivity, ModeSensitivity, differentiate_frf, differentiate_modes
+from fem.statics import (
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    MemberForce,
+    StaticSolution,
+    prestressed,
+    solve_static,
+)
 from fem.system import System, assemble
 
 __all__ = [
     "FRF",
+    "Accuracy",
     "AddedMass",
+    "Attachment",
+    "BucklingModes",
+    "ComplexModes",
     "Constraint",
     "Contribution",
     "Damping",
     "Effect",
+    "Energies",
+    "Expansion",
     "FRFError",
     "FRFKind",
+    "FRFSensitivity",
+    "Fault",
     "Frame",
+    "InitialStrain",
     "Joint",
+    "LineLoad",
+    "LoadCase",
     "Location",
     "Material",
+    "Matrices",
+    "MechanismError",
+    "MemberForce",
     "MemberProperties",
     "Mesh",
     "MeshError",
+    "ModeSensitivity",
     "Model",
     "ModelError",
     "Modes",
+    "MultiPointConstraint",
     "Parameter",
+    "Participation",
     "PointMass",
     "PropertyError",
+    "Reduction",
+    "RigidLink",
     "Section",
+    "StaticSolution",
+    "Superelement",
     "Support",
     "System",
+    "TabulatedStiffness",
+    "Viscoelastic",
     "assemble",
+    "check_mesh",
+    "check_model",
+    "compute_base_frf",
+    "compute_energies",
     "compute_frf",
+    "compute_participation",
+    "differentiate_frf",
+    "differentiate_modes",
+    "frf_blocks",
+    "matrices_of",
+    "prestressed",
+    "solve_buckling",
+    "solve_complex_modes",
     "solve_modes",
+    "solve_static",
 ]

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.modes_and_frf import lattice
+from benchmarks.lattice import lattice
 from benchmarks.peers.exchange import PEERS_PYTHON, PeerFrame, PeerResult, run, with_changes
 from fem import Frame
 
@@ -46,7 +46,7 @@ WAYS = (
 
 
 def cube(n: int) -> PeerFrame:
-    """Return the grid of `benchmarks.modes_and_frf`, Euler-Bernoulli, with a force on its last corner."""
+    """Return the grid of `benchmarks.lattice`, Euler-Bernoulli, with a force on its last corner."""
     model = lattice(n)
     (beams,) = model.of_kind(Frame)
     properties = next(iter(beams.members.values()))

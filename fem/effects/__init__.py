@@ -17,6 +17,7 @@ from fem.effects.preload import Preload
 from fem.effects.prestress import Prestress
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.stiffness_loss import StiffnessLoss
+from fem.effects.superelement import Attachment, Superelement
 from fem.effects.support import Support
 from fem.effects.support_flexibility import SupportFlexibility
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
@@ -24,6 +25,7 @@ from fem.model import Effect
 
 __all__ = [
     "AddedMass",
+    "Attachment",
     "Frame",
     "Joint",
     "JointStiffness",
@@ -39,6 +41,7 @@ __all__ = [
     "Prestress",
     "RigidLink",
     "StiffnessLoss",
+    "Superelement",
     "Support",
     "SupportFlexibility",
     "TabulatedStiffness",

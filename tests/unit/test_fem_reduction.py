@@ -296,7 +296,7 @@ def test_massless_kept_dofs_are_refused_by_irs():
 
 @pytest.mark.slow
 def test_a_hundred_dofs_of_thirty_thousand():
-    from benchmarks.modes_and_frf import lattice
+    from benchmarks.lattice import lattice
 
     system = assemble(lattice(17))
     rng = np.random.default_rng(0)
