@@ -20,7 +20,7 @@ def modal_phase_collinearity(shapes: ArrayLike) -> NDArray[np.float64]:
     ndarray (n_modes,)
         0 to 1 [-]; 0 for a shape that is zero.
     """
-    phi = _columns(shapes)
+    phi = _unit(shapes)
     size = (np.abs(phi) ** 2).sum(axis=0)
     return np.minimum(_over(np.abs((phi**2).sum(axis=0)) ** 2, size**2), 1.0)
 
@@ -40,10 +40,10 @@ def mean_phase_deviation(shapes: ArrayLike) -> NDArray[np.float64]:
     ndarray (n_modes,)
         0 for real shapes to 90 [degrees].
     """
-    turned = _columns(shapes) * np.exp(-1j * mean_phase(shapes))
+    turned = _unit(shapes) * np.exp(-1j * mean_phase(shapes))
     size = np.abs(turned)
     angle = np.arctan2(np.abs(turned.imag), np.abs(turned.real))
-    return np.rad2deg(_over((size * angle).sum(axis=0), size.sum(axis=0)))
+    return np.minimum(np.rad2deg(_over((size * angle).sum(axis=0), size.sum(axis=0))), 90.0)
 
 
 def modal_complexity_factor(shapes: ArrayLike) -> NDArray[np.float64]:
@@ -61,7 +61,7 @@ def modal_complexity_factor(shapes: ArrayLike) -> NDArray[np.float64]:
     ndarray (n_modes,)
         0 for real shapes to 1 [-].
     """
-    phi = _columns(shapes)
+    phi = _unit(shapes)
     largest = np.abs(phi).max(axis=0, initial=0.0)
     area = np.array([_hull_area(np.concatenate([column, -column])) for column in phi.T])
     return _over(area, np.pi * largest**2)
@@ -69,7 +69,7 @@ def modal_complexity_factor(shapes: ArrayLike) -> NDArray[np.float64]:
 
 def mean_phase(shapes: ArrayLike) -> NDArray[np.float64]:
     """Return the phase of the line through zero nearest to each shape, half that of φᵀφ [rad]."""
-    return np.angle((_columns(shapes) ** 2).sum(axis=0)) / 2
+    return np.angle((_unit(shapes) ** 2).sum(axis=0)) / 2
 
 
 def real_shapes(shapes: ArrayLike) -> NDArray[np.float64]:
@@ -98,6 +98,13 @@ def _columns(shapes: ArrayLike) -> NDArray[np.complex128]:
         msg = f"shapes have the shape {phi.shape}; finite numbers (n_dof, n_modes) are expected"
         raise ValueError(msg)
     return phi
+
+
+def _unit(shapes: ArrayLike) -> NDArray[np.complex128]:
+    """Return shapes with a largest entry of size 1, so that squares keep their digits."""
+    phi = _columns(shapes)
+    largest = np.maximum(np.abs(phi.real), np.abs(phi.imag)).max(axis=0, initial=0.0)
+    return phi / np.where(largest > 1e-300, largest, 1.0)
 
 
 def _over(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

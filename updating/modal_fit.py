@@ -2,10 +2,11 @@
 
     H_oi(ω) = (iω)^d { Σ_r [ψ_or L_ri/(iω - λ_r) + ψ_or* L_ri*/(iω - λ_r*)] - lower_oi/ω² + upper_oi }
 
-with d = 0, 1, 2 for receptance, mobility, accelerance. Given poles λ and participations L, the shapes ψ and
-the real residuals are a linear least squares problem, with the same matrix B for each output. What is left
-depends on λ and L alone (variable projection: Golub and Pereyra, *SIAM J. Numer. Anal.* 10, 1973, 413, in
-Kaufman's form, *BIT* 15, 1975, 49), and its derivatives for all outputs follow from one Gram matrix.
+with d = 0, 1, 2 for receptance, mobility, accelerance; s in place of iω after an exponential window. Given
+poles λ and participations L, the shapes ψ and the real residuals are a linear least squares problem, with the
+same matrix B for each output. What is left depends on λ and L alone (variable projection: Golub and Pereyra,
+*SIAM J. Numer. Anal.* 10, 1973, 413, in Kaufman's form, *BIT* 15, 1975, 49), and its derivatives for all
+outputs follow from one Gram matrix.
 """
 
 from dataclasses import dataclass
@@ -83,6 +84,9 @@ class FitData:
         By what that is multiplied at each line and input [-].
     lower, upper : bool
         Whether there are residuals of modes below and above the band.
+    added_decay : float
+        What an exponential window added to the decay of all motions: the FRFs are those at s = iω + this
+        [1/s].
     """
 
     frf: FRF
@@ -90,6 +94,12 @@ class FitData:
     spread: Floats
     lower: bool = True
     upper: bool = True
+    added_decay: float = 0.0
+
+    @property
+    def s(self) -> Complexes:
+        """Laplace's variable at the lines, shape (n_freq,) [1/s]."""
+        return np.asarray(1j * self.frf.omega + self.added_decay, dtype=complex)
 
     @property
     def target(self) -> Floats:
@@ -176,13 +186,13 @@ def _free(shape: tuple[int, ...], pivot: NDArray[np.int64]) -> tuple[NDArray[np.
 
 
 def _factor(data: FitData) -> Complexes:
-    """Return (iω)^d."""
-    return np.asarray((1j * data.frf.omega) ** data.frf.kind.derivatives, dtype=complex)
+    """Return s^d."""
+    return np.asarray(data.s**data.frf.kind.derivatives, dtype=complex)
 
 
 def _fractions(data: FitData, poles: Complexes) -> tuple[Complexes, Complexes]:
-    """Return (iω)^d/(iω - λ) and (iω)^d/(iω - λ*), shape (n_freq, n_modes)."""
-    s = 1j * data.frf.omega[:, None]
+    """Return s^d/(s - λ) and s^d/(s - λ*), shape (n_freq, n_modes)."""
+    s = data.s[:, None]
     g = _factor(data)[:, None]
     return g / (s - poles), g / (s - poles.conj())
 
@@ -200,7 +210,7 @@ def _solve(data: FitData, target: Floats, poles: Complexes, L: Complexes) -> _Li
     n_freq, n_in = data.spread.shape
     parts = [_pairs(*_fractions(data, poles), L)]
     g = _factor(data)
-    for wanted, values in ((data.lower, -g / np.maximum(data.frf.omega, 1e-300) ** 2), (data.upper, g)):
+    for wanted, values in ((data.lower, g / data.s**2), (data.upper, g)):
         if wanted:
             static = np.zeros((n_in, n_freq, n_in), dtype=complex)
             static[np.arange(n_in), :, np.arange(n_in)] = values
@@ -229,7 +239,7 @@ def _derivatives(
     n_freq, n_in = data.spread.shape
     n, (rows, cols) = poles.size, _free(L.shape, pivot)
     p, q = _fractions(data, poles)
-    s, decay = 1j * data.frf.omega[:, None], -poles.real
+    s, decay = data.s[:, None], -poles.real
     p2, q2 = p / (s - poles), q / (s - poles.conj())
     D = np.zeros((n_in, n_freq, n + rows.size, 2, 2), dtype=complex)  # …, unknown, its two parts, ψ's parts
     D[:, :, :n, 0] = _pairs(-decay * p2, -decay * q2, L).reshape(n_in, n_freq, n, 2)
@@ -331,7 +341,7 @@ def _regular(R: Floats) -> bool:
     return not d.size or bool(d.min() > 1e-13 * d.max())
 
 
-def scatter_near(fit: ModalFit, omega: Floats) -> Floats:
+def scatter_near(fit: ModalFit, data: FitData) -> Floats:
     """Return by what the noise near each pole exceeds the assumed one, shape (n_modes,) [-].
 
     The root mean square of ``misfit`` over the lines within three half-power half-widths, nine lines at
@@ -342,7 +352,7 @@ def scatter_near(fit: ModalFit, omega: Floats) -> Floats:
     out = np.ones(fit.poles.size)
     usual = (np.abs(fit.misfit) ** 2).mean() / 2
     for r, pole in enumerate(fit.poles):
-        apart = np.abs(omega - pole.imag) / -pole.real
+        apart = np.abs(data.frf.omega - pole.imag) / (data.added_decay - pole.real)
         near = np.sort(np.argsort(apart, kind="stable")[: max(9, int((apart <= _NEAR).sum()))])
         e = fit.misfit[near].reshape(near.size, -1)
         spectrum = np.abs(np.fft.fft(e, 2 * near.size, axis=0)) ** 2

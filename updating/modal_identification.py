@@ -182,6 +182,7 @@ def identify_modes(
     driving: Sequence[tuple[str, str]] | None = None,
     lower: bool = True,
     upper: bool = True,
+    added_decay: float = 0.0,
     least_mpc: float = 0.3,
     largest_mpd: float = 45.0,
 ) -> IdentifiedModes:
@@ -218,6 +219,9 @@ def identify_modes(
         unless given.
     lower, upper : bool
         Whether modes below and above the band are allowed for.
+    added_decay : float
+        What an exponential window added to the decay of all modes, which is taken off exactly [1/s]; see
+        ``EstimatedFRF.added_decay``. ``synthesised`` keeps it, as the data do.
     least_mpc : float
         Smallest modal phase collinearity of a mode [-]; 0 for structures with complex modes.
     largest_mpd : float
@@ -253,14 +257,15 @@ def identify_modes(
     data = whole.select(lines=lines)
     orders = _orders(data, highest_order)
     points = _driving_points(data, driving)
-    fitted = _fit_data(data, None if std is None else _standard_deviation(std, whole)[lines], lower, upper)
+    fitted = _fit_data(data, None if std is None else _standard_deviation(std, whole)[lines])
+    fitted = replace(fitted, lower=lower, upper=upper, added_decay=_decay(added_decay))
     task = _Task(fitted, std is None, least_mpc, largest_mpd)
 
     level = np.sqrt((np.abs(data.H) ** 2).mean(axis=(0, 2)))
     line_weight = np.exp(-np.log(fitted.spread).mean(axis=1))
     stabilisation = fit_orders(data, orders, level, line_weight)
     tracks = track_poles(stabilisation)
-    found = _settle(task, _State(fitted, _starts(tracks), None, (), ()))
+    found = _settle(task, _State(fitted, _starts(tracks, fitted), None, (), ()))
     more = _overlooked(found, orders)
     if more:
         wider = _settle(task, replace(found, starts=found.starts + more))
@@ -376,13 +381,20 @@ def _standard_deviation(std: ArrayLike, frf: FRF) -> Floats:
     return sigma
 
 
-def _fit_data(data: FRF, sigma: Floats | None, lower: bool, upper: bool) -> FitData:
+def _fit_data(data: FRF, sigma: Floats | None) -> FitData:
     if sigma is None:
         scale = np.sqrt((np.abs(data.H) ** 2).mean(axis=(0, 2)))
-        return FitData(data, scale, np.ones((data.n_freq, data.H.shape[2])), lower, upper)
+        return FitData(data, scale, np.ones((data.n_freq, data.H.shape[2])))
     log = np.log(sigma)
     of_output = log.mean(axis=(0, 2))
-    return FitData(data, np.exp(of_output), np.exp((log - of_output[:, None]).mean(axis=1)), lower, upper)
+    return FitData(data, np.exp(of_output), np.exp((log - of_output[:, None]).mean(axis=1)))
+
+
+def _decay(added: float) -> float:
+    if not (np.isfinite(added) and added >= 0):
+        msg = f"added_decay is {added}; it is 0 without an exponential window and positive with one [1/s]"
+        raise IdentificationError(msg)
+    return float(added)
 
 
 def _driving_points(data: FRF, driving: Sequence[tuple[str, str]] | None) -> tuple[tuple[int, int, int], ...]:
@@ -447,8 +459,16 @@ class _State:
         return self.fit
 
 
-def _starts(tracks: Sequence[Track]) -> tuple[_Start, ...]:
-    return tuple(_Start(t.pole, tuple(t.participation.tolist()), len(t.members)) for t in tracks)
+def _starts(tracks: Sequence[Track], data: FitData) -> tuple[_Start, ...]:
+    """Return poles to begin with, without the decay that a window added."""
+    return tuple(
+        _Start(
+            complex(min(t.pole.real + data.added_decay, 0.01 * t.pole.real), t.pole.imag),
+            tuple(t.participation.tolist()),
+            len(t.members),
+        )
+        for t in tracks
+    )
 
 
 def _overlooked(found: _State, orders: NDArray[np.int64]) -> tuple[_Start, ...]:
@@ -465,9 +485,8 @@ def _overlooked(found: _State, orders: NDArray[np.int64]) -> tuple[_Start, ...]:
     out: list[_Start] = []
     for first in firsts:
         rows = np.arange(first, min(first + size, data.n_freq))
-        for start in _starts(
-            track_poles(fit_orders(left.select(lines=rows), low_orders, found.data.scale, quiet[rows]))
-        ):
+        part = fit_orders(left.select(lines=rows), low_orders, found.data.scale, quiet[rows])
+        for start in _starts(track_poles(part), found.data):
             near = (abs(start.pole - other.pole) < -start.pole.real - other.pole.real for other in out)
             if not any(near):
                 out.append(start)
@@ -536,8 +555,10 @@ def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
     """Return for each pole why it is not a mode, or nothing."""
     frequency = fit.poles.imag / (2 * np.pi)
     low, high = data.frf.frequency[[0, -1]]
-    noise = scatter_near(fit, data.frf.omega)
+    noise = scatter_near(fit, data)
     deviation = np.sqrt(fit.covariance.diagonal()).reshape(-1, 2).max(axis=1, initial=0.0) * noise
+    width = data.added_decay - fit.poles.real  # as the data show it
+    deviation *= -fit.poles.real / width
     n = fit.n_parameters
     needed = n + SIGNIFICANCE * np.sqrt(2 * n)
     mpc, mpd = modal_phase_collinearity(fit.shapes), mean_phase_deviation(fit.shapes)
@@ -561,7 +582,7 @@ def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
     for vectors in (fit.shapes, fit.participation.T):
         real = real_shapes(vectors)
         alike &= np.maximum(mac(vectors, vectors), mac(real, real)) > TWIN_MAC
-    apart = np.abs(fit.poles[:, None] - fit.poles) / -(fit.poles.real[:, None] + fit.poles.real)
+    apart = np.abs(fit.poles[:, None] - fit.poles) / (width[:, None] + width)
     for i, j in np.argwhere(np.triu(alike & (apart < TWIN_DISTANCE), 1)):
         if max(data.frf.H.shape[1:]) > 1 and not reasons[i] and not reasons[j]:
             weaker, other = (i, j) if gain[i] < gain[j] else (j, i)
@@ -592,7 +613,7 @@ def _result(
         J[2 * k, 2 * k : 2 * k + 2] = grow / (2 * np.pi)
         J[2 * k + 1, 2 * k : 2 * k + 2] = np.array([decay[k] / size[k], 0]) - decay[k] * grow / size[k] ** 2
     index = np.column_stack([2 * rising, 2 * rising + 1]).ravel()
-    noise = np.repeat(scatter_near(fit, data.omega)[rising], 2)
+    noise = np.repeat(scatter_near(fit, found.data)[rising], 2)
     covariance = J @ (fit.covariance[np.ix_(index, index)] * np.outer(noise, noise)) @ J.T
     deviation = np.sqrt(covariance.diagonal()).reshape(-1, 2)
     accepted = tuple(
