@@ -33,6 +33,9 @@ LEAST_MAC = 0.5
 FAR = 0.5
 """Modes farther apart than this in ln f are no partners [-]."""
 
+COMMON = 0.5
+"""Part of the variance of a model's errors of frequencies that all modes share: too stiff throughout [-]."""
+
 _NOTHING = 1e-6
 """Values below this part of the largest FRF's root mean square are zero by symmetry, and rounding [-]."""
 
@@ -48,8 +51,8 @@ class ModeData:
     ----------
     frequency : ndarray (n,)
         Rising [Hz].
-    std : ndarray (n,)
-        Their relative standard deviations, the model's error included [-].
+    covariance : ndarray (n, n)
+        Of their logarithms, the model's error included [-].
     shapes : ndarray (n_out, n) or None
         Real, each of length 1.
     shape_std : ndarray (n,)
@@ -68,7 +71,7 @@ class ModeData:
     """
 
     frequency: NDArray[np.float64]
-    std: NDArray[np.float64]
+    covariance: NDArray[np.float64]
     shapes: NDArray[np.float64] | None
     shape_std: NDArray[np.float64]
     rows: NDArray[np.float64]
@@ -76,6 +79,13 @@ class ModeData:
     zeta: NDArray[np.float64] | None
     zeta_std: NDArray[np.float64]
     close: float
+
+    def whitening(self, kept: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return W (n, n) with W C Wᵀ = 1 for the modes kept, C their covariance; others are scaled alone."""
+        W = np.diag(1 / np.sqrt(np.diag(self.covariance)))
+        block = np.ix_(kept, kept)
+        W[block] = np.linalg.inv(np.linalg.cholesky(self.covariance[block]))
+        return W
 
     @property
     def n_data(self) -> int:
@@ -178,7 +188,8 @@ def mode_data(
         Standard deviations: of frequencies, relative [-]; of a component of a shape, relative to the root
         mean square of the shape [-]; of ln ζ [-].
     model_error : float
-        Relative standard deviation with which even the right parameters meet a frequency [-].
+        Relative standard deviation with which even the right parameters meet a frequency; half of its
+        variance is common to all [-].
     close : float
         Modes whose frequencies differ by less, relatively, are compared as a space [-].
 
@@ -226,10 +237,11 @@ def mode_data(
             "standard deviations must be finite and not negative, those of frequencies or the model's above 0"
         )
         raise ModelError(msg)
-    std = np.sqrt(each[0] ** 2 + model_error**2)
     return ModeData(
         f[order],
-        std[order],
+        np.diag(each[0][order] ** 2)
+        + model_error**2 * (1 - COMMON) * np.eye(f.size)
+        + model_error**2 * COMMON,
         None if psi is None else psi[:, order],
         np.maximum(each[1][order], 1e-6),
         rows,
@@ -269,7 +281,8 @@ class ModePoint:
 def mode_residual(data: ModeData, model: Model, before: ModePairs | None = None) -> ModePoint:
     """Compute modes, find the partners of the measured ones, and compare.
 
-    A frequency has ln(f_computed / f_measured)/σ. A shape ψ of length 1 has (1 - ΦΦ⁺) ψ √n_out/σ, with Φ the
+    Frequencies have W ln(f_computed / f_measured), W whitening their noise and the model's errors, half of
+    whose variance is common to all. A shape ψ of length 1 has (1 - ΦΦ⁺) ψ √n_out/σ, with Φ the
     shape of its partner or those of the close modes that the partner is one of: what of ψ is not in their
     space, whose square is 1 - MAC for a single one. Nothing depends on how shapes are scaled, or on which
     basis of a space came out.
@@ -302,7 +315,7 @@ def mode_residual(data: ModeData, model: Model, before: ModePairs | None = None)
     ok = found.partner >= 0
     with np.errstate(invalid="ignore"):
         log_f = np.where(ok, np.log(found.computed / data.frequency), FAR)
-    parts = [log_f / data.std]
+    parts = [data.whitening(ok) @ log_f]
     if data.shapes is not None:
         n_out = len(data.shapes)
         at = data.rows.T @ shapes
@@ -431,7 +444,7 @@ def mode_jacobian(data: ModeData, point: ModePoint, refs: Sequence[ParameterRef]
         k = int(pairs.partner[i])
         if k < 0:
             continue
-        J[:, i] = s.eigenvalue[:, k] / (2 * (2 * np.pi * pairs.computed[i]) ** 2) / data.std[i]
+        J[:, i] = s.eigenvalue[:, k] / (2 * (2 * np.pi * pairs.computed[i]) ** 2)
         if data.shapes is None or s.shapes is None:
             continue
         columns = _space(pairs, i)
@@ -445,6 +458,7 @@ def mode_jacobian(data: ModeData, point: ModePoint, refs: Sequence[ParameterRef]
             moved = d @ (plus @ psi)
             de = -(moved - Phi @ (plus @ moved)) - plus.T @ (d.T @ e)
             J[p, n_modes + i * n_out : n_modes + (i + 1) * n_out] = de * np.sqrt(n_out) / data.shape_std[i]
+    J[:, :n_modes] = J[:, :n_modes] @ data.whitening(pairs.partner >= 0).T
     return J
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.model import Model, ModelError, Parameter, ParameterRef
-from updating.residuals import FRFData, FRFResidual
+from updating.residuals import COMMON, FRFData, FRFResidual
 
 WIDTH = 0.2
 """What a parameter without a prior may be wrong by where a scale is needed: relative, or of its scale [-]."""
@@ -187,12 +187,12 @@ def damping_knots(model: Model, data: FRFData, given: ArrayLike | None) -> NDArr
 def nuisances_of(knots: NDArray[np.float64], data: FRFData) -> list[Scaled]:
     """Return what the model misses though its parameters are right: shifts of frequencies, and gains.
 
-    Half of the shifts' variance is common to all modes: models tend to be too stiff, or too soft, throughout.
+    Part of the shifts' variance is common to all: models tend to be too stiff, or too soft, throughout.
     """
     shifts, gains = [], []
     if knots.size:
-        half = data.model_error * np.sqrt(0.5)
-        shifts = [("shift of all", half), *((f"shift at {f:.4g} Hz", half) for f in knots.tolist())]
+        common, own = data.model_error * np.sqrt(COMMON), data.model_error * np.sqrt(1 - COMMON)
+        shifts = [("shift of all", common), *((f"shift at {f:.4g} Hz", own) for f in knots.tolist())]
     if data.amplitude_error > 0:
         names = [f"gain of output {i}" for i in range(data.outputs.shape[1])]
         names += [f"gain of input {i}" for i in range(data.inputs.shape[1])]
