@@ -183,7 +183,8 @@ def place_exciters(phi: ArrayLike, frequency: ArrayLike, n_exciters: int, keep: 
     """Choose driving points so that the mode that is driven worst is driven as well as possible.
 
     Residues are taken relative to the largest that any candidate has in the mode and summed over the
-    exciters; the points are chosen one after another, the worst mode first, then the second worst.
+    exciters, at most 1. Points are added one after another and then exchanged one by one, as long as the
+    worst mode gains, or with equal worst modes the second worst, and so on.
 
     Parameters
     ----------
@@ -198,7 +199,7 @@ def place_exciters(phi: ArrayLike, frequency: ArrayLike, n_exciters: int, keep: 
     Returns
     -------
     ndarray of int (n_exciters,)
-        Rows of ``phi``, in the order of their choice.
+        Rows of ``phi``, those to keep first.
 
     Raises
     ------
@@ -206,15 +207,27 @@ def place_exciters(phi: ArrayLike, frequency: ArrayLike, n_exciters: int, keep: 
         If numbers do not fit.
     """
     residues = driving_point_residues(phi, frequency)
-    chosen = list(_checked(residues, n_exciters, keep))
+    _lengths(residues)
+    kept = _checked(residues, n_exciters, keep)
+    chosen = list(kept)
     relative = residues / np.maximum(residues.max(axis=0), np.finfo(float).tiny)
+
+    def best_with(others: list[int]) -> tuple[int, tuple[float, ...]]:
+        """Return the best candidate to join others, and how far they drive the modes, the worst first."""
+        together = np.round(np.sort(np.minimum(relative + relative[others].sum(axis=0), 1.0), axis=1), 9)
+        i = next(int(i) for i in np.lexsort(together.T[::-1])[::-1] if i not in others)
+        return i, tuple(together[i].tolist())
+
     while len(chosen) < n_exciters:
-        together = np.sort(np.minimum(relative + relative[chosen].sum(axis=0), 1.0), axis=1)
-        keys = np.round(together, 9).T[::-1]
-        for i in np.lexsort(keys)[::-1].tolist():
-            if i not in chosen:
-                chosen.append(i)
-                break
+        chosen.append(best_with(chosen)[0])
+    reached = tuple(np.round(np.sort(np.minimum(relative[chosen].sum(axis=0), 1.0)), 9).tolist())
+    improved = True
+    while improved:
+        improved = False
+        for k in range(len(kept), n_exciters):
+            i, level = best_with(chosen[:k] + chosen[k + 1 :])
+            if level > reached:
+                chosen[k], reached, improved = i, level, True
     return np.array(chosen, dtype=np.int64)
 
 

@@ -102,6 +102,16 @@ def test_exciters_avoid_nodes():
     np.testing.assert_allclose(
         pt.driving_point_residues(phi, [10.0, 40.0])[place], 0.75 / (4 * np.pi * np.array([10.0, 40.0]))
     )
+    rng = np.random.default_rng(3)
+    many, f = rng.standard_normal((9, 4)), np.arange(1.0, 5)
+    relative = many**2 / (many**2).max(axis=0)
+
+    def worst(pair):
+        return np.minimum(relative[list(pair)].sum(axis=0), 1).min()
+
+    a, b = (int(k) for k in pt.place_exciters(many, f, 2))
+    for other in [(a, k) for k in range(9) if k != a] + [(b, k) for k in range(9) if k != b]:
+        assert worst(other) <= worst((a, b)) + 1e-8
     single = pt.place_exciters(np.eye(3), [1.0, 2, 3], 3)
     assert sorted(single.tolist()) == [0, 1, 2]  # one for each mode
 
