@@ -38,7 +38,7 @@ from fem.effects import (
 )
 from fem.expansion import Expansion
 from fem.frf import FRF, Accuracy, FRFError, FRFKind, compute_frf, frf_blocks
-from fem.matrices import Matrices, matrices_of
+from fem.matrices import Matrices
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Constraint, Contribution, Damping, Effect, Model, ModelError, Parameter
 from fem.modes import MechanismError, Modes, solve_modes
@@ -55,7 +55,7 @@ from fem.statics import (
     prestressed,
     solve_static,
 )
-from fem.system import System, assemble
+from fem.system import System, assemble, reassemble
 
 __all__ = [
     "FRF",
@@ -115,8 +115,8 @@ __all__ = [
     "differentiate_frf",
     "differentiate_modes",
     "frf_blocks",
-    "matrices_of",
     "prestressed",
+    "reassemble",
     "solve_buckling",
     "solve_complex_modes",
     "solve_modes",
