@@ -21,10 +21,10 @@ _NAN = complex(np.nan, np.nan)
 def frac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
     """Compute the frequency response assurance criterion of each FRF over the lines.
 
-    |Σ H_x H_a*|² / (Σ|H_x|² Σ|H_a|²); Heylen and Lammens, ISMA 21, 1996. Blind to a constant complex factor.
-    High peaks decide, and a small shift of frequency weighs as much as a wrong shape: two resonances of
-    damping ratio ζ whose frequencies ω differ by δ have 1 / (1 + (δ / 2ζω)²), a half at one half-power
-    bandwidth.
+    |Σ H_x H_a*|² / (Σ|H_x|² Σ|H_a|²); Heylen and Lammens, Identification in Engineering Systems, Swansea,
+    1996. Blind to a constant complex factor. High peaks decide, and a small shift of frequency weighs as much
+    as a wrong shape: two resonances of damping ratio ζ whose frequencies ω differ by δ have 1 / (1 + (δ /
+    2ζω)²), a half at one half-power bandwidth.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def cross_signature_assurance(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.floa
     """Compute the cross signature assurance criterion CSAC: the MAC of the operating shapes at each line.
 
     |h_xᴴ h_a|² / (h_xᴴh_x h_aᴴh_a), with h the responses to one force at one line: Dascotte and Strobbe, IMAC
-    XVII, 1999, 1456-1460; the global shape correlation of Grafe, thesis, Imperial College London, 1998. Blind
+    XVII, 1999; the global shape correlation of Grafe, thesis, Imperial College London, 1998. Blind
     to a factor common to all sensors at a line; the sensors with the largest motion decide. One sensor says
     nothing: its CSAC is 1.
 

@@ -200,8 +200,8 @@ def eliminate_coordinates(
 ) -> CoordinateElimination:
     """Leave out one DOF after another, each time the one that raises the mean MAC most (MACCo).
 
-    Lieven and Ewins, IMAC VI, 1988; Lieven and Waters, Mech. Syst. Signal Process. 8, 1994. A steep start
-    names the DOFs to look at. MAC always rises in the end, as shapes of few DOFs agree easily: what is left
+    Brughmans, Leuridan and Blauwkamp, IMAC XI, 1993. A steep start
+    names the DOFs to look at. MAC tends to rise anyway, as shapes of few DOFs agree easily: what is left
     out is not thereby wrong, and a MAC reported without the worst DOFs is no evidence for a model.
 
     Parameters
