@@ -583,8 +583,18 @@ def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
         real = real_shapes(vectors)
         alike &= np.maximum(mac(vectors, vectors), mac(real, real)) > TWIN_MAC
     apart = np.abs(fit.poles[:, None] - fit.poles) / (width[:, None] + width)
-    for i, j in np.argwhere(np.triu(alike & (apart < TWIN_DISTANCE), 1)):
-        if max(data.frf.H.shape[1:]) > 1 and not reasons[i] and not reasons[j]:
+    twins = np.triu(alike & (apart < TWIN_DISTANCE), 1) & (max(data.frf.H.shape[1:]) > 1)
+    uncertain = deviation > LARGEST_DEVIATION
+    # two copies of a mode make each other uncertain: the stronger one is tried again without the other
+    sure = [k for k in range(fit.poles.size) if not reasons[k]]
+    left = uncertain.copy()
+    for i, j in np.argwhere(twins & uncertain & uncertain[:, None]):
+        left[i if gain[i] < gain[j] else j] = False
+    for k in np.flatnonzero(left & (twins | twins.T)[:, uncertain].any(axis=1)):
+        if reasons[k].startswith("uncertain") and not (twins | twins.T)[k, sure].any():
+            reasons[k] = ""
+    for i, j in np.argwhere(twins):
+        if not reasons[i] and not reasons[j]:
             weaker, other = (i, j) if gain[i] < gain[j] else (j, i)
             reasons[weaker] = f"a second copy of the mode at {frequency[other]:.4g} Hz"
     return reasons
