@@ -213,7 +213,7 @@ def expand_semm(
     with the model Y at all coordinates, Y_o its rows at the measured outputs, Y_i its columns at the measured
     inputs, Y_oi both.
 
-    Klaassen, van der Seijs & de Klerk, Mechanical Systems and Signal Processing 105 (2019) 90-112: at the
+    Klaassen, van der Seijs & de Klerk, Mechanical Systems and Signal Processing 105 (2018) 90-112: at the
     measured coordinates the result is the measurement, elsewhere the model corrected by it.
 
     Parameters

@@ -140,7 +140,7 @@ def decouple_frf(
     The part's negative is coupled to the assembly. Internal DOFs of the part that are in ``connections`` as
     well make the interface an extended one; with more equations than forces need, regularise.
 
-    D'Ambrogio & Fregolent, Mechanical Systems and Signal Processing 24 (2010) 2150-2164.
+    D'Ambrogio & Fregolent, Mechanical Systems and Signal Processing 24 (2010) 2035-2048.
 
     Parameters
     ----------
@@ -177,7 +177,8 @@ def invert_substructure(
     """Return a joint's dynamic stiffness from the assembly alone: inverse substructuring.
 
     With DOFs on both sides of a joint without mass, the inverse of their receptances holds -Z_j between the
-    sides, whatever is attached to them: Meggitt, Elliott & Moorhouse, J. Sound and Vibration 350 (2015) 1-12.
+    sides, whatever is attached to them: Meggitt, Elliott & Moorhouse, Proc. Inst. Mech. Eng. C 230 (2016)
+    986-993.
 
     Parameters
     ----------
