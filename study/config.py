@@ -12,7 +12,13 @@ from fem.effects.frame import Frame
 from fem.effects.joint import Joint
 from fem.model import DIRECTIONS, Effect, Model
 from fem.properties import Material
-from study.connections import read_constraints, read_joints, read_rigid_links, read_viscoelastic
+from study.connections import (
+    read_constraints,
+    read_joints,
+    read_rigid_links,
+    read_superelements,
+    read_viscoelastic,
+)
 from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
 from study.measured import check_units, labels_of, match, read_band, read_files, top_frequency
@@ -161,6 +167,7 @@ class _Reader:
             "viscoelastic",
             "rigid_links",
             "constraints",
+            "superelements",
             "masses",
             "damping",
             "sensors",
@@ -210,6 +217,7 @@ class _Reader:
                     f"there is no excitation '{word}'; {suggest(word, [c.sensor.name for c in excitations])}",
                 )
         frequency, highest = self._frequency(top_frequency(raw, band), bool(raw), notes)
+        superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
 
         mesh_table = top.table("mesh")
         size = mesh_table.number("element_size", None, above=0, unit="m")
@@ -231,6 +239,7 @@ class _Reader:
             *supports,
             *joints,
             *connections,
+            *superelements,
             *masses,
         )
         with top.at():

@@ -1,6 +1,9 @@
-"""What connects the members of a study: joints, viscoelastic elements, rigid links, equations."""
+"""What connects the members of a study: joints, viscoelastic elements, links, equations, foreign parts."""
 
+import warnings
+from collections.abc import Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,10 +11,13 @@ from numpy.typing import NDArray
 
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
+from fem.effects.superelement import TIES, Attachment, Superelement
 from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
+from fem.io.abaqus import read_node_sets
+from fem.io.matrices import read_matrices
 from fem.model import DIRECTIONS, Effect
 from study.geometry import Geometry
-from study.table import Table, as_vector
+from study.table import Table, as_vector, suggest
 
 UNITS = {"ratio": "-", "tau": "s", "alpha": "-"}
 """Units of the laws' parameters."""
@@ -177,3 +183,50 @@ def read_constraints(top: Table, geometry: Geometry) -> tuple[MultiPointConstrai
         with t.at():
             out.append(MultiPointConstraint(name=name, terms=tuple(terms)))
     return tuple(out)
+
+
+def read_superelements(
+    top: Table, geometry: Geometry, folder: Path, highest: float, notes: list[str]
+) -> tuple[Superelement, ...]:
+    """Read ``[[superelements]]``: parts from other programs, tied to points of the frame."""
+    out: list[Superelement] = []
+    for t in top.tables("superelements"):
+        file = t.text("file")
+        path = folder / file
+        name = t.text("name", path.stem)
+        units = t.get("units", "SI")
+        sets = t.text("node_sets", "")
+        with t.at("file"):
+            part = read_matrices(path, units if isinstance(units, str) else tuple(units))
+        with t.at("node_sets"):
+            known = read_node_sets(folder / sets) if sets else {}
+        attachments = [_attachment(a, geometry, known) for a in t.tables("attach")]
+        n_modes = t.whole("modes", None, 0)
+        top_mode = t.number("max_frequency", 2 * highest, above=0, unit="Hz")
+        held, eta = t.flag("held", False), t.number("eta", 0.0, least=0)
+        t.finish()
+        with t.at(), warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            out.append(
+                Superelement.from_matrices(
+                    name, part, geometry.mesh, attachments, held=held, eta=eta, n_modes=n_modes,
+                    max_frequency=None if n_modes is not None else top_mode,
+                )
+            )  # fmt: skip
+        notes.extend(str(w.message) for w in caught)
+    return tuple(out)
+
+
+def _attachment(t: Table, geometry: Geometry, known: Mapping[str, tuple[int, ...]]) -> Attachment:
+    point = geometry.point(t)
+    if "node_set" in t:
+        name = t.text("node_set")
+        if name.upper() not in known:
+            t.refuse("node_set", f"there is no node set '{name}'; {suggest(name.upper(), known)}")
+        nodes = known[name.upper()]
+    else:
+        nodes = tuple(int(n) for n in t.vector("nodes", size=None, unit="-"))
+    tie = t.text("tie", "rigid", TIES)
+    t.finish()
+    with t.at():
+        return Attachment(point, nodes, tie)

@@ -1,5 +1,8 @@
 """Joints with axes, viscoelastic elements, rigid links and equations in study files."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -134,3 +137,26 @@ terms = [
 def test_what_cannot_be_is_refused_with_its_place(tmp_path, text, message):
     with pytest.raises(StudyError, match=message):
         study(tmp_path, text)
+
+
+def test_a_part_from_another_program(tmp_path):
+    """The bracket of CalculiX's solids hangs on the end of the first beam; the model has its modes."""
+    data = Path(__file__).parents[1] / "data" / "bracket"
+    (tmp_path / "bracket.npz").write_bytes((data / "bracket.npz").read_bytes())
+    nodes = json.loads((data / "calculix.json").read_text())["nodes"]["END"]
+    text = f"""
+[[superelements]]
+file = "bracket.npz"
+eta = 0.01
+modes = 12
+attach = [{{ point = "B", nodes = {nodes}, tie = "average" }}]
+"""
+    found = study(tmp_path, text)
+    part = found.model.effect("bracket")
+    assert part.n_internal >= 12
+    assert found.model.n_dof == 6 * found.model.mesh.n_points + part.n_internal
+    wrong = text.replace("average", "glue")
+    with pytest.raises(StudyError, match=r"'glue' is not allowed; .*rigid"):
+        study(tmp_path, wrong)
+    with pytest.raises(StudyError, match=r"superelements.*file"):
+        study(tmp_path, text.replace("bracket.npz", "none.npz"))
