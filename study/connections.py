@@ -198,6 +198,8 @@ def read_superelements(
         sets = t.text("node_sets", "")
         with t.at("file"):
             part = read_matrices(path, units if isinstance(units, str) else tuple(units))
+        if sets and not (folder / sets).is_file():
+            t.refuse("node_sets", f"there is no file '{folder / sets}'")
         with t.at("node_sets"):
             known = read_node_sets(folder / sets) if sets else {}
         attachments = [_attachment(a, geometry, known) for a in t.tables("attach")]

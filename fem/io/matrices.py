@@ -217,6 +217,9 @@ def read_matrices(
     if suffix not in (".npz", ".mtx"):
         msg = f"{path.name}: matrices are read from .npz, .mtx and .sti files, not '{path.suffix}'"
         raise MatricesError(msg)
+    if suffix == ".npz" and not path.is_file():
+        msg = f"{path}: there is no such file"
+        raise MatricesError(msg)
     found = _npz(path) if suffix == ".npz" else _matrix_market(path)
     given = {"labels": labels, "nodes": nodes, "points": points}
     found |= {key: np.asarray(value) for key, value in given.items() if value is not None}
