@@ -1049,7 +1049,7 @@ def _messages(
         if abs(correlation[i, j]) > CORRELATED and done[i].refs and not (frozen[i] or frozen[j])
     ]
     if pairs_of:
-        out.append(f"correlated, only combinations are known: {'; '.join(pairs_of[:8])}")
+        out.append(f"correlated, better known together than each alone: {'; '.join(pairs_of[:8])}")
     for name, q in misfit.items():
         if q > 2:
             what = "modes" if name == "modes" else "FRFs"
