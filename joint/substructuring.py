@@ -19,6 +19,9 @@ _SINGULAR = 1e13
 """Condition number from which an interface counts as singular: its motions depend on one another."""
 
 
+_LINES = 32
+
+
 class SubstructuringError(ValueError):
     """FRFs that cannot be joined or separated as asked; the message names labels and lines."""
 
@@ -306,11 +309,14 @@ def _dual(
     for k, (part, (rows, out, _, sign), s) in enumerate(zip(parts, touched, signs, strict=True)):
         opened[:, rows, columns[k] : columns[k + 1]] += s * sign[:, None] * part.H[:, out]
     forces = (regularisation or Regularisation()).solve(A, opened)
-    H = np.zeros((n_freq, rows_of[-1], columns[-1]), dtype=complex)
+    H = np.empty((n_freq, rows_of[-1], columns[-1]), dtype=complex)
     for k, (part, (rows, _, inn, sign), s) in enumerate(zip(parts, touched, signs, strict=True)):
-        at = slice(rows_of[k], rows_of[k + 1])
-        H[:, at] = -(s * part.H[:, :, inn] * sign) @ forces[:, rows]
-        H[:, at, columns[k] : columns[k + 1]] += s * part.H
+        at, own = slice(rows_of[k], rows_of[k + 1]), slice(columns[k], columns[k + 1])
+        for start in range(0, n_freq, _LINES):  # a few lines at a time stay in the processor's cache
+            some = slice(start, start + _LINES)
+            block = (part.H[some][:, :, inn] * (-s * sign)) @ forces[some, rows]
+            block[:, :, own] += part.H[some] if s == 1 else s * part.H[some]
+            H[some, at] = block
     left = np.linalg.norm(opened - A @ forces, axis=(1, 2))
     size = np.linalg.norm(opened, axis=(1, 2))
     gap = np.divide(left, size, out=np.zeros(n_freq), where=size > 0)
