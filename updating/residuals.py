@@ -64,8 +64,6 @@ class ModeData:
         followed. Without numbers and shapes, modes belong together in the order of their frequencies.
     zeta : ndarray (n,) or None
         Damping ratios [-].
-    zeta_std : ndarray (n,)
-        Standard deviations of their logarithms [-].
     close : float
         Modes whose frequencies differ by less than this, relatively, are compared as a space [-].
     """
@@ -77,7 +75,6 @@ class ModeData:
     rows: NDArray[np.float64]
     numbers: NDArray[np.int64] | None
     zeta: NDArray[np.float64] | None
-    zeta_std: NDArray[np.float64]
     close: float
 
     def whitening(self, kept: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -164,7 +161,6 @@ def mode_data(
     numbers: Sequence[int] | None = None,
     frequency_std: ArrayLike = 1e-3,
     shape_std: ArrayLike = 0.03,
-    zeta_std: ArrayLike = 0.1,
     model_error: float = 1e-3,
     close: float = 0.01,
 ) -> ModeData:
@@ -184,9 +180,9 @@ def mode_data(
     numbers : sequence of int, optional
         Which of the model's elastic modes the frequencies belong to, counted from 0, where there are no
         shapes to tell.
-    frequency_std, shape_std, zeta_std : float or array_like (n,)
+    frequency_std, shape_std : float or array_like (n,)
         Standard deviations: of frequencies, relative [-]; of a component of a shape, relative to the root
-        mean square of the shape [-]; of ln ζ [-].
+        mean square of the shape [-].
     model_error : float
         Relative standard deviation with which even the right parameters meet a frequency; half of its
         variance is common to all [-].
@@ -229,9 +225,7 @@ def mode_data(
         msg = f"{len(numbers)} numbers of modes are given for {f.size} frequencies"
         raise ModelError(msg)
     order = np.argsort(f, kind="stable")
-    each = [
-        np.broadcast_to(np.asarray(s, dtype=float), f.shape) for s in (frequency_std, shape_std, zeta_std)
-    ]
+    each = [np.broadcast_to(np.asarray(s, dtype=float), f.shape) for s in (frequency_std, shape_std)]
     if not all((np.isfinite(s) & (s >= 0)).all() for s in each) or not (each[0] + model_error > 0).all():
         msg = (
             "standard deviations must be finite and not negative, those of frequencies or the model's above 0"
@@ -247,7 +241,6 @@ def mode_data(
         rows,
         None if numbers is None else np.asarray(numbers, dtype=np.int64)[order],
         None if zeta is None or not (zeta > 0).all() else zeta[order],
-        np.maximum(each[2][order], 1e-6),
         close,
     )
 

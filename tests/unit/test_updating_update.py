@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import norm
+from scipy.stats import binom, norm
 
 import fem
 from fem.effects import MemberStiffness
 from tests.frames import STEEL, beam, fix, planar, portal
+from updating.measurement import Measurement, Sensor
 from updating.residuals import (
     FRFResidual,
     frf_data,
@@ -219,6 +220,50 @@ def test_shapes_and_frequencies_give_three_members_back():
     assert len(result.path) >= 3
     assert result.path[-1].frequency_error < 1e-7 < result.path[0].frequency_error
     assert result.model.values()[CHANGES[2]] == pytest.approx(-0.12, abs=1e-6)
+
+
+def test_deviations_from_noisy_modes_hold_as_often_as_they_say():
+    model, places = frame()
+    truth = np.array([0.1, -0.05, 0.08])
+    f, shapes = modes_of(model.with_values(dict(zip(CHANGES, truth, strict=True))), places, 6)
+    size = np.linalg.norm(shapes, axis=0) / np.sqrt(len(places))
+    half, inside, n = norm.ppf(0.95), 0, 12
+    for seed in range(n):
+        rng = np.random.default_rng(seed)
+        result = update(
+            model, CHANGES,
+            frequency=f * np.exp(5e-3 * rng.standard_normal(6)),
+            shapes=shapes + 0.02 * size * rng.standard_normal(shapes.shape),
+            outputs=places, frequency_std=5e-3, shape_std=0.02, model_error=0.0,
+        )  # fmt: skip
+        L = np.linalg.cholesky(result.covariance)
+        inside += int((np.abs(np.linalg.solve(L, result.values - truth)) < half).sum())
+    low, high = binom.ppf([1e-3, 1 - 1e-3], 3 * n, 0.9)
+    assert low <= inside <= high, inside
+
+
+def test_modes_by_number_keep_their_number():
+    part = Unknown((("frame", "E:steel"),), name="E")
+    model = crossing(0.94)
+    measured = fem.solve_modes(fem.assemble(model), n=2).frequency
+    result = update(model, [part], frequency=1.01 * measured[1:], numbers=[1])
+    assert result.pairs.partner.tolist() == [1]
+    assert result["E"].value == pytest.approx(210e9 * 1.01**2, rel=1e-6)
+
+
+def test_a_measurement_brings_its_sensors_along():
+    model = beam(10, effects=(fix(0),), section=fem.Section.rectangle(0.03, 0.01))
+    model = model.with_damping(fem.Damping.modal(0.01))
+    z = np.array([0.0, 0, 1])
+    sensors = tuple(Sensor(f"S{i}", model.mesh.points[i], z) for i in (1, 4, 7))
+    lines = np.arange(4.0, 200.0, 1.0)
+    real = model.with_values({E: 195e9})
+    frf = frfs_of(real, [(i, "z") for i in (1, 4, 7)], [(1, "z")], lines)
+    named = fem.FRF.from_arrays(lines, frf.H, frf.kind, [s.name for s in sensors], ["S1"])
+    result = update(model, {E: 0.1}, frf=Measurement(named, sensors, sensors[:1]), noise=0.01)
+    low, high = result["frame E:steel"].interval()
+    assert low < 195e9 < high
+    assert result["frame E:steel"].value == pytest.approx(195e9, rel=3e-3)
 
 
 def test_frfs_and_modes_together_from_bare_arrays():
