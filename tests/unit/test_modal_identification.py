@@ -20,6 +20,7 @@ from updating.complexity import (
     real_shapes,
 )
 from updating.correlation import mac
+from updating.frf_estimation import estimate_roving
 from updating.modal_identification import damping_matrix, identify_modes
 from updating.poles import IdentificationError
 
@@ -123,6 +124,28 @@ def test_the_decay_that_a_window_added_is_taken_off_exactly():
     assert np.abs(found.modes.shapes) == pytest.approx(np.abs(phi), rel=1e-6)
     with pytest.raises(IdentificationError, match="added_decay is -1"):
         identify_modes(frf, added_decay=-1.0)
+
+
+def test_a_roving_hammer_gives_the_modes_without_the_damping_of_its_window():
+    """Free decays after unit samples of force, through the exponential window, to modes.
+
+    Sampling adds copies of each mode at the sample rate, smooth in the band; the end of the block cuts off
+    e^{-dT} times the window's end value, 1e-4 · e^{-0.63 · 4.1} = 8e-6 of the decay.
+    """
+    rate, n, f, z = 2000.0, 8192, np.array([20.0, 41.0]), np.array([0.005, 0.008])
+    phi, wn, t = np.array([[0.8, 0.3], [0.4, -1.0]]), 2 * np.pi * f, np.arange(n) / rate
+    damped = wn * np.sqrt(1 - z**2)
+    decays = np.exp(-z * wn * t[:, None]) * np.sin(damped * t[:, None]) / damped
+    force = np.zeros((3, n))
+    force[:, 0] = rate  # a unit impulse
+    hits = {f"{k + 1}Z+": (force, np.tile((decays * phi[k]) @ phi.T, (3, 1, 1))) for k in range(2)}
+    estimate = estimate_roving(
+        hits, rate, outputs=list(hits), kind="receptance", end_value=1e-4, band=(5.0, 60.0)
+    )
+    found = identify_modes(estimate.frf, added_decay=estimate.added_decay)
+    assert found.modes.frequency == pytest.approx(f, rel=1e-5)
+    assert found.modes.zeta == pytest.approx(z, rel=1e-3)
+    assert np.abs(found.modes.shapes) == pytest.approx(np.abs(phi), rel=1e-3)
 
 
 def test_residuals_stand_for_modes_outside_the_band():
