@@ -846,7 +846,7 @@ def _run(problem: _Problem) -> Updated:
 def _best_start(
     problem: _Problem, stages: Sequence[float]
 ) -> tuple[NDArray[np.float64], list[tuple[NDArray[np.float64], float]]]:
-    """Run briefly from several starts; return the point that leads to the lowest merit."""
+    """Run from several starts on fewer lines; return the point with the lowest merit."""
     settings = problem.settings
     random = np.random.default_rng(settings.seed)
     low, high = problem.limits
@@ -861,9 +861,9 @@ def _best_start(
     compare = problem.based(problem.start, 1.0, settings.n_lines)
     for x in begin:
         try:
-            for part in stages:
+            for part in (*stages, 1.0, 1.0):  # a basis made far away misleads
                 staged = problem.based(x, part, max(60, settings.n_lines // 3))
-                x = _descend(staged, x, 0.1, 12, lambda step: None)[0].x
+                x = _descend(staged, x, 0.1, settings.max_iterations, lambda step: None)[0].x
             merit = replace(compare, residual=problem.based(x, 1.0, settings.n_lines).residual).state(
                 x, False
             )

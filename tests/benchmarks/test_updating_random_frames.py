@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom, norm
 
 from tests.random_frames import NOISE, RATIO, random_frame
-from updating.update import Ending, update
+from updating.update import Ending, Settings, update
 
 N = 12
 LEVEL = 0.9
@@ -75,3 +75,25 @@ def test_each_interval_alone_holds_as_predicted_from_the_correlations(updated):
         drawn += (np.abs(z) < half).sum(axis=1)
     low, high = np.quantile(drawn, [1e-3, 1 - 1e-3])
     assert low <= inside <= high, (inside, 5 * N)
+
+
+def test_several_starts_find_what_one_misses():
+    # half the band, without its low part, and half as stiff or again as stiff: one start ends elsewhere
+    frame = random_frame(33)
+    far = [-0.45, 0.6, -0.45, 0.6, 0.6 * 7850]
+    wrong = frame.model.with_values(dict(zip(frame.refs, far, strict=True)))
+    top = frame.frf.frequency[-1]
+
+    def run(n):
+        return update(
+            wrong, dict.fromkeys(frame.refs, 0.5), frf=frame.frf, outputs=frame.outputs, inputs=frame.inputs,
+            noise=NOISE, model_error=0.0, amplitude_error=0.0, band=(0.35 * top, top),
+            settings=Settings(n_starts=n, stages=(1.0,)),
+        )  # fmt: skip
+
+    assert run(1).misfit["frf"] > 100
+    several = run(8)
+    assert len(several.starts) == 8
+    assert several.misfit["frf"] < 1.1
+    scale = np.append(1 + frame.truth[:4], frame.truth[4])
+    assert np.abs((several.values[:5] - frame.truth) / scale).max() < 3e-3
