@@ -346,7 +346,7 @@ def scatter_near(fit: ModalFit, data: FitData) -> Floats:
 
     The root mean square of ``misfit`` over the lines within three half-power half-widths, nine lines at
     least, over that of all lines, times the root of 1 + 2 Σ ρ_j: ρ_j is the correlation of the misfit j lines
-    apart, up to the first that is not positive. Windows and errors of the model correlate lines: then there
+    apart, up to the first that chance may give. Windows and errors of the model correlate lines: then there
     are fewer independent ones than there are lines. Not below 1.
     """
     out = np.ones(fit.poles.size)
@@ -358,8 +358,10 @@ def scatter_near(fit: ModalFit, data: FitData) -> Floats:
         spectrum = np.abs(np.fft.fft(e, 2 * near.size, axis=0)) ** 2
         together = np.fft.ifft(spectrum.sum(axis=1)).real[: near.size // 2] / e.size
         power = together[0] / 2  # of the real and of the imaginary part
-        ends = np.flatnonzero(together <= 0)
+        chance = 2 / np.sqrt(e.size)
+        ends = np.flatnonzero(together <= chance * together[0])
         together = together[: ends[0]] if ends.size else together
         inflation = 2 * together.sum() / max(2 * power, 1e-300) - 1
-        out[r] = np.sqrt(max(power / max(usual, 1e-300) * inflation, 1.0))
+        excess = power / max(usual, 1e-300)
+        out[r] = np.sqrt((excess if excess > 1 + chance else 1.0) * max(inflation, 1.0))
     return out

@@ -546,8 +546,10 @@ def _reweighted(data: FitData, fit: ModalFit) -> FitData:
     along = np.maximum(median_filter(over_lines, (width, 1), mode="nearest") / free, 1e-6)
     size = (np.abs(fit.H) ** 2 / scale[:, None] ** 2).mean(axis=1)
     top = np.argsort(-size, axis=0, kind="stable")[: max(n_freq // 20, 5)]
-    excess = np.take_along_axis(over_lines - along, top, axis=0).clip(min=0)
-    proportion = (excess / np.take_along_axis(size, top, axis=0).clip(min=1e-300)).mean(axis=0)
+    size_top, along_top = (np.take_along_axis(x, top, axis=0) for x in (size.clip(min=1e-300), along))
+    proportion = (np.take_along_axis(over_lines - along, top, axis=0) / size_top).mean(axis=0)
+    chance = np.sqrt(((along_top / size_top) ** 2).sum(axis=0) / data.frf.H.shape[1]) / len(top)
+    proportion = np.where(proportion > 3 * chance, proportion, 0.0)
     return replace(data, scale=scale, spread=np.sqrt(along + proportion * size))
 
 
