@@ -77,6 +77,7 @@ def test_each_interval_alone_holds_as_predicted_from_the_correlations(updated):
     assert low <= inside <= high, (inside, 5 * N)
 
 
+@pytest.mark.slow
 def test_several_starts_find_what_one_misses():
     # half the band, without its low part, and half as stiff or again as stiff: one start ends elsewhere
     frame = random_frame(33)
