@@ -1055,8 +1055,8 @@ def _messages(
             what = "modes" if name == "modes" else "FRFs"
             out.append(
                 f"the {what} are missed by {np.sqrt(q):.1f} times the stated noise and model error; the "
-                "standard deviations are widened, but something else is missing or wrong, or the start was too far "
-                "(try more starts)"
+                "standard deviations are widened, but something else is missing or wrong, or the start was "
+                "too far (try more starts)"
             )
     if pairs is not None and problem.modes is not None and pairs.lost:
         words = ", ".join(f"{problem.modes.frequency[i]:.4g} Hz" for i in pairs.lost)
