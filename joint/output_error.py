@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -262,14 +263,15 @@ def fit_joint(
     tried = []
     for theta in begin:
         first = problem.state(theta, np.zeros(m), lines.size, False)
+        points = [first]
         if len(begin) > 1 or first.cost > FAR * seen.sum():
-            rough = replace(problem, positive=signed).rough(first, counts[-1])
-            first = _scan(rough, rough.state(first.theta, first.x, counts[-1]))
-            for count in counts:
-                rough = replace(problem, positive=signed).rough(first, count)
-                at = rough.state(first.theta, first.x, count)
-                first, _ = _descend(rough, at, history, max_iterations, 1e-3)
-        tried.append(problem.state(first.theta, first.x, lines.size))
+            rough = replace(problem, positive=signed).rough(first, lines.size)
+            points.append(_approach(rough, first, counts, history, max_iterations))
+            if problem.at(points[-1]).cost > FAR * seen.sum():
+                points.append(
+                    _approach(rough, _scan(rough, rough.at(first)), counts, history, max_iterations)
+                )
+        tried.append(min((problem.at(p) for p in points), key=lambda s: s.cost))
     state, converged = min(tried, key=lambda s: s.cost), False
     if state.cost < FAR * seen.sum():
         counts = counts[-1:]  # near enough for the whole band
@@ -311,12 +313,25 @@ class _Problem:
     positive: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     huber: float | None = None
     """Where the loss of ln H turns linear [-]; None for plain residuals of H."""
+    known: dict[bytes, Any] = field(default_factory=dict, repr=False)
+    """The substructures at the last x, which many points share."""
 
     def rough(self, state: _State, count: int) -> _Problem:
         """Return the problem with robust residuals of ln H, for points far from the data."""
         plain = self.state(state.theta, state.x, count)
         r = np.abs(self._logarithmic(plain.H, slice(0, count))[0])
         return replace(self, huber=max(float(np.median(r[r > 0])) if r.any() else 0.0, 3.0))
+
+    def at(self, state: _State) -> _State:
+        """Return the cost of a point over all lines."""
+        return self.state(state.theta, state.x, len(self.lines), False)
+
+    def _parts_at(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[Blocks, ...]]:
+        key = x.tobytes()
+        if key not in self.known:
+            self.known.clear()
+            self.known[key] = self.parts.evaluate(x)
+        return self.known[key]
 
     def _logarithmic(self, H: ComplexArray, at: slice) -> tuple[ComplexArray, ComplexArray]:
         """Return ln(H / measured) over the relative noise, and what makes derivatives of H those of it."""
@@ -328,7 +343,7 @@ class _Problem:
 
     def state(self, theta: FloatArray, x: FloatArray, count: int, gradient: bool = True) -> _State:
         """Evaluate the cost and, if asked, Gauss-Newton matrix and gradient over the first lines."""
-        frf, slopes = self.parts.evaluate(x)
+        frf, slopes = self._parts_at(x)
         omega = 2 * np.pi * self.lines[:count]
         n, m, n_matrices = len(theta), len(x), len(self.form.matrices)
         factors, which = self.form.slopes(omega, theta)
@@ -405,6 +420,21 @@ def _noise(measured: ComplexArray, noise: npt.ArrayLike | None, reference: Compl
     if level.ndim == 0:
         return np.maximum(level * size, least * 1e-3)
     return np.broadcast_to(level, measured.shape)
+
+
+def _approach(
+    rough: _Problem,
+    state: _State,
+    counts: list[int],
+    history: list[tuple[float, float, float]],
+    max_iterations: int,
+) -> _State:
+    """Return where robust steps over ever wider bands end."""
+    for count in counts:
+        problem = rough.rough(state, count)
+        at = problem.state(state.theta, state.x, count)
+        state, _ = _descend(problem, at, history, max_iterations, 1e-3)
+    return state
 
 
 def _scan(problem: _Problem, state: _State) -> _State:
