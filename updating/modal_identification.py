@@ -32,6 +32,7 @@ from updating.poles import (
     IdentificationError,
     Stabilisation,
     Track,
+    channel_sizes,
     fit_orders,
     track_poles,
 )
@@ -261,7 +262,7 @@ def identify_modes(
     fitted = replace(fitted, lower=lower, upper=upper, added_decay=_decay(added_decay))
     task = _Task(fitted, std is None, least_mpc, largest_mpd)
 
-    level = np.sqrt((np.abs(data.H) ** 2).mean(axis=(0, 2)))
+    level, _ = channel_sizes(data.H)
     line_weight = np.exp(-np.log(fitted.spread).mean(axis=1))
     stabilisation = fit_orders(data, orders, level, line_weight)
     tracks = track_poles(stabilisation)
@@ -383,8 +384,8 @@ def _standard_deviation(std: ArrayLike, frf: FRF) -> Floats:
 
 def _fit_data(data: FRF, sigma: Floats | None) -> FitData:
     if sigma is None:
-        scale = np.sqrt((np.abs(data.H) ** 2).mean(axis=(0, 2)))
-        return FitData(data, scale, np.ones((data.n_freq, data.H.shape[2])))
+        of_output, of_input = channel_sizes(data.H)
+        return FitData(data, of_output, np.tile(of_input, (data.n_freq, 1)))
     log = np.log(sigma)
     of_output = log.mean(axis=(0, 2))
     return FitData(data, np.exp(of_output), np.exp((log - of_output[:, None]).mean(axis=1)))
@@ -538,12 +539,12 @@ def _reweighted(data: FitData, fit: ModalFit) -> FitData:
     """
     error = np.abs(data.frf.H - fit.H) ** 2 / 2
     n_freq, _, n_in = error.shape
-    level = np.sqrt((np.abs(data.frf.H) ** 2).mean(axis=(0, 2)))
+    level, unit = channel_sizes(data.frf.H)
     free = 1 - min(fit.poles.size / n_in + 1, 0.5 * n_freq) / n_freq
-    scale = np.maximum(np.sqrt(np.median(error.mean(axis=2), axis=0) / free), ROUNDING * level)
+    scale = np.maximum(np.sqrt(np.median((error / unit**2).mean(axis=2), axis=0) / free), ROUNDING * level)
     over_lines = (error / scale[:, None] ** 2).mean(axis=1)
     width = max(n_freq // 16, 9) | 1
-    along = np.maximum(median_filter(over_lines, (width, 1), mode="nearest") / free, 1e-6)
+    along = np.maximum(median_filter(over_lines, (width, 1), mode="nearest") / free, 1e-6 * unit**2)
     size = (np.abs(fit.H) ** 2 / scale[:, None] ** 2).mean(axis=1)
     top = np.argsort(-size, axis=0, kind="stable")[: max(n_freq // 20, 5)]
     size_top, along_top = (np.take_along_axis(x, top, axis=0) for x in (size.clip(min=1e-300), along))

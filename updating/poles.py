@@ -153,6 +153,17 @@ def fit_orders(frf: FRF, orders: NDArray[np.int64], scale: Floats, weight: Float
     return Stabilisation(order, poles, w, *_stable(order, poles, w), orders)
 
 
+def channel_sizes(H: Complexes) -> tuple[Floats, Floats]:
+    """Return sizes of outputs (n_out,) and inputs (n_in,) whose products come nearest to the FRFs' sizes.
+
+    Geometric means of the root mean squares over the lines: a channel's unit changes its own size alone.
+    """
+    size = np.sqrt((np.abs(H) ** 2).mean(axis=0))
+    log = np.log(np.maximum(size, max(1e-12 * float(size.max(initial=0.0)), 1e-300)))
+    of_output = log.mean(axis=1)
+    return np.exp(of_output), np.exp((log - of_output[:, None]).mean(axis=0))
+
+
 def track_poles(stabilisation: Stabilisation) -> tuple[Track, ...]:
     """Follow poles from the highest order to the lowest, and return those that last, by frequency.
 

@@ -168,6 +168,17 @@ def test_an_output_against_the_force_has_the_other_sign():
     assert found.modes.shapes[:, 0] == pytest.approx([0.8, 0.3], rel=1e-6)
 
 
+def test_modes_do_not_depend_on_the_units_of_channels():
+    phi = np.random.default_rng(0).standard_normal((6, 2))
+    exact = superposed(np.linspace(5, 50, 300), [20.0, 30.0], [0.01] * 2, phi, [0, 1])
+    data = noisy(exact, 0.02, np.random.default_rng(5))
+    units = np.logspace(-3, 3, 6)[:, None] * [1.0, 1e-4]
+    other = FRF.from_arrays(data.frequency, data.H * units, data.kind, data.outputs, data.inputs)
+    one, two = identify_modes(data), identify_modes(other)
+    assert np.allclose(one.poles, two.poles, rtol=1e-6)
+    assert two.frequency_std == pytest.approx(one.frequency_std, rel=1e-3)
+
+
 def test_noise_alone_has_no_modes():
     rng = np.random.default_rng(8)
     H = rng.standard_normal((400, 5, 2)) + 1j * rng.standard_normal((400, 5, 2))
