@@ -56,7 +56,7 @@ sections: $(DEV) requirements-sections.lock
 	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock -r requirements-sections.lock
 
 # each prints its own table; docs/benchmarks.md says what they show
-BENCHMARKS := assembly modes frf engine sensitivity joint_speed joint_noise
+BENCHMARKS := assembly modes frf engine sensitivity updating modal_identification joint_speed joint_noise
 bench: $(READY)
 	$(IN) for name in $(BENCHMARKS); do echo "── benchmarks.$$name"; python -m benchmarks.$$name || exit 1; done
 

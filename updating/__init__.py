@@ -1,10 +1,15 @@
-"""Measured against computed: how far apart they are, where, and which effect the model lacks.
+"""From time data to an updated model: estimate, identify, compare, update, and find what the model lacks.
 
+    time data ─ estimate_frf → EstimatedFRF ─ identify_modes → IdentifiedModes
     Measurement, Model ─ compare → Comparison
+                       ─ update → Updated: the model, values with uncertainty, the path there
                        ─ build_problem → FitProblem ─ locate → Localisation
                        ─ diagnose → Diagnosis: verdict, findings with their twins, faults, the updated model
+    before a test      ─ plan_pretest → PretestPlan;  after it match_geometry → GeometryMatch
 
-`docs/finding-effects.md` says how a diagnosis is made and when not to believe it.
+Correlation works on bare arrays: `mac`, `comac`, `ecomac`, `orthogonality`, `pair_modes`, `frac`, `fdac`,
+`band_error` and others. `docs/finding-effects.md` says how a diagnosis is made and when not to believe it; the
+other steps have pages of their own beside it.
 """
 
 from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
@@ -24,37 +29,115 @@ from updating.diagnosis import (
 )
 from updating.faults import Fault
 from updating.fit import FitProblem, FitResult
+from updating.frf_correlation import (
+    BandError,
+    band_error,
+    cross_signature_assurance,
+    cross_signature_scale,
+    fdac,
+    signature_assurance,
+)
+from updating.frf_estimation import EstimatedFRF, EstimationError, estimate_frf, estimate_roving, split_hits
+from updating.geometry_matching import GeometryMatch, GeometryMatchError, align_points, match_geometry
 from updating.localisation import Localisation, locate
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors
+from updating.modal_identification import IdentifiedModes, damping_matrix, identify_modes
+from updating.pairing import ModePair, pair_modes
 from updating.parameters import Nuisance
+from updating.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
+from updating.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
+from updating.residuals import frf_data, mode_data
+from updating.sampling import MissingExtraError, Samples
+from updating.shape_correlation import (
+    auto_mac,
+    comac,
+    cross_orthogonality,
+    ecomac,
+    eliminate_coordinates,
+    mac_without,
+    modal_scale_factor,
+    orthogonality,
+    principal_angles,
+    subspace_mac,
+)
+from updating.unknowns import Unknown
+from updating.update import Ending, Settings, Updated, UpdatedParameter, update
 
 __all__ = [
     "EFFECT",
     "FAULT",
     "NOTHING",
     "UNEXPLAINED",
+    "BandError",
     "Comparison",
     "Diagnosis",
     "EffectParameter",
+    "Ending",
+    "EstimatedFRF",
+    "EstimationError",
     "Fault",
     "Finding",
     "FitProblem",
     "FitResult",
+    "GeometryMatch",
+    "GeometryMatchError",
+    "IdentifiedModes",
     "Localisation",
     "Measurement",
     "MeasurementError",
+    "MissingExtraError",
     "ModeComparison",
+    "ModePair",
     "Nuisance",
+    "Observability",
+    "PretestPlan",
     "Ranked",
+    "Samples",
     "Sensor",
+    "Settings",
     "Step",
+    "Unknown",
+    "Updated",
+    "UpdatedParameter",
+    "align_points",
+    "assess_sensors",
+    "auto_mac",
+    "band_error",
     "build_problem",
+    "comac",
     "compare",
     "compare_modes",
+    "cross_orthogonality",
+    "cross_signature_assurance",
+    "cross_signature_scale",
+    "damping_matrix",
     "diagnose",
+    "ecomac",
+    "eliminate_coordinates",
+    "estimate_frf",
+    "estimate_roving",
+    "fdac",
     "frac",
+    "frf_data",
+    "gsvd",
+    "identify_modes",
     "locate",
     "mac",
+    "mac_without",
+    "match_geometry",
+    "modal_scale_factor",
+    "mode_data",
+    "orthogonality",
+    "pair_modes",
     "place_sensors",
+    "plan_pretest",
+    "principal_angles",
     "propose",
+    "select_by_pivoting",
+    "select_forward",
+    "signature_assurance",
+    "split_hits",
+    "subspace_mac",
+    "tikhonov",
+    "update",
 ]
