@@ -24,13 +24,13 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow independent sections peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo test slow independent extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
 	@echo 'make slow        the tests marked slow'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
-	@echo 'make sections    install sectionproperties, for sections of any outline'
+	@echo 'make extras      install sectionproperties (sections of any outline) and PARDISO'
 	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
 	@echo 'make peers       install OpenSeesPy and PyNite beside Dovetail: tests marked peer then run'
 	@echo 'make bench-peers speed and agreement against them; SIZES="8" for a quick one'
@@ -52,8 +52,8 @@ slow: $(DEV)
 independent: $(DEV)
 	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
 
-sections: $(DEV) requirements-sections.lock
-	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock -r requirements-sections.lock
+extras: $(DEV) requirements-extras.lock
+	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock -r requirements-extras.lock
 
 # each prints its own table; docs/benchmarks.md says what they show
 BENCHMARKS := assembly modes frf engine sensitivity updating modal_identification joint_speed joint_noise

@@ -18,7 +18,7 @@ from fem.multifrontal import Plan, factorise_blocks, plan_elimination
 SMALL = 1000
 """Matrices of fewer equations are left to SuperLU."""
 
-BACKENDS = ("superlu", "multifrontal")
+BACKENDS = ("superlu", "multifrontal", "pardiso")
 
 
 class SingularMatrixError(ValueError):
@@ -67,7 +67,9 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
     """Factorise a sparse symmetric matrix, real or complex.
 
     Below `SMALL` equations SuperLU with minimum degree on A + Aᵀ and no pivoting off the diagonal; else the
-    multifrontal method of :mod:`fem.multifrontal`, which pivots within dense blocks.
+    multifrontal method of :mod:`fem.multifrontal`, which pivots within dense blocks. PARDISO, of the extra
+    ``dovetail[accelerate]``, is used where it is asked for; complex matrices go to the multifrontal method
+    all the same, for its wrapper takes real ones only.
 
     Parameters
     ----------
@@ -85,14 +87,18 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
         If the matrix is singular.
     ValueError
         If there is no such backend.
+    ImportError
+        If PARDISO is asked for and not installed.
     """
     chosen = backend or os.environ.get("DOVETAIL_SOLVER") or None
     if chosen is None:
         chosen = "superlu" if A.shape[0] < SMALL else "multifrontal"
     if chosen == "superlu":
         return _superlu(A)
-    if chosen == "multifrontal":
+    if chosen == "multifrontal" or (chosen == "pardiso" and np.iscomplexobj(A.data)):
         return _multifrontal(A, like)
+    if chosen == "pardiso":
+        return _pardiso(A)
     msg = f"there is no solver {chosen!r}; there are {', '.join(BACKENDS)}"
     raise ValueError(msg)
 
@@ -143,6 +149,29 @@ def _multifrontal(A: Any, like: Factor | None) -> Factor:
         return blocks.negative
 
     return Factor(blocks.solve, count_negative, "multifrontal", plan)
+
+
+def _pardiso(A: Any) -> Factor:
+    try:
+        from pypardiso import PyPardisoSolver  # pyright: ignore[reportMissingImports]
+        from pypardiso.pardiso_wrapper import PyPardisoError  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        msg = "PARDISO is not installed; it comes with pip install dovetail[accelerate], on x86 machines"
+        raise ImportError(msg) from error
+    upper = sp.csr_matrix(sp.triu(A, format="csr"))
+    upper.sort_indices()
+    solver = PyPardisoSolver(mtype=-2)  # real, symmetric, indefinite: pivots of 1 and 2 rows
+    try:
+        solver.factorize(upper)
+    except (PyPardisoError, ValueError) as error:
+        raise _singular(A) from error
+
+    def solve(b: NDArray[Any]) -> NDArray[Any]:
+        if np.iscomplexobj(b):
+            return solve(np.real(b)) + 1j * solve(np.imag(b))
+        return solver.solve(upper, np.asfortranarray(b, dtype=float)).reshape(b.shape)
+
+    return Factor(solve, lambda: int(solver.get_iparm(23)), "pardiso")
 
 
 def _no_signs() -> ValueError:

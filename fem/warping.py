@@ -46,9 +46,9 @@ def warping_constants(outlines: Sequence[NDArray[np.float64]], nu: float, n_tria
         If the library is not installed, or an outline crosses itself.
     """
     try:
-        from sectionproperties.analysis.section import Section as Analysis
-        from sectionproperties.pre.geometry import Geometry
-        from sectionproperties.pre.pre import Material
+        from sectionproperties.analysis.section import Section as Analysis  # pyright: ignore[reportMissingImports]
+        from sectionproperties.pre.geometry import Geometry  # pyright: ignore[reportMissingImports]
+        from sectionproperties.pre.pre import Material  # pyright: ignore[reportMissingImports]
         from shapely import Polygon
     except ModuleNotFoundError as error:
         msg = (

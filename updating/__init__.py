@@ -8,8 +8,8 @@
     before a test      ─ plan_pretest → PretestPlan;  after it match_geometry → GeometryMatch
 
 Correlation works on bare arrays: `mac`, `comac`, `ecomac`, `orthogonality`, `pair_modes`, `frac`, `fdac`,
-`band_error` and others. `docs/finding-effects.md` says how a diagnosis is made and when not to believe it; the
-other steps have pages of their own beside it.
+`band_error` and others. `docs/finding-effects.md` says how a diagnosis is made and when not to believe it;
+the other steps have pages of their own beside it.
 """
 
 from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac

@@ -1,5 +1,8 @@
 """Factorisations under attack: any pattern, indefinite, complex, singular; and block Lanczos on top."""
 
+import importlib.util
+import sys
+
 import numpy as np
 import pytest
 import scipy.linalg as sla
@@ -13,6 +16,9 @@ from fem.multifrontal import LEAF, plan_elimination
 from fem.solvers import BACKENDS, SingularMatrixError, factorise, one_thread
 
 EPS = np.finfo(float).eps
+
+INSTALLED = [name for name in BACKENDS if name != "pardiso" or importlib.util.find_spec("pypardiso")]
+"""PARDISO is tested with the extra `accelerate`."""
 
 
 def backward_error(A, x, b):
@@ -42,7 +48,7 @@ def grid(*shape):
     return sp.csc_array(total + sp.eye_array(total.shape[0]))
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", INSTALLED)
 @pytest.mark.parametrize("kind", ["definite", "indefinite", "complex"])
 @settings(max_examples=25, deadline=None)
 @given(n=st.integers(1, 400), degree=st.integers(0, 3), seed=st.integers(0, 2**32 - 1))
@@ -83,7 +89,7 @@ def test_complex_forces_on_a_real_matrix():
     assert backward_error(A, factorise(A, backend="multifrontal").solve(b), b) < 100 * EPS
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", INSTALLED)
 @settings(max_examples=25, deadline=None)
 @given(
     shape=st.sampled_from([(50,), (20, 13), (6, 7, 5)]), where=st.floats(0.0, 1.0), seed=st.integers(0, 99)
@@ -100,7 +106,7 @@ def test_negative_eigenvalues_are_counted(backend, shape, where, seed):
     assert factorise(K - mu * M, backend=backend).count_negative() == k
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", INSTALLED)
 def test_what_cannot_be_counted_is_refused(backend):
     with pytest.raises(ValueError, match="complex matrix"):
         factorise(grid(20) * (1 + 0.1j), backend=backend).count_negative()
@@ -113,7 +119,7 @@ def test_signs_of_pivots_off_the_diagonal_are_refused():
     assert factorise(swap, backend="multifrontal").count_negative() == 1  # eigenvalues 1 and -1
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", INSTALLED)
 def test_a_singular_matrix_is_an_error(backend):
     diagonal = np.ones(200)
     diagonal[77] = 0.0
@@ -239,3 +245,29 @@ def test_known_vectors_are_left_out():
     rest = lowest_eigenpairs(solve, M, 0.0, 6, known=first.vectors[:, :4])
     both = lowest_eigenpairs(solve, M, 0.0, 10)
     np.testing.assert_allclose(rest.eigenvalues, both.eigenvalues[4:], rtol=1e-11)
+
+
+def test_pardiso_solves_and_counts_like_the_others():
+    """With the extra `accelerate`: the same solutions to rounding, and the same inertia."""
+    pytest.importorskip("pypardiso", reason="PARDISO comes with the extra accelerate")
+    rng = np.random.default_rng(3)
+    n = 400
+    A = sp.random_array((n, n), density=0.01, rng=rng, format="csr")
+    A = sp.csc_array(A + A.T + sp.diags_array(rng.choice([-3.0, 4.0], n)))
+    ours, theirs = factorise(A, backend="multifrontal"), factorise(A, backend="pardiso")
+    b = rng.standard_normal((n, 5))
+    # relative residuals of a backward stable solution are a few roundings times the growth of the pivots
+    for right in (b, b[:, 0], b + 2j * b[::-1]):
+        x = theirs.solve(right)
+        assert x.shape == right.shape
+        assert np.linalg.norm(A @ x - right) < 1e-12 * np.linalg.norm(right) * n
+    assert (
+        theirs.count_negative() == ours.count_negative() == int((np.linalg.eigvalsh(A.toarray()) < 0).sum())
+    )
+    assert factorise(A * (1 + 0.1j), backend="pardiso").backend == "multifrontal"
+
+
+def test_pardiso_says_where_it_comes_from(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pypardiso", None)
+    with pytest.raises(ImportError, match=r"dovetail\[accelerate\]"):
+        factorise(sp.eye_array(4, format="csc"), backend="pardiso")
