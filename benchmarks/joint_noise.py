@@ -8,6 +8,7 @@ parameters. Every FRF value has its own circular complex noise, relative to its 
 
 import sys
 import time
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -34,6 +35,12 @@ NODES = {"U": (0, 4, 12, 20), "D": (2, 6, 13, 15, 19)}
 AT = {"U": 10, "D": 0}
 """Nodes 11 and 22, where the joint is."""
 
+ALL_NODES = {name: tuple(p for p in range(21) if p != at) for name, at in AT.items()}
+"""All others: 240 coordinates."""
+
+NEXT_NODES = {"U": (9,), "D": (1,)}
+"""One beside the joint on each beam: 12 coordinates."""
+
 STEEL = Material("steel", 210e9, 7850.0)
 ARMS = ((0.0, 0.0, 0.005), (0.0, 0.0, -0.005))
 
@@ -48,10 +55,16 @@ def beam(along: tuple[float, float, float], E: float = STEEL.E) -> Model:
     return Model(mesh, (Frame(members={"beam": section}),), Damping.structural(0.01))
 
 
-def parts(frequency: np.ndarray, n_inputs: int | None, E: float = STEEL.E):
+def parts(
+    frequency: np.ndarray,
+    n_inputs: int | None,
+    E: float = STEEL.E,
+    nodes: Mapping[str, Sequence[int]] = NODES,
+):
     """Return both beams side by side; ``n_inputs`` of the internal coordinates, or all, are inputs."""
-    every = [f"{name}{p}:{d}" for name, points in NODES.items() for p in points for d in DIRECTIONS]
-    pick = every if n_inputs is None else [every[i] for i in np.linspace(2, 53, n_inputs).astype(int)]
+    every = [f"{name}{p}:{d}" for name, points in nodes.items() for p in points for d in DIRECTIONS]
+    at = range(len(every)) if n_inputs is None else np.linspace(2, len(every) - 1, n_inputs).astype(int)
+    pick = [every[i] for i in at]
     out = []
     for name, along in (("U", (1.0, 0, 0)), ("D", (0, 1.0, 0))):
         system = assemble(beam(along, E))
@@ -79,6 +92,18 @@ def truth(form, seed: int = 1):
     theta = form.values_of(K=matrix(1e6, 3e7), C=matrix(20, 200), D=matrix(2e4, 1e6))
     theta[63:] = 0.05, 1e-5, 2e-5, 1.5e-5
     return theta
+
+
+def full_joint(seed: int = 5):
+    """Return full symmetric positive definite K, M, C and D (12, 12), rotations at an arm of 20 mm."""
+    rng = np.random.default_rng(seed)
+    arm = np.diag([1, 1, 1, 0.02, 0.02, 0.02] * 2)
+
+    def coupled(low: float, high: float):
+        Q = np.linalg.qr(rng.standard_normal((12, 12)))[0] * np.sqrt(np.geomspace(low, high, 12))
+        return arm @ Q @ Q.T @ arm
+
+    return coupled(1e6, 1e8), coupled(0.05, 0.3), coupled(10, 200), coupled(1e4, 1e6)
 
 
 def noisy(H: np.ndarray, level: float, rng: np.random.Generator):

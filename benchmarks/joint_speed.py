@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.joint_noise import ARMS, noisy, parts, truth
+from benchmarks.joint_noise import ALL_NODES, ARMS, noisy, parts, truth
 from fem import assemble
 from fem.frf import FRF, compute_frf
 from fem.model import DIRECTIONS
@@ -30,17 +30,8 @@ def seconds(call: Callable[[], object], repeat: int = 3) -> float:
 
 def direct(n_lines: int) -> None:
     """Time the direct solution with all 240 internal coordinates against the decompositions it needs."""
-    from benchmarks import joint_noise
-
     frequency = np.linspace(20.0, 3200.0, n_lines)
-    before = dict(joint_noise.NODES)
-    joint_noise.NODES.update(
-        {name: tuple(p for p in range(21) if p != joint_noise.AT[name]) for name in before}
-    )
-    try:
-        whole = parts(frequency, None)
-    finally:
-        joint_noise.NODES.update(before)
+    whole = parts(frequency, None, nodes=ALL_NODES)
     form = with_masses(relative_form(whole.interface.joint, relative_coordinates(*ARMS)), ARMS)
     measured = noisy(couple(whole, form.Z(frequency, truth(form))).H_nn, 1e-4, np.random.default_rng(0))
     ours = seconds(lambda: identify_joint(whole, frequency, measured, amplification_limit=np.inf))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from benchmarks.joint_noise import ARMS, AT, NODES, STEEL, beam, noisy, parts, relative, truth
+from benchmarks.joint_noise import ARMS, AT, NODES, STEEL, beam, full_joint, noisy, parts, relative, truth
 from fem.model import DIRECTIONS
 from joint import (
     CoordinateSet,
@@ -37,18 +37,6 @@ def slim():
 @pytest.fixture(scope="module")
 def form(square):
     return with_masses(relative_form(square.interface.joint, relative_coordinates(*ARMS)), ARMS)
-
-
-def full_joint(seed=5):
-    """Return full symmetric positive definite K, M, C and D, rotations at an arm of 20 mm."""
-    rng = np.random.default_rng(seed)
-    arm = np.diag([1, 1, 1, 0.02, 0.02, 0.02] * 2)
-
-    def coupled(low, high):
-        Q = np.linalg.qr(rng.standard_normal((12, 12)))[0] * np.sqrt(np.geomspace(low, high, 12))
-        return arm @ Q @ Q.T @ arm
-
-    return coupled(1e6, 1e8), coupled(0.05, 0.3), coupled(10, 200), coupled(1e4, 1e6)
 
 
 # ---------------------------------------------------------------------------------------------------- average
