@@ -33,7 +33,7 @@ from study.parts import (
 )
 from study.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from study.table import Source, StudyError, Table, suggest
-from updating.measurement import Measurement, Sensor
+from updating.measurement import Measurement, Sensor, with_sensor_masses
 from updating.parameters import Nuisance
 
 DEFAULT_FREQUENCY = 1000.0
@@ -244,6 +244,7 @@ class _Reader:
         )
         with top.at():
             model = Model(mesh, effects, damping)
+            model = with_sensor_masses(model, [c.sensor for c in (*sensors, *excitations)])
             model.contributions()
         measurements = match(raw, sensors, excitations, notes)
         nuisances, damping_std = self._uncertain(model, joints, notes)

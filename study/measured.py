@@ -15,7 +15,7 @@ from fem.model import Model
 from fem.system import assemble
 from study.sensors import Channel
 from study.table import Table
-from updating.measurement import Measurement, Sensor
+from updating.measurement import Measurement, Sensor, sensor_point
 
 G0 = 9.80665
 """Standard gravity [m/s²]."""
@@ -254,10 +254,7 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     """Return each sensor's reading as a row of a selection, shape (n, n_dof)."""
     rows = np.zeros((len(sensors), model.n_dof))
     for i, s in enumerate(sensors):
-        point, _ = model.mesh.nearest_point(s.point)
-        if s.member is not None:
-            own = model.mesh.member_points(s.member)
-            point = int(own[np.argmin(np.linalg.norm(model.mesh.points[own] - s.point, axis=1))])
+        point = sensor_point(model.mesh, s)
         rows[i, 6 * point : 6 * point + 3] = s.gain * s.direction
     return rows
 

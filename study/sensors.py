@@ -1,7 +1,7 @@
 """Sensors and excitations of a study, and the channels of the measured files that belong to them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,7 @@ def _sensors_of(t: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) ->
     if abs(sign) != 1:
         t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
     mass = t.number("mass", 0.0, least=0, unit="kg")
+    gain = t.number("gain", 1.0, above=0)
     if "directions" in t:
         for key in ("name", "label", "direction"):
             if key in t:
@@ -87,12 +88,13 @@ def _sensors_of(t: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) ->
         words = [t.get("direction")]
         places = list(_places(t, geometry, nodes, many=False))
     for word_of_place, xyz, member, node in places:
-        for word in words:
+        for k, word in enumerate(words):
             direction = sign * t.direction("directions" if "directions" in t else "direction", word)
             name = t.text("name", f"{word_of_place}{word if isinstance(word, str) else ''}")
             if not name:
                 t.refuse("", "the sensor needs a name, for its place has none")
-            sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, mass=mass), notes)
+            own = mass if k == 0 else 0.0  # one body with several channels
+            sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, gain, own), notes)
             yield Channel(sensor, t, t.text("label", ""), node)
 
 
@@ -151,7 +153,7 @@ def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> S
         near, distance = geometry.mesh.nearest_point(sensor.point)
     if distance > TOUCH * geometry.mesh.size:
         notes.append(f"sensor {sensor.name} is {1e3 * distance:.3g} mm off the axis and taken to sit on it")
-    return Sensor(sensor.name, geometry.mesh.points[near], sensor.direction, sensor.member, mass=sensor.mass)
+    return replace(sensor, point=geometry.mesh.points[near])
 
 
 def read_excitations(

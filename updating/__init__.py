@@ -12,6 +12,13 @@ Correlation works on bare arrays: `mac`, `comac`, `ecomac`, `orthogonality`, `pa
 the other steps have pages of their own beside it.
 """
 
+from updating.complexity import (
+    mean_phase,
+    mean_phase_deviation,
+    modal_complexity_factor,
+    modal_phase_collinearity,
+    real_shapes,
+)
 from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
 from updating.diagnosis import (
     EFFECT,
@@ -40,10 +47,11 @@ from updating.frf_correlation import (
 from updating.frf_estimation import EstimatedFRF, EstimationError, estimate_frf, estimate_roving, split_hits
 from updating.geometry_matching import GeometryMatch, GeometryMatchError, align_points, match_geometry
 from updating.localisation import Localisation, locate
-from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors
-from updating.modal_identification import IdentifiedModes, damping_matrix, identify_modes
+from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors, with_sensor_masses
+from updating.modal_identification import Candidate, IdentifiedModes, damping_matrix, identify_modes
 from updating.pairing import ModePair, pair_modes
 from updating.parameters import Nuisance
+from updating.poles import IdentificationError, Stabilisation
 from updating.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
 from updating.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
 from updating.residuals import frf_data, mode_data
@@ -61,7 +69,7 @@ from updating.shape_correlation import (
     subspace_mac,
 )
 from updating.unknowns import Unknown
-from updating.update import Ending, Settings, Updated, UpdatedParameter, update
+from updating.update import Ending, Settings, Updated, UpdatedParameter, UpdateStep, update
 
 __all__ = [
     "EFFECT",
@@ -69,6 +77,7 @@ __all__ = [
     "NOTHING",
     "UNEXPLAINED",
     "BandError",
+    "Candidate",
     "Comparison",
     "Diagnosis",
     "EffectParameter",
@@ -81,6 +90,7 @@ __all__ = [
     "FitResult",
     "GeometryMatch",
     "GeometryMatchError",
+    "IdentificationError",
     "IdentifiedModes",
     "Localisation",
     "Measurement",
@@ -95,8 +105,10 @@ __all__ = [
     "Samples",
     "Sensor",
     "Settings",
+    "Stabilisation",
     "Step",
     "Unknown",
+    "UpdateStep",
     "Updated",
     "UpdatedParameter",
     "align_points",
@@ -125,6 +137,10 @@ __all__ = [
     "mac",
     "mac_without",
     "match_geometry",
+    "mean_phase",
+    "mean_phase_deviation",
+    "modal_complexity_factor",
+    "modal_phase_collinearity",
     "modal_scale_factor",
     "mode_data",
     "orthogonality",
@@ -133,6 +149,7 @@ __all__ = [
     "plan_pretest",
     "principal_angles",
     "propose",
+    "real_shapes",
     "select_by_pivoting",
     "select_forward",
     "signature_assurance",
@@ -140,4 +157,5 @@ __all__ = [
     "subspace_mac",
     "tikhonov",
     "update",
+    "with_sensor_masses",
 ]

@@ -18,7 +18,7 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.faults import GAIN_LEAST, Fault, find_gain_faults, find_sign_faults
 from updating.fit import FitProblem, FitResult, prepare, sensor_vectors
-from updating.measurement import Measurement
+from updating.measurement import Measurement, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
@@ -233,6 +233,7 @@ def build_problem(
     n_lines : int
         At most this many lines are fitted.
     """
+    model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
     frf = measurement.frf.select(band=band) if band else measurement.frf
     highest = float(frf.frequency[-1])
     undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))

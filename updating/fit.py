@@ -13,7 +13,7 @@ from fem.frf import FRF
 from fem.model import Effect, Model, ParameterRef
 from fem.reduced import ParametricFRF, ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.measurement import Measurement, MeasurementError, Sensor
+from updating.measurement import Measurement, MeasurementError, Sensor, sensor_point
 from updating.noise import relative_noise
 from updating.parameters import DampingCurve, Nuisance, effect_variables, nuisance_variables
 from updating.solve import Prior, Solution, solve_robust
@@ -41,10 +41,7 @@ def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float6
     """
     out = np.zeros((model.n_dof, len(sensors)))
     for i, sensor in enumerate(sensors):
-        point, distance = model.mesh.nearest_point(sensor.point)
-        if distance > 0.021 * model.mesh.size:
-            msg = f"sensor '{sensor.name}' is {distance:.3g} m from the nearest point of the mesh"
-            raise MeasurementError(msg)
+        point = sensor_point(model.mesh, sensor)
         out[6 * point : 6 * point + 3, i] = sensor.gain * np.asarray(sensor.direction)
     return out
 

@@ -1,12 +1,15 @@
 """Measurements: FRFs with the sensors and excitations that they belong to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.effects.added_mass import AddedMass
 from fem.frf import FRF
 from fem.mesh import Mesh
+from fem.model import Model
 
 
 class MeasurementError(ValueError):
@@ -28,9 +31,10 @@ class Sensor:
     member : str or None
         Member that it sits on; None for the nearest.
     gain : float
-        What its reading is multiplied by [-].
+        Its reading over what it should read [-].
     mass : float
-        Mass that it adds [kg].
+        Mass that it adds to the structure, which :func:`with_sensor_masses` puts into a model [kg]. Of a
+        triaxial sensor one channel has it.
     """
 
     name: str
@@ -116,3 +120,52 @@ def place_sensors(mesh: Mesh, sensors: tuple[Sensor, ...], tolerance: float | No
             raise MeasurementError(msg)
         mesh = mesh.with_point_on(member, position)
     return mesh
+
+
+def with_sensor_masses(model: Model, sensors: Sequence[Sensor]) -> Model:
+    """Return a model with the masses of sensors, as point masses where they sit.
+
+    A sensor is known by its name: one that also measures where a force acts, or whose mass the model has
+    already, is added once.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor.
+    sensors : sequence of Sensor
+
+    Raises
+    ------
+    MeasurementError
+        If a mass is negative or not finite, or the mesh has no point where the sensor sits.
+    """
+    known = {e.name for e in model.effects}
+    masses: dict[str, AddedMass] = {}
+    for s in sensors:
+        name = f"mass of sensor {s.name}"
+        if not (np.isfinite(s.mass) and s.mass >= 0):
+            msg = f"sensor '{s.name}' has the mass {s.mass} kg; it must be finite and not negative"
+            raise MeasurementError(msg)
+        if s.mass > 0 and name not in known:
+            masses[name] = AddedMass(name=name, point=sensor_point(model.mesh, s), mass=s.mass)
+    return replace(model, effects=(*model.effects, *masses.values())) if masses else model
+
+
+def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
+    """Return the point of a mesh where a sensor sits: the nearest one, of its member if it has one.
+
+    Raises
+    ------
+    MeasurementError
+        If it is farther than 2 % of the mesh's size (see :func:`place_sensors`).
+    """
+    if sensor.member is None:
+        point, distance = mesh.nearest_point(sensor.point)
+    else:
+        own = mesh.member_points(sensor.member)
+        away = np.linalg.norm(mesh.points[own] - sensor.point, axis=1)
+        point, distance = int(own[np.argmin(away)]), float(away.min())
+    if distance > 0.021 * mesh.size:
+        msg = f"sensor '{sensor.name}' is {distance:.3g} m from the nearest point of the mesh"
+        raise MeasurementError(msg)
+    return point

@@ -16,7 +16,7 @@ from fem.model import Damping, Model, ModelError, ParameterRef
 from fem.modes import Eigenpairs, Modes, solve_eigenpairs
 from fem.reduced import ParametricFRF, reduce_model
 from fem.sensitivity import differentiate_modes
-from fem.system import System, assemble
+from fem.system import System, assemble, reassemble
 from updating.correlation import log_ratio, mac
 from updating.fit import sensor_vectors
 from updating.measurement import Measurement, Sensor
@@ -271,7 +271,9 @@ class ModePoint:
     eigenpairs: Eigenpairs
 
 
-def mode_residual(data: ModeData, model: Model, before: ModePairs | None = None) -> ModePoint:
+def mode_residual(
+    data: ModeData, model: Model, before: ModePairs | None = None, near: System | None = None
+) -> ModePoint:
     """Compute modes, find the partners of the measured ones, and compare.
 
     Frequencies have W ln(f_computed / f_measured), W whitening their noise and the model's errors, half of
@@ -290,8 +292,10 @@ def mode_residual(data: ModeData, model: Model, before: ModePairs | None = None)
     model : Model
     before : ModePairs, optional
         Pairs at the last point.
+    near : System, optional
+        Matrices of a model that differs in some values: what is the same is not formed again.
     """
-    system = assemble(model)
+    system = assemble(model) if near is None else reassemble(near, model)
     top = float(data.frequency[-1]) * np.exp(FAR / 2)
     pairs = solve_eigenpairs(system, max_frequency=top)
     least = len(data.frequency) if data.numbers is None else int(data.numbers.max()) + 1

@@ -21,8 +21,9 @@ from scipy.stats import norm
 from fem.frf import FRF, FRFError, FRFKind
 from fem.model import Model, ModelError, ParameterRef
 from fem.modes import Modes
+from fem.system import System
 from updating.correlation import DB_PER_NEPER
-from updating.measurement import Measurement
+from updating.measurement import Measurement, with_sensor_masses
 from updating.regularisation import (
     LCurve,
     l_curve,
@@ -425,6 +426,8 @@ def update(
         For unknown parameters, data that do not fit one another or the model, or nothing to fit.
     """
     settings = settings or Settings()
+    if isinstance(frf, Measurement):
+        model = with_sensor_masses(model, (*frf.sensors, *frf.excitations))
     of_modes = _mode_data(
         model, frequency, shapes, modes, outputs, numbers, frequency_std, shape_std, model_error
     )
@@ -537,6 +540,7 @@ class _Problem:
     residual: FRFResidual | None = None
     stage: str = "modes"
     before: ModePairs | None = None
+    near: System | None = None  # matrices of the last point
     fixed: tuple[tuple[int, float], ...] = ()  # unknowns that selection left out, at their start
     precision: NDArray[np.float64] | None = None  # λ² LᵀL about the start
     curve: LCurve | None = field(default=None)
@@ -636,7 +640,7 @@ class _Problem:
         point, errors = None, [np.nan, np.nan, np.nan]
         if self.modes is not None:
             model = self.model.with_values(dict(zip(self.refs, self.values(x).tolist(), strict=True)))
-            point = known if known is not None else mode_residual(self.modes, model, self.before)
+            point = known if known is not None else mode_residual(self.modes, model, self.before, self.near)
             J = None
             if gradient:
                 J = np.zeros((len(x), point.r.size))
@@ -756,7 +760,7 @@ def _descend(
     damping = 1e-5
     for _ in range(max_iterations):
         if state.point is not None:  # modes are followed from here; merits are compared with the same ties
-            problem = replace(problem, before=state.point.pairs)
+            problem = replace(problem, before=state.point.pairs, near=state.point.system)
         A, g = problem.normal(state)
         pinned = ((state.x <= low) & (g > 0)) | ((state.x >= high) & (g < 0)) | problem.frozen
         free = ~pinned & (np.diag(A) > 0)
@@ -826,12 +830,12 @@ def _run(problem: _Problem) -> Updated:
             problem, staged = _regularised(problem, staged, x)
         state, ending, staged = _descend(staged, x, enough, settings.max_iterations, path.append)
         x = state.x
-        problem = replace(problem, before=staged.before)
+        problem = replace(problem, before=staged.before, near=staged.near)
     if problem.frf is not None:
         for _ in range(_REBASES):
             staged = problem.based(x, 1.0, last)
             state, ending, staged = _descend(staged, x, _ENOUGH, settings.max_iterations, path.append)
-            problem = replace(problem, before=staged.before)
+            problem = replace(problem, before=staged.before, near=staged.near)
             moved = state.x - x
             x = state.x
             A = staged.normal(state)[0]
