@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from study import commands, investigate
+from study import commands, investigate, measure
 from study.output import Progress
 
 OURS = ("fem", "updating", "joint", "viz", "study")
@@ -203,6 +203,58 @@ def build_parser() -> argparse.ArgumentParser:
         "dovetail diagnose study.toml",
     )
     p.add_argument("--number", type=_count, default=20, metavar="N", help="candidates to print (default 20)")
+
+    p = command(
+        "identify-modes",
+        measure.identify_modes,
+        "identify natural modes from the measured FRFs, with their uncertainty",
+        "dovetail identify-modes study.toml --picture stabilisation.png --out modes.uff",
+    )
+    p.add_argument("--out", type=Path, metavar="FILE", help="also write the modes: .npz or .uff")
+    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the stabilisation diagram")
+    p.add_argument("--synthesis", type=Path, metavar="FILE", help="also draw synthesised over measured FRFs")
+    p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
+    p.add_argument(
+        "--band",
+        type=_positive,
+        nargs=2,
+        metavar="HZ",
+        help="lowest and highest frequency (default: [fit] band)",
+    )
+
+    p = command(
+        "match",
+        measure.match,
+        "find where the points of a test's geometry lie on the model, with units and axes",
+        "dovetail match study.toml geometry.unv --tolerance 0.005 --picture match.png",
+    )
+    p.add_argument(
+        "geometry", type=Path, help="universal file with points, or a table (CSV) of name, x, y, z"
+    )
+    p.add_argument(
+        "--tolerance", type=_positive, default=0.01, metavar="M", help="largest distance [m] (default 0.01)"
+    )
+    p.add_argument("--unit", choices=["m", "mm", "cm", "in", "ft"], help="of the geometry (default: found)")
+    p.add_argument("--same-axes", action="store_true", help="the geometry has the model's axes and origin")
+    p.add_argument(
+        "--alternative", type=int, metavar="K", help="which of several placements, as an error numbers them"
+    )
+    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the points on the model")
+
+    p = command(
+        "update",
+        measure.update,
+        "update uncertain parameters to measured modes or FRFs, with their uncertainty",
+        "dovetail update study.toml --out out/updated",
+    )
+    p.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for report.html, update.json, study.toml with the new values, and pictures/",
+    )
+    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
     p = command(
         "identify-joint",

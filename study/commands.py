@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from study.config import Study, load_study
 from study.measured import sensor_rows
 from study.output import OutputError, Progress, check_writable, result_folder, write_json
 from study.table import StudyError
+from updating.measurement import Sensor, sensor_point
 
 Options = argparse.Namespace
 
@@ -201,15 +203,27 @@ def _lines(study: Study, options: Options) -> np.ndarray:
 
 def _write_uff(path: Path, frf: FRF, study: Study) -> None:
     """Write a universal file with the mesh; its nodes are the points of the mesh, from 1."""
+    dofs = axis_labels(study, (*study.sensors, *study.excitations))
+    write_uff(path, frf, mesh=study.model.mesh, dofs=dofs)
+
+
+def axis_labels(study: Study, sensors: Sequence[Sensor]) -> dict[str, str]:
+    """Return the label in universal files of each sensor, by its name; nodes are the mesh's points, from 1.
+
+    Raises
+    ------
+    OutputError
+        For a sensor along no axis.
+    """
     dofs: dict[str, str] = {}
-    for s in (*study.sensors, *study.excitations):
+    for s in sensors:
         axis = int(np.argmax(np.abs(s.direction)))
         if abs(s.direction[axis]) < 1 - 1e-9:
             msg = f"sensor '{s.name}' is along no axis, which a universal file cannot say; write .npz or .csv"
             raise OutputError(msg)
-        node = study.model.mesh.nearest_point(s.point)[0] + 1
+        node = sensor_point(study.model.mesh, s) + 1
         dofs[s.name] = f"{node}{'XYZ'[axis]}{'+' if s.direction[axis] > 0 else '-'}"
-    write_uff(path, frf, mesh=study.model.mesh, dofs=dofs)
+    return dofs
 
 
 def identify_joint(options: Options, progress: Progress) -> None:

@@ -22,6 +22,7 @@ from study.connections import (
 from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
 from study.measured import check_units, labels_of, match, read_band, read_files, top_frequency
+from study.measured_modes import MeasuredModes, UpdatePlan, match_modes, read_plan, read_raw_modes
 from study.parts import (
     note_shear_centres,
     read_damping,
@@ -35,6 +36,7 @@ from study.sensors import Channel, channels_of_labels, read_excitations, read_se
 from study.table import Source, StudyError, Table, suggest
 from updating.measurement import Measurement, Sensor, with_sensor_masses
 from updating.parameters import Nuisance
+from updating.unknowns import Unknown
 
 DEFAULT_FREQUENCY = 1000.0
 """Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
@@ -83,6 +85,10 @@ class Study:
         Smallest and largest element size aimed at [m].
     assumptions : tuple of str
         What the study did not say and was assumed, in sentences.
+    modes : MeasuredModes or None
+        Measured modes, where the study gives them.
+    plan : UpdatePlan
+        What :command:`dovetail update` does.
     """
 
     name: str
@@ -104,6 +110,8 @@ class Study:
     max_frequency: float
     element_size: tuple[float, float]
     assumptions: tuple[str, ...]
+    modes: MeasuredModes | None = None
+    plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -129,11 +137,29 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     raw = path.read_bytes()
     try:
         text = raw.decode("utf-8")
-        values = tomllib.loads(text)
     except UnicodeDecodeError as reason:
         line = raw.count(b"\n", 0, reason.start) + 1
         msg = f"{path.name}, line {line}: the text is not UTF-8"
         raise StudyError(msg) from None
+    return read_study(text, path)
+
+
+def read_study(text: str, path: Path) -> Study:
+    """Read the text of a study.
+
+    Parameters
+    ----------
+    text : str
+    path : Path
+        Where the text lies: other files are looked for beside it.
+
+    Raises
+    ------
+    StudyError
+        If something in it cannot be meant; the message names file, line and key.
+    """
+    try:
+        values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as reason:
         msg = f"{path.name}: {reason}"
         raise StudyError(msg) from None
@@ -173,6 +199,8 @@ class _Reader:
             "sensors",
             "excitations",
             "measurements",
+            "modes",
+            "update",
             "uncertain",
             "candidates",
             "fit",
@@ -195,9 +223,13 @@ class _Reader:
         )
         masses = read_masses(top, geometry)
         raw, nodes = read_files(top, self.path.parent, notes)
+        raw_modes = read_raw_modes(top, self.path.parent)
+        if raw_modes is not None:
+            nodes = {**raw_modes.nodes, **nodes}
         sensors = read_sensors(top, geometry, nodes, notes)
-        if raw and not sensors:
-            sensors = channels_of_labels(top, labels_of(raw, "outputs"), geometry, nodes, "sensors", notes)
+        responses = labels_of(raw, "outputs") or ([] if raw_modes is None else raw_modes.modes.labels)
+        if responses and not sensors:
+            sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes)
             notes.append(
                 f"no sensors are given: the {len(sensors)} responses of the measured files are "
                 "taken, at their nodes"
@@ -216,7 +248,10 @@ class _Reader:
                     "held_out",
                     f"there is no excitation '{word}'; {suggest(word, [c.sensor.name for c in excitations])}",
                 )
-        frequency, highest = self._frequency(top_frequency(raw, band), bool(raw), notes)
+        top_line = top_frequency(raw, band)
+        if raw_modes is not None:
+            top_line = max(top_line or 0.0, float(raw_modes.modes.frequency.max(initial=0.0))) or None
+        frequency, highest = self._frequency(top_line, bool(raw), notes)
         superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
 
         mesh_table = top.table("mesh")
@@ -247,8 +282,13 @@ class _Reader:
             model = with_sensor_masses(model, [c.sensor for c in (*sensors, *excitations)])
             model.contributions()
         measurements = match(raw, sensors, excitations, notes)
+        modes = match_modes(raw_modes, sensors, notes)
         nuisances, damping_std = self._uncertain(model, joints, notes)
         kinds, exclude = self._candidates()
+        shaped = bool(raw) or (modes is not None and bool(modes.sensors))
+        has = {"frf": bool(raw), "modes": shaped, "frequencies": bool(raw) or modes is not None}
+        known = [_unknown_of(model, n) for n in nuisances]
+        plan = read_plan(top, model, has, known)
         with top.at():
             check_units(model, measurements, raw, notes)
         if not supports:
@@ -278,6 +318,8 @@ class _Reader:
             highest,
             (float(aimed.min()), float(aimed.max())),
             tuple(dict.fromkeys(notes)),
+            modes,
+            plan,
         )
 
     def _excitations_of(
@@ -389,3 +431,10 @@ class _Reader:
                 if word not in known:
                     t.refuse(key, f"there is no kind of effect '{word}'; {suggest(word, known)}")
         return kinds, exclude
+
+
+def _unknown_of(model: Model, nuisance: Nuisance) -> Unknown:
+    """Return an uncertain parameter as one that may be updated."""
+    p = next(p for p in model.effect(nuisance.effect).parameters() if p.name == nuisance.parameter)
+    std = nuisance.std if p.log else nuisance.std * abs(p.value)
+    return Unknown(((nuisance.effect, nuisance.parameter),), std=std)

@@ -45,7 +45,13 @@ from updating.frf_correlation import (
     signature_assurance,
 )
 from updating.frf_estimation import EstimatedFRF, EstimationError, estimate_frf, estimate_roving, split_hits
-from updating.geometry_matching import GeometryMatch, GeometryMatchError, align_points, match_geometry
+from updating.geometry_matching import (
+    GeometryMatch,
+    GeometryMatchError,
+    align_points,
+    match_geometry,
+    match_members,
+)
 from updating.localisation import Localisation, locate
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors, with_sensor_masses
 from updating.modal_identification import Candidate, IdentifiedModes, damping_matrix, identify_modes
@@ -137,6 +143,7 @@ __all__ = [
     "mac",
     "mac_without",
     "match_geometry",
+    "match_members",
     "mean_phase",
     "mean_phase_deviation",
     "modal_complexity_factor",

@@ -2,12 +2,14 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
+
+from fem.mesh import Mesh
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,6 +26,8 @@ _COLLINEAR = 1e-3
 _MOST_PLACES = 20_000
 """Placements of three points that are tried for each base."""
 _BASES = 4
+_MOST_POINTS = 120
+"""Points along the members from which placements are searched."""
 
 
 class GeometryMatchError(ValueError):
@@ -214,6 +218,139 @@ def match_geometry(
         raise GeometryMatchError(msg)
     found = _search(test, scaled, mesh, tree, tolerance, scale, labels)
     return _chosen(found, tolerance, alternative, len(test))
+
+
+def match_members(
+    test_points: ArrayLike,
+    mesh: Mesh,
+    tolerance: float,
+    axes: str = "any",
+    unit: str | None = None,
+    alternative: int | None = None,
+) -> tuple[GeometryMatch, Mesh]:
+    """Place test points anywhere on the members of a mesh, and put points of the mesh there.
+
+    Placements are searched as in :func:`match_geometry` on points along the members, as much nearer than the
+    distance of these allows, and then improved with the nearest places on the members' lines.
+
+    Parameters
+    ----------
+    test_points : array_like (n_test, 3)
+        In any unit of ``SCALES``.
+    mesh : Mesh
+    tolerance : float
+        Largest distance of a test point from a member's line [m].
+    axes, unit, alternative
+        As in :func:`match_geometry`.
+
+    Returns
+    -------
+    GeometryMatch
+        Its pairs have the points of the returned mesh.
+    Mesh
+        The mesh with a point where each test point is; the points that it had keep their indices.
+
+    Raises
+    ------
+    GeometryMatchError
+        If nothing fits, or several placements are as good.
+    ValueError
+        If arguments are not as told.
+    """
+    test = _points("test", test_points)
+    if not tolerance > 0:
+        msg = f"the tolerance is {tolerance:g} m; it must be positive"
+        raise ValueError(msg)
+    if axes not in ("same", "any"):
+        msg = f"the axes are '{axes}'; allowed are same, any"
+        raise ValueError(msg)
+    scale = _scale(test, mesh.points[np.unique(mesh.lines)], unit)
+    scaled = scale * test
+    ends = mesh.points[mesh.lines]
+    if axes == "same":
+        best = _on_members(scaled, ends, tolerance, scale, np.eye(3), np.zeros(3))
+    elif _spread(scaled) <= _COLLINEAR:
+        msg = (
+            f"the {len(test)} test points lie on a line or are fewer than three, so the turn about it "
+            "cannot be found; give axes='same' or points beside the line"
+        )
+        raise GeometryMatchError(msg)
+    else:
+        coarse, spacing = _along(mesh)
+        wide = tolerance + spacing / 2
+        starts = _search(test, scaled, coarse, cKDTree(coarse), wide, scale, {})
+        best = _chosen(_polished(scaled, ends, starts, tolerance), tolerance, alternative, len(test))
+    pairs = best.pairs.copy()
+    for k, i in enumerate(best.pairs[:, 0]):
+        member, position, _ = mesh.nearest_on_members(best.points[i])
+        mesh = mesh.with_point_on(member, position)
+        pairs[k, 1] = mesh.nearest_point(mesh.point_at(mesh.locate(member, position)))[0]
+    return replace(best, pairs=pairs), mesh
+
+
+def _along(mesh: Mesh) -> tuple[Floats, float]:
+    """Return points along all members, few enough to be searched, and the largest distance of neighbours."""
+    lengths = {name: mesh.member_length(name) for name in mesh.members}
+    spacing = sum(lengths.values()) / max(_MOST_POINTS - 2 * len(lengths), len(lengths))
+    out: list[Floats] = []
+    for name, length in lengths.items():
+        for position in np.linspace(0, length, int(np.ceil(length / spacing)) + 1):
+            out.append(np.asarray(mesh.point_at(mesh.locate(name, float(position)))))
+    points = np.array(out)
+    keep = [k for k, p in enumerate(points) if not (np.linalg.norm(points[:k] - p, axis=1) < 1e-9).any()]
+    return points[keep], spacing
+
+
+def _project(points: Floats, ends: Floats) -> tuple[Floats, Floats]:
+    """Return the nearest places (n, 3) on lines with ends (n_lines, 2, 3), and the distances (n,)."""
+    a, t = ends[:, 0], ends[:, 1] - ends[:, 0]
+    xi = np.clip(np.einsum("nlj,lj->nl", points[:, None] - a, t) / np.einsum("lj,lj->l", t, t), 0.0, 1.0)
+    places = a + xi[:, :, None] * t
+    away = np.linalg.norm(places - points[:, None], axis=2)
+    near = np.argmin(away, axis=1)
+    rows = np.arange(len(points))
+    return places[rows, near], away[rows, near]
+
+
+def _on_members(
+    scaled: Floats, ends: Floats, tolerance: float, scale: float, R: Floats, t: Floats
+) -> GeometryMatch:
+    """Return a placement, with pairs of test points and themselves."""
+    placed = scaled @ R.T + t
+    _, distance = _project(placed, ends)
+    near = np.flatnonzero(distance <= tolerance)
+    left = np.flatnonzero(distance > tolerance)
+    return GeometryMatch(
+        np.column_stack([near, near]), distance[near], scale, R, t, tuple(left.tolist()), placed
+    )
+
+
+def _polished(
+    scaled: Floats, ends: Floats, starts: list[GeometryMatch], tolerance: float
+) -> list[GeometryMatch]:
+    """Move placements until points are nearest to the lines; the same ones that come out count once."""
+    out: list[GeometryMatch] = []
+    for start in starts:
+        R, t = start.R, start.translation
+        placed = scaled @ R.T + t
+        kept = np.ones(len(scaled), dtype=bool)
+        for _ in range(100):
+            places, distance = _project(placed, ends)
+            median = float(np.median(distance))
+            kept = distance <= max(tolerance, 3 * median)
+            if kept.sum() < 3:
+                break
+            R, t = align_points(scaled[kept], places[kept])
+            moved = scaled @ R.T + t
+            done = float(np.abs(moved - placed).max()) < 1e-4 * tolerance
+            placed = moved
+            if done:
+                break
+        found = _on_members(scaled, ends, tolerance, start.scale, R, t)
+        same = any(np.linalg.norm(found.points - other.points, axis=1).max() < tolerance for other in out)
+        if len(found.pairs) >= 3 and not same:
+            out.append(found)
+    return sorted(out, key=lambda m: (-len(m.pairs), m.rms))
 
 
 def _chosen(

@@ -29,6 +29,30 @@ _NEAR = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Scatter:
+    """Covariance of shapes: of (Re ψ_o, Im ψ_o) it is own_o + slope_o · covariance · slope_oᵀ.
+
+    Attributes
+    ----------
+    covariance : ndarray (n, n)
+        Of the unknowns besides the shapes: (ln -Re λ, Im λ / -Re λ) mode by mode, then the real and the
+        imaginary part of each participation but the largest of its mode.
+    rows, cols : ndarray of int (n - 2 n_modes over 2,)
+        Modes and inputs of these participations.
+    own : ndarray (n_modes, n_out, 2, 2)
+        With the other unknowns known.
+    slope : ndarray (n_modes, n_out, 2, n)
+        Derivatives by the other unknowns.
+    """
+
+    covariance: Floats
+    rows: NDArray[np.int64]
+    cols: NDArray[np.int64]
+    own: Floats
+    slope: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ModalFit:
     """Poles, participations, shapes and residuals that fit FRFs.
 
@@ -48,6 +72,8 @@ class ModalFit:
         (measured - synthesised) over the standard deviation that was assumed [-].
     covariance : ndarray (2 n_modes, 2 n_modes)
         Of (ln -Re λ, Im λ / -Re λ), mode by mode: relative to the decay [-].
+    scatter : Scatter
+        Of shapes and of all that they depend on.
     energy : ndarray (n_modes,)
         Rise of the sum of squares of ``misfit`` if the mode is left out and all the rest stays free but the
         poles [-].
@@ -65,6 +91,7 @@ class ModalFit:
     H: Complexes
     misfit: Complexes
     covariance: Floats
+    scatter: Scatter
     energy: Floats
     n_parameters: int
     converged: bool
@@ -272,17 +299,26 @@ def _summed(G: Floats, X: Floats, Y: Floats, mode: NDArray[np.int64]) -> Floats:
 
 
 def _covariance(
-    data: FitData, now: _Linear, poles: Complexes, L: Complexes, pivot: NDArray[np.int64], misfit: Complexes
-) -> Floats:
-    """Return (JᵀJ)⁻¹ JᵀVJ (JᵀJ)⁻¹ with V the mean square that ``misfit`` has in each FRF.
+    data: FitData,
+    now: _Linear,
+    poles: Complexes,
+    L: Complexes,
+    pivot: NDArray[np.int64],
+    misfit: Complexes,
+    inverse: Floats,
+) -> Scatter:
+    """Return (JᵀJ)⁻¹ JᵀVJ (JᵀJ)⁻¹ with V the mean square that ``misfit`` has in each FRF, and the shapes'.
 
-    The weights may suit an FRF better or worse: its noise is what it is.
+    The weights may suit an FRF better or worse: its noise is what it is. Shapes follow the other unknowns by
+    dx = -B⁺ dB x (Kaufman), and have (BᵀB)⁻¹ = ``inverse`` · ``inverse``ᵀ of their own.
     """
-    n, (n_freq, n_in) = poles.size, data.spread.shape
+    n, (n_freq, n_in), n_out = poles.size, data.spread.shape, misfit.shape[1]
+    rows, cols = _free(L.shape, pivot)
     if not n:
-        return np.zeros((0, 0))
+        return Scatter(np.zeros((0, 0)), rows, cols, np.zeros((0, n_out, 2, 2)), np.zeros((0, n_out, 2, 0)))
     columns, mode = _derivatives(data, now, poles, L, pivot)
-    rest = (columns - now.Q @ (now.Q.T @ columns)).reshape(2, n_in, n_freq, -1)
+    inside = now.Q.T @ columns
+    rest = (columns - now.Q @ inside).reshape(2, n_in, n_freq, -1)
     X = now.shapes(n)
     freedom = 1 - min((n + n_in) / n_in, 0.5 * n_freq) / n_freq
     power = (np.abs(misfit) ** 2).mean(axis=0) / (2 * freedom)
@@ -295,8 +331,15 @@ def _covariance(
     size = np.sqrt(np.maximum(J2.diagonal(), 1e-300))
     values, vectors = np.linalg.eigh(J2 / np.outer(size, size))
     # what the data do not tell at all gets a large variance, not none
-    inverse = (vectors / np.maximum(values, 1e-13)) @ vectors.T / np.outer(size, size)
-    return (inverse @ V @ inverse)[: 2 * n, : 2 * n]
+    unsure = (vectors / np.maximum(values, 1e-13)) @ vectors.T / np.outer(size, size)
+    shapes = inverse[: 2 * n].reshape(n, 2, -1)
+    own = (
+        np.einsum("rak,rbk->rab", shapes, shapes)[:, None]
+        * (data.scale**2 * power.mean(axis=1))[:, None, None]
+    )
+    turned = (shapes.reshape(2 * n, -1) @ inside).reshape(n, 2, mode.size, 2)
+    slope = -np.einsum("raib,ibo,o->roai", turned, X[mode], data.scale, optimize=True)
+    return Scatter(unsure @ V @ unsure, rows, cols, own, slope)
 
 
 def _fit(
@@ -316,7 +359,9 @@ def _fit(
     upper = static[-1] if data.upper else zero
     misfit = data.values(now.rest)
     inverse = sla.solve_triangular(now.R, np.eye(len(now.R))) if _regular(now.R) else np.linalg.pinv(now.R)
-    rows = (inverse / now.norms[:, None])[: 2 * n].reshape(n, 2, len(now.R))
+    inverse = inverse / now.norms[:, None]
+    rows = inverse[: 2 * n].reshape(n, 2, len(now.R))
+    scatter = _covariance(data, now, poles, L, pivot, misfit, inverse)
     block = rows @ rows.transpose(0, 2, 1)
     X = now.shapes(n)
     energy = np.einsum("rao,rao->r", X, np.linalg.solve(block, X)) if n else np.zeros(0)
@@ -328,7 +373,8 @@ def _fit(
         upper,
         data.frf.H - misfit * data.spread[:, None, :] * data.scale[:, None],
         misfit,
-        _covariance(data, now, poles, L, pivot, misfit),
+        scatter.covariance[: 2 * n, : 2 * n],
+        scatter,
         energy,
         2 * (x.shape[1] + n_in),
         converged,

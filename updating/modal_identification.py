@@ -102,6 +102,8 @@ class IdentifiedModes:
         Of the scale of ``modes.shapes``.
     frequency_std, zeta_std : ndarray (n_modes,)
         Standard deviations [Hz, -].
+    shape_std : ndarray (n_out, n_modes)
+        Standard deviations of ``modes.shapes`` [as they].
     covariance : ndarray (2 n_modes, 2 n_modes)
         Of (frequency, ratio), mode by mode.
     mpc, mpd, mcf : ndarray (n_modes,)
@@ -132,6 +134,7 @@ class IdentifiedModes:
     complex_shapes: Complexes
     frequency_std: Floats
     zeta_std: Floats
+    shape_std: Floats
     covariance: Floats
     mpc: Floats
     mpd: Floats
@@ -647,6 +650,7 @@ def _result(
         phi,
         deviation[:, 0],
         deviation[:, 1],
+        _shape_deviation(fit, rising, points) * noise[::2],
         covariance,
         modal_phase_collinearity(phi),
         mean_phase_deviation(phi),
@@ -679,11 +683,7 @@ def _scaled(
             else np.ones(psi.shape[1])
         )
         return psi * s, L / s[:, None]
-    out, inn, sign = (np.array(p) for p in zip(*points, strict=True))
-    here, there = psi[out].T, L[:, inn] * sign
-    power = np.maximum((np.abs(here) ** 2).sum(axis=1), 1e-300)
-    square = 2j * poles.imag * (here.conj() * there).sum(axis=1) / power
-    s = np.sqrt(square)
+    s = _scale_of(poles, psi, L, points)
     phi = psi * s
     turned = np.abs(np.cos(mean_phase(phi)))
     if psi.size and (np.median(turned) < np.sqrt(0.5)):
@@ -693,3 +693,55 @@ def _scaled(
             stacklevel=4,
         )
     return phi, L / s[:, None]
+
+
+def _scale_of(
+    poles: Complexes, psi: Complexes, L: Complexes, points: tuple[tuple[int, int, int], ...]
+) -> Complexes:
+    """Return s with s² ψ_d = 2i Im λ L_d at driving points d, in least squares."""
+    out, inn, sign = (np.array(p) for p in zip(*points, strict=True))
+    here, there = psi[out].T, L[:, inn] * sign
+    power = np.maximum((np.abs(here) ** 2).sum(axis=1), 1e-300)
+    return np.sqrt(2j * poles.imag * (here.conj() * there).sum(axis=1) / power)
+
+
+def _shape_deviation(
+    fit: ModalFit, order: NDArray[np.int64], points: tuple[tuple[int, int, int], ...]
+) -> Floats:
+    """Return standard deviations of the real, scaled shapes, (n_out, n_modes), the modes in an order.
+
+    Linearised: differences of the scaled shape by each unknown of the mode, scale and mean phase included.
+    """
+    n_out, scatter = len(fit.shapes), fit.scatter
+    out = np.zeros((n_out, order.size))
+    for column, r in enumerate(order.tolist()):
+        own = np.flatnonzero(scatter.rows == r)
+        n_other = 2 + 2 * own.size
+        m = n_other + 2 * n_out
+        size = float(np.abs(fit.shapes[:, r]).max()) or 1.0
+        step = np.full(m, 1e-6)
+        step[n_other:] *= size
+        poles = np.full(m + 1, fit.poles[r])
+        psi, L = (np.tile(x, (m + 1, 1)).astype(complex) for x in (fit.shapes[:, r], fit.participation[r]))
+        decay = -fit.poles[r].real
+        poles[1] = -decay * np.exp(step[0]) + 1j * fit.poles[r].imag
+        poles[2] += 1j * decay * step[1]
+        for k, i in enumerate(own):
+            for part, unit in enumerate((1.0, 1j)):
+                row = 3 + 2 * k + part
+                L[row, scatter.cols[i]] += unit * step[row - 1]
+        outputs = np.arange(n_out)
+        psi[n_other + 1 + 2 * outputs, outputs] += step[n_other]
+        psi[n_other + 2 + 2 * outputs, outputs] += 1j * step[n_other]
+        largest = np.argmax(np.abs(fit.shapes[:, r]))
+        s = _scale_of(poles, psi.T, L, points) if points else 1 / psi[:, largest]
+        real = real_shapes(psi.T * s)
+        real = real * np.sign((real * real[:, :1]).sum(axis=0))  # the sign of a shape is arbitrary
+        J = (real[:, 1:] - real[:, :1]) / step
+        among = np.concatenate([[2 * r, 2 * r + 1], *((a, a + 1) for a in 2 * len(fit.poles) + 2 * own)])
+        by_shape = J[:, n_other:].reshape(n_out, n_out, 2)
+        F = np.einsum("pob,obi->pi", by_shape, scatter.slope[r])
+        F[:, among.astype(np.int64)] += J[:, :n_other]
+        variance = np.einsum("pob,obc,poc->p", by_shape, scatter.own[r], by_shape, optimize=True)
+        out[:, column] = np.sqrt(variance + np.einsum("pi,ij,pj->p", F, scatter.covariance, F, optimize=True))
+    return out

@@ -63,6 +63,9 @@ DETERMINED = 0.5
 SAID = 0.9
 """Of parameters whose standard deviation stays above this part of the prior's the data say nothing [-]."""
 
+AGAINST = 4.0
+"""Parameters that end farther from their prior than this, in its standard deviations, are named [-]."""
+
 _ROBUST = 0.5
 """Residual of an FRF at which the loss turns from quadratic to linear [nepers]."""
 
@@ -1043,7 +1046,22 @@ def _messages(
     at = [p.name for p in done if p.at_bound]
     if at:
         out.append(f"at a bound: {', '.join(at)}; the model may lack what they stand in for")
-    loose = [p.name for p, f in zip(done, frozen, strict=True) if not p.determined and not f]
+    away = [
+        (p.name, abs(u.x_of(p.value) - u.mean) / u.std)
+        for p, u in zip(done, problem.unknowns, strict=False)
+        if u.refs and np.isfinite(u.std)
+    ]
+    far = ", ".join(f"{name} by {z:.0f}" for name, z in away if z > AGAINST)
+    if far:
+        out.append(
+            f"against their priors, in standard deviations: {far}; wrong priors pull all that is correlated "
+            "with them: widen them, or look for what the model lacks"
+        )
+    loose = [
+        p.name
+        for p, f in zip(done, frozen, strict=True)
+        if not p.determined and not f and dict(away).get(p.name, 0.0) <= AGAINST
+    ]
     if loose:
         out.append(f"the data do not determine {', '.join(loose)}: the values are those of start or prior")
     pairs_of = [

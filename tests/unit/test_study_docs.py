@@ -11,8 +11,8 @@ from study import StudyError, load_study
 
 TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "damping", "uncertain",
-    "candidates", "fit", "frequency", "[supports]", "[joints]", "[masses]", "[sensors]", "[excitations]",
-    "[measurements]",
+    "candidates", "fit", "frequency", "modes", "update", "[supports]", "[joints]", "[masses]",
+    "[update.parameters]", "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip
 
 
@@ -41,6 +41,7 @@ def test_every_key_that_is_taken_is_documented(root, tmp_path, table):
         "[masses]": 'point = "tip"\nmass = 1',
         "[sensors]": 'name = "a"\npoint = "tip"\ndirection = "x"',
         "[excitations]": 'name = "a"\npoint = "tip"\ndirection = "x"',
+        "[update.parameters]": 'effect = "frame"\nparameter = "E:steel"',
         "[measurements]": f'file = "{(root / "examples" / "cross-beam" / "frf.uff").as_posix()}"',
     }.get(table, "")
     header = f"[{table}]"

@@ -1,0 +1,231 @@
+"""Measured modes of a study, and what ``dovetail update`` is told: ``[modes]`` and ``[update]``."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fem.io import UFF_SUFFIXES, read_modes, read_uff
+from fem.model import Model
+from fem.modes import Modes
+from study.sensors import Channel, Nodes
+from study.table import Table, suggest
+from updating.measurement import Sensor
+from updating.unknowns import Unknown, scaled_unknowns
+from updating.update import Settings
+
+TARGETS: tuple[str, ...] = ("frf", "modes", "frequencies")
+"""What a model may be updated to: FRFs, natural frequencies with shapes, natural frequencies alone."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredModes:
+    """Natural frequencies, and shapes where there are any, at sensors of the study.
+
+    Attributes
+    ----------
+    modes : Modes
+        Rows of the shapes by the names of the sensors; no rows where frequencies alone are known.
+    sensors : tuple of Sensor
+    frequency_std : ndarray (n_modes,)
+        Relative standard deviations of the frequencies [-].
+    shape_std : ndarray (n_modes,)
+        Standard deviations of a component, relative to the root mean square of the shape [-].
+    name : str
+        Where they come from.
+    """
+
+    modes: Modes
+    sensors: tuple[Sensor, ...]
+    frequency_std: np.ndarray
+    shape_std: np.ndarray
+    name: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UpdatePlan:
+    """What to update, and to what.
+
+    Attributes
+    ----------
+    to : tuple of str
+        Some of ``TARGETS``; empty for what the study has.
+    unknowns : tuple of Unknown
+    model_error, amplitude_error : float
+        What even the right parameters miss, relative [-].
+    damping : bool
+        Whether damping ratios are updated to FRFs.
+    settings : Settings
+    """
+
+    to: tuple[str, ...] = ()
+    unknowns: tuple[Unknown, ...] = ()
+    model_error: float = 1e-3
+    amplitude_error: float = 0.01
+    damping: bool = True
+    settings: Settings = Settings()  # noqa: RUF009 - frozen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawModes:
+    """Modes as their file has them, with the coordinates of its nodes [m]."""
+
+    table: Table
+    modes: Modes
+    nodes: Nodes
+    name: str
+
+
+def read_raw_modes(top: Table, folder: Path) -> RawModes | None:
+    """Read ``[modes]``: the modes of a file, or frequencies alone."""
+    t = top.table("modes")
+    stds = [t.number(key, None, above=0) for key in ("frequency_std", "shape_std")]
+    frequency = t.vector("frequency", None, None, "Hz")
+    file = t.text("file", None)
+    t.finish()
+    if not t.values:
+        return None
+    if (file is None) == (frequency is None):
+        t.refuse("", "give either file, with frequencies and shapes, or frequency, a list [Hz]")
+    if frequency is not None:
+        if not frequency.size or (frequency <= 0).any():
+            t.refuse("frequency", f"{frequency.tolist()} is not allowed; positive numbers [Hz] are needed")
+        if stds[1] is not None:
+            t.refuse("shape_std", "there are no shapes beside frequency; give file")
+        f = np.sort(frequency)
+        return RawModes(t, Modes(f, np.zeros((0, f.size))), {}, "frequencies of the study")
+    path = folder / file
+    if not path.is_file():
+        t.refuse("file", f"there is no file '{path}'")
+    nodes: dict[int, np.ndarray] = {}
+    with t.at("file"):
+        modes = read_modes(path)
+        if path.suffix.lower() in UFF_SUFFIXES:
+            points = read_uff(path).points
+            if points is not None:
+                nodes = {int(k): xyz for k, xyz in zip(points.labels, points.coordinates, strict=True)}
+    if not modes.labels:
+        t.refuse("file", "its shapes have no labels, so that nothing says which row is which sensor")
+    return RawModes(t, modes, nodes, Path(file).name)
+
+
+def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
+    """Return measured modes at the sensors whose channels they have.
+
+    Raises
+    ------
+    StudyError
+        If shapes belong to no sensor, or to one alone.
+    """
+    if raw is None:
+        return None
+    t, modes = raw.table, raw.modes
+    elastic = modes.frequency > 0
+    modes = Modes(
+        modes.frequency[elastic], modes.shapes[:, elastic],
+        None if modes.zeta is None else modes.zeta[elastic], modes.labels,
+    )  # fmt: skip
+    n = modes.n_modes
+    f_std, s_std = (
+        np.full(n, t.number(key, default)) for key, default in (("frequency_std", 1e-3), ("shape_std", 0.03))
+    )
+    if not modes.labels:
+        return MeasuredModes(modes, (), f_std, s_std, raw.name)
+    if not n:
+        t.refuse("file", "it has no mode above 0 Hz")
+    found = [(c.sensor, got) for c in sensors if (got := c.find(modes.labels)) is not None]
+    if len(found) < 2:
+        t.refuse(
+            "file",
+            f"its shapes' rows ({', '.join(modes.labels[:8])}{' …' if len(modes.labels) > 8 else ''}) belong "
+            f"to {len(found)} sensor(s) of the study; two or more are needed: give sensors a label or a node",
+        )
+    used = {label for _, (label, _) in found}
+    rest = [x for x in modes.labels if x not in used]
+    if rest:
+        notes.append(
+            f"{raw.name}: the rows {', '.join(rest[:8])}{' …' if len(rest) > 8 else ''} of the shapes belong "
+            "to no sensor and are not used"
+        )
+    rows = [modes.labels.index(label) for _, (label, _) in found]
+    signs = np.array([sign for _, (_, sign) in found])
+    at = tuple(sensor for sensor, _ in found)
+    shapes = modes.shapes[rows] * signs[:, None]
+    names = tuple(s.name for s in at)
+    return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name)
+
+
+def read_plan(top: Table, model: Model, has: Mapping[str, bool], default: Sequence[Unknown]) -> UpdatePlan:
+    """Read ``[update]``.
+
+    Parameters
+    ----------
+    top : Table
+    model : Model
+    has : mapping of str to bool
+        Which of ``TARGETS`` the study has data for.
+    default : sequence of Unknown
+        What is updated unless the study says it.
+    """
+    t = top.table("update")
+    to = t.texts("to", ())
+    for word in to:
+        if word not in TARGETS:
+            t.refuse("to", f"'{word}' is not allowed; {suggest(word, TARGETS)}")
+        if not has[word]:
+            need = (
+                "[[measurements]]" if word == "frf" else "[modes] or [[measurements]] to identify them from"
+            )
+            t.refuse("to", f"the study has no data for '{word}'; it needs {need}")
+    if "modes" in to and "frequencies" in to:
+        t.refuse("to", "'modes' holds the frequencies; leave 'frequencies' out")
+    errors = [t.number("model_error", 1e-3, least=0), t.number("amplitude_error", 0.01, least=0)]
+    damping = t.flag("damping", True)
+    with t.at():
+        settings = Settings(
+            n_starts=t.whole("starts", 1),
+            select=t.text("select", "", ("pivoting", "forward")),
+            regularisation=t.text("regularisation", "", ("tikhonov",)),
+            n_samples=t.whole("samples", 0, least=0),
+        )
+    unknowns: list[Unknown] = []
+    seen: dict[tuple[str, str], int] = {}
+    for k, one in enumerate(t.tables("parameters")):
+        unknown = _unknown(one, model)
+        for ref in unknown.refs:
+            if ref in seen:
+                one.refuse(
+                    "parameter", f"'{ref[1]}' of '{ref[0]}' is updated by parameter {seen[ref]} already"
+                )
+            seen[ref] = k + 1
+        unknowns.append(unknown)
+    t.finish()
+    return UpdatePlan(tuple(to), tuple(unknowns) or tuple(default), errors[0], errors[1], damping, settings)
+
+
+def _unknown(t: Table, model: Model) -> Unknown:
+    """Read one of ``[[update.parameters]]``."""
+    names = [e.name for e in model.effects if e.parameters()]
+    effect = t.text("effect")
+    if effect not in names:
+        t.refuse("effect", f"there is no effect '{effect}' with parameters; {suggest(effect, names)}")
+    known = [p.name for p in model.effect(effect).parameters()]
+    words = t.get("parameter")
+    words = [words] if isinstance(words, str) else words
+    if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
+        t.refuse("parameter", "a parameter's name, or a list of names that move together, is needed")
+    for word in words:
+        if word not in known:
+            t.refuse("parameter", f"'{effect}' has no parameter '{word}'; {suggest(word, known)}")
+    std, mean, start, lower, upper = (
+        t.number(key, None) for key in ("std", "mean", "start", "lower", "upper")
+    )
+    refs = tuple((effect, w) for w in words)
+    unknown = Unknown(
+        refs, std=std, mean=mean, start=start, lower=lower, upper=upper, name=t.text("name", "")
+    )
+    t.finish()
+    with t.at("parameter"):
+        scaled_unknowns(model, [unknown])
+    return unknown

@@ -1,0 +1,266 @@
+"""The commands that identify modes, match geometry and update, as a user calls them."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from fem.frf import FRF, compute_frf
+from fem.io import read_npz_modes, read_uff, write_npz, write_uff
+from fem.modes import Modes, solve_modes
+from fem.system import assemble
+from study import load_study
+from study.cli import main
+from study.measured import sensor_rows
+
+pytestmark = pytest.mark.usefixtures("offscreen")
+
+TEXT = """
+[study]
+name = "bracket"
+
+[points]
+root = [0.0, 0.0, 0.0]
+corner = [0.0, 0.0, 0.6]
+tip = [0.4, 0.0, 0.6]
+
+[members.post]
+from = "root"
+to = "corner"
+
+[members.arm]
+from = "corner"
+to = "tip"
+
+[materials.steel] # as ordered
+E = 200e9 # Pa
+rho = 7850.0
+
+[sections.flat]
+shape = "rectangle"
+b = 0.03
+h = 0.012
+
+[defaults]
+orientation = "y"
+
+[[supports]]
+point = "root"
+
+[[masses]]
+point = "tip"
+mass = 0.2
+
+[damping]
+modal = 0.008
+
+[[sensors]]
+point = "tip"
+directions = "xyz"
+
+[[sensors]]
+points = [{ member = "post", position = 0.3 }]
+names = ["middle"]
+directions = "xy"
+
+[[excitations]]
+sensor = "tipz"
+
+[[excitations]]
+sensor = "tipy"
+
+[uncertain]
+E = 0.1
+rho = 0
+"""
+
+MEASURED = '\n[[measurements]]\nfile = "frf.npz"\n'
+TRUTH = {("frame", "E:steel"): 210e9}
+
+
+@pytest.fixture(scope="module")
+def bracket(tmp_path_factory):
+    """Return a study whose modulus is 5 % too low, and the folder with its FRFs in noise of 1 %."""
+    folder = tmp_path_factory.mktemp("bracket")
+    path = folder / "study.toml"
+    path.write_text(TEXT + "\n[frequency]\nstop = 400.0\n", encoding="utf-8")
+    study = load_study(path)
+    real = study.model.with_values(TRUTH)
+    lines = np.arange(2.0, 400.0, 0.5)
+    rows = [sensor_rows(real, part) for part in (study.sensors, study.excitations)]
+    H = compute_frf(assemble(real), lines, *rows, "accelerance").H
+    noise = np.random.default_rng(2).standard_normal((2, *H.shape))
+    H = H * (1 + 0.01 * (noise[0] + 1j * noise[1]) / np.sqrt(2))
+    names = [[s.name for s in part] for part in (study.sensors, study.excitations)]
+    write_npz(folder / "frf.npz", FRF.from_arrays(lines, H, "accelerance", *names))
+    path.write_text(TEXT + MEASURED, encoding="utf-8")
+    exact = solve_modes(assemble(real), max_frequency=390.0)
+    rows = sensor_rows(real, study.sensors)
+    write_npz(folder / "modes.npz", Modes(exact.frequency, rows @ exact.shapes, None, tuple(names[0])))
+    return path, exact.frequency
+
+
+def test_modes_are_identified_drawn_and_written(bracket, tmp_path, capsys):
+    path, exact = bracket
+    out, uff = tmp_path / "modes.npz", tmp_path / "modes.uff"
+    words = ["identify-modes", str(path), "--out", str(out), "--picture", str(tmp_path / "s.png")]
+    assert main([*words, "--json", str(tmp_path / "m.json")]) == 0
+    text = capsys.readouterr().out
+    assert "damping ratio [%]" in text
+    found = read_npz_modes(out)
+    assert found.labels[:3] == ("tipx", "tipy", "tipz")
+    assert found.frequency == pytest.approx(exact, rel=1e-3)
+    data = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    score = [
+        (m["frequency_Hz"] - f) / m["frequency_std_Hz"] for m, f in zip(data["modes"], exact, strict=True)
+    ]
+    assert np.abs(score).max() < 4.5
+    assert (tmp_path / "s.png").read_bytes()[:4] == b"\x89PNG"
+    assert main(["identify-modes", str(path), "--quiet", "--out", str(uff)]) == 0
+    shapes = read_uff(uff).modes[0]
+    assert shapes.frequency == pytest.approx(found.frequency, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("more", "to"),
+    [
+        ("", "frf"),
+        ('\n[modes]\nfile = "modes.npz"\nfrequency_std = 1e-4\n', "modes"),
+        ('\n[update]\nto = ["frequencies"]\nmodel_error = 1e-4\n', "frequencies"),
+        ('\n[update]\nto = ["frf", "modes"]\n', "frf and modes"),
+    ],
+)
+def test_a_modulus_comes_back_and_is_written(bracket, tmp_path, capsys, more, to):
+    path, _ = bracket
+    study = path.with_name(f"{tmp_path.name}.toml")
+    study.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
+    out = tmp_path / "updated"
+    assert main(["update", str(study), "--out", str(out)]) == 0
+    assert f"updated to {to}; converged" in capsys.readouterr().out
+    data = json.loads((out / "update.json").read_text(encoding="utf-8"))
+    (E, *_) = data["parameters"]
+    low, high = E["interval_95"]
+    assert low < 210e9 < high
+    assert E["std"] < 0.004 * 210e9  # the model's own error of 0.1 % in frequency is 0.2 % in E
+    text = (out / "study.toml").read_text(encoding="utf-8")
+    assert "[materials.steel] # as ordered" in text
+    new = load_study(out / "study.toml")
+    assert new.model.values()["frame", "E:steel"] == pytest.approx(E["value"], rel=1e-9)
+    assert len(new.measurements) == 1  # its files are found from there
+    if "frf" in to:
+        assert new.model.damping.ratio == pytest.approx(
+            [p["value"] for p in data["parameters"][1:]], rel=1e-6
+        )
+    html = (out / "report.html").read_text(encoding="utf-8")
+    assert all(word in html for word in ("frame E:steel", "95 % interval", "most correlated with"))
+    assert {p.name for p in (out / "pictures").iterdir()} >= {"convergence.png", "parameters.png"}
+
+
+def test_bounds_and_groups_and_values_without_a_place(bracket, tmp_path, capsys):
+    path, _ = bracket
+    more = """
+[update]
+to = ["frequencies"]
+
+[[update.parameters]]
+effect = "frame"
+parameter = "E:steel"
+upper = 205e9
+
+[[update.parameters]]
+name = "body"
+effect = "mass at tip"
+parameter = "mass"
+std = 0.02
+"""
+    study = path.with_name("bounds.toml")
+    study.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
+    out = tmp_path / "u"
+    assert main(["update", str(study), "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "at a bound: frame E:steel" in text
+    values = tomllib.loads((out / "study.toml").read_text(encoding="utf-8"))
+    assert values["materials"]["steel"]["E"] == 205e9
+    assert values["masses"][0]["mass"] == pytest.approx(0.2 / 210 * 205, rel=0.05)  # it has to be lighter
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("[modes]\nfrequency = [10.0, -3.0]", "modes.frequency: [10.0, -3.0] is not allowed"),
+        ("[modes]\nfrequency_std = 0.1", "give either file"),
+        ('[modes]\nfile = "none.npz"', "there is no file"),
+        ("[modes]\nfrequency = [10.0]\nshape_std = 0.1", "there are no shapes"),
+        ('[update]\nto = "shapes"', "'shapes' is not allowed"),
+        ('[update]\nto = ["modes", "frequencies"]', "leave 'frequencies' out"),
+        ('[[update.parameters]]\neffect = "frme"\nparameter = "E:steel"', "did you mean 'frame'?"),
+        ('[[update.parameters]]\neffect = "frame"\nparameter = "E"', "'frame' has no parameter 'E'"),
+        ('[[update.parameters]]\neffect = "frame"\nparameter = "E:steel"\nlower = 3e11', "must lie between"),
+        (
+            '[[update.parameters]]\neffect = "frame"\nparameter = "E:steel"\n' * 2,
+            "is updated by parameter 1 already",
+        ),
+        ("[update]\nstart = 2", "unknown key; did you mean 'starts'?"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(bracket, capsys, more, words):
+    path, _ = bracket
+    study = path.with_name("wrong.toml")
+    study.write_text(path.read_text(encoding="utf-8") + "\n" + more, encoding="utf-8")
+    assert main(["modes", str(study)]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_without_data_or_unknowns(bracket, tmp_path, capsys):
+    path, _ = bracket
+    bare = tmp_path / "bare.toml"
+    bare.write_text(path.read_text(encoding="utf-8").replace(MEASURED, ""), encoding="utf-8")
+    assert main(["update", str(bare), "--out", str(tmp_path / "o")]) == 2
+    assert "there is nothing to update to" in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+    sure = path.with_name("sure.toml")
+    sure.write_text(path.read_text(encoding="utf-8").replace("E = 0.1", "E = 0"), encoding="utf-8")
+    assert main(["update", str(sure), "--out", str(tmp_path / "o")]) == 2
+    assert "nothing is uncertain" in capsys.readouterr().err
+
+
+def test_geometry_in_other_axes_is_matched_and_drawn(bracket, tmp_path, capsys):
+    path, _ = bracket
+    turn = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]])
+    places = np.array([[0, 0, 0.1], [0, 0, 0.33], [0, 0, 0.6], [0.15, 0, 0.6], [0.4, 0, 0.6]])
+    table, picture = tmp_path / "test.csv", tmp_path / "match.png"
+    rows = "".join(f"A{k},{x!r},{y!r},{z!r}\n" for k, (x, y, z) in enumerate((places @ turn + 2.0).tolist()))
+    table.write_text("name,x,y,z\n" + rows, encoding="utf-8")
+    words = ["match", str(path), str(table), "--tolerance", "0.005"]
+    assert main([*words, "--picture", str(picture), "--json", str(tmp_path / "m.json")]) == 0
+    assert "5 of 5 points matched" in capsys.readouterr().out
+    data = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    found = np.array([p["point_m"] for p in data["points"]])
+    np.testing.assert_allclose(found, places, atol=1e-5)
+    assert data["points"][1]["member"] == "post"
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    table.write_text("A,1,2\n", encoding="utf-8")
+    assert main(words) == 2
+    assert "three coordinates are needed" in capsys.readouterr().err
+
+
+def test_modes_of_a_universal_file_belong_to_nodes(bracket, tmp_path):
+    """Shapes by node and direction; a sensor that reads the other way has its rows turned round."""
+    path, exact = bracket
+    study = load_study(path)
+    mesh = study.model.mesh
+    labels = ("1X+", "1Y+", "1Z-")
+    shapes = np.arange(1.0, 1 + 3 * len(exact)).reshape(3, -1)
+    tip = path.with_name("tip.toml")
+    text = path.read_text(encoding="utf-8").replace(MEASURED, "")
+    tip.write_text(
+        text.replace('point = "tip"\ndirections = "xyz"', 'point = "tip"\nnode = 1\ndirections = "xyz"')
+        + '\n[modes]\nfile = "m.unv"\n',
+        encoding="utf-8",
+    )
+    write_uff(path.with_name("m.unv"), modes=Modes(exact, shapes, None, labels), mesh=mesh)
+    found = load_study(tip).modes
+    assert found is not None
+    assert found.modes.labels == ("tipx", "tipy", "tipz")
+    np.testing.assert_allclose(found.modes.shapes, shapes * [[1], [1], [-1]], rtol=1e-5)
