@@ -1,7 +1,8 @@
 """How a stiffness depends on frequency: viscoelastic laws, and tables.
 
 Each gives storage and loss of (storage + i loss) K as real functions of ω and of its parameters, so that
-derivatives by complex steps pass through both. The first three are 1 at ω = 0: K is the static stiffness.
+derivatives by complex steps pass through both. Zener's and the fractional laws are 1 at ω = 0, so that K is
+the static stiffness; a Maxwell element and a spring-pot are 0 there.
 """
 
 from dataclasses import dataclass
@@ -35,6 +36,48 @@ class Zener:
         """Return storage and loss (n,) [-]."""
         x = omega * self.tau
         return 1 + self.ratio * x**2 / (1 + x**2), self.ratio * x / (1 + x**2)
+
+
+@dataclass(frozen=True, slots=True)
+class Maxwell:
+    """A spring and a dashpot in series: iωτ / (1 + iωτ), 0 at ω = 0 and 1 at high frequency.
+
+    Beside a spring it makes :class:`Zener`.
+
+    Attributes
+    ----------
+    tau : float
+        τ, relaxation time [s].
+    """
+
+    tau: Any
+
+    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+        """Return storage and loss (n,) [-]."""
+        x = omega * self.tau
+        return x**2 / (1 + x**2), x / (1 + x**2)
+
+
+@dataclass(frozen=True, slots=True)
+class SpringPot:
+    """Between a spring (α = 0) and a dashpot (α = 1): (iωτ)^α, whose loss factor is tan(πα/2) everywhere.
+
+    Beside a spring it makes :class:`FractionalKelvinVoigt`.
+
+    Attributes
+    ----------
+    tau : float
+        τ [s].
+    alpha : float
+        α, between 0 and 1 [-].
+    """
+
+    tau: Any
+    alpha: Any
+
+    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+        """Return storage and loss (n,) [-]."""
+        return _power(omega, self.tau, self.alpha)
 
 
 @dataclass(frozen=True, slots=True)

@@ -142,6 +142,26 @@ class Constraint:
     releasable: bool = True
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Instruments:
+    """Where a test measures and excites: points of the mesh and unit directions.
+
+    Attributes
+    ----------
+    sensors : ndarray of int (n_out,)
+        Point of each response.
+    sensor_directions : ndarray (n_out, 3)
+    drivers : ndarray of int (n_in,)
+        Point of each force.
+    driver_directions : ndarray (n_in, 3)
+    """
+
+    sensors: NDArray[np.int64]
+    sensor_directions: NDArray[np.float64]
+    drivers: NDArray[np.int64]
+    driver_directions: NDArray[np.float64]
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Effect(ABC):
     """A physical effect: frozen data, named parameters, additive contributions.
@@ -153,9 +173,15 @@ class Effect(ABC):
     ----------
     name : str
         Unique within a model.
+    reciprocal : bool
+        Whether K, M, C and D are symmetric, so that forces and responses may change places.
+    amplitude_dependent : bool
+        Whether its matrices are those of one amplitude of vibration.
     """
 
     kind: ClassVar[str]
+    reciprocal: ClassVar[bool] = True
+    amplitude_dependent: ClassVar[bool] = False
     name: str
 
     @abstractmethod
@@ -206,6 +232,14 @@ class Effect(ABC):
     def propose(cls, model: "Model") -> tuple["Effect", ...]:
         """Return candidates of this kind for a model, each at a value from which an estimation may start."""
         return ()
+
+    @classmethod
+    def propose_for_test(cls, model: "Model", test: Instruments) -> tuple["Effect", ...]:
+        """Return candidates of this kind for a model and a test: those of :meth:`propose` unless it says.
+
+        Kinds that belong to the instruments (masses of sensors, stingers) are proposed here.
+        """
+        return cls.propose(model)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Return a grid of parameter values, one mapping for each point.

@@ -82,9 +82,16 @@ def assemble(model: Model) -> System:
     Raises
     ------
     ModelError
-        If a matrix is not finite, constraints leave no motion at all, or a point has neither stiffness
-        nor mass.
+        If a matrix is not finite, constraints leave no motion at all, a point has neither stiffness nor
+        mass, or an effect is not reciprocal.
     """
+    for effect in model.effects:
+        if not effect.reciprocal:
+            msg = (
+                f"'{effect.name}' is a {effect.kind}, whose matrices are not symmetric; the solvers take "
+                "symmetric ones only: leave it out"
+            )
+            raise ModelError(msg)
     full, laws = _full_matrices(model.mesh, model.n_dof, model.batches())
     for name, X in full.items():
         if not np.isfinite(X.data).all():

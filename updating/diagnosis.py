@@ -18,7 +18,7 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.faults import GAIN_LEAST, Fault, find_gain_faults, find_sign_faults
 from updating.fit import FitProblem, FitResult, prepare, sensor_vectors
-from updating.measurement import Measurement, with_sensor_masses
+from updating.measurement import Measurement, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
@@ -300,9 +300,14 @@ class _Candidate:
 
 
 def propose(
-    model: Model, kinds: Sequence[str] | None = None, exclude: Sequence[str] = ()
+    model: Model,
+    kinds: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
+    test: Measurement | None = None,
 ) -> tuple[Effect, ...]:
     """Return all candidates of some kinds (default: all that the program knows) for a model.
+
+    With a measurement there are also those of its instruments: masses of sensors, stingers.
 
     Raises
     ------
@@ -314,8 +319,11 @@ def propose(
         if kind not in known:
             msg = f"there is no candidate kind '{kind}'; allowed are {', '.join(known)}"
             raise ValueError(msg)
-    classes = effect_classes()
-    return tuple(e for kind in (kinds or known) if kind not in exclude for e in classes[kind].propose(model))
+    classes = [effect_classes()[kind] for kind in (kinds or known) if kind not in exclude]
+    if test is None:
+        return tuple(e for cls in classes for e in cls.propose(model))
+    instruments = instruments_on(model.mesh, test)
+    return tuple(e for cls in classes for e in cls.propose_for_test(model, instruments))
 
 
 def diagnose(
@@ -360,7 +368,7 @@ def diagnose(
     begun = time.perf_counter()
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
-    candidates = propose(model, kinds, exclude)
+    candidates = propose(model, kinds, exclude, measurements[0])
     problem = build_problem(
         model, measurements[0], nuisances, damping_std=damping_std, band=band, n_lines=n_lines
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fem.effects.added_mass import AddedMass
 from fem.frf import FRF
 from fem.mesh import Mesh
-from fem.model import Model
+from fem.model import Instruments, Model
 
 
 class MeasurementError(ValueError):
@@ -169,3 +169,13 @@ def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
         msg = f"sensor '{sensor.name}' is {distance:.3g} m from the nearest point of the mesh"
         raise MeasurementError(msg)
     return point
+
+
+def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
+    """Return where a measurement's sensors and excitations are, as points of a mesh."""
+
+    def places(group: tuple[Sensor, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        points = np.array([sensor_point(mesh, s) for s in group], dtype=np.int64)
+        return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
+
+    return Instruments(*places(measurement.sensors), *places(measurement.excitations))

@@ -62,6 +62,22 @@ _MARKERS = {
     "member_stiffness": ("s", style.ORANGE),
     "stiffness_loss": ("X", style.VERMILION),
     "preload": ("P", style.SKY),
+    "crack": ("X", style.ORANGE),
+    "end_release": ("d", style.ORANGE),
+    "rigid_end_zone": ("d", style.SKY),
+    "member_section": ("s", style.SKY),
+    "ground_spring": ("v", style.GREEN),
+    "foundation": ("v", style.VERMILION),
+    "foundation_dashpot": ("v", style.PURPLE),
+    "joint_mass": ("D", style.GREEN),
+    "joint_zener": ("D", style.SKY),
+    "joint_fractional": ("D", style.VERMILION),
+    "joint_offset": ("D", style.ORANGE),
+    "distributed_mass": ("8", style.GREEN),
+    "fluid_added_mass": ("8", style.SKY),
+    "sensor_mass": (".", style.GREEN),
+    "driver_mass": ("*", style.GREEN),
+    "stinger": ("*", style.PURPLE),
 }
 """Shape and colour of the marker of each kind of effect; a kind that is not here gets one of the others."""
 _OTHER_MARKERS = ("p", "*", "<", ">", "d", "8")

@@ -158,7 +158,8 @@ class _Lines:
     T: Array  # (b, 12, 12): local displacements of the flexible part's ends from global DOFs
     soft: NDArray[np.int64]  # lines whose ends slip
     slip: Array  # (n_soft, 12, 12): what the ends slip, local, from global DOFs; taken from T
-    ends: NDArray[np.float64]  # (n_soft, 12): stiffness of what slips
+    ends: NDArray[np.float64]  # (n_soft, 12): stiffness of what slips, 0 where nothing does
+    held: NDArray[np.bool_]  # (n_soft, 12): what does not slip
     R: NDArray[np.float64]  # (b, 3, 3)
     end: NDArray[np.float64]  # (b, 2, 3): from the nodes to the ends of the flexible part
     zone: NDArray[np.float64]  # (b, 2): lengths of the rigid zones
@@ -190,6 +191,36 @@ class _Lines:
         T = self.T.copy()
         T[self.soft] += self.slip
         return T
+
+
+@dataclass(frozen=True, slots=True)
+class SectionChange:
+    """Factors of sections' constants; complex ones are carried for derivatives.
+
+    Attributes
+    ----------
+    A, Iy, Iz, Ip, J : float
+        Of the area and the second moments [-].
+    shear : float
+        Of the shear flexibility 1/(k G A), beside that of A [-].
+    rotary : float
+        Of the rotary inertia of bending, beside those of Iy and Iz [-].
+    timoshenko : bool
+        Whether ``shear`` and ``rotary`` refer to what the sections have by Timoshenko's theory, also in
+        members of the Euler-Bernoulli theory.
+    """
+
+    A: Any = 1.0
+    Iy: Any = 1.0
+    Iz: Any = 1.0
+    Ip: Any = 1.0
+    J: Any = 1.0
+    shear: Any = 1.0
+    rotary: Any = 1.0
+    timoshenko: bool = False
+
+
+_NO_CHANGE = SectionChange()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -281,20 +312,31 @@ class Frame(Effect):
         """Return the local axes of each line as rows, shape (n_lines, 3, 3)."""
         return _place(_layout(self, mesh), mesh, np.arange(mesh.n_lines))[0]
 
-    def _lines(self, mesh: Mesh, rows: ArrayLike, maps: bool = True) -> _Lines:
+    def _lines(
+        self, mesh: Mesh, rows: ArrayLike, maps: bool = True, change: SectionChange = _NO_CHANGE
+    ) -> _Lines:
         """Return geometry and properties of some lines, and if asked for their maps T."""
         layout, rows = _layout(self, mesh), np.asarray(rows, dtype=np.int64)
         R, end, span, L = _place(layout, mesh, rows)
         kind = layout.kind[rows]
-        table = {key: values[kind] for key, values in layout.table.items() if key not in ("up", "angle")}
+        unused = ("up", "angle", "k_full_y", "k_full_z")
+        table = {key: values[kind] for key, values in layout.table.items() if key not in unused}
+        if change is not _NO_CHANGE:
+            table = {key: getattr(change, key, 1.0) * values for key, values in table.items()}
+            if change.timoshenko:
+                beam = 1 - table["bar"]
+                table |= {f"k{d}": layout.table[f"k_full_{d}"][kind] * beam for d in "yz"}
+                table["rotary"] = change.rotary * beam
         E, rho = (
             np.array([self.values.get(f"{key}:{m.name}", getattr(m, key)) for m in layout.materials])[kind]
             for key in ("E", "rho")
         )
 
         def shear(I: Array, k: Array) -> Array:
-            factor = 24 * (1 + table["nu"]) * I
-            return np.divide(factor, k * table["A"] * L**2, out=np.zeros_like(L), where=k > 0)
+            factor = change.shear * 24 * (1 + table["nu"]) * I
+            below = k * table["A"] * L**2
+            out = np.zeros(L.shape, dtype=np.result_type(factor, below))
+            return np.divide(factor, below, out=out, where=k > 0)
 
         T = np.zeros((len(rows), 12, 12) if maps else (len(rows), 0, 0))
         for k in range(2 if maps else 0):
@@ -305,7 +347,8 @@ class Frame(Effect):
         soft = np.flatnonzero(layout.soft[rows] >= 0) if maps else np.zeros(0, dtype=np.int64)
         stiff = _Lines(
             rows=rows, dofs=dofs_of(mesh.lines[rows]).reshape(len(rows), 12), T=T, soft=soft[:0],
-            slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)), R=R, end=end, zone=layout.zone[rows],
+            slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)),
+            held=np.zeros((0, 12), dtype=bool), R=R, end=end, zone=layout.zone[rows],
             span=span, L=L, **table, phi_y=shear(table["Iz"], table["ky"]),
             phi_z=shear(table["Iy"], table["kz"]), E=E, rho=rho,
         )  # fmt: skip
@@ -317,7 +360,7 @@ class Frame(Effect):
         slip = end_slips(K, np.where(rigid, 1.0, ends), np.where(rigid, 0.0, 1.0)) @ T[soft]
         T = T.astype(slip.dtype)
         T[soft] -= slip
-        return replace(stiff, T=T, soft=soft, slip=slip, ends=np.where(rigid, 0.0, ends))
+        return replace(stiff, T=T, soft=soft, slip=slip, ends=np.where(rigid, 0.0, ends), held=rigid)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return stiffness, mass and the materials' structural damping of all members, and pretensions."""
@@ -367,12 +410,19 @@ class Frame(Effect):
             yield self._elements(mesh, rows[i : i + _BATCH])
         yield from self._rigid_zone_masses(mesh, rows)
 
-    def contribution_of(self, model: Model, rows: ArrayLike) -> tuple[Contribution, ...]:
-        """Return stiffness, mass and structural damping of some lines of the mesh, without pretensions."""
+    def contribution_of(
+        self, model: Model, rows: ArrayLike, change: SectionChange = _NO_CHANGE
+    ) -> tuple[Contribution, ...]:
+        """Return stiffness, mass and structural damping of some lines of the mesh, without pretensions.
+
+        ``change`` gives them with other sections.
+        """
         rows = np.asarray(rows, dtype=np.int64)
-        parts = [self._elements(model.mesh, rows[i : i + _BATCH]) for i in range(0, len(rows), _BATCH)]
+        parts = [
+            self._elements(model.mesh, rows[i : i + _BATCH], change) for i in range(0, len(rows), _BATCH)
+        ]
         if len(parts) == 1:
-            return (parts[0], *self._rigid_zone_masses(model.mesh, rows))
+            return (parts[0], *self._rigid_zone_masses(model.mesh, rows, change))
         damped = any(part.D is not None for part in parts)
         D = [np.zeros_like(part.K) if part.D is None else part.D for part in parts] if damped else None
         whole = Contribution(
@@ -380,20 +430,22 @@ class Frame(Effect):
             D=None if D is None else np.concatenate(D),
             lines=rows,
         )
-        return (whole, *self._rigid_zone_masses(model.mesh, rows))
+        return (whole, *self._rigid_zone_masses(model.mesh, rows, change))
 
-    def _elements(self, mesh: Mesh, rows: NDArray[np.int64]) -> Contribution:
+    def _elements(
+        self, mesh: Mesh, rows: NDArray[np.int64], change: SectionChange = _NO_CHANGE
+    ) -> Contribution:
         """Return the elements of lines: plain ones in closed form, others by quadrature."""
         layout = _layout(self, mesh)
         plain = layout.plain[rows]
         dofs = dofs_of(mesh.lines[rows]).reshape(len(rows), 12)
         if plain.all():
-            g = self._lines(mesh, rows, maps=False)
+            g = self._lines(mesh, rows, maps=False, change=change)
             K, M = _spread(g.R, *_plain_stiffness(g)), _spread(g.R, *_plain_mass(g))
             D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
             return Contribution(dofs, K, M, None, D, lines=rows)
         if plain.any():
-            parts = [(part, self._elements(mesh, rows[part])) for part in (plain, ~plain)]
+            parts = [(part, self._elements(mesh, rows[part], change)) for part in (plain, ~plain)]
             merged: dict[str, Array | None] = {"D": None}
             for key in "KMD" if any(c.D is not None for _, c in parts) else "KM":
                 found = [(part, getattr(c, key)) for part, c in parts if getattr(c, key) is not None]
@@ -402,7 +454,7 @@ class Frame(Effect):
                     X[part] = Y
                 merged[key] = X
             return Contribution(dofs, merged["K"], merged["M"], None, merged["D"], lines=rows)
-        g = self._lines(mesh, rows)
+        g = self._lines(mesh, rows, change=change)
         K, M = _to_global(_stiffness(g), g.T), _mass(g)
         D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
         if g.soft.size:
@@ -416,13 +468,15 @@ class Frame(Effect):
             g = self._lines(mesh, rows[i : i + _BATCH])
             yield Contribution(g.dofs, g.tension[:, None, None] * _tension(g), lines=g.rows)
 
-    def _rigid_zone_masses(self, mesh: Mesh, rows: NDArray[np.int64]) -> tuple[Contribution, ...]:
+    def _rigid_zone_masses(
+        self, mesh: Mesh, rows: NDArray[np.int64], change: SectionChange = _NO_CHANGE
+    ) -> tuple[Contribution, ...]:
         layout = _layout(self, mesh)
         if not layout.zone.any():
             return ()
         dofs, masses = [], []
         for k in range(2):
-            g = self._lines(mesh, rows[layout.zone[rows, k] > 0])
+            g = self._lines(mesh, rows[layout.zone[rows, k] > 0], change=change)
             zone = g.zone[:, k]
             arm = g.end[:, k] - ((0.5 - k) * zone)[:, None] * g.R[:, 0]
             G = np.zeros((len(zone), 6, 6))
@@ -473,7 +527,17 @@ class Frame(Effect):
         factors : array_like (6,)
             Weights of the axial, shear y, shear z, torsion, bending y and bending z parts [-].
         """
-        mesh = model.mesh
+        g, lo, hi = self._stretch(model.mesh, member, start, stop)
+        K: Array = np.zeros((len(g.L), 12, 12))
+        for x, weight in zip(*_gauss(3), strict=True):
+            B = _strain(g, lo + x * (hi - lo))
+            scale = (weight * (hi - lo) * g.L)[:, None] * _rigidity(g) * np.asarray(factors)
+            K = K + np.einsum("bki,bk,bkj->bij", B, scale, B, optimize=True)
+        K = _to_global(K, g.T)
+        return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+
+    def _stretch(self, mesh: Mesh, member: str, start: Any, stop: Any) -> tuple[_Lines, Array, Array]:
+        """Return the lines of a member between two arc lengths, and where on their flexible parts it is."""
         s = mesh.member_positions(member)
         first: Any = start if np.real(start) > 0 else 0.0
         last: Any = stop if np.real(stop) < s[-1] else float(s[-1])
@@ -484,13 +548,108 @@ class Frame(Effect):
         hi = (
             np.array([(last - s[k]) if np.real(last) < s[k + 1] else h[i] for i, k in enumerate(touched)]) / h
         )
-        lo, hi = _flexible(g, lo), _flexible(g, hi)
-        K: Array = np.zeros((len(g.L), 12, 12))
-        for x, weight in zip(*_gauss(3), strict=True):
-            B = _strain(g, lo + x * (hi - lo))
-            scale = (weight * (hi - lo) * g.L)[:, None] * _rigidity(g) * np.asarray(factors)
-            K = K + np.einsum("bki,bk,bkj->bij", B, scale, B, optimize=True)
-        K = _to_global(K, g.T)
+        return g, _flexible(g, lo), _flexible(g, hi)
+
+    def mass_matrix(
+        self, model: Model, member: str, start: Any, stop: Any, weights: ArrayLike
+    ) -> Contribution:
+        """Return the mass of a layer on a member between two arc lengths, as :meth:`strain_energy_matrix`.
+
+        M = ∫ Nᵀ diag(weights) N dx over the flexible part, N the motion of the member's axis in local axes.
+
+        Parameters
+        ----------
+        model : Model
+        member : str
+        start, stop : float
+            Arc lengths [m]; cut to the member. Complex ones give derivatives (complex step).
+        weights : array_like (6,)
+            Mass and rotary inertia per length in local x y z rx ry rz [kg/m, kg·m].
+        """
+        g, lo, hi = self._stretch(model.mesh, member, start, stop)
+        M: Array = np.zeros((len(g.L), 12, 12))
+        for x, weight in zip(*_gauss(4), strict=True):
+            N = _shape(g, lo + x * (hi - lo))
+            scale = (weight * (hi - lo) * g.L)[:, None] * np.asarray(weights)
+            M = M + np.swapaxes(N, 1, 2) @ (scale[:, :, None] * N)
+        return Contribution(g.dofs, M=_to_global(M, g.T))
+
+    def cut(self, model: Model, member: str, position: Any, direction: str, compliance: Any) -> Contribution:
+        """Return what K and D lose where a member gives way at a place, in one local direction.
+
+        The two sides of the cut slip by the compliance c times the force that is passed. With m the motion
+        of the element's second end that a unit slip lets it have, and K of the element between its points,
+
+            ΔK = -c K m mᵀ K / (1 + c mᵀ K m),
+
+        which is exact: the element's flexibility grows by c times the square of the force at the cut
+        (Przemieniecki, Theory of Matrix Structural Analysis, ch. 8). At a member's end it is what a spring of
+        1/c makes. The element keeps its mass matrix.
+
+        Parameters
+        ----------
+        model : Model
+        member : str
+        position : float
+            Arc length [m]; complex for derivatives.
+        direction : str
+            x y z rx ry rz, local.
+        compliance : float
+            c [m/N or rad/(N·m)].
+        """
+        mesh = model.mesh
+        at = mesh.locate(member, float(np.real(position)))
+        g = self._lines(mesh, [at.line])
+        xi = at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0.0)
+        x = _flexible(g, np.atleast_1d(xi))[0]
+        i = DIRECTIONS.index(direction)
+        m = np.zeros(12, dtype=np.result_type(x))
+        m[6 + i] = 1.0
+        arm = (1 - x) * g.L[0]
+        if direction == "ry":
+            m[8] = -arm
+        if direction == "rz":
+            m[7] = arm
+        q = _with_ends(g, _stiffness(_unslipped(g)))[0] @ m
+        K = -compliance / (1 + compliance * (m @ q)) * np.outer(q, q)
+        K = _to_global(K[None], g.T_nodes)
+        return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+
+    def stiffened_end(
+        self, model: Model, member: str, end: int, length: Any, flexibility: float
+    ) -> Contribution:
+        """Return what K and D gain where a stretch at a member's end is stiffer.
+
+        Of the elements' flexibility F = ∫ bᵀ f b dx, b the section forces of unit forces at the second end,
+        the stretch keeps a part: exact for any length, also within an element. M stays.
+
+        Parameters
+        ----------
+        model : Model
+        member : str
+        end : int
+            1 or 2.
+        length : float
+            Of the stretch, from the member's end or its rigid zone [m]; complex for derivatives.
+        flexibility : float
+            Part of its flexibility that the stretch keeps [-].
+        """
+        whole = model.mesh.member_length(member)
+        reach = max(float(np.real(length)), 1e-9 * whole)
+        step = 1j * np.imag(length) if np.iscomplexobj(length) else 0.0
+        p = self.members[member]
+        start, stop = (
+            (p.rigid1, p.rigid1 + reach + step)
+            if end == 1
+            else (whole - p.rigid2 - reach - step, whole - p.rigid2)
+        )
+        g, lo, hi = self._stretch(model.mesh, member, start, stop)
+        lost = (1 - flexibility) * (length / (reach + step))
+        F = _flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L)))
+        before, after = (
+            _with_ends(g, _from_flexibility(g, X)) for X in (F, F - lost * _flexibility(g, lo, hi))
+        )
+        K = _to_global(after - before, g.T_nodes)
         return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
     def geometric_stiffness(self, model: Model, member: str, tension: Any) -> Contribution:
@@ -583,8 +742,9 @@ def _layout(frame: Frame, mesh: Mesh) -> _Layout:
         ends,
         plain,
     )
-    for key in ("ky", "kz"):
-        layout.table[key][layout.table["rotary"] == 0] = 0.0
+    for d in ("y", "z"):
+        layout.table[f"k_full_{d}"] = layout.table[f"k{d}"].copy()
+        layout.table[f"k{d}"][layout.table["rotary"] == 0] = 0.0
     _check_layout(layout, mesh)
     return layout
 
@@ -765,8 +925,9 @@ def _gauss(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def _some(g: _Lines, rows: NDArray[np.int64]) -> _Lines:
     """Return some of the lines, with ends that do not slip."""
-    keep = {key: getattr(g, key)[rows] for key in _Lines.__slots__ if key not in ("soft", "slip", "ends")}
-    return _Lines(**keep, soft=g.soft[:0], slip=g.slip[:0], ends=g.ends[:0])
+    skip = ("soft", "slip", "ends", "held")
+    keep = {key: getattr(g, key)[rows] for key in _Lines.__slots__ if key not in skip}
+    return _Lines(**keep, soft=g.soft[:0], slip=g.slip[:0], ends=g.ends[:0], held=g.held[:0])
 
 
 def _rigidity(g: _Lines) -> Array:
@@ -785,12 +946,50 @@ def _inertia(g: _Lines) -> Array:
 
 def _stiffness(g: _Lines) -> Array:
     """Return ∫ Bᵀ diag(EA, …) B dx of the flexible parts, local, shape (b, 12, 12)."""
-    K: Array = np.zeros((len(g.L), 12, 12))
-    scale = g.L[:, None] * _rigidity(g)
-    for xi, weight in zip(*_gauss(2), strict=True):
-        B = _strain(g, np.full(len(g.L), xi))
-        K = K + np.swapaxes(B, 1, 2) @ ((weight * scale)[:, :, None] * B)
+    return _spread(np.broadcast_to(np.eye(3), (len(g.L), 3, 3)), *_plain_stiffness(g))
+
+
+def _unslipped(g: _Lines) -> _Lines:
+    """Return the lines as if their ends did not slip."""
+    return _some(g, np.arange(len(g.L)))
+
+
+def _with_ends(g: _Lines, K: Array) -> Array:
+    """Return local stiffnesses K (b, 12, 12) with the ends' connections in series: from node to node."""
+    if not g.soft.size:
+        return K
+    rigid = g.held
+    slips = end_slips(K[g.soft], np.where(rigid, 1.0, g.ends), np.where(rigid, 0.0, 1.0))
+    K = K.copy()
+    K[g.soft] -= K[g.soft] @ slips
     return K
+
+
+def _flexibility(g: _Lines, lo: Array, hi: Array) -> Array:
+    """Return the motion of the second ends by unit forces there, from the flexibility between two places.
+
+    Local, with the first ends held; places are fractions of the flexible parts. Shape (b, 6, 6).
+    """
+    arm1, arm2 = g.L * (1 - lo), g.L * (1 - hi)
+    one, first, second = arm1 - arm2, (arm1**2 - arm2**2) / 2, (arm1**3 - arm2**3) / 3
+    F: Array = np.zeros((len(g.L), 6, 6), dtype=np.result_type(one, g.E))
+    F[:, 0, 0] = one / (g.E * g.A)
+    F[:, 3, 3] = one * 2 * (1 + g.nu) / (g.E * g.J)
+    for v, r, I, phi, sign in ((1, 5, g.Iz, g.phi_y, 1.0), (2, 4, g.Iy, g.phi_z, -1.0)):
+        EI = g.E * I
+        F[:, v, v] = (second + phi * g.L**2 / 12 * one) / EI
+        F[:, v, r] = F[:, r, v] = sign * first / EI
+        F[:, r, r] = one / EI
+    return F
+
+
+def _from_flexibility(g: _Lines, F: Array) -> Array:
+    """Return the local stiffness (b, 12, 12) of elements from the flexibility of their second ends."""
+    E = np.zeros((len(g.L), 6, 12))  # motion of the second end beside that of the first as a rigid body
+    E[:, :, 6:] = np.eye(6)
+    E[:, :, :6] = -np.eye(6)
+    E[:, 1, 5], E[:, 2, 4] = -g.L, g.L
+    return np.swapaxes(E, 1, 2) @ np.linalg.inv(F) @ E
 
 
 def _mass(g: _Lines) -> Array:
@@ -800,7 +999,7 @@ def _mass(g: _Lines) -> Array:
     M: Array = np.zeros((len(g.L), 12, 12), dtype=np.result_type(scale, g.T))
     for xi, weight in zip(*_gauss(4), strict=True):
         N = _shape(g, np.full(len(g.L), xi))
-        M += np.swapaxes(N, 1, 2) @ ((weight * scale)[:, :, None] * N)
+        M = M + np.swapaxes(N, 1, 2) @ ((weight * scale)[:, :, None] * N)
     M = _to_global(M, g.T)
     if lumped.any():
         T = g.T_nodes[lumped]
@@ -961,7 +1160,7 @@ _SIGN = np.array([1.0, -1.0, 1.0, -1.0])  # θy = -dw/dx
 def _shape(g: _Lines, xi: Array) -> Array:
     vy, ry, _, _ = _plane(xi, g.L, g.phi_y)
     vz, rz, _, _ = _plane(xi, g.L, g.phi_z)
-    N = np.zeros((len(g.L), 6, 12), dtype=vy.dtype)
+    N = np.zeros((len(g.L), 6, 12), dtype=np.result_type(vy, vz))
     N[:, 0, 0] = N[:, 3, 3] = 1 - xi
     N[:, 0, 6] = N[:, 3, 9] = xi
     N[:, 1, _Y], N[:, 5, _Y] = vy, ry
@@ -985,7 +1184,7 @@ def _bar_shape(xi: Array, L: Array) -> Array:
 def _strain(g: _Lines, xi: Array) -> Array:
     _, ry, cy, sy = _plane(xi, g.L, g.phi_y)
     _, rz, cz, sz = _plane(xi, g.L, g.phi_z)
-    B = np.zeros((len(g.L), 6, 12), dtype=cy.dtype)
+    B = np.zeros((len(g.L), 6, 12), dtype=np.result_type(cy, cz))
     B[:, 0, 0] = B[:, 3, 3] = -1 / g.L
     B[:, 0, 6] = B[:, 3, 9] = 1 / g.L
     B[:, 1, _Y], B[:, 5, _Y] = sy - ry, cy

@@ -16,6 +16,11 @@ from fem.effects import candidate_kinds
 from updating import Measurement, Nuisance, Sensor, place_sensors, propose
 
 FAMILIES = ("cross", "portal", "lap")
+DRAWN = (
+    "joint_stiffness", "joint_structural_damping", "joint_viscous_damping", "member_density",
+    "member_stiffness", "point_mass", "preload", "stiffness_loss", "support_flexibility",
+)  # fmt: skip
+"""Kinds that are drawn unless one is asked for."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,7 @@ def make_case(seed, family=None, kind=None):
     model = fem.Model(mesh, tuple(effects), fem.Damping.modal(0.004))
     candidates = propose(model)
     if kind is None:
-        kind = str(rng.choice([*sorted({c.kind for c in candidates}), "nothing"]))
+        kind = str(rng.choice([*sorted({c.kind for c in candidates if c.kind in DRAWN}), "nothing"]))
     if kind not in (*candidate_kinds(), "nothing"):
         raise ValueError(kind)
     hidden = _draw(rng, [c for c in candidates if c.kind == kind], model) if kind != "nothing" else None
@@ -148,13 +153,15 @@ def _draw(rng, candidates, model):
             values[p.name] = rng.uniform(
                 p.lower + 0.05 * (p.upper - p.lower), p.upper - 0.05 * (p.upper - p.lower)
             )
-        elif p.name == "stiffness":
+        elif p.name == "stiffness" and effect.kind in DRAWN:
             soft = p.absent if np.isfinite(p.absent) else 3e4 if "r" in effect.direction else 3e7
             values[p.name] = soft * 10 ** rng.uniform(-1.8, -0.7)
         elif p.name == "damping":
             values[p.name] = effect.reference * 10 ** rng.uniform(-3.5, -2.5)
         elif p.name == "tension":
             values[p.name] = effect.buckling * rng.choice([-0.4, 1.0, 3.0])
+        elif effect.kind not in DRAWN:
+            values[p.name] = _between(rng, [s[p.name] for s in effect.starts(lambda key: 1e6)])
         else:
             reach = {
                 "mass": (0.02, 0.12),
@@ -166,3 +173,12 @@ def _draw(rng, candidates, model):
             size = rng.uniform(low, high) * getattr(effect, "scale", 1.0)
             values[p.name] = size * (rng.choice([-1, 1]) if p.name == "change" else 1)
     return effect.with_values(**values)
+
+
+def _between(rng, grid):
+    """Draw a value from the upper half of a grid's sizes, of either sign where the grid has both."""
+    values = np.array(sorted(set(grid)))
+    values = values[np.argsort(np.abs(values))]
+    low, high = np.abs(values[len(values) // 2]), np.abs(values[-2 if len(values) > 2 else -1])
+    size = float(np.exp(rng.uniform(*np.log([min(low, high), max(low, high)]))))
+    return size * float(np.sign(rng.choice(values)))

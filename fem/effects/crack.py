@@ -1,0 +1,162 @@
+"""Places where a member gives way: a crack anywhere along it, a soft connection at its end."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame, nominal
+from fem.effects.places import OnMember, bending_stiffness, frame_of, is_bar, welded_ends
+from fem.model import Contribution, Effect, Model, Parameter
+
+_WORDS = {"rx": "torsion", "ry": "bending about local y", "rz": "bending about local z"}
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Crack(OnMember):
+    """A rotational flexibility at one place of a member, for bending in one plane (:meth:`Frame.cut`).
+
+    An open crack; for one that opens and closes the response depends on amplitude. Its twin is a
+    ``stiffness_loss`` of a stretch around it, if the shortest wave is much longer than the stretch.
+
+    Attributes
+    ----------
+    member : str
+    position : float
+        Arc length from the member's first end [m].
+    compliance : float
+        [rad/(N·m)].
+    direction : str
+        ry or rz: bending about local y or z.
+    length : float
+        Length of the member [m].
+    reference : float
+        Length / (E I), which sets the scale [rad/(N·m)].
+    """
+
+    kind: ClassVar[str] = "crack"
+    position: Any
+    compliance: Any
+    direction: str
+    length: float
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Member, position and plane."""
+        return f"member {self.member} at {np.real(self.position):.3f} m, {_WORDS[self.direction]}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return compliance and position."""
+        return (
+            Parameter("compliance", "rad/(N·m)", self.compliance, 0.0, 0.0, 5 * self.reference),
+            Parameter("position", "m", self.position, self.position, 0.0, self.length),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the loss of one element's stiffness."""
+        frame = nominal(frame_of(model))
+        return (frame.cut(model, self.member, self.position, self.direction, self.compliance),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """As soft as 1 to 100 % of the member's length, at eleven places along it."""
+        return tuple(
+            {"compliance": f * self.reference, "position": float(x * self.length)}
+            for x in np.linspace(0.03, 0.97, 11)
+            for f in (0.01, 0.05, 0.2, 1.0)
+        )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Both planes of each member but bars."""
+        if not model.of_kind(Frame):
+            return ()
+        out: list[Effect] = []
+        for m in model.mesh.members:
+            for d in ("ry", "rz") if not is_bar(model, m) else ():
+                length = model.mesh.member_length(m)
+                reference = length / bending_stiffness(model, m, d)
+                out.append(
+                    cls(
+                        name=f"crack:{m}.{d}", member=m, position=length / 2, compliance=0.0, direction=d,
+                        length=length, reference=reference,
+                    )
+                )  # fmt: skip
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the place on the member."""
+        mesh = model.mesh
+        return mesh.point_at(mesh.locate(self.member, float(np.real(self.position))))[None]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class EndRelease(OnMember):
+    """A rotational flexibility where a member's end is welded to others in the model: a soft weld, a hinge.
+
+    In K the same as a spring of 1/compliance at the member's end (``spring1``, ``spring2`` in
+    :class:`~fem.effects.frame.MemberProperties`); the mass of the end's element follows the node, which errs
+    with the square of the element's size. A ``crack`` at the member's end is its twin.
+
+    Attributes
+    ----------
+    member : str
+    end : int
+        1 or 2.
+    direction : str
+        rx, ry or rz, local.
+    compliance : float
+        [rad/(N·m)].
+    reference : float
+        Length / (E I) or length / (G J), which sets the scale [rad/(N·m)].
+    """
+
+    kind: ClassVar[str] = "end_release"
+    end: int
+    direction: str
+    compliance: Any
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Member, end and plane."""
+        return f"end {self.end} of member {self.member}, {_WORDS[self.direction]}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the compliance."""
+        return (Parameter("compliance", "rad/(N·m)", self.compliance, 0.0, 0.0, 1e3 * self.reference),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the loss of the end element's stiffness."""
+        frame = nominal(frame_of(model))
+        position = 0.0 if self.end == 1 else model.mesh.member_length(self.member)
+        return (frame.cut(model, self.member, position, self.direction, self.compliance),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """As soft as 0.3 % of the member's length to nearly a hinge."""
+        return tuple(
+            {"compliance": f * self.reference} for f in (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 10.0, 100.0)
+        )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Torsion and bending at each welded end of a member that is stiff there in the model."""
+        if not model.of_kind(Frame):
+            return ()
+        out: list[Effect] = []
+        for m, end in welded_ends(model):
+            stiff = np.isinf(frame_of(model).members[m].end_stiffness[6 * end - 3 : 6 * end])
+            for d in (d for d, yes in zip(("rx", "ry", "rz"), stiff, strict=True) if yes):
+                reference = model.mesh.member_length(m) / bending_stiffness(model, m, d)
+                name = f"end_release:{m}.{end}.{d}"
+                out.append(
+                    cls(name=name, member=m, end=end, direction=d, compliance=0.0, reference=reference)
+                )
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the end."""
+        points = model.mesh.member_points(self.member)
+        return model.mesh.points[[points[0 if self.end == 1 else -1]]]

@@ -1,0 +1,157 @@
+"""Mass along a member: a cable, a coating, insulation, water."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.effects.places import OnMember, frame_of, member_mass
+from fem.model import Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class DistributedMass(OnMember):
+    """A mass per length on a stretch of a member, at its axis.
+
+    M = mass ∫ NᵀN dx over the stretch, N the translations. Short, it is a ``point_mass``; over the whole
+    member it is ``member_density``, which is proposed beside it.
+
+    Attributes
+    ----------
+    member : str
+    mass : float
+        Mass per length [kg/m].
+    position : float
+        Middle of the stretch, arc length from the member's first end [m].
+    width : float
+        Length of the stretch, which is cut to the member [m].
+    length : float
+        Length of the member [m].
+    reference : float
+        The member's own mass per length, which sets the scale [kg/m].
+    """
+
+    kind: ClassVar[str] = "distributed_mass"
+    mass: Any
+    position: Any
+    width: Any
+    length: float
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Member and position."""
+        return f"member {self.member} at {np.real(self.position):.3f} m"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return mass per length, position and width."""
+        short = 0.1 * self.length
+        return (
+            Parameter("mass", "kg/m", self.mass, 0.0, 0.0, 20 * self.reference),
+            Parameter("position", "m", self.position, self.position, short / 2, self.length - short / 2),
+            Parameter("width", "m", self.width, self.width, short, 0.8 * self.length),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the stretch's mass matrices."""
+        unit = frame_of(model).mass_matrix(
+            model,
+            self.member,
+            self.position - self.width / 2,
+            self.position + self.width / 2,
+            (1, 1, 1, 0, 0, 0),
+        )
+        assert unit.M is not None
+        return (Contribution(unit.dofs, M=self.mass * unit.M),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Give the member a tenth and four tenths of its own mass, on a quarter and on half of its length."""
+        return tuple(
+            {"mass": f * self.reference, "position": x * self.length, "width": w * self.length}
+            for w, places in ((0.25, (0.125, 0.375, 0.625, 0.875)), (0.5, (0.25, 0.75)))
+            for x in places
+            for f in (0.1, 0.4)
+        )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member."""
+        out: list[Effect] = []
+        for m in model.mesh.members if model.of_kind(Frame) else ():
+            length = model.mesh.member_length(m)
+            out.append(
+                cls(
+                    name=f"distributed_mass:{m}", member=m, mass=0.0, position=length / 2,
+                    width=length / 4, length=length, reference=member_mass(model, m) / length,
+                )
+            )  # fmt: skip
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the middle of the stretch."""
+        mesh = model.mesh
+        return mesh.point_at(mesh.locate(self.member, float(np.real(self.position))))[None]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FluidAddedMass(OnMember):
+    """A mass per length of a whole member that only motion along one of its section's axes feels.
+
+    Water around a flat section: π ρ b²/4 per length across the width b, next to nothing along it (Blevins,
+    Formulas for Natural Frequency and Mode Shape, ch. 14). Seen from one side alone, ``member_density`` is
+    its twin.
+
+    Attributes
+    ----------
+    member : str
+    direction : str
+        y or z, local.
+    mass : float
+        Mass per length [kg/m].
+    reference : float
+        The member's own mass per length, which sets the scale [kg/m].
+    """
+
+    kind: ClassVar[str] = "fluid_added_mass"
+    direction: str
+    mass: Any
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Member and direction."""
+        return f"member {self.member}, along local {self.direction}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the mass per length."""
+        return (Parameter("mass", "kg/m", self.mass, 0.0, 0.0, 50 * self.reference, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return M = mass ∫ NᵀN dx with the motion in the one direction."""
+        weights = [float(d == self.direction) for d in ("x", "y", "z", "rx", "ry", "rz")]
+        length = model.mesh.member_length(self.member)
+        unit = frame_of(model).mass_matrix(model, self.member, 0.0, length, weights)
+        assert unit.M is not None
+        return (Contribution(unit.dofs, M=self.mass * unit.M),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From 2 % to three times the member's own mass."""
+        return tuple({"mass": f * self.reference} for f in (0.02, 0.07, 0.2, 0.5, 1.0, 3.0))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Both axes of each member."""
+        return tuple(
+            cls(
+                name=f"fluid_added_mass:{m}.{d}",
+                member=m,
+                direction=d,
+                mass=0.0,
+                reference=member_mass(model, m) / model.mesh.member_length(m),
+            )
+            for m in (model.mesh.members if model.of_kind(Frame) else ())
+            for d in ("y", "z")
+        )

@@ -1,0 +1,147 @@
+"""Supports that give way and dissipate: soil, rubber mounts, bolted feet."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.joint import joint_unit
+from fem.effects.support_flexibility import SupportFlexibility
+from fem.model import DIRECTIONS, Array, Contribution, Effect, Model, Parameter, dofs_of
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Foundation(Effect):
+    supports: tuple[str, ...]
+    direction: str
+    stiffness: Any
+
+    @property
+    def where(self) -> str:
+        """Supports and direction."""
+        names = ", ".join(self.supports)
+        return f"support{'s' if len(self.supports) > 1 else ''} {names}, {self.direction}"
+
+    def _stiffness(self) -> Parameter:
+        unit = joint_unit(self.direction)
+        return Parameter("stiffness", unit, self.stiffness, np.inf, 1e-6, 1e18, log=True)
+
+    def _springs(self, model: Model) -> tuple[NDArray[np.int64], Array]:
+        points = [model.effect(name).point for name in self.supports]  # type: ignore[attr-defined]
+        dofs = dofs_of(points)[:, [DIRECTIONS.index(self.direction)]]
+        return dofs, np.full((len(points), 1, 1), self.stiffness)
+
+    def released(self) -> tuple[tuple[str, str], ...]:
+        """Return the supports' constraints in this direction."""
+        return tuple((name, self.direction) for name in self.supports)
+
+    def _grid(
+        self, scale: Callable[[tuple[str, str]], float], losses: list[dict[str, float]]
+    ) -> tuple[dict[str, float], ...]:
+        k = float(np.median([scale(key) for key in self.released()]))
+        return tuple(
+            {"stiffness": float(f * k), **loss} for f, loss in product(np.geomspace(1e-2, 1e2, 13), losses)
+        )
+
+    @classmethod
+    def _each(cls, model: Model, **values: float) -> tuple[Self, ...]:
+        return tuple(
+            cls(
+                name=e.name.replace("support_flexibility", cls.kind),
+                supports=e.supports,
+                direction=e.direction,
+                stiffness=1e6,
+                **values,
+            )
+            for e in SupportFlexibility.propose(model)
+            if isinstance(e, SupportFlexibility)
+        )
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the supports."""
+        return np.vstack([model.effect(name).locations(model) for name in self.supports])
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Foundation(_Foundation):
+    """A spring with a loss factor, k (1 + iη), in a direction in which supports are rigid in the model.
+
+    Its loss factor is at least 3 %; without any it is ``support_flexibility``, which is its twin while the
+    foundation's part of the strain energy is small.
+
+    Attributes
+    ----------
+    supports : tuple of str
+        Names of supports that hold the direction.
+    direction : str
+        One of x, y, z, rx, ry, rz.
+    stiffness : float
+        k of each; absent is infinite [N/m or N·m/rad].
+    loss_factor : float
+        η [-].
+    """
+
+    kind: ClassVar[str] = "foundation"
+    loss_factor: Any
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return stiffness and loss factor."""
+        return (self._stiffness(), Parameter("loss_factor", "-", self.loss_factor, 0.0, 0.03, 2.0))
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return k and η k."""
+        dofs, K = self._springs(model)
+        return (Contribution(dofs, K, D=self.loss_factor * K),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Four decades around the stiffness of the structure, losses of 5 and 40 %."""
+        return self._grid(scale, [{"loss_factor": 0.05}, {"loss_factor": 0.4}])
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each held direction of each support, and of all supports alike."""
+        return cls._each(model, loss_factor=0.1)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FoundationDashpot(_Foundation):
+    """A spring and a dashpot side by side, k (1 + iωτ), in a direction in which supports are rigid.
+
+    Soil that radiates waves (Richart, Hall & Woods, Vibrations of Soils and Foundations, ch. 7). Over a
+    narrow band ``foundation`` is its twin.
+
+    Attributes
+    ----------
+    supports : tuple of str
+        Names of supports that hold the direction.
+    direction : str
+        One of x, y, z, rx, ry, rz.
+    stiffness : float
+        k of each; absent is infinite [N/m or N·m/rad].
+    tau : float
+        τ, the dashpot's constant over k [s].
+    """
+
+    kind: ClassVar[str] = "foundation_dashpot"
+    tau: Any
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return stiffness and time constant."""
+        return (self._stiffness(), Parameter("tau", "s", self.tau, self.tau, 1e-6, 10.0, log=True))
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return k and τ k."""
+        dofs, K = self._springs(model)
+        return (Contribution(dofs, K, C=self.tau * K),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Four decades around the stiffness of the structure, and of the time constant."""
+        return self._grid(scale, [{"tau": t} for t in (1e-5, 1e-4, 1e-3, 1e-2)])
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each held direction of each support, and of all supports alike."""
+        return cls._each(model, tau=1e-3)

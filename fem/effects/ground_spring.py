@@ -1,0 +1,114 @@
+"""Springs from points of the structure to the ground that the model lacks: suspensions, cables, stops."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.effects.joint import PointPair, joint_unit
+from fem.effects.places import connected_points, held_directions, member_ends, typical_stiffness
+from fem.effects.support import Support
+from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter, dofs_of
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GroundSpring(Effect):
+    """A spring to the ground in one global direction at one point.
+
+    Attributes
+    ----------
+    point : int
+        Point of the mesh.
+    place : str
+        What is there, in words.
+    direction : str
+        One of x, y, z, rx, ry, rz.
+    stiffness : float
+        [N/m or N·m/rad].
+    reference : float
+        Bending stiffness of a typical member, which sets the scale [N/m or N·m/rad].
+    """
+
+    kind: ClassVar[str] = "ground_spring"
+    point: int
+    place: str
+    direction: str
+    stiffness: Any
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Place and direction."""
+        return f"{self.place}, {self.direction}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the stiffness."""
+        unit = joint_unit(self.direction)
+        return (Parameter("stiffness", unit, self.stiffness, 0.0, 0.0, 1e8 * self.reference, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return k on the one DOF."""
+        dof = dofs_of(self.point)[[DIRECTIONS.index(self.direction)]]
+        return (Contribution(dof[None], np.full((1, 1, 1), self.stiffness)),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From a soft suspension, 10⁻³ of a member's stiffness, to a support."""
+        return tuple({"stiffness": float(f * self.reference)} for f in np.geomspace(1e-3, 1e5, 17))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Return translations of members' ends and of joints within members, and what supports leave free.
+
+        Not in directions that are held, nor where a joint leads to the ground: its own stiffness is a
+        candidate there. Of the two sides of a joint one is enough.
+        """
+        if not model.of_kind(Frame):
+            return ()
+        held = held_directions(model)
+        grounded = {p.point1 for p in model.of_kind(PointPair) if p.point2 is None}
+        other_sides = {p.point2 for p in model.of_kind(PointPair)}
+        supports = {s.point for s in model.of_kind(Support)}
+        out: list[Effect] = []
+        for point, place, label in _places(model):
+            if point in grounded or point in other_sides:
+                continue
+            for d in DIRECTIONS if point in supports else DIRECTIONS[:3]:
+                if d not in held.get(point, ()):
+                    out.append(
+                        cls(
+                            name=f"ground_spring:{label}.{d}", point=point, place=place, direction=d,
+                            stiffness=0.0, reference=typical_stiffness(model, d),
+                        )
+                    )  # fmt: skip
+        return tuple(out)
+
+    @classmethod
+    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+        """As :meth:`propose`, but for what a ``stinger`` does at the excitations."""
+        driven = {
+            (int(p), DIRECTIONS[int(np.argmax(np.abs(d)))])
+            for p, d in zip(test.drivers, test.driver_directions, strict=True)
+            if np.abs(d).max() > 1 - 1e-6
+        }
+        return tuple(e for e in cls.propose(model) if (e.point, e.direction) not in driven)  # type: ignore[attr-defined]
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the point."""
+        return model.mesh.points[[self.point]]
+
+
+def _places(model: Model) -> Iterator[tuple[int, str, str]]:
+    """Yield point, words and label of each member's end and each joint that is not at one, once."""
+    seen: set[int] = set()
+    for member, end, point in member_ends(model):
+        if point not in seen:
+            seen.add(point)
+            yield point, f"end {end} of member {member}", f"{member}.{end}"
+    connected = connected_points(model)
+    for pair in model.of_kind(PointPair):
+        if pair.point1 not in seen and pair.point1 in connected:
+            seen.add(pair.point1)
+            yield pair.point1, f"joint {pair.name}", pair.name

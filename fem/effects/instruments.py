@@ -1,0 +1,202 @@
+"""What a test does to the structure: masses of sensors and drivers, stiffness of stingers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.effects.places import typical_mass, typical_stiffness
+from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _InstrumentMass(Effect):
+    points: tuple[int, ...]
+    mass: Any
+    reference: float
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the mass."""
+        return (Parameter("mass", "kg", self.mass, 0.0, 0.0, 20 * self.reference, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return m on the translations of each point."""
+        dofs = dofs_of(self.points)[:, :3]
+        return (Contribution(dofs, M=np.tile(self.mass * np.eye(3), (len(self.points), 1, 1))),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From 0.1 to 30 % of a member's mass."""
+        return tuple({"mass": f * self.reference} for f in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the points."""
+        return model.mesh.points[list(self.points)]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SensorMass(_InstrumentMass):
+    """The same mass at every place where there are sensors.
+
+    A sensor with several channels at one place is one body. Accelerometers that are moved from place to place
+    during a test are not this. With a free density it loses most of its signature.
+
+    Attributes
+    ----------
+    points : tuple of int
+        Points of the mesh.
+    mass : float
+        Mass at each [kg].
+    reference : float
+        Typical mass of a member, which sets the scale [kg].
+    """
+
+    kind: ClassVar[str] = "sensor_mass"
+
+    @property
+    def where(self) -> str:
+        """How many places."""
+        return f"the {len(self.points)} places of sensors"
+
+    @classmethod
+    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+        """One, for all places of sensors, if there are at least two."""
+        points = tuple(int(p) for p in np.unique(test.sensors))
+        if len(points) < 2 or not model.of_kind(Frame):
+            return ()
+        return (cls(name="sensor_mass", points=points, mass=0.0, reference=typical_mass(model)),)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class DriverMass(_InstrumentMass):
+    """The mass that a shaker's armature, force cell and fittings add where they are attached.
+
+    It is there whatever is driven. A ``point_mass`` on the member at the same place is its twin.
+
+    Attributes
+    ----------
+    points : tuple of int
+        Points of the mesh.
+    mass : float
+        Mass at each [kg].
+    reference : float
+        Typical mass of a member, which sets the scale [kg].
+    """
+
+    kind: ClassVar[str] = "driver_mass"
+    names: tuple[str, ...]
+
+    @property
+    def where(self) -> str:
+        """Where the excitations are."""
+        return f"excitation{'s' if len(self.points) > 1 else ''} at {', '.join(self.names)}"
+
+    @classmethod
+    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+        """Return each place of an excitation, and all alike."""
+        points = tuple(int(p) for p in np.unique(test.drivers))
+        if not model.of_kind(Frame):
+            return ()
+        m = typical_mass(model)
+        groups = [(p,) for p in points] + ([points] if len(points) > 1 else [])
+        return tuple(
+            cls(
+                name=f"driver_mass:{'+'.join(map(str, g))}",
+                points=g,
+                names=tuple(place_name(model, p) for p in g),
+                mass=0.0,
+                reference=m,
+            )
+            for g in groups
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Stinger(Effect):
+    """The stiffness that a stinger adds where it is attached, along it or alike across it.
+
+    K = k d dᵀ along the excitation's direction d, k (I - d dᵀ) across. Across acts whatever the force cell
+    measures; along only what is attached between cell and structure, or beside the cell. It is there whatever
+    is driven. At a member's end along an axis, ``ground_spring`` is the same and is not proposed beside it; a
+    suspension nearby is a twin.
+
+    Attributes
+    ----------
+    point : int
+        Point of the mesh.
+    place : str
+        What is there, in words.
+    axis : tuple of float
+        Direction of the excitation, a unit vector.
+    across : bool
+        Whether it acts across rather than along.
+    stiffness : float
+        k [N/m].
+    reference : float
+        Bending stiffness of a typical member, which sets the scale [N/m].
+    """
+
+    kind: ClassVar[str] = "stinger"
+    point: int
+    place: str
+    axis: tuple[float, float, float]
+    across: bool
+    stiffness: Any
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """The excitation."""
+        return f"excitation at {self.place}, {'across' if self.across else 'along'} it"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the stiffness."""
+        top = 1e8 * self.reference
+        return (Parameter("stiffness", "N/m", self.stiffness, 0.0, 0.0, top, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return k d dᵀ or k (I - d dᵀ) on the translations of the point."""
+        along = np.outer(self.axis, self.axis)
+        K = self.stiffness * (np.eye(3) - along if self.across else along)
+        return (Contribution(dofs_of([self.point])[:, :3], K[None]),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From 10⁻³ to 10⁴ of a member's bending stiffness."""
+        return tuple({"stiffness": float(f * self.reference)} for f in np.geomspace(1e-3, 1e4, 15))
+
+    @classmethod
+    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+        """Return each excitation, along and across."""
+        if not model.of_kind(Frame):
+            return ()
+        k = typical_stiffness(model, "x")
+        out: list[Effect] = []
+        for i, (p, d) in enumerate(zip(test.drivers, test.driver_directions, strict=True)):
+            x, y, z = (float(v) for v in d / np.linalg.norm(d))
+            for across in (False, True):
+                name = f"stinger:{i + 1}.{'across' if across else 'along'}"
+                out.append(
+                    cls(
+                        name=name, point=int(p), place=place_name(model, int(p)), axis=(x, y, z),
+                        across=across, stiffness=0.0, reference=k,
+                    )
+                )  # fmt: skip
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the point."""
+        return model.mesh.points[[self.point]]
+
+
+def place_name(model: Model, point: int) -> str:
+    """Return a point's name, or where it is on which member."""
+    names = [name for name, p in model.mesh.point_names.items() if p == point]
+    if names:
+        return names[0]
+    for member in model.mesh.members:
+        at = np.flatnonzero(model.mesh.member_points(member) == point)
+        if at.size:
+            return f"member {member} at {model.mesh.member_positions(member)[at[0]]:.3f} m"
+    return f"point {point}"

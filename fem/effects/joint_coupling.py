@@ -1,0 +1,100 @@
+"""A joint in which the motions of two directions are coupled."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fem.effects.joint import Joint
+from fem.effects.places import OnJoint
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class JointCoupling(OnJoint):
+    """An entry beside the diagonal of a joint's stiffness: k_ij = coupling · √(k_ii k_jj).
+
+    ΔK = coupling √(k_ii k_jj) (b_i b_jᵀ + b_j b_iᵀ), with the joint's loss factor. Within its bounds the
+    joint's whole stiffness stays positive definite. An eccentric joint couples x with ry and rz and so on:
+    ``joint_offset`` is its twin there.
+
+    Attributes
+    ----------
+    joint : str
+        Name of a joint.
+    first, second : str
+        Two of its elastic directions.
+    coupling : float
+        k_ij / √(k_ii k_jj) beyond the model's [-].
+    scale : float
+        √(k_ii k_jj) of the model [N/m, N, N·m/rad].
+    bounds : (float, float)
+        Of the coupling [-].
+    """
+
+    kind: ClassVar[str] = "joint_coupling"
+    first: str
+    second: str
+    coupling: Any
+    scale: float
+    bounds: tuple[float, float] = (-0.95, 0.95)
+
+    @property
+    def where(self) -> str:
+        """Joint and directions."""
+        return f"joint {self.joint}, {self.first} with {self.second}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the coupling."""
+        return (Parameter("coupling", "-", self.coupling, 0.0, *self.bounds, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return ΔK, and η ΔK with the joint's loss factor."""
+        joint = self.of(model)
+        dofs, a = self.strain(model, self.first)
+        _, b = self.strain(model, self.second)
+        K = self.coupling * self.scale * (np.outer(a, b) + np.outer(b, a))
+        return (Contribution(dofs[None], K[None], D=(joint.eta * K)[None] if joint.eta else None),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Eight values within the bounds."""
+        low, high = self.bounds
+        return tuple({"coupling": f * (high if f > 0 else -low)} for f in (-0.9, -0.6, -0.3, 0.3, 0.6, 0.9))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each pair of elastic directions of each joint."""
+        return tuple(
+            cls(
+                name=f"joint_coupling:{j.name}.{p}-{q}",
+                joint=j.name,
+                first=p,
+                second=q,
+                coupling=0.0,
+                scale=_scale(j, p, q),
+                bounds=_bounds(j, p, q),
+            )
+            for j in model.of_kind(Joint)
+            for p, q in combinations(j.elastic, 2)
+        )
+
+
+def _scale(joint: Joint, first: str, second: str) -> float:
+    k = np.diag(joint.K)
+    return float(np.sqrt(k[DIRECTIONS.index(first)] * k[DIRECTIONS.index(second)]))
+
+
+def _bounds(joint: Joint, first: str, second: str) -> tuple[float, float]:
+    """Return 0.95 of the couplings between which K + coupling · P stays positive definite."""
+    index = [DIRECTIONS.index(d) for d in joint.elastic]
+    size = np.sqrt(np.diag(joint.K)[index])
+    K = np.real(joint.K)[np.ix_(index, index)] / np.outer(size, size)
+    P = np.zeros_like(K)
+    i, j = joint.elastic.index(first), joint.elastic.index(second)
+    P[i, j] = P[j, i] = 1.0
+    values, vectors = np.linalg.eigh(K)
+    root = vectors / np.sqrt(np.maximum(values, 1e-9))
+    reach = np.linalg.eigvalsh(root.T @ P @ root)
+    return float(-0.95 / reach[-1]), float(-0.95 / reach[0])

@@ -1,0 +1,45 @@
+"""A member that dissipates more than the others."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from fem.effects.frame import Frame, member_contribution, nominal
+from fem.effects.places import OnMember, frame_of
+from fem.model import Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MemberDamping(OnMember):
+    """A loss factor of one member, beyond that of its material: D = η K.
+
+    Where all members are alike it is the damping of the whole structure, which every fit has.
+
+    Attributes
+    ----------
+    member : str
+    loss_factor : float
+        η [-].
+    """
+
+    kind: ClassVar[str] = "member_damping"
+    loss_factor: Any = 0.0
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the loss factor."""
+        return (Parameter("loss_factor", "-", self.loss_factor, 0.0, 0.0, 2.0, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return η K of the member."""
+        parts = member_contribution(nominal(frame_of(model)), model, self.member)
+        return tuple(Contribution(c.dofs, D=self.loss_factor * c.K) for c in parts if c.K is not None)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From 0.3 to 30 %."""
+        return tuple({"loss_factor": f} for f in (0.003, 0.01, 0.03, 0.1, 0.3))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member of a structure that has several."""
+        members = list(model.mesh.members) if model.of_kind(Frame) else []
+        return tuple(cls(name=f"member_damping:{m}", member=m) for m in members) if len(members) > 1 else ()

@@ -1,0 +1,197 @@
+"""A member whose section is thicker or thinner than the model has it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fem.effects.frame import Frame, SectionChange, member_contribution, nominal
+from fem.effects.places import OnMember, frame_of, is_bar
+from fem.model import Array, Contribution, Effect, Model, Parameter
+
+
+def changed_member(
+    model: Model, member: str, change: SectionChange, instead_of: SectionChange | None = None
+) -> tuple[Contribution, ...]:
+    """Return what other sections add to a member's K, M and D.
+
+    ``instead_of`` gives the sections that the model has; those of its frame unless given.
+    """
+    frame = nominal(frame_of(model))
+    rows = model.mesh.members[member]
+    new = frame.contribution_of(model, rows, change)
+    old = (
+        member_contribution(frame, model, member)
+        if instead_of is None
+        else frame.contribution_of(model, rows, instead_of)
+    )
+
+    def minus(a: Array | None, b: Array | None) -> Array | None:
+        if a is None or b is None:
+            return None
+        change = a - b  # symmetric but for the rounding of what cancels
+        return (change + np.swapaxes(change, 1, 2)) / 2
+
+    return tuple(
+        Contribution(c.dofs, minus(c.K, o.K), minus(c.M, o.M), D=minus(c.D, o.D))
+        for c, o in zip(new, old, strict=True)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MemberSection(OnMember):
+    """A section that is stretched along one of its axes: another thickness, another width.
+
+    With f = 1 + change along local z: A → f A, Iy → f³ Iy, Iz → f Iz, along y the other way round, mass
+    with A, and the shear coefficients stay. J, which the other constants do not give, goes with
+    A⁴/(Iy + Iz): exact for ellipses, and within 1 % for solid rectangles changed by a tenth. For open thin
+    walls it is rough.
+
+    In bending along one axis alone it does the same as ``member_stiffness`` and ``member_density`` together.
+
+    Attributes
+    ----------
+    member : str
+    direction : str
+        y or z, local.
+    change : float
+        Relative change of the size along it [-].
+    """
+
+    kind: ClassVar[str] = "member_section"
+    direction: str
+    change: Any = 0.0
+
+    @property
+    def where(self) -> str:
+        """Member and direction."""
+        return f"member {self.member}, along local {self.direction}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the change."""
+        return (Parameter("change", "-", self.change, 0.0, -0.6, 1.5),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the member's matrices with the stretched section, less the model's."""
+        section = frame_of(model).members[self.member].section
+        f = 1 + self.change
+        cube, one = (f**3, f) if self.direction == "z" else (f, f**3)
+        polar = (cube * section.Iy + one * section.Iz) / (section.Iy + section.Iz)
+        return changed_member(
+            model, self.member, SectionChange(A=f, Iy=cube, Iz=one, Ip=polar, J=f**4 / polar)
+        )
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From 30 % thinner to 40 % thicker."""
+        return tuple({"change": c} for c in (-0.3, -0.15, -0.06, -0.02, 0.02, 0.06, 0.15, 0.4))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Both axes of each member."""
+        if not model.of_kind(Frame):
+            return ()
+        return tuple(
+            cls(name=f"member_section:{m}.{d}", member=m, direction=d)
+            for m in model.mesh.members
+            for d in ("y", "z")
+            if not is_bar(model, m)
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MemberTorsion(OnMember):
+    """A relative change of one member's torsion constant J.
+
+    Open sections are stiffer than St Venant's J where they cannot warp; welds and slits change it much.
+
+    Attributes
+    ----------
+    member : str
+    change : float
+        Relative to the nominal value [-].
+    affine : bool
+        Whether K is affine in J: not where the member's ends are on springs.
+    """
+
+    kind: ClassVar[str] = "member_torsion"
+    change: Any = 0.0
+    affine: bool = True
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the change."""
+        return (Parameter("change", "-", self.change, 0.0, -0.95, 20.0, linear=self.affine),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the change of the member's K and D."""
+        parts = changed_member(model, self.member, SectionChange(J=1 + self.change))
+        return tuple(Contribution(c.dofs, c.K, D=c.D) for c in parts if c.K is not None)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From a quarter of J to five times as much."""
+        return tuple({"change": c} for c in (-0.75, -0.5, -0.25, -0.1, 0.1, 0.3, 1.0, 4.0))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member but bars."""
+        if not model.of_kind(Frame):
+            return ()
+        members = frame_of(model).members
+        return tuple(
+            cls(name=f"member_torsion:{m}", member=m, affine=bool(np.isinf(members[m].end_stiffness).all()))
+            for m in model.mesh.members
+            if not is_bar(model, m)
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MemberShear(OnMember):
+    """Shear flexibility of a member in multiples of what its section has by Timoshenko's theory.
+
+    A member of the Euler-Bernoulli theory has none, and gets rotary inertia in the same measure: share 1
+    makes it a Timoshenko beam. One of the Timoshenko theory has share 1 already: sandwiches, lattices and
+    layers have more.
+
+    Attributes
+    ----------
+    member : str
+    euler : bool
+        Whether the model's member is of the Euler-Bernoulli theory.
+    share : float
+        Of the section's 1/(k G A), and of its rotary inertia where the model has none [-].
+    """
+
+    kind: ClassVar[str] = "member_shear"
+    euler: bool
+    share: Any
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the share."""
+        return (Parameter("share", "-", self.share, 0.0 if self.euler else 1.0, 0.0, 30.0),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the member's matrices with the share, less the model's."""
+        here, there = (
+            SectionChange(shear=s, rotary=s if self.euler else 1.0, timoshenko=True)
+            for s in (self.share, 0.0 if self.euler else 1.0)
+        )
+        return changed_member(model, self.member, here, there)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From the theory's to twenty times as much."""
+        shares = (0.5, 1.0, 2.0, 5.0, 20.0) if self.euler else (0.2, 0.6, 1.6, 3.0, 6.0, 20.0)
+        return tuple({"share": s} for s in shares)
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member whose section has shear coefficients."""
+        if not model.of_kind(Frame):
+            return ()
+        out: list[Effect] = []
+        for m in model.mesh.members:
+            p = frame_of(model).members[m]
+            if p.theory != "bar" and (p.section.ky > 0 or p.section.kz > 0):
+                euler = p.theory != "timoshenko"
+                name = f"member_shear:{m}"
+                out.append(cls(name=name, member=m, euler=euler, share=0.0 if euler else 1.0))
+        return tuple(out)

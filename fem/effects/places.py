@@ -1,0 +1,175 @@
+"""What effects share: joints and members that they sit on, and where members are welded or end freely."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.added_mass import AddedMass
+from fem.effects.frame import Frame
+from fem.effects.joint import Joint, PointPair
+from fem.effects.superelement import Superelement
+from fem.model import DIRECTIONS, Effect, Model, ModelError
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OnJoint(Effect):
+    """An effect at a joint of the model.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint.
+    """
+
+    joint: str
+
+    @property
+    def where(self) -> str:
+        """The joint."""
+        return f"joint {self.joint}"
+
+    def of(self, model: Model) -> Joint:
+        """Return the joint.
+
+        Raises
+        ------
+        ModelError
+            If the model has none of the name.
+        """
+        joint = model.effect(self.joint)
+        if not isinstance(joint, Joint):
+            msg = f"{self.kind} '{self.name}' is of joint '{self.joint}', which is a {joint.kind}"
+            raise ModelError(msg)
+        return joint
+
+    def strain(self, model: Model, direction: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the DOFs of the joint's points, and b with bᵀu its relative motion in a direction."""
+        dofs, B = self.of(model).relative(model)
+        return dofs, B[DIRECTIONS.index(direction)]
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the joint's place."""
+        return self.of(model).locations(model)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OnMember(Effect):
+    """An effect of a member of the model.
+
+    Attributes
+    ----------
+    member : str
+        Name of the member.
+    """
+
+    member: str
+
+    @property
+    def where(self) -> str:
+        """The member."""
+        return f"member {self.member}"
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the middle of the member."""
+        mesh = model.mesh
+        return mesh.point_at(mesh.locate(self.member, mesh.member_length(self.member) / 2))[None]
+
+
+def frame_of(model: Model) -> Frame:
+    """Return the model's frame."""
+    (frame,) = model.of_kind(Frame)
+    return frame
+
+
+def member_mass(model: Model, member: str) -> float:
+    """Return ρ A L of a member, with the section of its first end [kg]."""
+    p = frame_of(model).members[member]
+    return p.material.rho * p.section.A * model.mesh.member_length(member)
+
+
+def typical_mass(model: Model) -> float:
+    """Return the median of the members' masses [kg]."""
+    return float(np.median([member_mass(model, m) for m in model.mesh.members]))
+
+
+def typical_length(model: Model) -> float:
+    """Return the median of the members' lengths [m]."""
+    return float(np.median([model.mesh.member_length(m) for m in model.mesh.members]))
+
+
+def bending_stiffness(model: Model, member: str, direction: str) -> float:
+    """Return E I of a member for bending about local y or z (``ry``, ``rz``), G J for ``rx`` [N·m²]."""
+    p = frame_of(model).members[member]
+    rigidity = {
+        "rx": p.section.J / (2 * (1 + p.material.nu)),
+        "ry": p.section.Iy,
+        "rz": p.section.Iz,
+    }
+    return p.material.E * rigidity[direction]
+
+
+def is_bar(model: Model, member: str) -> bool:
+    """Whether a member has axial stiffness alone."""
+    return frame_of(model).members[member].theory == "bar"
+
+
+def member_ends(model: Model) -> Iterator[tuple[str, int, int]]:
+    """Yield member, end (1 or 2) and point for both ends of every member."""
+    for member in model.mesh.members:
+        points = model.mesh.member_points(member)
+        yield member, 1, int(points[0])
+        yield member, 2, int(points[-1])
+
+
+def n_lines_at(model: Model) -> NDArray[np.int64]:
+    """Return how many lines meet at each point, shape (n_points,)."""
+    return np.bincount(model.mesh.lines.ravel(), minlength=model.mesh.n_points)
+
+
+def held_directions(model: Model) -> dict[int, set[str]]:
+    """Return the directions in which each point is held by a constraint on it alone."""
+    out: dict[int, set[str]] = {}
+    for c in model.constraints():
+        if len(c.dofs) == 1 and c.dofs[0] < 6 * model.mesh.n_points:
+            out.setdefault(int(c.dofs[0]) // 6, set()).add(DIRECTIONS[int(c.dofs[0]) % 6])
+    return out
+
+
+def connected_points(model: Model) -> set[int]:
+    """Return the points at which joints, supports, links, masses or reduced parts act."""
+    n = 6 * model.mesh.n_points
+    dofs: list[Any] = [c.dofs for c in model.constraints()]
+    for effect in model.effects:
+        if isinstance(effect, PointPair | AddedMass | Superelement):
+            dofs += [c.dofs.ravel() for c in effect.contribute(model)]
+    every = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *dofs]))
+    return set((every[every < n] // 6).tolist())
+
+
+def welded_ends(model: Model) -> tuple[tuple[str, int], ...]:
+    """Return the ends of members, other than bars, that are welded to another member, as (member, end).
+
+    Where two ends meet and nothing else is, it does not matter which of them gives way: the first is taken.
+    """
+    count, others = n_lines_at(model), connected_points(model)
+    seen: set[int] = set()
+    out = []
+    for member, end, point in member_ends(model):
+        alone = count[point] == 2 and point not in others
+        if count[point] > 1 and not is_bar(model, member) and not (alone and point in seen):
+            out.append((member, end))
+            seen.add(point)
+    return tuple(out)
+
+
+def typical_stiffness(model: Model, direction: str) -> float:
+    """Return the median over members of 3 E I / L³, or 3 E I / L for rotations [N/m, N·m/rad]."""
+    power = 3 if direction in DIRECTIONS[:3] else 1
+    each = [
+        3 * min(bending_stiffness(model, m, d) for d in ("ry", "rz")) / model.mesh.member_length(m) ** power
+        for m in model.mesh.members
+    ]
+    return float(np.median(each))

@@ -1,0 +1,91 @@
+"""Ends of members that are nearly rigid: corners of finite size, gussets, the inside of a joint."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame, nominal
+from fem.effects.joint import PointPair
+from fem.effects.places import frame_of, is_bar, member_ends, n_lines_at
+from fem.model import Contribution, Effect, Model, Parameter
+
+_FLEXIBILITY = 0.01
+"""Part of its flexibility that a zone keeps: its length is overestimated by that much."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RigidEndZone(Effect):
+    """A stretch at members' ends that keeps a hundredth of its flexibility (:meth:`Frame.stiffened_end`).
+
+    It begins where the model's rigid zone ends, if there is one, and has the member's mass. Its length is the
+    same at all its ends. A zone at one end stiffens the member much like ``member_stiffness`` in the lowest
+    modes.
+
+    Attributes
+    ----------
+    ends : tuple of (str, int)
+        Members and their ends, 1 or 2.
+    length : float
+        Of each zone [m].
+    longest : float
+        Bound of the length [m].
+    """
+
+    kind: ClassVar[str] = "rigid_end_zone"
+    ends: tuple[tuple[str, int], ...]
+    length: Any
+    longest: float
+
+    @property
+    def where(self) -> str:
+        """The end, or how many."""
+        if len(self.ends) == 1:
+            ((member, end),) = self.ends
+            return f"end {end} of member {member}"
+        return f"{len(self.ends)} joined ends of members"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the length."""
+        return (Parameter("length", "m", self.length, 0.0, 0.0, self.longest),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return what the zones gain in stiffness."""
+        frame = nominal(frame_of(model))
+        return tuple(frame.stiffened_end(model, m, end, self.length, _FLEXIBILITY) for m, end in self.ends)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From 2 to 80 % of the longest."""
+        return tuple({"length": f * self.longest} for f in (0.02, 0.05, 0.1, 0.2, 0.4, 0.8))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each end of a member, other than a bar, that is welded, jointed or held, and all of them alike."""
+        if not model.of_kind(Frame):
+            return ()
+        count = n_lines_at(model)
+        joined = {p for j in model.of_kind(PointPair) for p in (j.point1, j.point2) if p is not None}
+        joined |= {int(c.dofs[i]) // 6 for c in model.constraints() for i in range(len(c.dofs))}
+        ends = [
+            (m, end, 0.2 * model.mesh.member_length(m))
+            for m, end, point in member_ends(model)
+            if (count[point] > 1 or point in joined) and not is_bar(model, m)
+        ]
+        groups: list[tuple[tuple[str, int], ...]] = [((m, end),) for m, end, _ in ends]
+        longest = [length for _, _, length in ends]
+        names = [f"rigid_end_zone:{m}.{end}" for m, end, _ in ends]
+        if len(ends) > 1:
+            groups.append(tuple((m, end) for m, end, _ in ends))
+            longest.append(min(longest))
+            names.append("rigid_end_zone:all")
+        return tuple(
+            cls(name=name, ends=group, length=0.0, longest=most)
+            for name, group, most in zip(names, groups, longest, strict=True)
+        )
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the ends."""
+        points = [model.mesh.member_points(m)[0 if end == 1 else -1] for m, end in self.ends]
+        return model.mesh.points[points]
