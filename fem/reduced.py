@@ -50,6 +50,13 @@ class _Term:
     def spread(self, X: NDArray[Any]) -> NDArray[Any]:
         return X if self.L is None else self.L.T @ X @ self.L
 
+    def parts(
+        self, factors: dict[str, NDArray[Any]], omega: NDArray[np.float64]
+    ) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+        """Return all that is not zero as pairs of a factor at each line and a matrix."""
+        present = [(factors[key], X) for key in "KMCD" if (X := getattr(self, key)) is not None and X.any()]
+        return present + [(f(omega), X) for f, X in self.laws if X.any()]
+
 
 def _part(X: NDArray[Any] | None, imaginary: bool) -> NDArray[Any] | None:
     if X is None:
@@ -86,11 +93,14 @@ class ReducedModel:
     model : Model
         The full model, at nominal values.
     basis : Basis
+    remembered : dict
+        What others have computed from the two and keep with them.
     """
 
     model: Model
     basis: Basis
     _cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+    remembered: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
@@ -276,6 +286,18 @@ class ParametricFRF:
                     self._add_fixed(reduced.base()[name], -1.0)
                 self._nonlinear.append((effect, rows))
         self._n = n
+        self._damped = None if self._nonlinear else self._damped_range()
+        # A step that is tried without derivatives is often asked for them next.
+        self._last: tuple[bytes, _State, NDArray[np.complex128]] | None = None
+
+    def _damped_range(self) -> NDArray[np.float64]:
+        """Return an orthonormal basis (r, k) of what local damping and laws act on at any values."""
+        terms = [term for _, _, term in self._linear]
+        damping = [self._fixed["C"], self._fixed["D"], *(X for _, X in self._fixed["laws"])]
+        damping += [t.dense(key) for t in terms for key in "CD" if getattr(t, key) is not None]
+        damping += [t.spread(X) for t in terms for _, X in t.laws]
+        U = _range(damping)
+        return np.zeros((self._n, 0)) if U is None else U
 
     def _restrict(self, term: _Term) -> _Term:
         if term.L is not None:
@@ -336,36 +358,66 @@ class ParametricFRF:
         dH_dzeta : ndarray (n_freq, n_out, n_in) or None
             With respect to the damping ratio at that line.
         """
-        total, slopes = self._matrices(np.asarray(values, dtype=float), gradient)
-        state = _State.of(self.reduced, total, self.omega, zeta)
-        Bo, Xi = state.V.T @ self._out, state.solve(self._in)
-        H = np.moveaxis(_times(Bo.T, Xi), 2, 0)
+        values = np.asarray(values, dtype=float)
+        total, slopes = self._matrices(values, gradient)
+        at = values.tobytes() + zeta.tobytes()
+        if self._last is None or self._last[0] != at:
+            state = _State.of(self.reduced, total, self.omega, zeta, self._damped)
+            self._last = (at, state, state.solve(self._in))
+        _, state, Xi = self._last
+        H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
         if not gradient:
             return H, None, None
-        Xo, V, lam, omega = state.solve(self._out), state.V, state.lam, self.omega
-        stiffness, mass = state.stiffness, state.mass
+        Xo = state.solve(self._out, transposed=True)
         dH = np.zeros((len(self.refs), *H.shape), dtype=complex)
+        factors = self._factors(state)
         Xot = np.ascontiguousarray(Xo.transpose(2, 1, 0))
-        one = np.ones_like(stiffness)
-        factors = {"K": stiffness, "M": mass, "C": 1j * omega, "D": 1j * one}
+        whole: list[tuple[int, NDArray[Any], NDArray[Any]]] = []
+        local: dict[bytes, list[tuple[int, _Term]]] = {}
         for i, term in slopes.items():
-            present = [
-                (getattr(term, key), factor)
-                for key, factor in factors.items()
-                if getattr(term, key) is not None
-            ]
-            present += [(X, f(omega)) for f, X in term.laws]
-            if not present:
-                continue
             if term.L is None:
-                for X, factor in present:
-                    dH[i] -= factor[:, None, None] * (Xot @ np.moveaxis(_times(V.T @ X @ V, Xi), 2, 0))
+                whole += [(i, factor, X) for factor, X in term.parts(factors, self.omega)]
             else:
-                L = term.L @ V
-                uo, ui = np.moveaxis(_times(L, Xo), 2, 0), np.moveaxis(_times(L, Xi), 2, 0)
-                dZ = sum(factor[:, None, None] * X for X, factor in present)
-                dH[i] = -np.swapaxes(uo, 1, 2) @ (dZ @ ui)
-        return H, dH, -2j * (Xot @ np.moveaxis(lam[:, None, None] * Xi, 2, 0))
+                local.setdefault(term.L.tobytes(), []).append((i, term))
+        # Slopes of one kind go through one product: all that act everywhere, and all at the same few DOFs.
+        stiff = 2j * state.lam[:, None, None] * Xi
+        blocks = [factor * _times(state.V.T @ X @ state.V, Xi) for _, factor, X in whole]
+        products = Xot @ np.ascontiguousarray(np.concatenate([*blocks, stiff], axis=1).transpose(2, 0, 1))
+        n_in = Xi.shape[1]
+        for k, (i, _, _) in enumerate(whole):
+            dH[i] -= products[:, :, k * n_in : (k + 1) * n_in]
+        for group in local.values():
+            self._add_local_slopes(dH, group, state, Xo, Xi, factors)
+        return H, dH, -products[:, :, len(whole) * n_in :]
+
+    def _factors(self, state: "_State") -> dict[str, NDArray[Any]]:
+        """Return what K, M, C and D are multiplied by in Z, each (n_freq,)."""
+        omega = self.omega
+        return {"K": state.stiffness, "M": state.mass, "C": 1j * omega, "D": np.full(len(omega), 1j)}
+
+    def _add_local_slopes(
+        self,
+        dH: NDArray[np.complex128],
+        group: list[tuple[int, _Term]],
+        state: "_State",
+        Xo: NDArray[np.complex128],
+        Xi: NDArray[np.complex128],
+        factors: dict[str, NDArray[Any]],
+    ) -> None:
+        """Add -Hₒ dZ Hᵢ of parameters whose matrices act on the same few DOFs."""
+        parts = [(i, f, X) for i, term in group for f, X in term.parts(factors, self.omega)]
+        if not parts:
+            return
+        L = group[0][1].L
+        assert L is not None
+        LV = L @ state.V
+        uo = np.ascontiguousarray(_times(LV, Xo).transpose(2, 1, 0))
+        ui = _times(LV, Xi)
+        forces = np.concatenate([factor * _times(X, ui) for _, factor, X in parts], axis=1)
+        products = uo @ np.ascontiguousarray(forces.transpose(2, 0, 1))
+        n_in = Xi.shape[1]
+        for k, (i, _, _) in enumerate(parts):
+            dH[i] -= products[:, :, k * n_in : (k + 1) * n_in]
 
     def local(self, values: NDArray[np.float64], zeta: NDArray[np.float64]) -> "LocalChanges":
         """Solve once, so that many changes at few DOFs can be tried at little cost each.
@@ -378,10 +430,10 @@ class ParametricFRF:
             Damping ratio at each line [-].
         """
         total, _ = self._matrices(np.asarray(values, dtype=float), False)
-        state = _State.of(self.reduced, total, self.omega, zeta)
-        Xo, Xi = state.solve(self._out), state.solve(self._in)
+        state = _State.of(self.reduced, total, self.omega, zeta, self._damped)
+        Xo, Xi = state.solve(self._out, transposed=True), state.solve(self._in)
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
-        return LocalChanges(self, state, Xo, Xi, H)
+        return LocalChanges(self, state, Xo, Xi, H, total, zeta)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -396,6 +448,10 @@ class LocalChanges:
         Responses to unit forces at outputs and inputs.
     H : ndarray (n_freq, n_out, n_in)
         Receptances without the effects.
+    total : dict
+        Reduced matrices without the effects.
+    zeta : ndarray (n_freq,)
+        Damping ratio at each line [-].
     """
 
     engine: ParametricFRF
@@ -403,38 +459,62 @@ class LocalChanges:
     Xo: NDArray[np.complex128]
     Xi: NDArray[np.complex128]
     H: NDArray[np.complex128]
+    total: dict[str, Any]
+    zeta: NDArray[np.float64]
     _places: dict[bytes, Any] = field(default_factory=dict, repr=False)
 
-    def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128] | None]:
+    def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128]]:
         """Return the receptances with each of some effects added, one at a time.
 
         H' = H - Hₒ (I + ΔZ G)⁻¹ ΔZ Hᵢ, with G the receptance of the motions that the effect resists: six for
-        a joint. Effects at the same place share Hₒ, Hᵢ and G, also in later calls. An effect that touches
-        too many DOFs gives None.
+        a joint. For an effect that touches too many DOFs the eigenproblem is solved anew.
         """
-        out: list[NDArray[np.complex128] | None] = []
-        state, omega = self.state, self.engine.omega
-        factors = {"K": state.stiffness, "M": state.mass, "C": 1j * omega, "D": np.full(len(omega), 1j)}
-        for effect in effects:
-            term = self.engine._restrict(self.engine.reduced.value_of(effect))
-            if term.L is None:
-                out.append(None)
-                continue
-            parts = [(factors[key], X) for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()]
-            parts += [(f(omega), X) for f, X in term.laws if X.any()]
+        return self.with_terms([self.engine.reduced.value_of(effect) for effect in effects])
+
+    def with_terms(self, terms: Sequence[_Term]) -> list[NDArray[np.complex128]]:
+        """Return the same for effects that are projected already.
+
+        Terms at the same place share Hₒ, Hᵢ and G, also in later calls, and are solved for together.
+        """
+        out = [self.H] * len(terms)
+        factors = self.engine._factors(self.state)
+        groups: dict[bytes, list[tuple[int, list[tuple[NDArray[Any], NDArray[Any]]]]]] = {}
+        rows: dict[bytes, NDArray[np.float64]] = {}
+        for i, whole in enumerate(terms):
+            term = self.engine._restrict(whole)
+            parts = term.parts(factors, self.engine.omega)
             if not parts:
-                out.append(self.H)
                 continue
-            place = self._place(term.L, [X for _, X in parts])
-            # (I + ΔZ G) w = ΔZ Hᵢ
-            A = np.zeros(place.both.shape, dtype=complex)
-            for factor, X in parts:
-                A += factor * _times(place.inverse @ X @ place.inverse.T, place.both)
-            n = len(A)
-            A[np.arange(n), np.arange(n)] += 1
-            w = np.ascontiguousarray(np.moveaxis(_solve_lines(A), 2, 0))
-            out.append(self.H - place.outputs @ w)
+            if term.L is None:
+                out[i] = self._anew(term)
+                continue
+            key = term.L.tobytes()
+            rows[key] = term.L
+            groups.setdefault(key, []).append((i, parts))
+        for key, group in groups.items():
+            place = self._place(rows[key], [X for _, parts in group for _, X in parts])
+            # (I + ΔZ G) w = ΔZ Hᵢ, for all terms of the group as if they were more lines
+            k, wide, n_freq = place.both.shape
+            A = np.zeros((k, wide, len(group), n_freq), dtype=complex)
+            for g, (_, parts) in enumerate(group):
+                for factor, X in parts:
+                    A[:, :, g] += factor * _times(place.inverse @ X @ place.inverse.T, place.both)
+            A[np.arange(k), np.arange(k)] += 1
+            w = _solve_lines(A.reshape(k, wide, -1)).reshape(k, wide - k, len(group), n_freq)
+            n_in = wide - k
+            w = np.ascontiguousarray(w.transpose(3, 0, 2, 1)).reshape(n_freq, k, -1)
+            change = (place.outputs @ w).reshape(n_freq, -1, len(group), n_in)
+            for g, (i, _) in enumerate(group):
+                out[i] = self.H - change[:, :, g]
         return out
+
+    def _anew(self, term: _Term) -> NDArray[np.complex128]:
+        engine, total = self.engine, dict(self.total)
+        engine._add(total, term, 1.0)
+        local = engine._damped is not None and term.C is None and term.D is None and not term.laws
+        damped = engine._damped if local else None
+        state = _State.of(engine.reduced, total, engine.omega, self.zeta, damped)
+        return np.moveaxis(_times((state.V.T @ engine._out).T, state.solve(engine._in)), 2, 0)
 
     def _place(self, L: NDArray[np.float64], matrices: list[NDArray[np.float64]]) -> "_Place":
         """Return the responses at the motions that matrices on the rows of L act on (computed once)."""
@@ -509,7 +589,8 @@ def _motions(
     Rows are scaled by the diagonals, so that soft directions count beside stiff ones, and rotations beside
     displacements; the scales (m,) are the third result.
     """
-    diagonal = sum(np.abs(X.diagonal()) / np.abs(X.diagonal()).max() for X in matrices)
+    diagonals = [np.abs(X.diagonal()) for X in matrices]
+    diagonal = sum((d / d.max() for d in diagonals if d.any()), np.zeros(len(matrices[0])))
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = [X / np.outer(scale, scale) for X in matrices]
     U, s, _ = np.linalg.svd(np.hstack([X / np.abs(X).max() for X in scaled]))
@@ -536,6 +617,7 @@ class _State:
         total: dict[str, Any],
         omega: NDArray[np.float64],
         zeta: NDArray[np.float64],
+        damped: NDArray[np.float64] | None,
     ) -> "_State":
         damping = reduced.model.damping
         lam, V = sla.eigh(total["K"], total["M"], check_finite=False)
@@ -548,8 +630,8 @@ class _State:
         # GEMM.
         inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
         laws = total["laws"]
-        U = _range([total["C"], total["D"], *(X for _, X in laws)])
-        if U is None:
+        U = _range([total["C"], total["D"], *(X for _, X in laws)]) if damped is None else damped
+        if U is None or not U.shape[1]:
             return cls(lam, V, stiffness, mass, inverse, None, None)
         C, D = U.T @ total["C"] @ U, U.T @ total["D"] @ U
         Um = V.T @ U
@@ -560,15 +642,16 @@ class _State:
         correct: Any = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
         return cls(lam, V, stiffness, mass, inverse, Um, correct)
 
-    def solve(self, B: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return Z⁻¹ B in modal coordinates, (r, n, n_freq), for forces B (r, n) on the reduced coordinates.
+    def solve(self, B: NDArray[np.float64], *, transposed: bool = False) -> NDArray[np.complex128]:
+        """Return Z⁻¹ B or Z⁻ᵀ B in modal coordinates, (r, n, n_freq), for forces B (r, n).
 
-        Local damping enters by Woodbury's identity, line by line.
+        Local damping enters by Woodbury's identity, line by line; only it can make Z unsymmetric.
         """
         X = (self.V.T @ B)[:, :, None] * self.inverse
         if self.U is None or self.correct is None:
             return X
-        z = self.correct @ np.moveaxis(_times(self.U.T, X), 2, 0)
+        correct = np.swapaxes(self.correct, 1, 2) if transposed else self.correct
+        z = correct @ np.moveaxis(_times(self.U.T, X), 2, 0)
         return X - self.inverse * _times(self.U, np.moveaxis(z, 0, 2))
 
 
@@ -583,9 +666,13 @@ def _range(matrices: list[NDArray[np.float64]]) -> NDArray[np.float64] | None:
     sizes = [float(np.abs(X).max()) for X in matrices]
     if max(sizes) == 0:
         return None
-    # All dissipate, so that the range of the sum is that of all; not of squares, which lose a soft damper
-    # beside a stiff one.
-    both = sum(X / s for X, s in zip(matrices, sizes, strict=True) if s > 0)
+    # Not of squares, which lose a soft damper beside a stiff one: what dissipates is semidefinite, so that
+    # the range of the sum is that of all. Gyroscopic forces are skew, and squared; there are few.
+    both = np.zeros_like(matrices[0])
+    for X, size in zip(matrices, sizes, strict=True):
+        if size > 0:
+            skew = (X - X.T) / (2 * size)
+            both += (X + X.T) / (2 * size) + (skew @ skew.T if skew.any() else 0.0)
     eigenvalues, vectors = sla.eigh(both, check_finite=False)
     return vectors[:, np.abs(eigenvalues) > 1e-13 * np.abs(eigenvalues).max()]
 

@@ -8,7 +8,6 @@ from fem.model import Parameter
 from study.result import RunResult
 from updating.diagnosis import (
     EFFECT,
-    EXPLAINED_LEVEL,
     FAULT,
     NOTHING,
     UNEXPLAINED,
@@ -123,7 +122,7 @@ def headline(result: RunResult) -> str:
     faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
     if d.verdict == EFFECT:
         told = " ".join(map(sentence, d.findings))
-        if d.steps[-1].level >= EXPLAINED_LEVEL:
+        if d.steps[-1].level > d.limit:
             told += " That explains the misfit only in part."
         return f"{told} Besides, {faults}." if faults else told
     if d.verdict == NOTHING:

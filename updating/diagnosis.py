@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -20,6 +22,7 @@ from updating.faults import GAIN_LEAST, Fault, find_gain_faults, find_sign_fault
 from updating.fit import FitProblem, FitResult, prepare, sensor_vectors
 from updating.measurement import Measurement, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
+from updating.screening import Grid, screen
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 
@@ -31,13 +34,23 @@ ACCEPT_HELD_OUT = 1.15
 In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 EXPLAINED_LEVEL = 0.3
-"""Residual level up to which a model counts as right where nothing improves it [nepers]."""
+"""Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
+FLOOR_MARGIN = 1.6
+"""A model counts as right up to this multiple of the level that noise and the mesh leave."""
+MOST_LEFT = 0.5
+"""Effects that leave more than a right model does are believed if they lower the level below this share."""
 TWIN_SHARE = 0.9
 """A candidate that brings more than this share of the best one's reduction of ln level is its twin."""
 MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
 N_LINES = 160
 """At most this many lines are fitted."""
+WORTH_A_FIT = 1.05
+"""Where the model is right already, quick fits must lower its level by this factor to be followed up."""
+QUICK_LINES = 50
+"""Lines of a quick fit."""
+MOST_REFINED = 6
+"""At most this many candidates are fitted fully in a round."""
 MAX_EFFECTS = 3
 """At most this many effects are added."""
 AS_GOOD = 3.0
@@ -148,6 +161,8 @@ class Diagnosis:
         For each round of the forward selection, all candidates, best first.
     noise_db, discretisation_db, basis_db : float
         Noise of the measurement, error of the mesh, and error of the reduced basis [dB].
+    limit : float
+        Residual level up to which the model counts as right [nepers].
     problem : FitProblem
         Data, reduced model, sensors: what is needed to compute the FRFs of any step.
     model : Model
@@ -166,6 +181,7 @@ class Diagnosis:
     noise_db: float
     discretisation_db: float
     basis_db: float
+    limit: float
     problem: FitProblem
     model: Model
     notes: tuple[str, ...]
@@ -266,8 +282,8 @@ def build_problem(
     return FitProblem(reduced, data, tuple(nuisances), curve, (), stages, max(k, 1), n_lines)
 
 
-def discretisation_error(problem: FitProblem, n_lines: int = 200) -> float:
-    """Estimate the error of the mesh by halving every element [dB].
+def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:
+    """Estimate the error of the mesh by halving every element: root mean square [dB], and level [nepers].
 
     Cubic elements converge with the fourth power of their size, so that the difference is 15/16 of the error.
     """
@@ -289,8 +305,8 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> float:
             reduced, sensor_vectors(each, m.sensors), sensor_vectors(each, m.excitations), f, ()
         )
         H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
-    ratio = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan"))
-    return rms_db(ratio) * 16 / 15
+    ratio: Any = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan")) * 16 / 15
+    return rms_db(ratio), problem.level(ratio, lines)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -336,6 +352,7 @@ def diagnose(
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
     n_lines: int = N_LINES,
+    model_error: float = EXPLAINED_LEVEL,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find the physical effect that a model lacks.
@@ -362,6 +379,9 @@ def diagnose(
         Kinds to leave out.
     n_lines : int
         At most this many lines are fitted.
+    model_error : float
+        Residual level up to which a model counts as right, because beams are not the structure itself
+        [nepers]; 0 if nothing but noise and the mesh may be left.
     progress : callable, optional
         Called with a text and the fraction done.
     """
@@ -372,7 +392,8 @@ def diagnose(
     problem = build_problem(
         model, measurements[0], nuisances, damping_std=damping_std, band=band, n_lines=n_lines
     )
-    mesh_db = discretisation_error(problem)
+    mesh_db, mesh_level = discretisation_error(problem)
+    floor = float(np.hypot(problem.data.noise_level, mesh_level))
     nominal = problem.nominal()
     steps = [_step("nominal model", nominal)]
     say("fitting the uncertain parameters", 0.03)
@@ -383,13 +404,20 @@ def diagnose(
 
     findings: list[Finding] = []
     rounds: list[tuple[Ranked, ...]] = []
+    grids: dict[str, Grid] = {}
     current = null
     while len(findings) < MAX_EFFECTS:
         taken = {f.effect.name for f in findings}
         open_ = [
             e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
         ]
-        ranked, best = _round(problem, current, open_, _part(say, len(rounds)))
+        part = _part(say, len(rounds))
+        for effect in open_:
+            if effect.name not in grids:
+                part(f"preparing {_label(effect)}", 0.0)
+                grids[effect.name] = Grid.of(problem, effect)
+        settled = current.level < max(FLOOR_MARGIN * floor, model_error)
+        ranked, best = _round(problem, current, open_, grids, settled, part)
         rounds.append(ranked)
         if best is None:
             break
@@ -407,6 +435,7 @@ def diagnose(
         if attached is not problem:  # the position has moved: once more where it is now
             problem = _attached(attached, best.effects)
             best = _polish(problem, best)
+            grids = {}
         findings = [
             *(
                 Finding(e, _parameters(e, best), f.twins)
@@ -416,6 +445,10 @@ def diagnose(
         ]
         current = best
         steps.append(_step(f"{_label(best.effects[-1])} added", best))
+    findings, current = _without_idle(problem, findings, current)
+    if len(findings) < len(steps) - 2:
+        names = " and ".join(_label(f.effect) for f in findings)
+        steps = [*steps[:2], _step(f"{names} added", current)]
     say("checking", 0.98)
     faults = _confirmed(problem, faults, current)
     basis_db = basis_error(problem, current)
@@ -424,19 +457,26 @@ def diagnose(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
             "read weak findings with care"
         )
-    verdict, reason = _verdict(problem, null, current, findings, faults, rounds)
+    limit = max(FLOOR_MARGIN * floor, model_error)
+    verdict, reason = _verdict(null, current, limit, findings, faults, rounds)
+    if verdict == UNEXPLAINED:
+        findings, current, steps = [], null, steps[:2]
     model_fitted = model.with_values(
         {ref: v for ref, v in current.values.items() if ref[0] in {e.name for e in model.effects}}
     ).with_effect(*current.effects)
     return Diagnosis(
         verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db, mesh_db,
-        basis_db, problem, model_fitted, tuple(notes), time.perf_counter() - begun,
+        basis_db, limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun,
     )  # fmt: skip
 
 
 def _part(say: Progress, n: int) -> Progress:
     """Return progress of round n as a part of the whole, whose length is not known before."""
     return lambda text, done: say(text, (n + done) / (n + 2))
+
+
+def _between(say: Progress, start: float, end: float) -> Progress:
+    return lambda text, done: say(text, start + (end - start) * done)
 
 
 def _step(label: str, result: FitResult) -> Step:
@@ -479,72 +519,83 @@ def _round(
     problem: FitProblem,
     current: FitResult,
     candidates: Sequence[Effect],
+    grids: dict[str, Grid],
+    settled: bool,
     say: Progress,
-    n_screened: int = 30,
-    n_refined: int = 6,
 ) -> tuple[tuple[Ranked, ...], FitResult | None]:
-    """Fit every candidate quickly, the best of them fully; return all, best first, and the best fit."""
+    """Look at every candidate, fit the promising quickly and the best of them fully.
+
+    While the model is ``settled``, that is right but for noise, fits start from its parameters; before, they
+    start from the nominal ones as well, because parameters that were fitted without an effect are off.
+    Returns those that were fitted, best first, and the best fit.
+    """
     if not candidates:
         return (), None
     have = list(current.effects)
     have_start = [_values(e) for e in have]
-    quick = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
-    scanned: list[tuple[float, Effect, list[dict[str, float]]]] = []
-    for i, effect in enumerate(candidates):
-        say(f"scanning {_label(effect)}", 0.2 * i / len(candidates))
-        scanned.append((*_scan(problem, current, have, effect),))
-    scanned.sort(key=lambda s: s[0])
-    screened: list[tuple[float, Effect, dict[str, float], FitResult]] = []
-    for i, (_, effect, grid) in enumerate(scanned[:n_screened]):
-        say(f"screening {_label(effect)}", 0.2 + 0.4 * i / min(len(scanned), n_screened))
-        for start in grid:
-            fit = problem.fit(
-                [*have, effect],
-                [*have_start, start],
-                stages=quick,
-                n_lines=50,
-                max_iterations=6,
-                assess=False,
-            )
-            screened.append((fit.level, effect, start, fit))
-    screened.sort(key=lambda s: s[0])
-    by_name: dict[str, list[tuple[float, Effect, dict[str, float], FitResult]]] = {}
-    for entry in screened:
-        by_name.setdefault(entry[1].name, []).append(entry)
-    near = [name for name, entries in by_name.items() if entries[0][0] < 1.8 * screened[0][0]]
-    finalists = list(by_name)[: int(np.clip(len(near), 3, n_refined))]
-    fits: dict[str, FitResult] = {}
+    chosen = screen(problem, current, [grids[e.name] for e in candidates], _between(say, 0.0, 0.3))
+    stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
+    quick_fit = partial(problem.fit, n_lines=QUICK_LINES, max_iterations=6, assess=False)
+    tried: dict[str, list[FitResult]] = {}
+    for i, option in enumerate(chosen):
+        say(f"screening {_label(option.effect)}", 0.3 + 0.3 * i / len(chosen))
+        effects, fits = [*have, option.effect], []
+        for start in option.starts:
+            starts = [*have_start, start]
+            if not settled:
+                fits.append(quick_fit(effects, starts, stages=stages))
+            if settled or start is option.starts[0]:
+                fits.append(quick_fit(effects, starts, stages=stages[-1:], x_from=current))
+        tried[option.effect.name] = fits
+    for fits in tried.values():
+        fits.sort(key=lambda f: f.level)
+    names = sorted(tried, key=lambda n: tried[n][0].level)
+    near = [n for n in names if tried[n][0].level < 1.8 * tried[names[0]][0].level]
+    finalists = names[: int(np.clip(len(near), 3, MOST_REFINED))]
+    if settled and tried[names[0]][0].level > current.level / WORTH_A_FIT:
+        finalists = names[:1]
+    final: dict[str, FitResult] = {}
     for i, name in enumerate(finalists):
-        effect = by_name[name][0][1]
+        quickly = tried[name][0]
+        effect = quickly.effects[-1]
         say(f"fitting {_label(effect)}", 0.6 + 0.4 * i / len(finalists))
-        level, _, start, quick_fit = by_name[name][0]
-        ended = {p.name: quick_fit.values[effect.name, p.name] for p in effect.parameters()}
-        starts = [start, ended, *(s for lv, _, s, _ in by_name[name][1:2] if lv < 1.15 * level)]
-        options = [problem.fit([*have, effect], [*have_start, s], assess=False) for s in starts]
-        fits[name] = problem.assessed(min(options, key=lambda r: r.solution.cost))
-    best_name = min(fits, key=lambda n: fits[n].level)
-    best = fits[best_name]
+        starts = [*have_start, _values(effect)]
+        options = [
+            problem.fit([*have, effect], starts, assess=False),
+            problem.fit([*have, effect], starts, stages=[problem.stages[-1]], x_from=quickly, assess=False),
+        ]
+        final[name] = problem.assessed(min(options, key=lambda r: r.solution.cost))
+    best = final[min(final, key=lambda n: final[n].level)]
     shift = _change(problem, best, current)
     ranked = []
-    for name, entries in by_name.items():
-        fit = fits.get(name) or problem.assessed(entries[0][3])
+    for name in names:
+        fit = final.get(name) or problem.assessed(tried[name][0])
         effect = fit.effects[-1]
-        similarity = _similarity(shift, _change(problem, fit, current))
         ranked.append(
             Ranked(
-                name,
-                effect.kind,
-                effect.where,
-                _parameters(effect, fit),
-                fit.level,
-                fit.fit_db,
-                fit.held_out_db,
-                similarity,
-                name in fits,
+                name, effect.kind, effect.where, _parameters(effect, fit), fit.level, fit.fit_db,
+                fit.held_out_db, _similarity(shift, _change(problem, fit, current)), name in final,
             )
-        )
+        )  # fmt: skip
     ranked.sort(key=lambda r: (not r.refined, r.level))
     return tuple(ranked), best
+
+
+def _without_idle(
+    problem: FitProblem, findings: list[Finding], current: FitResult
+) -> tuple[list[Finding], FitResult]:
+    """Drop effects that later ones have made idle: without them the fit is as good."""
+    for finding in findings[:-1]:
+        rest = [f for f in findings if f is not finding]
+        effects = [e for e in current.effects if e.name != finding.effect.name]
+        less = problem.fit(effects, [_values(e) for e in effects], x_from=current)
+        if not _pays(less, current):
+            findings = [
+                replace(f, effect=e, parameters=_parameters(e, less))
+                for f, e in zip(rest, less.effects, strict=True)
+            ]
+            current = less
+    return findings, current
 
 
 def _values(effect: Effect) -> dict[str, float]:
@@ -586,34 +637,15 @@ def _polish(problem: FitProblem, best: FitResult) -> FitResult:
     for factor in (0.6, 0.8, 1.25, 1.7):
         value = float(np.clip(factor * first.value, first.lower, first.upper))
         starts = [*map(_values, have), {**_values(last), first.name: value}]
-        tried.append(problem.fit(best.effects, starts, assess=False))
+        tried.append(
+            problem.fit(best.effects, starts, stages=[problem.stages[-1]], x_from=best, assess=False)
+        )
     tried.sort(key=lambda r: r.solution.cost)
     winner = tried[0]
     ref = (last.name, first.name)
     good = [r for r in tried if r.solution.cost < winner.solution.cost + AS_GOOD]
     spread = max(abs(r.values[ref] - winner.values[ref]) for r in good)
     return problem.assessed(replace(winner, std={**winner.std, ref: max(winner.std[ref], spread)}))
-
-
-def _scan(
-    problem: FitProblem, current: FitResult, have: Sequence[Effect], effect: Effect
-) -> tuple[float, Effect, list[dict[str, float]]]:
-    """Evaluate an effect on its grid of parameter values.
-
-    Nuisance parameters are as fitted and nominal, the lines those of the whole and of the low band. Returns
-    the lowest level on the whole band and up to three points to start from.
-    """
-    grid = effect.starts(problem.surroundings)
-    chosen: list[int] = []
-    lowest = np.inf
-    for base in (current, problem.at_nominal(current)):
-        for lines in (problem.lines_up_to(np.inf, 50), problem.lines_up_to(problem.stages[0], 30)):
-            levels = problem.scan(base, [*have, effect], grid, lines)
-            order = np.argsort(levels)
-            chosen += [int(k) for k in order[:2] if k not in chosen][:1]
-            if len(lines) > 30:
-                lowest = min(lowest, float(levels[order[0]]))
-    return lowest, effect, [grid[k] for k in chosen[:3]]
 
 
 def _change(problem: FitProblem, fit: FitResult, base: FitResult) -> NDArray[np.complex128]:
@@ -661,37 +693,38 @@ def _parameters(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]:
 
 
 def _verdict(
-    problem: FitProblem,
     null: FitResult,
     current: FitResult,
+    limit: float,
     findings: Sequence[Finding],
     faults: Sequence[Fault],
     rounds: Sequence[tuple[Ranked, ...]],
 ) -> tuple[str, str]:
-    level = f"{current.level * DB_PER_NEPER:.2g} dB"
+    level, before = (f"{r.level * DB_PER_NEPER:.2g}" for r in (current, null))
+    right = current.level <= limit
     if findings:
         names = " and ".join(_label(f.effect) for f in findings)
-        rest = (
-            ""
-            if current.level < EXPLAINED_LEVEL
-            else f"; what is left ({level}) is more than a right model leaves"
-        )
+        if right:
+            return EFFECT, f"{names} lowers the residual level from {before} to {level} dB"
+        left = f"the {level} dB that are left are more than a right model leaves"
+        if current.level <= MOST_LEFT * null.level:
+            return EFFECT, f"{names} lowers the residual level from {before} to {level} dB; {left}"
         return (
-            EFFECT,
-            f"{names} lowers the residual level from {null.level * DB_PER_NEPER:.2g} to {level}{rest}",
+            UNEXPLAINED,
+            f"the best of the candidates, {names}, lowers the residual level from {before}; {left}",
         )
-    if null.level <= EXPLAINED_LEVEL:
+    if right:
         if faults:
             return (
                 FAULT,
                 f"with {len(faults)} sensor(s) set right nothing improves the model further; "
-                f"residual level {level}",
+                f"residual level {level} dB",
             )
-        return NOTHING, f"no candidate improves the fitted model, whose residual level is {level}"
+        return NOTHING, f"no candidate improves the fitted model, whose residual level is {level} dB"
     tried = len(rounds[0]) if rounds else 0
     return (
         UNEXPLAINED,
-        f"the residual level stays at {level}, and none of {tried} candidates lowers it enough",
+        f"the residual level stays at {level} dB, and none of {tried} candidates lowers it enough",
     )
 
 

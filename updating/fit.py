@@ -5,6 +5,7 @@ What is fitted are nuisance parameters, the damping curve, sensor gains and cand
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from fem.reduced import ParametricFRF, ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.measurement import Measurement, MeasurementError, Sensor, sensor_point
 from updating.noise import relative_noise
-from updating.parameters import DampingCurve, Nuisance, effect_variables, nuisance_variables
+from updating.parameters import DampingCurve, Nuisance, Variable, effect_variables, nuisance_variables
 from updating.solve import Prior, Solution, solve_robust
 
 INDEPENDENT_PER_MODE = 8.0
@@ -29,6 +30,9 @@ NOISE_LIMIT = 0.2
 
 MODEL_ERROR = 0.05
 """Relative accuracy that is asked of a model where the measurement is better than that [-]."""
+
+LEVEL_FLOOR = 0.01
+"""Residual level below which nothing is gained [nepers]."""
 
 
 def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
@@ -80,6 +84,11 @@ class FitData:
     def noise_db(self) -> float:
         """Root mean square of the noise of the FRFs that count [dB]."""
         return float(np.sqrt((self.noise[self.mask] ** 2).mean()) * DB_PER_NEPER)
+
+    @property
+    def noise_level(self) -> float:
+        """Residual level that noise alone leaves, amplitude and phase [nepers]."""
+        return float(np.sqrt((2 * (self.weight * self.noise)[self.mask] ** 2).mean()))
 
     def corrected(self, gains: NDArray[np.float64]) -> "FitData":
         """Return data divided by sensor gains (n_out,)."""
@@ -248,156 +257,53 @@ class FitProblem:
         assess : bool
             Whether to compute the errors on all lines too.
         """
+        x: NDArray[np.float64] | None = None
+        result: FitResult | None = None
+        for stage in stages if stages is not None else self.stages:
+            function = self.function(effects, starts, self.lines_up_to(stage, n_lines or self.n_lines))
+            if x is None:
+                x = function.start if x_from is None else function.moved_to(x_from)
+            solution = function.minimise(x, stage, max_iterations)
+            x, result = solution.x, function.result(solution)
+        assert result is not None
+        return self.assessed(result) if assess else result
+
+    def function(
+        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
+    ) -> "FitFunction":
+        """Return the residuals at some lines as a function of all that varies.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Candidates to add to the model.
+        starts : sequence of dict
+            For each of them the parameter values to start from.
+        lines : ndarray of int
+        """
         fixed = {ref for e in effects for ref in e.replaces()}
         varying = [n for n in self.nuisances if (n.effect, n.parameter) not in fixed]
         nuisance = nuisance_variables(self.reduced.model, varying)
         extra = effect_variables(effects, starts)
-        variables = (*nuisance, *extra)
-        refs = [v.ref for v in variables]
-        n_damping, n_gain = len(self.damping.knots), len(self.gains)
         start_of = {(e.name, k): val for e, s in zip(effects, starts, strict=True) for k, val in s.items()}
-        x_nuisance = [float(v.prior or 0.0) for v in nuisance]
-        z = np.log(self.damping.nominal)
-        if x_from is not None:
-            x_nuisance = [
-                v.to_x(x_from.values[v.ref]) if v.ref in x_from.values else x
-                for v, x in zip(nuisance, x_nuisance, strict=True)
+        start = np.concatenate(
+            [
+                [float(v.prior or 0.0) for v in nuisance],
+                [v.to_x(start_of[v.ref]) for v in extra],
+                np.log(self.damping.nominal),
+                np.zeros(len(self.gains)),
             ]
-            z = np.log(x_from.zeta)
-        x = np.concatenate([x_nuisance, [v.to_x(start_of[v.ref]) for v in extra], z, np.zeros(n_gain)])
-        limits = np.array([v.bounds() for v in variables]).reshape(-1, 2)
-        limits = np.vstack(
-            [limits, np.tile([np.log(1e-5), np.log(0.3)], (n_damping, 1)), np.tile([-3.0, 3.0], (n_gain, 1))]
         )
-        none = np.inf
-        prior = Prior(
-            np.concatenate(
-                [[v.prior or 0.0 for v in variables], np.log(self.damping.nominal), np.zeros(n_gain)]
-            ),
-            np.concatenate(
-                [
-                    [v.std or none for v in variables],
-                    np.full(n_damping, self.damping.std),
-                    np.full(n_gain, none),
-                ]
-            ),
-        )
-        outputs, inputs = self.vectors
-        n_par = len(variables)
-        solution: Solution | None = None
-        for stage in stages if stages is not None else self.stages:
-            lines = self.lines_up_to(stage, n_lines or self.n_lines)
-            engine = ParametricFRF(self.reduced, outputs, inputs, self.data.frequency[lines], refs, effects)
-            hats = self.damping.hats(self.data.frequency[lines])
-            measured, weight = self.data.H[lines], self.data.weight[lines]
-            keep = self.data.mask[lines]
-            safe = np.where(keep & (measured != 0), measured, 1.0)
-
-            def residual(
-                x: NDArray[np.float64], gradient: bool
-            ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
-                values = np.array([v.to_value(xi) for v, xi in zip(variables, x[:n_par], strict=True)])
-                zeta = np.exp(hats @ x[n_par : n_par + n_damping])  # noqa: B023
-                H, dH, dH_dzeta = engine.evaluate(values, zeta, gradient)  # noqa: B023
-                gain = np.ones(H.shape[1])
-                gain[list(self.gains)] = np.exp(x[n_par + n_damping :])
-                H = H * gain[:, None]
-                r = np.nan_to_num(weight * log_ratio(H, safe), nan=0.0)[keep]  # noqa: B023
-                if not gradient or dH is None or dH_dzeta is None:
-                    return r, None
-                per = np.where(H != 0, weight * gain[:, None] / np.where(H != 0, H, 1.0), 0.0)  # noqa: B023
-                J = np.empty((len(x), r.size), dtype=complex)
-                for k, v in enumerate(variables):
-                    J[k] = (v.slope(x[k]) * dH[k] * per)[keep]  # noqa: B023
-                base = dH_dzeta * per
-                for k in range(n_damping):
-                    J[n_par + k] = ((zeta * hats[:, k])[:, None, None] * base)[keep]  # noqa: B023
-                for k, i in enumerate(self.gains):
-                    column = np.zeros(H.shape)
-                    column[:, i] = weight[:, i]  # noqa: B023
-                    J[n_par + n_damping + k] = column[keep]  # noqa: B023
-                return r, J
-
-            n_stage = max(3.0, self.n_modes * min(1.0, stage / self.data.frequency[-1]))
-            solution = solve_robust(
-                residual,
-                x,
-                prior,
-                (limits[:, 0], limits[:, 1]),
-                n_independent=INDEPENDENT_PER_MODE * n_stage,
-                floor=0.2 * MODEL_ERROR,
-                groups=np.broadcast_to(self.band_of(lines)[:, None, None], keep.shape)[keep],
-                robust=ROBUST,
-                max_iterations=max_iterations,
-            )
-            x = solution.x
-        assert solution is not None
-        values = {v.ref: v.to_value(xi) for v, xi in zip(variables, x[:n_par], strict=True)}
-        sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
-        std = {v.ref: abs(v.slope(xi)) * s for v, xi, s in zip(variables, x[:n_par], sd[:n_par], strict=True)}
-        gains = np.ones(len(self.data.measurement.sensors))
-        gains[list(self.gains)] = np.exp(x[n_par + n_damping :])
-        fitted = tuple(
-            e.with_values(**{p: values[e.name, p] for p in (q.name for q in e.parameters())}) for e in effects
-        )
-        result = FitResult(
-            solution,
-            values,
-            std,
-            np.exp(x[n_par : n_par + n_damping]),
-            gains,
-            fitted,
-            np.nan,
-            np.nan,
-            float(np.sqrt(solution.misfit)),
-        )
-        return self.assessed(result) if assess else result
-
-    def scan(
-        self,
-        base: FitResult,
-        effects: Sequence[Effect],
-        grid: Sequence[dict[str, float]],
-        lines: NDArray[np.int64],
-    ) -> NDArray[np.float64]:
-        """Return the robust residual level for grid values of the last effect's parameters.
-
-        Nothing is fitted: all other parameters stay as in ``base``.
-
-        Parameters
-        ----------
-        base : FitResult
-            Nuisance parameters, damping, gains and the values of all effects but the last.
-        effects : sequence of Effect
-            The effects of ``base`` and one more.
-        grid : sequence of dict
-            Parameter values of the last effect.
-        lines : ndarray of int
-        """
-        have, last = effects[:-1], effects[-1]
-        outputs, inputs = self.vectors
-        f = self.data.frequency[lines]
-        zeta = np.exp(self.damping.hats(f) @ np.log(base.zeta))
-        fixed = list(base.values.values())
-        refs = list(base.values)
-        engine = ParametricFRF(self.reduced, outputs, inputs, f, refs, have, release=last.released())
-        points = [last.with_values(**point) for point in grid]
-        receptances = engine.local(np.array(fixed), zeta).receptances(points)
-        keep = self.data.mask[lines]
-        measured = self.data.H[lines] / base.gains[:, None]
-        out = np.empty(len(grid))
-        for i, (point, H) in enumerate(zip(points, receptances, strict=True)):
-            if H is None:
-                whole = ParametricFRF(self.reduced, outputs, inputs, f, refs, (*have, point))
-                H, _, _ = whole.evaluate(np.array(fixed), zeta, gradient=False)
-            out[i] = self.level(np.where(keep, log_ratio(H, measured), complex("nan")), lines)
-        return out
+        return FitFunction(self, tuple(effects), (*nuisance, *extra), start, lines)
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
         """Return the median impedance of the structure to motion along a released constraint.
 
         It is the magnitude of force over displacement, at lines over the whole band [N/m, N·m/rad].
         """
+        known = self.reduced.remembered
+        if key in known:
+            return known[key]
         basis, total = self.reduced.basis, self.reduced.base_sum()
         column = basis.n_main + basis.keys.index(key)
         active = [*range(basis.n_main), column]
@@ -406,7 +312,8 @@ class FitProblem:
         unit = np.zeros((len(active), 1))
         unit[-1] = 1.0
         flexibility = np.linalg.solve(K * (1 + 0.02j) - omega**2 * M, unit.astype(complex))[:, -1, 0]
-        return float(1 / np.median(np.abs(flexibility)))
+        known[key] = float(1 / np.median(np.abs(flexibility)))
+        return known[key]
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return the fitted model's receptances as the sensors would read them, at some or all lines."""
@@ -483,6 +390,140 @@ class FitProblem:
     def _as_measured(self, H: NDArray[np.complex128]) -> FRF:
         m = self.data.measurement.frf
         return FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs).as_kind(m.kind)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitFunction:
+    """Residuals of a fit at some lines, as a function of all that varies.
+
+    x holds the variables (nuisance parameters, then those of the effects), ln ζ at the damping curve's knots,
+    and ln of the gains that are fitted.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    effects : tuple of Effect
+    variables : tuple of Variable
+    start : ndarray (n,)
+    lines : ndarray of int
+    """
+
+    problem: FitProblem
+    effects: tuple[Effect, ...]
+    variables: tuple[Variable, ...]
+    start: NDArray[np.float64]
+    lines: NDArray[np.int64]
+    _made: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def keep(self) -> NDArray[np.bool_]:
+        """Which values count, (n_lines, n_out, n_in)."""
+        return self.problem.data.mask[self.lines]
+
+    def _once(self) -> tuple[ParametricFRF, NDArray[np.float64], NDArray[np.complex128]]:
+        if not self._made:
+            p = self.problem
+            f, measured = p.data.frequency[self.lines], p.data.H[self.lines]
+            engine = ParametricFRF(p.reduced, *p.vectors, f, [v.ref for v in self.variables], self.effects)
+            safe = np.where(self.keep & (measured != 0), measured, 1.0)
+            self._made.update(engine=engine, hats=p.damping.hats(f), safe=safe)
+        return self._made["engine"], self._made["hats"], self._made["safe"]
+
+    def __call__(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
+        p, keep, weight = self.problem, self.keep, self.problem.data.weight[self.lines]
+        engine, hats, safe = self._once()
+        n_par, n_damping = len(self.variables), len(p.damping.knots)
+        values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])
+        zeta = np.exp(hats @ x[n_par : n_par + n_damping])
+        H, dH, dH_dzeta = engine.evaluate(values, zeta, gradient)
+        gain = np.ones(H.shape[1])
+        gain[list(p.gains)] = np.exp(x[n_par + n_damping :])
+        H = H * gain[:, None]
+        r = np.nan_to_num(weight * log_ratio(H, safe), nan=0.0)[keep]
+        if not gradient or dH is None or dH_dzeta is None:
+            return r, None
+        per = np.where(H != 0, weight * gain[:, None] / np.where(H != 0, H, 1.0), 0.0)
+        J = np.empty((len(x), r.size), dtype=complex)
+        for k, v in enumerate(self.variables):
+            J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
+        base = dH_dzeta * per
+        for k in range(n_damping):
+            J[n_par + k] = ((zeta * hats[:, k])[:, None, None] * base)[keep]
+        for k, i in enumerate(p.gains):
+            column = np.zeros(H.shape)
+            column[:, i] = weight[:, i]
+            J[n_par + n_damping + k] = column[keep]
+        return r, J
+
+    def prior(self) -> Prior:
+        """Return what is known of x beforehand."""
+        p, none = self.problem, np.inf
+        n_damping, n_gain = len(p.damping.knots), len(p.gains)
+        means = [[v.prior or 0.0 for v in self.variables], np.log(p.damping.nominal), np.zeros(n_gain)]
+        stds = [
+            [v.std or none for v in self.variables],
+            np.full(n_damping, p.damping.std),
+            np.full(n_gain, none),
+        ]
+        return Prior(np.concatenate(means), np.concatenate(stds))
+
+    def moved_to(self, result: "FitResult") -> NDArray[np.float64]:
+        """Return the start with nuisance parameters and damping of a result."""
+        x, n_par = self.start.copy(), len(self.variables)
+        for k, v in enumerate(self.variables):
+            if v.prior is not None and v.ref in result.values:
+                x[k] = v.to_x(result.values[v.ref])
+        n_damping = len(result.zeta)
+        x[n_par : n_par + n_damping] = np.log(result.zeta)
+        x[n_par + n_damping :] = np.log(result.gains[list(self.problem.gains)])
+        return x
+
+    def n_independent(self, stage: float = np.inf) -> float:
+        """Return how many independent data the lines up to a frequency stand for, against the priors."""
+        p = self.problem
+        return INDEPENDENT_PER_MODE * max(3.0, p.n_modes * min(1.0, stage / p.data.frequency[-1]))
+
+    def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int) -> Solution:
+        """Find the x of greatest posterior probability from a start."""
+        p, n_par = self.problem, len(self.variables)
+        n_damping, n_gain = len(p.damping.knots), len(p.gains)
+        limits = np.vstack(
+            [
+                np.array([v.bounds() for v in self.variables]).reshape(-1, 2),
+                np.tile([np.log(1e-5), np.log(0.3)], (n_damping, 1)),
+                np.tile([-3.0, 3.0], (n_gain, 1)),
+            ]
+        )
+        assert n_par + n_damping + n_gain == len(x)
+        return solve_robust(
+            self,
+            x,
+            self.prior(),
+            (limits[:, 0], limits[:, 1]),
+            n_independent=self.n_independent(stage),
+            floor=LEVEL_FLOOR,
+            groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
+            robust=ROBUST,
+            max_iterations=max_iterations,
+        )
+
+    def result(self, solution: Solution) -> FitResult:
+        """Return a solution as values with standard deviations; its errors are not assessed."""
+        x, n_par, n_damping = solution.x, len(self.variables), len(self.problem.damping.knots)
+        values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)}
+        sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
+        known = zip(self.variables, x[:n_par], sd[:n_par], strict=True)
+        std = {v.ref: abs(v.slope(xi)) * deviation for v, xi, deviation in known}
+        gains = np.ones(len(self.problem.data.measurement.sensors))
+        gains[list(self.problem.gains)] = np.exp(x[n_par + n_damping :])
+        fitted = tuple(
+            e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
+        )
+        zeta, level = np.exp(x[n_par : n_par + n_damping]), float(np.sqrt(solution.misfit))
+        return FitResult(solution, values, std, zeta, gains, fitted, np.nan, np.nan, level)
 
 
 def _rms(ratio: NDArray[np.complex128]) -> float:
