@@ -19,6 +19,7 @@ from study.connections import (
     read_superelements,
     read_viscoelastic,
 )
+from study.effects import read_effects
 from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
 from study.measured import check_units, labels_of, match, read_band, read_files, top_frequency
@@ -195,6 +196,7 @@ class _Reader:
             "constraints",
             "superelements",
             "masses",
+            "effects",
             "damping",
             "sensors",
             "excitations",
@@ -280,6 +282,8 @@ class _Reader:
         with top.at():
             model = Model(mesh, effects, damping)
             model = with_sensor_masses(model, [c.sensor for c in (*sensors, *excitations)])
+            groups = [[c.sensor for c in group] for group in (sensors, excitations)]
+            model = model.with_effect(*read_effects(top, model, *groups))
             model.contributions()
         measurements = match(raw, sensors, excitations, notes)
         modes = match_modes(raw_modes, sensors, notes)

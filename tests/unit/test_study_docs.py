@@ -11,7 +11,7 @@ from study import StudyError, load_study
 
 TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "damping", "uncertain",
-    "candidates", "fit", "frequency", "modes", "update", "[supports]", "[joints]", "[masses]",
+    "candidates", "fit", "frequency", "modes", "update", "[supports]", "[joints]", "[masses]", "[effects]",
     "[update.parameters]", "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip
 
@@ -39,6 +39,7 @@ def test_every_key_that_is_taken_is_documented(root, tmp_path, table):
         "[supports]": 'point = "tip"',
         "[joints]": 'point1 = "tip"\nrigid = "x"',
         "[masses]": 'point = "tip"\nmass = 1',
+        "[effects]": 'candidate = "crack:mast.ry"',
         "[sensors]": 'name = "a"\npoint = "tip"\ndirection = "x"',
         "[excitations]": 'name = "a"\npoint = "tip"\ndirection = "x"',
         "[update.parameters]": 'effect = "frame"\nparameter = "E:steel"',

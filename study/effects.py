@@ -1,0 +1,71 @@
+"""``[[effects]]`` of a study file: candidate effects that are known to be there, with their values."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+
+import numpy as np
+
+from fem.effects import candidate_kinds, effect_classes
+from fem.model import Effect, Instruments, Model
+from study.table import Table, suggest
+from updating.measurement import Sensor, sensor_point
+
+
+def read_effects(
+    top: Table, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+) -> tuple[Effect, ...]:
+    """Read ``[[effects]]``: each the name of a candidate for the model, and values of its parameters.
+
+    A value that is not given stays what the candidate begins with. The effect is called "known" and the
+    candidate's name, so that a search may propose the candidate again.
+    """
+    out: list[Effect] = []
+    names = {e.name for e in model.effects}
+    for t in top.tables("effects"):
+        name = t.text("candidate")
+        kind = name.partition(":")[0]
+        if kind not in candidate_kinds():
+            t.refuse("candidate", f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}")
+        proposed = effect_classes()[kind].propose_for_test(model, _instruments(model, sensors, excitations))
+        by_name = {e.name: e for e in proposed}
+        if name not in by_name:
+            near = get_close_matches(name, by_name, 3, 0.3) or list(by_name)[:3]
+            among = f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"
+            t.refuse("candidate", f"the model has no candidate '{name}'{among}")
+        effect = by_name[name]
+        values = {p.name: t.number(p.name, p.value) for p in effect.parameters()}
+        for p in effect.parameters():
+            if p.name in t.values and not p.lower <= values[p.name] <= p.upper:
+                t.refuse(
+                    p.name, f"{values[p.name]:g} {p.unit} is not between {p.lower:g} and {p.upper:g} {p.unit}"
+                )
+        own = t.text("name", f"known {name}")
+        if own in names:
+            t.refuse("name", f"the model has two effects '{own}'; names must differ")
+        names.add(own)
+        t.finish()
+        out.append(replace(effect.with_values(**values), name=own))
+    return tuple(out)
+
+
+def effect_table(effect: Effect, candidate: str) -> str:
+    """Return the ``[[effects]]`` entry that stands for an effect that a search has found.
+
+    Parameters
+    ----------
+    effect : Effect
+        With its values.
+    candidate : str
+        Name of the candidate that it was.
+    """
+    lines = [f"{p.name} = {float(p.value)!r}" for p in effect.parameters()]
+    return "\n".join(["[[effects]]", f'candidate = "{candidate}"', *lines]) + "\n"
+
+
+def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Instruments:
+    points = [
+        np.array([sensor_point(model.mesh, s) for s in g], dtype=np.int64) for g in (sensors, excitations)
+    ]
+    axes = [np.array([s.direction for s in g], dtype=float).reshape(-1, 3) for g in (sensors, excitations)]
+    return Instruments(points[0], axes[0], points[1], axes[1])
