@@ -34,6 +34,14 @@ from updating.diagnosis import (
     diagnose,
     propose,
 )
+from updating.exchange import (
+    frf_from_labelled,
+    labelled_from_frf,
+    labelled_from_modes,
+    modes_from_labelled,
+    sensors_from_table,
+    table_from_sensors,
+)
 from updating.faults import Fault
 from updating.fit import FitProblem, FitResult
 from updating.frf_correlation import (
@@ -137,8 +145,11 @@ __all__ = [
     "fdac",
     "frac",
     "frf_data",
+    "frf_from_labelled",
     "gsvd",
     "identify_modes",
+    "labelled_from_frf",
+    "labelled_from_modes",
     "locate",
     "mac",
     "mac_without",
@@ -150,6 +161,7 @@ __all__ = [
     "modal_phase_collinearity",
     "modal_scale_factor",
     "mode_data",
+    "modes_from_labelled",
     "orthogonality",
     "pair_modes",
     "place_sensors",
@@ -159,9 +171,11 @@ __all__ = [
     "real_shapes",
     "select_by_pivoting",
     "select_forward",
+    "sensors_from_table",
     "signature_assurance",
     "split_hits",
     "subspace_mac",
+    "table_from_sensors",
     "tikhonov",
     "update",
     "with_sensor_masses",

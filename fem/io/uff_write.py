@@ -21,7 +21,7 @@ from fem.mesh import Mesh
 from fem.modes import Modes
 
 if TYPE_CHECKING:
-    from fem.io.uff import Header
+    from fem.io.uff_types import Function, Header, Points, TraceLine
 
 _MARK = f"{-1:6d}\n"
 _NUMERATOR = {
@@ -43,8 +43,11 @@ def write_uff(
     points: int = 2411,
     dofs: Mapping[str, str] | None = None,
     modal_a: ArrayLike | str | None = None,
+    geometry: "Points | None" = None,
+    trace_lines: "Sequence[TraceLine]" = (),
+    functions: "Sequence[Function]" = (),
 ) -> None:
-    """Write FRFs, mode shapes and a mesh to a universal file, in SI units.
+    """Write FRFs, other functions, mode shapes and a geometry to a universal file, in SI units.
 
     The file is replaced whole or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412
     elements, 82 trace lines (one a member), 55 mode shapes, 58 or 58b FRFs. What the format keeps: FRF values
@@ -74,24 +77,31 @@ def write_uff(
         Modal A = φᵀ(2λM + C)φ of complex modes [kg/s]; modal B = -λ·A goes with it. ``"unit"`` says 2iω_d,
         ω_d the imaginary part of λ, which is unit modal mass where damping is proportional. Zero, for
         unknown, unless given.
+    geometry : Points, optional
+        Points with node numbers of their own, in place of those of a mesh.
+    trace_lines : sequence of TraceLine, optional
+        Lines through them, in place of a mesh's members.
+    functions : sequence of Function, optional
+        Time data, spectra, coherences, as they are: in the units that their labels say.
 
     Raises
     ------
     UffError
-        For labels that are not degrees of freedom, values that single precision cannot hold, frequencies that
-        the precision cannot tell apart, or nothing to write.
+        For a mesh beside a geometry, trace lines through nodes that are not there, labels that are not degrees
+        of freedom, values that single precision cannot hold, frequencies that the precision cannot tell apart, or nothing to write.
     """
     frfs = (frf,) if isinstance(frf, FRF) else tuple(frf)
-    if not frfs and modes is None and mesh is None:
-        msg = "nothing to write: give frf, modes or mesh"
+    if not frfs and modes is None and mesh is None and geometry is None and not functions:
+        msg = "nothing to write: give frf, modes, mesh, geometry or functions"
         raise UffError(msg)
-    parts: list[bytes] = [_by_pyuff(_leading_sets(header, mesh, points))]
+    parts: list[bytes] = [_by_pyuff(_leading_sets(header, mesh, points, geometry, trace_lines))]
     if mesh is not None:
         parts.append(_element_text(mesh).encode())
     if modes is not None:
         parts.extend(text.encode() for text in _shape_texts(modes, dofs or {}, modal_a))
     for one in frfs:
         parts.extend(_records(one, binary, double, dofs or {}))
+    parts.extend(_function_record(one, binary, double) for one in functions)
     with replacing(path) as scratch:
         scratch.write_bytes(b"".join(parts))
 
@@ -106,7 +116,13 @@ def _by_pyuff(sets: list[dict[str, Any]]) -> bytes:
         return scratch.read_bytes().replace(b"\r\n", b"\n")
 
 
-def _leading_sets(header: "Header | None", mesh: Mesh | None, points: int) -> list[dict[str, Any]]:
+def _leading_sets(
+    header: "Header | None",
+    mesh: Mesh | None,
+    points: int,
+    geometry: "Points | None",
+    trace_lines: "Sequence[TraceLine]",
+) -> list[dict[str, Any]]:
     sets: list[dict[str, Any]] = [
         {
             "type": 151,
@@ -125,22 +141,40 @@ def _leading_sets(header: "Header | None", mesh: Mesh | None, points: int) -> li
             "temp_offset": 273.15,
         },
     ]
-    if mesh is None:
-        return sets
     if points not in (15, 2411):
         msg = f"points are written as dataset 15 or 2411, not {points}"
         raise UffError(msg)
-    nothing = np.zeros(mesh.n_points, dtype=int)
-    x, y, z = mesh.points.T
-    nodes = np.arange(1, mesh.n_points + 1)
-    sets.append(
-        {"type": points, "node_nums": nodes, "def_cs": nothing, "disp_cs": nothing, "color": nothing}
-        | {"x": x, "y": y, "z": z}
-    )
-    for number, name in enumerate(mesh.members, start=1):
-        chain = mesh.member_points(name) + 1
-        sets.append({"type": 82, "trace_num": number, "nodes": chain, "id": _line(name)})
+    if mesh is not None and (geometry is not None or trace_lines):
+        msg = "a mesh and a geometry are given; the nodes of a file are those of one of them"
+        raise UffError(msg)
+    if mesh is not None:
+        sets.append(_point_set(points, np.arange(1, mesh.n_points + 1), mesh.points))
+        for number, name in enumerate(mesh.members, start=1):
+            chain = mesh.member_points(name) + 1
+            sets.append({"type": 82, "trace_num": number, "nodes": chain, "id": _line(name)})
+    if geometry is not None:
+        sets.append(_point_set(points, geometry.labels, geometry.coordinates))
+    known = set() if geometry is None else set(geometry.labels.tolist())
+    for trace in trace_lines:
+        lost = [node for stroke in trace.strokes for node in stroke if node not in known]
+        if lost:
+            msg = f"trace line '{trace.name}' goes through node {lost[0]}, which is not among the geometry's"
+            raise UffError(msg)
+        # a 0 lifts the pen between strokes
+        nodes = [node for k, stroke in enumerate(trace.strokes) for node in ((0,) if k else ()) + stroke]
+        if nodes:
+            sets.append(
+                {"type": 82, "trace_num": trace.number, "nodes": np.array(nodes), "id": _line(trace.name)}
+            )
     return sets
+
+
+def _point_set(kind: int, nodes: NDArray[Any], coordinates: NDArray[np.float64]) -> dict[str, Any]:
+    nothing = np.zeros(len(nodes), dtype=int)
+    x, y, z = coordinates.T
+    return {"type": kind, "node_nums": nodes, "def_cs": nothing, "disp_cs": nothing, "color": nothing} | {
+        "x": x, "y": y, "z": z,
+    }  # fmt: skip
 
 
 def _line(text: str) -> str:
@@ -182,6 +216,42 @@ def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> l
     return records
 
 
+def _function_record(f: "Function", binary: bool, double: bool) -> bytes:
+    """Return a dataset 58 or 58b of any kind of function."""
+    is_complex = np.iscomplexobj(f.values)
+    start, step = _even_spacing(f.x, least=0.0)
+    if not step and (np.diff(f.x) <= 0).any():
+        msg = f"the abscissa of {f.type_name} {f.response} does not rise"
+        raise UffError(msg)
+    if not step:
+        _check_told_apart(f.x, binary, double)
+    columns = [np.real(f.values), np.imag(f.values)] if is_complex else [f.values]
+    if not double and f.values.size and np.abs(f.values).max() > np.finfo(np.float32).max:
+        msg = f"a value of {f.type_name} {f.response} is too large for single precision, which ends at 3.4e38"
+        raise UffError(msg)
+    values = np.column_stack(columns if step else [f.x, *columns])
+    (node, direction), (reference, sense) = parse_label(f.response), parse_label(f.reference)
+    data = (5 if is_complex else 2) + (0 if not double else 1 if is_complex else 2)
+    head = "".join(
+        [
+            *(f"{_line(text):<80}\n" for text in (*f.title, *["NONE"] * 5)[:5]),
+            f"{f.function_type:5d}{0:10d}{f.version:5d}{f.load_case:10d} "
+            f"{_line(f.response_name)[:10]:<10}{node:10d}{direction:4d} "
+            f"{_line(f.reference_name)[:10]:<10}{reference:10d}{sense:4d}\n",
+            f"{data:10d}{f.values.size:10d}{1 if step else 0:10d}{start:13.6e}{step:13.6e}{0:13.5e}\n",
+            _axis(f.x_type, "NONE", _line(f.x_unit)[:20]),
+            _axis(f.ordinate_type, "NONE", _line(f.unit)[:20]),
+            _axis(f.denominator_type, "NONE", _line(f.denominator_unit)[:20]),
+            _axis(0, "NONE", "NONE"),
+        ]
+    )
+    payload = _payload(values, binary, double, bool(step))
+    kind = f"{58:6d}"
+    if binary:
+        kind += f"b{1:6d}{2:6d}{11:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    return f"{_MARK}{kind}\n{head}".encode() + payload + _MARK.encode()
+
+
 def _dof(label: str, dofs: Mapping[str, str]) -> tuple[int, int]:
     try:
         return parse_label(dofs.get(label, label))
@@ -190,7 +260,7 @@ def _dof(label: str, dofs: Mapping[str, str]) -> tuple[int, int]:
         raise UffError(msg) from None
 
 
-def _even_spacing(frequency: NDArray[np.float64]) -> tuple[float, float]:
+def _even_spacing(frequency: NDArray[np.float64], least: float = -np.inf) -> tuple[float, float]:
     """Return start and step if the header can hold them to 1e-12; else zeros, to write them out."""
     if frequency.size < 2:
         return 0.0, 0.0
@@ -198,7 +268,8 @@ def _even_spacing(frequency: NDArray[np.float64]) -> tuple[float, float]:
         float(f"{v:.6e}") for v in (frequency[0], (frequency[-1] - frequency[0]) / (frequency.size - 1))
     )
     even = start + np.arange(frequency.size) * step
-    return (start, step) if np.abs(even - frequency).max() <= 1e-12 * frequency[-1] else (0.0, 0.0)
+    good = step > least and np.abs(even - frequency).max() <= 1e-12 * abs(frequency[-1])
+    return (start, step) if good else (0.0, 0.0)
 
 
 def _check_told_apart(frequency: NDArray[np.float64], binary: bool, double: bool) -> None:
@@ -224,7 +295,10 @@ def _payload(values: NDArray[np.float64], binary: bool, double: bool, even: bool
     if binary:
         return values.astype("<f8" if double else "<f4").tobytes()
     if double and not even:  # E13.5, 2E20.12
-        return "".join(f"{x:13.6e}{a:20.12e}{b:20.12e}\n" for x, a, b in values).encode()
+        if values.shape[1] == 3:
+            return "".join(f"{x:13.6e}{a:20.12e}{b:20.12e}\n" for x, a, b in values).encode()
+        pairs = [f"{x:13.6e}{a:20.12e}" for x, a in values]  # 2(E13.5, E20.12)
+        return "".join("".join(pairs[k : k + 2]) + "\n" for k in range(0, len(pairs), 2)).encode()
     if not double and not even:  # 6E13.5, the frequency with the digit for which a positive number has room
         cells = [f"{v:13.6e}" if k == 0 else f"{v:13.5e}" for row in values for k, v in enumerate(row)]
     else:

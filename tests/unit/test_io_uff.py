@@ -9,7 +9,17 @@ import pyuff
 
 from fem.frf import FRF
 from fem.io import read_frf, read_modes
-from fem.io.uff import Header, UffError, label_of, parse_label, read_uff, write_uff
+from fem.io.uff import (
+    Function,
+    Header,
+    Points,
+    TraceLine,
+    UffError,
+    label_of,
+    parse_label,
+    read_uff,
+    write_uff,
+)
 from fem.mesh import Mesh
 from fem.modes import Modes
 
@@ -322,6 +332,66 @@ def test_the_byte_count_we_write_is_right(tmp_path):
 
 
 # What cannot be written -----------------------------------------------------------------------------------
+
+
+def functions():
+    """Return a time record, a coherence on uneven lines and a complex spectrum, as a reader would."""
+    rng = np.random.default_rng(5)
+    common = dict(title=("run 3",) + ("",) * 4, load_case=2, version=1, place="")
+    even, uneven = 0.125 * np.arange(9) - 0.25, np.array([1.0, 2.5, 2.75, 8.0, 9.5])
+    return (
+        Function(1, "12Z-", "0S", "lid", "", even, rng.normal(size=9), 17, 12, 0, "s", "m/s^2", "", **common),
+        Function(6, "12Z+", "3X+", "", "foot", uneven, rng.random(5), 18, 0, 0, "Hz", "", "", **common),
+        Function(
+            12, "7RY+", "0S", "", "", uneven[:4] - 1.0, rng.standard_normal(4) * (1 + 2j), 18, 11, 0, "Hz",
+            "rad/s", "", **common,
+        ),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("double", [True, False])
+def test_all_kinds_of_functions_come_back(tmp_path, binary, double):
+    path = tmp_path / "f.uff"
+    write_uff(path, functions=functions(), binary=binary, double=double)
+    back = read_uff(path).functions
+    size = {(True, True): 0.0, (True, False): 1e-7, (False, True): 1e-12, (False, False): 1e-5}[
+        binary, double
+    ]
+    for was, now in zip(functions(), back, strict=True):
+        np.testing.assert_allclose(now.values, was.values, rtol=size, atol=size * np.abs(was.values).max())
+        np.testing.assert_allclose(now.x, was.x, rtol=0, atol=1e-6)
+        for name in (
+            "function_type", "response", "reference", "response_name", "reference_name", "x_type",
+            "ordinate_type", "denominator_type", "x_unit", "unit", "denominator_unit", "load_case", "version",
+        ):  # fmt: skip
+            assert getattr(now, name) == getattr(was, name), name
+        assert now.title[0] == "run 3"
+        assert np.iscomplexobj(now.values) == np.iscomplexobj(was.values)
+    for dataset, was in zip(pyuff.UFF(str(path)).read_sets(), [None, None, *functions()], strict=True):
+        if was is not None:
+            np.testing.assert_allclose(dataset["data"], was.values, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("points", [15, 2411])
+def test_a_test_geometry_keeps_its_node_numbers_and_lifts_the_pen(tmp_path, points):
+    geometry = Points(
+        np.array([101, 7, 12, 3]), np.array([[0, 0, 1.0], [-1, 2, 0], [0.5, 0, -0.25], [3, 3, 3]])
+    )
+    lines = (TraceLine(4, "lid", ((101, 7), (12, 3, 7))), TraceLine(9, "foot", ((7, 12),)))
+    path = tmp_path / "g.uff"
+    write_uff(path, small_frf(), geometry=geometry, trace_lines=lines, points=points)
+    back = read_uff(path)
+    assert back.points is not None
+    np.testing.assert_array_equal(back.points.labels, geometry.labels)
+    np.testing.assert_allclose(back.points.coordinates, geometry.coordinates, atol=1e-5)
+    assert back.trace_lines == lines
+    assert len(back.frfs) == 1
+    assert set(back.mesh().groups) | set(back.mesh().members) == {"lid", "lid.1", "lid.2", "lid.3", "foot"}
+    with pytest.raises(UffError, match="goes through node 8"):
+        write_uff(path, geometry=geometry, trace_lines=[TraceLine(1, "x", ((101, 8),))])
+    with pytest.raises(UffError, match="a mesh and a geometry"):
+        write_uff(path, mesh=Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]]), geometry=geometry)
 
 
 def test_names_that_are_no_dofs_need_a_map(tmp_path):
