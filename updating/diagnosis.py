@@ -255,6 +255,8 @@ def build_problem(
     undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
     reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=MODE_MARGIN)
     modes = elastic_frequencies(reduced, highest)
+    # A suspension's modes below the band have no lines: they are neither knots nor stages.
+    modes = modes[modes >= frf.frequency[0]]
     n_knots = int(np.clip(len(modes) // 4, 1, 8))
     knots = (
         np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
