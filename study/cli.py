@@ -11,6 +11,7 @@ from typing import Any
 
 from study import commands, investigate, measure
 from study.output import Progress
+from study.validation import command as validation
 
 OURS = ("fem", "updating", "joint", "viz", "study")
 """Packages whose ValueErrors say in one line what is wrong with the input."""
@@ -283,6 +284,33 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="X",
         help="largest amplification of errors, cond(A)·cond(B), of a line that counts (default 1000)",
     )
+
+    p = command(
+        "validate",
+        validation.run,
+        "measure how often a diagnosis is right, on frames and hidden effects drawn from a seed",
+        "dovetail validate --seed 7 --cases 300 --nulls 200 --processes 4 --out out/seed-7",
+        study=False,
+    )
+    p.add_argument("--seed", type=_number, required=True, metavar="S", help="what the cases are drawn from")
+    p.add_argument(
+        "--cases", type=_count, default=33, metavar="N", help="cases of each set but null (default 33)"
+    )
+    p.add_argument(
+        "--nulls",
+        type=_number,
+        metavar="M",
+        help="cases with nothing hidden (default: as many as the others)",
+    )
+    p.add_argument(
+        "--sets", metavar="LIST", help="of single, null, withheld, weak, two, faults (default: all)"
+    )
+    p.add_argument("--processes", type=_count, default=1, metavar="P", help="cases at a time (default 1)")
+    p.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of the results; a run that was stopped goes on there"
+    )
+    p.add_argument("--case", metavar="CASE", help="run one case alone and print it, such as 12 or null:3")
+    p.add_argument("--small", action="store_true", help="small frames and few lines, to try the command")
     return parser
 
 
@@ -299,6 +327,13 @@ def _count(text: str) -> int:
         msg = f"'{text}' is not allowed; a whole number of at least 1 is needed"
         raise argparse.ArgumentTypeError(msg)
     return value
+
+
+def _number(text: str) -> int:
+    if not text.isdigit():
+        msg = f"'{text}' is not allowed; a whole number of at least 0 is needed"
+        raise argparse.ArgumentTypeError(msg)
+    return int(text)
 
 
 def _positive(text: str) -> float:

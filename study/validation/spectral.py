@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 Law = Callable[[NDArray[np.float64]], Array]
-"""From ω (n,) [rad/s] to the complex factors of a stiffness, (n,)."""
+"""From ω (n,) [rad/s] to the complex factors of a stiffness, (n,), or (n, 6) for each direction.
+
+An entry between two directions has the square root of both factors.
+"""
 
 _LINES_AT_ONCE = 256
 
@@ -438,10 +441,8 @@ def receptance(
             Z[:, columns[:, None], columns] += P.T @ segment_stiffness(s, omega) @ P
         for i, c in enumerate(frame.connections):
             free = [d for d in range(6) if not c.rigid[d]]
-            part = np.ix_(free, free)
-            Z[:, relative[i][:, None], relative[i]] += (
-                _factor(c.law, omega) * c.K[part] + 1j * omega[:, None, None] * (c.C[part])
-            )
+            own = _factor(c.law, omega) * c.K + 1j * omega[:, None, None] * c.C
+            Z[:, relative[i][:, None], relative[i]] += own[:, free][:, :, free]
         for b, (columns, P) in zip(frame.bodies, bodies, strict=True):
             w = omega[:, None, None]
             Z[:, columns[:, None], columns] += (
@@ -459,7 +460,13 @@ def receptance(
 
 
 def _factor(law: Law | None, omega: Array) -> Array:
-    return np.ones((1, 1, 1)) if law is None else law(omega)[:, None, None]
+    if law is None:
+        return np.ones((1, 1, 1))
+    factor = law(omega)
+    if factor.ndim == 1:
+        return factor[:, None, None]
+    root = np.sqrt(factor + 0j)
+    return root[:, :, None] * root[:, None, :]
 
 
 def _arm(frame: SpectralFrame, p: Probe) -> NDArray[np.float64]:
