@@ -46,6 +46,7 @@ from joint.output_error import Identifiability, JointFit, fit_joint
 from joint.parts import FixedParts, ModelParts, Uncertain
 from joint.physics import LawFit, StiffnessLaw, effects_of, explain_stiffness
 from joint.relative import RelativeJoint, relative_coordinates, relative_joint
+from joint.released import ReleasedParts
 from joint.substructuring import (
     LCurve,
     Regularisation,
@@ -77,6 +78,7 @@ __all__ = [
     "ModelParts",
     "Regularisation",
     "RelativeJoint",
+    "ReleasedParts",
     "StiffnessLaw",
     "SubstructureFRF",
     "Substructured",

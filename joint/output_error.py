@@ -169,7 +169,8 @@ def fit_joint(
     max_iterations: int = 30,
     tolerance: float = 1e-6,
     determined: float = 0.5,
-    positive: bool = False,
+    positive: bool | str = False,
+    prior: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
 ) -> JointFit:
     """Fit a joint's parameters to the receptances of the assembly by maximum likelihood: output error.
 
@@ -214,9 +215,13 @@ def fit_joint(
         the cost falls by less than this part of itself.
     determined : float
         A parameter counts as determined if its standard deviation is below this part of its value [-].
-    positive : bool
-        Whether parameters whose matrices are positive semidefinite stay positive to the end. They are then
-        biased where noise hides them.
+    positive : bool or str
+        Whether parameters whose matrices are positive semidefinite stay positive to the end; ``"K"`` keeps
+        stiffnesses so and leaves the others. They are then biased where noise hides them.
+    prior : ((n,) array_like, (n,) array_like), optional
+        What is known of θ before: mean and standard deviation, that of the logarithm for parameters that stay
+        positive; infinite where nothing is. A wide one keeps a parameter that the data do not determine from
+        drifting away.
 
     Returns
     -------
@@ -257,7 +262,12 @@ def fit_joint(
         raise IdentificationError(msg)
     problem = _Problem(form, parts, lines, measured, weight)
     signed = form.positive | (form.semidefinite & (begin[0] > 0))
-    problem = replace(problem, positive=signed if positive else form.positive)
+    if isinstance(positive, str):
+        kinds = np.array([term.kind in positive for term in form.terms for _ in term.parameters])
+        kept = form.positive | (signed & kinds)
+    else:
+        kept = signed if positive else form.positive
+    problem = replace(problem, positive=kept, prior=_prior(prior, kept, n))
     history: list[tuple[float, float, float]] = []
     counts = [max(1, min(lines.size, round(part * lines.size))) for part in stages]
     tried = []
@@ -313,6 +323,8 @@ class _Problem:
     positive: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     huber: float | None = None
     """Where the loss of ln H turns linear [-]; None for plain residuals of H."""
+    prior: tuple[FloatArray, FloatArray, BoolArray] | None = None
+    """Mean and standard deviation of θ, and where they are those of ln θ."""
     known: dict[bytes, Any] = field(default_factory=dict, repr=False)
     """The substructures at the last x, which many points share."""
 
@@ -386,7 +398,16 @@ class _Problem:
         # 2 Σ|r|²/2 … the prior ½ x² beside Σ|r|²: in units of the negative log likelihood
         A[n:, n:] += 0.5 * np.eye(m)
         g[n:] += 0.5 * x
-        return _State(theta, x, count, cost + 0.5 * float(x @ x), A, g, H)
+        cost += 0.5 * float(x @ x)
+        if self.prior is not None:
+            middle, std, log = self.prior
+            ratio = np.where(log, theta / np.where(log, middle, 1.0), 1.0)
+            u = np.where(log, np.log(np.maximum(ratio, 1e-300)), theta - middle) / std
+            du = np.where(log, 1 / np.where(log, theta, 1.0), 1.0) / std
+            A[:n, :n] += 0.5 * np.diag(du**2)
+            g[:n] += 0.5 * u * du
+            cost += 0.5 * float(u @ u)
+        return _State(theta, x, count, cost, A, g, H)
 
     def _jacobian(
         self,
@@ -420,6 +441,25 @@ def _noise(measured: ComplexArray, noise: npt.ArrayLike | None, reference: Compl
     if level.ndim == 0:
         return np.maximum(level * size, least * 1e-3)
     return np.broadcast_to(level, measured.shape)
+
+
+def _prior(
+    prior: tuple[npt.ArrayLike, npt.ArrayLike] | None, log: BoolArray, n: int
+) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+    """Check what is known of θ beforehand."""
+    if prior is None:
+        return None
+    mean, std = (np.asarray(v, dtype=float) for v in prior)
+    if mean.shape != (n,) or std.shape != (n,) or not (np.isfinite(mean).all() and (std > 0).all()):
+        msg = (
+            f"the prior has a mean of shape {mean.shape} and deviations of shape {std.shape}; ({n},) each is "
+            "needed, finite means and positive deviations"
+        )
+        raise ValueError(msg)
+    if (wrong := log & (mean <= 0) & np.isfinite(std)).any():
+        msg = f"the prior's mean {mean[wrong][0]:g} is of a parameter that stays positive; it must be too"
+        raise ValueError(msg)
+    return np.where(log & (mean <= 0), 1.0, mean), std, log
 
 
 def _approach(
@@ -563,7 +603,8 @@ def _weakest(
     covariance: FloatArray, theta: FloatArray, names: tuple[str, ...]
 ) -> tuple[tuple[float, str], ...]:
     """Return the three combinations of parameters, each relative to its own size, that are known worst."""
-    size = np.where(theta != 0, np.abs(theta), 1.0)
+    # a value next to zero is known to no part of itself: any large number says so
+    size = np.maximum(np.abs(theta), 1e-6 * np.sqrt(np.diag(covariance)))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     out = []
     for k in range(len(values) - 1, max(len(values) - 4, -1), -1):

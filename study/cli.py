@@ -260,8 +260,8 @@ def build_parser() -> argparse.ArgumentParser:
     p = command(
         "identify-joint",
         commands.identify_joint,
-        "identify a joint's dynamic stiffness from the measured FRFs, each line by itself",
-        "dovetail identify-joint study.toml --joint J --directions z,rx --out Z.npz",
+        "fit a joint to the measured FRFs, with its uncertainty, and propose it to the model",
+        "dovetail identify-joint study.toml --joint J --directions rx --propose new.toml --picture Z.png",
     )
     p.add_argument("--joint", required=True, metavar="NAME", help="name of the joint in the study")
     p.add_argument(
@@ -271,10 +271,31 @@ def build_parser() -> argparse.ArgumentParser:
         help="relative motions to identify, such as z,rx; the others keep the study's values",
     )
     p.add_argument(
+        "--terms",
+        metavar="LIST",
+        default="K,D",
+        help="what each direction may have: some of K, C, D (stiffness, viscous and structural damping), or "
+        "one of zener, fractional_kelvin_voigt, fractional_zener (default K,D)",
+    )
+    p.add_argument("--coupled", action="store_true", help="let the stiffness couple the directions")
+    p.add_argument(
+        "--accuracy",
+        type=_not_negative,
+        default=0.05,
+        metavar="X",
+        help="accuracy asked of the model, relative to each FRF; 0 takes it for exact (default 0.05)",
+    )
+    p.add_argument(
+        "--propose", type=Path, metavar="FILE", help="write the study with the identified joint, as .toml"
+    )
+    p.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw the dynamic stiffness over frequency, as .png"
+    )
+    p.add_argument(
         "--out",
         type=Path,
         metavar="FILE",
-        help="write frequency, Z, condition numbers and residual to an .npz file",
+        help="write values, covariance, and Z line by line with its condition numbers to an .npz file",
     )
     p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
     p.add_argument(
@@ -282,7 +303,8 @@ def build_parser() -> argparse.ArgumentParser:
         type=_positive,
         default=1e3,
         metavar="X",
-        help="largest amplification of errors, cond(A)·cond(B), of a line that counts (default 1000)",
+        help="line by line: largest amplification of errors, cond(A)·cond(B), of a line that counts "
+        "(default 1000)",
     )
 
     p = command(
@@ -334,6 +356,10 @@ def _number(text: str) -> int:
         msg = f"'{text}' is not allowed; a whole number of at least 0 is needed"
         raise argparse.ArgumentTypeError(msg)
     return int(text)
+
+
+def _not_negative(text: str) -> float:
+    return 0.0 if text.strip() in ("0", "0.0") else _positive(text)
 
 
 def _positive(text: str) -> float:

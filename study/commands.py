@@ -227,82 +227,67 @@ def axis_labels(study: Study, sensors: Sequence[Sensor]) -> dict[str, str]:
 
 
 def identify_joint(options: Options, progress: Progress) -> None:
-    """Identify a joint's dynamic stiffness line by line."""
-    from study.identify import identify, summarise
+    """Fit a joint by output error; show it line by line beside; write what was found into a study."""
+    from joint import IdentificationError
+    from study.identify import estimate, identify, read_task, summarise
+    from study.joint_report import draw_joint, joint_result, joint_words
+    from study.propose import write_proposal
 
-    if options.out is not None and options.out.suffix.lower() != ".npz":
-        msg = f"{options.out}: the result is written as .npz"
-        raise OutputError(msg)
-    check_writable(options.out, options.json)
+    for path, suffix, what in (
+        (options.out, ".npz", "the result"),
+        (options.propose, ".toml", "the proposed study"),
+        (options.picture, ".png", "the picture"),
+    ):
+        if path is not None and path.suffix.lower() != suffix:
+            msg = f"{path}: {what} is written as {suffix}"
+            raise OutputError(msg)
+    check_writable(options.out, options.json, options.propose, options.picture)
     study = load_study(options.study)
-    progress("identifying the joint")
-    found, directions = identify(
-        study, options.joint, options.directions, options.measurement, options.amplification
-    )
-    summary = summarise(found, directions)
+    if options.propose is not None and options.propose.resolve() == study.path.resolve():
+        msg = f"{options.propose} is the study itself; give another file to propose"
+        raise OutputError(msg)
+    task = read_task(study, options.joint, options.directions, options.measurement)
+    terms = tuple(options.terms.replace(",", " ").split())
+    progress("line by line")
+    lines, reason = None, ""
+    try:
+        lines = identify(task, options.amplification)
+    except IdentificationError as refusal:
+        reason = str(refusal).partition(": ")[2]
+    progress("fitting the joint to all lines")
+    found = estimate(task, terms, coupled=options.coupled, accuracy=options.accuracy, lines=lines)
+    summary = [] if lines is None else summarise(lines, task.directions)
     progress.close()
     if options.out is not None:
-        arrays: dict[str, Any] = {
-            "frequency": found.frequency,
-            "directions": np.array(directions),
-            "Z": found.z,
-            "regular": found.regular,
-            "condition_A": found.condition_A,
-            "condition_B": found.condition_B,
-            "residual": found.residual,
+        _write_joint(options.out, found, lines)
+    if options.picture is not None:
+        draw_joint(found, options.picture, options.amplification)
+    proposal = write_proposal(found, options.propose) if options.propose is not None else ()
+    write_json(options.json, joint_result(study.name, found, lines, summary))
+    say(options, *joint_words(found, lines, summary, reason))
+    if proposal:
+        say(options, f"the study with this joint is written: dovetail compare {options.propose}")
+
+
+def _write_joint(path: Path, found: Any, lines: Any) -> None:
+    fit = found.fit
+    arrays: dict[str, Any] = {
+        "directions": np.array(found.task.directions),
+        "names": np.array(fit.form.names),
+        "values": fit.values,
+        "covariance": fit.covariance,
+        "fit_frequency": fit.frequency,
+        "H": fit.H,
+        "measured": found.measured,
+    }
+    if lines is not None:
+        arrays |= {
+            "frequency": lines.frequency,
+            "Z": lines.z,
+            "regular": lines.regular,
+            "condition_A": lines.condition_A,
+            "condition_B": lines.condition_B,
+            "residual": lines.residual,
         }
-        with replacing(options.out) as scratch, scratch.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-    regular = int(found.regular.sum())
-    write_json(
-        options.json,
-        {
-            "study": study.name,
-            "joint": options.joint,
-            "lines": found.frequency.size,
-            "regular_lines": regular,
-            "amplification_limit": options.amplification,
-            "directions": summary,
-        },
-    )
-    bands = np.array_split(np.arange(found.frequency.size), min(8, found.frequency.size))
-    say(
-        options,
-        f"joint {options.joint}: {regular} of {found.frequency.size} lines count (amplification "
-        f"at most {options.amplification:g})",
-        "         band Hz   cond(A)   cond(B)  residual  lines that count",
-        *(
-            f"{found.frequency[b[0]]:8.1f}-{found.frequency[b[-1]]:<8.1f} "
-            f"{np.median(found.condition_A[b]):8.2g}  {np.median(found.condition_B[b]):8.2g}  "
-            f"{_middle(found.residual[b]):8.2g}  {int(found.regular[b].sum())} of {b.size}"
-            for b in bands
-        ),
-        "constant values over the lines that count (medians, with the scatter of a single line):",
-        *(
-            f"  {s['direction']:>2}: k = {s['k']:.4g} {s['unit']} (scatter "
-            f"{s['k_scatter']:.2g}), loss factor {s['eta']:.3g}, "
-            f"or viscous c = {s['c']:.3g} {s['unit_c']}; the study has k = {s['k_study']:.4g}"
-            for s in summary_with_study(study, options.joint, summary)
-        ),
-    )
-
-
-def _middle(values: np.ndarray) -> float:
-    """Return the median of the finite values."""
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if finite.size else float("nan")
-
-
-def summary_with_study(study: Study, joint: str, summary: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Add the study's own stiffness to each direction; infinite where it is rigid."""
-    effect: Any = study.model.effect(joint)
-    names = ("x", "y", "z", "rx", "ry", "rz")
-    return [
-        {
-            **s,
-            "k_study": np.inf
-            if s["direction"] in effect.rigid
-            else float(effect.K[(i := names.index(s["direction"])), i]),
-        }
-        for s in summary
-    ]
+    with replacing(path) as scratch, scratch.open("wb") as file:
+        np.savez_compressed(file, **arrays)

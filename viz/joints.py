@@ -29,6 +29,7 @@ def plot_stiffness_entries(
     parts: str = "both",
     level: float = 1.96,
     title: str = "",
+    focus: str | None = None,
 ) -> Figure:
     """Plot entries of joints' dynamic stiffness matrices over frequency.
 
@@ -52,6 +53,8 @@ def plot_stiffness_entries(
         Half width of the band in standard deviations [-].
     title : str
         Heading.
+    focus : str, optional
+        A curve: the axes are kept to ten times its size, and to the other lines, however far points scatter.
 
     Raises
     ------
@@ -89,6 +92,11 @@ def plot_stiffness_entries(
                     for sign in (-1, 1)
                 ]
                 _limits(ax, [part(Z[:, i, j]) for Z in data.values()] + wide)
+                if focus is not None:
+                    others = [np.nanmax(np.abs(Z[:, i, j]), initial=0.0) for Z in list(data.values())[1:]]
+                    size = max(10 * float(np.abs(data[focus][:, i, j]).max()), 1.2 * max(others))
+                    low, high = ax.get_ylim()
+                    ax.set_ylim(max(low, -size), min(high, size))
                 ax.set_ylabel(f"{word} Z({labels[i]}, {labels[j]})\n[{_unit(labels[i], labels[j])}]")
                 ax.set_xlim(f[0], f[-1])
         for ax in axes[-1]:

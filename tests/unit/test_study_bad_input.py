@@ -387,13 +387,6 @@ def test_commands_that_need_more(tmp_path, capsys, measured):
         "'w' is not a direction",
         command=("identify-joint", "--joint", "J", "--directions", "w"),
     )
-    fails(
-        tmp_path,
-        capsys,
-        joint + FILE,
-        "1 internal outputs cannot determine 2",
-        command=("identify-joint", "--joint", "J", "--directions", "z,rx"),
-    )
 
 
 @pytest.mark.parametrize(

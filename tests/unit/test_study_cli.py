@@ -279,6 +279,8 @@ def test_a_hidden_joint_stiffness_is_found_line_by_line(tmp_path, capsys, assume
             str(tmp_path / "z.npz"),
             "--json",
             str(tmp_path / "z.json"),
+            "--propose",
+            str(tmp_path / "new.toml"),
         ]
     )
     assert code == 0
@@ -287,9 +289,23 @@ def test_a_hidden_joint_stiffness_is_found_line_by_line(tmp_path, capsys, assume
         keep = z["regular"]
         assert keep.mean() > 0.9
         np.testing.assert_allclose(z["Z"][keep, 0, 0], 200 * (1 + 0.103j), rtol=1e-8)
-    found = json.loads((tmp_path / "z.json").read_text(encoding="utf-8"))["directions"][0]
-    assert found["k"] == pytest.approx(200)
-    assert found["eta"] == pytest.approx(0.103)
+    found = json.loads((tmp_path / "z.json").read_text(encoding="utf-8"))
+    lines = found["line_by_line"]["directions"][0]
+    assert lines["k"] == pytest.approx(200)
+    assert lines["eta"] == pytest.approx(0.103)
+    # the fit moves what is uncertain too; exact data leave it to the basis, which is good to 1e-4 or so
+    fitted = found["directions"][0]
+    assert fitted["k"] == pytest.approx(200, rel=1e-3)
+    assert fitted["eta"] == pytest.approx(0.103, rel=1e-2)
+    assert abs(fitted["k"] - 200) < 2 * fitted["k_std"]
+    # the proposed study is the truth, and runs
+    model = load_study(tmp_path / "new.toml").model
+    joint = model.effect("J")
+    assert joint.K[3, 3] == pytest.approx(200, rel=1e-3)
+    assert joint.K[4, 4] == 3000
+    assert joint.D[3, 3] == pytest.approx(20, rel=1e-2)
+    assert "rx" not in joint.rigid
+    assert main(["modes", str(tmp_path / "new.toml"), "--quiet"]) == 0
 
 
 def test_sensors_of_a_member_read_that_member(tmp_path):
@@ -311,5 +327,13 @@ def test_identification_refuses_what_the_data_cannot_tell(tmp_path, capsys):
         CROSS.format(joint=ELASTIC.format(krx=200), measurements='[[measurements]]\nfile = "m.npz"'),
         encoding="utf-8",
     )
-    assert main(["identify-joint", str(tmp_path / "s.toml"), "--joint", "J", "--directions", "all"]) == 2
-    assert "4 internal inputs cannot determine 6" in capsys.readouterr().err
+    asked = ["identify-joint", str(tmp_path / "s.toml"), "--joint", "J", "--directions"]
+    assert main([*asked, "x,y,z,rx,ry", "--accuracy", "0"]) == 0
+    said = capsys.readouterr().out
+    assert "line by line: 4 internal inputs cannot determine 5" in said
+    assert main([*asked, "rx", "--terms", "K,E"]) == 2
+    assert "there is no term 'E'" in capsys.readouterr().err
+    assert main([*asked, "rx", "--terms", "D"]) == 2
+    assert "D has no stiffness" in capsys.readouterr().err
+    assert main([*asked, "rx", "--propose", str(tmp_path / "s.toml")]) == 2
+    assert "is the study itself" in capsys.readouterr().err

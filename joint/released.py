@@ -1,0 +1,180 @@
+"""A structure without one of its joints, as a function of what is uncertain about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.model import Model, ModelError
+from fem.reduced import ParametricFRF, ReducedModel
+from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy, solve_lines
+from joint.interface import Interface, SubstructureFRF
+from joint.parts import Blocks
+from updating.parameters import DampingCurve, Nuisance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReleasedParts:
+    """A model without the stiffness of a joint in some of its directions.
+
+    The model itself holds springs z in these directions, so that parts that nothing else connects need no
+    treatment of their own. Taken out again, with d the relative motions,
+
+    H = H' + H'_·d S⁻¹ H'_d·,       S = z⁻¹ - H'_dd
+    dH = (1 + H'_·d S⁻¹ E_dᵀ) dH' (1 + E_d S⁻¹ H'_d·)
+
+    E_d picks the relative motions. The springs have the structure's own damping, as everything has, and so
+    has the joint that is identified.
+
+    Build it with :meth:`of`.
+
+    Attributes
+    ----------
+    at_mean : SubstructureFRF
+        Receptances with every parameter as in the model; the joint coordinates are the relative motions.
+    nuisances : tuple of Nuisance
+    damping : DampingCurve
+    """
+
+    at_mean: SubstructureFRF
+    nuisances: tuple[Nuisance, ...]
+    damping: DampingCurve
+    _engine: ParametricFRF
+    _springs: FloatArray
+    _means: FloatArray
+    _interface: Interface
+
+    @classmethod
+    def of(
+        cls,
+        reduced: ReducedModel,
+        frequency: FloatArray,
+        interface: Interface,
+        vectors: tuple[FloatArray, FloatArray, FloatArray],
+        springs: FloatArray,
+        nuisances: Sequence[Nuisance],
+        damping: DampingCurve,
+    ) -> ReleasedParts:
+        """Take the springs out of a projected model.
+
+        Parameters
+        ----------
+        reduced : ReducedModel
+            Of the model with the springs, and without modal damping, which is that of the curve; with
+            attachment vectors of all outputs, inputs and relative motions.
+        frequency : (n_freq,) array
+            Lines [Hz], above 0.
+        interface : Interface
+            Names of the p relative motions, the M responses and the L inputs.
+        vectors : ((n_dof, M), (n_dof, L), (n_dof, p)) arrays
+            Responses, inputs and relative motions as combinations of degrees of freedom.
+        springs : (p,) array
+            Stiffness of the springs in the relative motions [N/m, N·m/rad].
+        nuisances : sequence of Nuisance
+            Parameters that are uncertain, with relative standard deviations.
+        damping : DampingCurve
+            Modal damping and its uncertainty.
+
+        Raises
+        ------
+        ModelError
+            For a nuisance that is no parameter of the model or has no positive value.
+        """
+        lines = as_frequency(frequency)
+        outputs, inputs, relative = vectors
+        model = reduced.model
+        known = model.values()
+        refs = [(n.effect, n.parameter) for n in nuisances]
+        for ref in refs:
+            if not known.get(ref, 0.0) > 0:
+                msg = f"'{ref[0]} {ref[1]}' is uncertain, but no parameter of the model with a positive value"
+                raise ModelError(msg)
+        engine = ParametricFRF(
+            reduced, np.hstack([outputs, relative]), np.hstack([inputs, relative]), lines, refs
+        )
+        means = np.array([known[ref] for ref in refs])
+        zeta = np.exp(damping.hats(lines) @ np.log(damping.nominal))
+        H, _, _ = engine.evaluate(means, zeta, False)
+        at_mean = _partition(lines, interface, _release(H, *_taken_out(H, springs, model, lines, zeta)))
+        return cls(at_mean, tuple(nuisances), damping, engine, frozen_copy(springs), means, interface)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the nuisances, then of the damping at the knots of its curve."""
+        knots = (f"damping at {f:.0f} Hz" for f in self.damping.knots)
+        return (*(f"{n.effect} {n.parameter}" for n in self.nuisances), *knots)
+
+    def physical(self, x: FloatArray) -> FloatArray:
+        """Return the parameters in their own units: mean · exp(std · x)."""
+        std = np.append([n.std for n in self.nuisances], np.full(len(self.damping.knots), self.damping.std))
+        return np.append(self._means, self.damping.nominal) * np.exp(std * x)
+
+    def standard(self, values: FloatArray) -> FloatArray:
+        """Return x of parameters in their own units: the inverse of `physical`."""
+        std = np.append([n.std for n in self.nuisances], np.full(len(self.damping.knots), self.damping.std))
+        return np.log(values / np.append(self._means, self.damping.nominal)) / std
+
+    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[Blocks, ...]]:
+        """Return receptances and their derivatives by x."""
+        n = len(self.nuisances)
+        values = self.physical(x)
+        lines = self.at_mean.frequency
+        hats = self.damping.hats(lines)
+        zeta = np.exp(hats @ np.log(values[n:]))
+        H, dH, dH_dzeta = self._engine.evaluate(values[:n], zeta, True)
+        assert dH is not None
+        assert dH_dzeta is not None
+        model = self._engine.reduced.model
+        S, dz = _taken_out(H, self._springs, model, lines, zeta)
+        frf = _partition(lines, self._interface, _release(H, S, dz))
+        p = len(self._springs)
+        left = _left(H, S, p)
+        right = _left(H.mT, S.mT, p).mT
+        slopes = [left @ (dH[k] * (values[k] * each.std)) @ right for k, each in enumerate(self.nuisances)]
+        # the springs that are taken out carry the damping too: dS = -z⁻¹ dz z⁻¹ - dH'_dd
+        base = left @ dH_dzeta @ right
+        through = solve_lines(S, H[:, -p:]) / dz[:, :, None]
+        back = solve_lines(S.mT, H[:, :, -p:].mT).mT / dz[:, None, :]
+        base = base + (back * (2j * self._springs)) @ through
+        slopes += [
+            base * (zeta * hats[:, k] * self.damping.std)[:, None, None]
+            for k in range(len(self.damping.knots))
+        ]
+        return frf, tuple(self._blocks(each) for each in slopes)
+
+    def _blocks(self, H: ComplexArray) -> Blocks:
+        p = len(self._springs)
+        return Blocks(H[:, :-p, :-p], H[:, :-p, -p:], H[:, -p:, :-p], H[:, -p:, -p:])
+
+
+def _taken_out(
+    H: ComplexArray, springs: FloatArray, model: Model, lines: FloatArray, zeta: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return S = z⁻¹ - H'_dd, (n_freq, p, p), and z, (n_freq, p)."""
+    p = len(springs)
+    loss = model.damping.loss_factor + 2 * np.pi * lines * model.damping.beta + 2 * zeta
+    z = springs * (1 + 1j * loss[:, None])
+    S = -H[:, -p:, -p:]
+    S[:, np.arange(p), np.arange(p)] += 1 / z
+    return S, z
+
+
+def _release(H: ComplexArray, S: ComplexArray, z: ComplexArray) -> ComplexArray:
+    """Return receptances without the springs."""
+    p = z.shape[1]
+    return H + H[:, :, -p:] @ solve_lines(S, H[:, -p:])
+
+
+def _left(H: ComplexArray, S: ComplexArray, p: int) -> ComplexArray:
+    """Return 1 + H'_·d S⁻¹ E_dᵀ, by which a change of H' goes into one of H."""
+    n = H.shape[1]
+    out = np.broadcast_to(np.eye(n, dtype=complex), (len(H), n, n)).copy()
+    out[:, :, -p:] += solve_lines(S.mT, H[:, :, -p:].mT).mT
+    return out
+
+
+def _partition(lines: FloatArray, interface: Interface, H: ComplexArray) -> SubstructureFRF:
+    p = len(interface.joint)
+    return SubstructureFRF(lines, interface, H[:, :-p, :-p], H[:, :-p, -p:], H[:, -p:, :-p], H[:, -p:, -p:])
