@@ -159,8 +159,8 @@ tau = 0.001
 def test_a_law_becomes_an_element_of_the_study(tmp_path):
     """FRFs of a joint of rubber about x, in a study that takes it for a spring.
 
-    The structure's own loss, 4e-4 of the stiffness, is in Z too, and no law has a place for it; ten times that
-    makes the static stiffness 1 % low.
+    The structure's own loss, 4e-4 of the stiffness, is in Z too, and no law has a place for it; ten times
+    that makes the static stiffness 1 % low.
     """
     (tmp_path / "true.toml").write_text(CROSS.replace("{k}", SPRINGS) + RUBBER, encoding="utf-8")
     data = tmp_path / "m.npz"
