@@ -743,14 +743,9 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> flo
     f = problem.data.frequency[lines]
     zeta = np.exp(problem.damping.hats(f) @ np.log(result.zeta))
     reduced = problem.receptance(result, lines) / result.gains[:, None]
-    d = full.damping
     ratio = []
     for k, omega in enumerate(2 * np.pi * f):
-        Z = (
-            system.K * (1 + 1j * (d.loss_factor + 2 * zeta[k] + omega * d.beta))
-            + 1j * (system.D + omega * system.C)
-            + (1j * omega * d.alpha - omega**2) * system.M
-        )
+        Z = system.dynamic_stiffness(float(omega)) + 2j * zeta[k] * system.K
         direct = outputs.T @ (system.Q @ factorise(Z).solve((system.Q.T @ inputs).astype(complex)))
         ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
     return rms_db(np.array(ratio))
