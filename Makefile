@@ -32,7 +32,7 @@ help:
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
 	@echo 'make extras      install sectionproperties (sections of any outline) and PARDISO'
 	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
-	@echo 'make peers       install OpenSeesPy and PyNite beside Dovetail: tests marked peer then run'
+	@echo 'make peers       install OpenSeesPy, PyNite and sdypy-EMA beside Dovetail: tests marked peer then run'
 	@echo 'make bench-peers speed and agreement against them; SIZES="8" for a quick one'
 	@echo 'make check       ruff, pyright and the import contracts'
 	@echo 'make format      let ruff rewrite the code'
@@ -99,7 +99,7 @@ $(DEV): $(READY) requirements-dev.lock
 	@touch $@
 
 $(PEERS_READY): requirements-peers.lock
-	@echo 'Installing OpenSeesPy and PyNite into $(PEERS): once, 500 MB'
+	@echo 'Installing OpenSeesPy, PyNite and sdypy-EMA into $(PEERS): once, 500 MB'
 	@test -x $(PEERS)/bin/pip || $(PYTHON) -m venv --clear $(PEERS)
 	@$(PEERS)/bin/python -m pip --disable-pip-version-check install --quiet -r requirements-peers.lock
 	@$(PEERS)/bin/python -c 'import openseespy.opensees, Pynite' 2>$(PEERS)/import.txt || { \
@@ -116,7 +116,7 @@ lock:
 	.venv-lock/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[dev]'
 	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude-editable | grep -vxFf requirements.lock > requirements-dev.lock
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/python -m pip install --quiet openseespy PyNiteFEA scipy
+	.venv-lock/bin/python -m pip install --quiet openseespy PyNiteFEA scipy sdypy-EMA
 	.venv-lock/bin/python -m pip freeze --exclude setuptools \
 		| sed 's/^\(openseespylinux.*\)/\1; sys_platform == "linux"/' > requirements-peers.lock
 	rm -rf .venv-lock

@@ -3,7 +3,7 @@
 OPENBLAS_NUM_THREADS=1 python -m benchmarks.modal_identification
 
 sdypy-EMA runs under an interpreter of its own, `.venv-peers/bin/python` or that of DOVETAIL_PEERS_PYTHON,
-after `pip install sdypy-EMA` there. It takes the poles nearest to given frequencies: it gets the true ones.
+after `make peers`. It takes the poles nearest to given frequencies: it gets the true ones.
 """
 
 import subprocess

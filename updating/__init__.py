@@ -63,7 +63,7 @@ from updating.geometry_matching import (
 from updating.localisation import Localisation, locate
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors, with_sensor_masses
 from updating.modal_identification import Candidate, IdentifiedModes, damping_matrix, identify_modes
-from updating.pairing import ModePair, pair_modes
+from updating.pairing import ModePair, pair_modes, track_modes
 from updating.parameters import Nuisance
 from updating.poles import IdentificationError, Stabilisation
 from updating.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
@@ -177,6 +177,7 @@ __all__ = [
     "subspace_mac",
     "table_from_sensors",
     "tikhonov",
+    "track_modes",
     "update",
     "with_sensor_masses",
 ]

@@ -1,6 +1,8 @@
 """Which computed mode is which measured one: by shape and frequency together, close modes as subspaces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -300,3 +302,54 @@ def _why(alike: NDArray[np.float64], f: NDArray[np.float64], least_mac: float) -
     if alike[k] < least_mac:
         return f"no MAC above {alike[k]:.2f} (mode {k + 1}, {f[k]:.4g} Hz); {least_mac:g} is needed"
     return f"most like mode {k + 1} ({f[k]:.4g} Hz, MAC {alike[k]:.2f}), which has a better partner"
+
+
+def track_modes(sets: Sequence[Modes], mass: Any = None, least: float = 0.5) -> NDArray[np.int64]:
+    """Follow modes through sets of them that change step by step, as over a parameter or along an updating.
+
+    From set to set, modes are assigned so that the sum of their likeness is largest: (φᵀMφ')², which
+    is 1 for a mode that has not changed, or MAC without a mass matrix. Modes whose frequencies cross keep
+    their places so; where two veer, the place follows the shape, which it shares while they mix: take small
+    steps there. Rigid-body modes are left out.
+
+    Parameters
+    ----------
+    sets : sequence of Modes
+        With the same rows of shapes.
+    mass : array_like or sparse (n_dof, n_dof), optional
+        M on these rows [kg, kg m²].
+    least : float
+        Modes that are less alike from one set to the next are lost [-].
+
+    Returns
+    -------
+    ndarray of int (n_sets, n_modes)
+        Column k follows elastic mode k of the first set: its number in each set, rigid-body modes counted, or
+        -1 from where it was lost.
+
+    Raises
+    ------
+    ValueError
+        If there is no set, or rows differ.
+    """
+    if not sets or any(m.shapes.shape[0] != sets[0].shapes.shape[0] for m in sets):
+        msg = f"the sets have {[m.shapes.shape[0] for m in sets]} rows of shapes; one set or more, all alike"
+        raise ValueError(msg)
+    first = np.arange(sets[0].n_rigid, sets[0].n_modes)
+    out = np.full((len(sets), first.size), -1, dtype=np.int64)
+    out[0] = first
+    for step, (old, new) in enumerate(pairwise(sets), start=1):
+        kept = np.flatnonzero(out[step - 1] >= 0)
+        a, b = old.shapes[:, out[step - 1, kept]], new.shapes[:, new.n_rigid :]
+        if not kept.size or not b.shape[1]:
+            break
+        if mass is None:
+            alike = mac(a, b)
+        else:
+            sizes = [np.sqrt(np.abs(np.einsum("ij,ij->j", x.conj(), mass @ x))) for x in (a, b)]
+            alike = np.abs(a.conj().T @ (mass @ b)) ** 2 / np.outer(sizes[0] ** 2, sizes[1] ** 2)
+        rows, columns = linear_sum_assignment(-alike)
+        for i, j in zip(rows, columns, strict=True):
+            if alike[i, j] >= least:
+                out[step, kept[i]] = j + new.n_rigid
+    return out

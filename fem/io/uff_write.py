@@ -87,8 +87,9 @@ def write_uff(
     Raises
     ------
     UffError
-        For a mesh beside a geometry, trace lines through nodes that are not there, labels that are not degrees
-        of freedom, values that single precision cannot hold, frequencies that the precision cannot tell apart, or nothing to write.
+        For a mesh beside a geometry, trace lines through nodes that are not there, labels that are not
+        degrees of freedom, values that single precision cannot hold, frequencies that the precision cannot
+        tell apart, or nothing to write.
     """
     frfs = (frf,) if isinstance(frf, FRF) else tuple(frf)
     if not frfs and modes is None and mesh is None and geometry is None and not functions:

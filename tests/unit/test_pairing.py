@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import fem
 from updating import compare_modes
-from updating.pairing import pair_modes
+from updating.pairing import pair_modes, track_modes
 from updating.shape_correlation import mac
 
 modest = settings(max_examples=30, derandomize=True, deadline=None)
@@ -149,3 +149,40 @@ def test_pairs_do_not_depend_on_scale_phase_or_order(seed):
         assert order[i] == j
     assert len(found.pairs) == 5
     np.testing.assert_allclose(found.frequency_error, 1 / 1.05 - 1, atol=0.02)
+
+
+def test_modes_keep_their_places_where_frequencies_cross():
+    """A cantilever's frequencies go with h across it one way and with b the other: they cross at h = b.
+
+    f_y/f_z = b/h of slender beams, so that the order of every pair turns round between h = 0.9 b and 1.1 b.
+    """
+    mesh = fem.Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {"beam": [0]}).split(8)
+    steel = fem.Material("steel", 210e9, 7850.0)
+    sets, masses = [], []
+    for h in (0.009, 0.0095, 0.0105, 0.011):
+        part = fem.MemberProperties(steel, fem.Section.rectangle(0.01, h))
+        model = fem.Model(mesh, (fem.Frame(members={"beam": part}), fem.Support(name="root", point=0)))
+        system = fem.assemble(model)
+        sets.append(fem.solve_modes(system, n=4))
+        masses.append(system.Q @ system.M @ system.Q.T)
+    for mass in (None, masses[0]):
+        followed = track_modes(sets, mass)
+        np.testing.assert_array_equal(followed[:2], [[0, 1, 2, 3]] * 2)
+        np.testing.assert_array_equal(followed[2:], [[1, 0, 3, 2]] * 2)
+    along = np.array([m.frequency[row] for m, row in zip(sets, followed, strict=True)])
+    assert np.all(np.diff(along[:, [0, 2]], axis=0) > 0)  # across z: with h
+    assert np.abs(along[:, [1, 3]] / along[0, [1, 3]] - 1).max() < 1e-3  # across y: with b, which stays
+
+
+def test_a_mode_that_is_gone_is_lost_and_stays_lost():
+    rows = np.eye(3)
+    sets = [
+        fem.Modes(np.array([1.0, 2.0]), rows[:, :2]),
+        fem.Modes(np.array([2.0, 3.0]), rows[:, 1:]),
+        fem.Modes(np.array([1.0, 2.0]), rows[:, :2]),
+    ]
+    np.testing.assert_array_equal(track_modes(sets), [[0, 1], [-1, 0], [-1, 1]])
+    with pytest.raises(ValueError, match="rows of shapes"):
+        track_modes([sets[0], fem.Modes(np.array([1.0]), np.ones((4, 1)))])
+    with pytest.raises(ValueError, match="one set or more"):
+        track_modes([])
