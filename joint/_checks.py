@@ -78,8 +78,10 @@ def as_lines(
             f"{shape[0]} frequency lines, {shape[1]} rows and {shape[2]} columns"
         )
         raise ValueError(msg)
-    bad = ~np.isfinite(array)
-    if bad.any():
+    # one pass: a sum is finite if every value is, unless it overflows
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = array.sum()
+    if not np.isfinite(total) and (bad := ~np.isfinite(array)).any():
         line, row, column = (int(i) for i in np.argwhere(bad)[0])
         msg = (
             f"{name} holds {int(bad.sum())} values that are not finite, the first at line {line} "
