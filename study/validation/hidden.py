@@ -327,6 +327,11 @@ def _fractional(a: float, tau: float) -> Law:
     return lambda omega: 1 + a * np.sqrt(1j * omega * tau)
 
 
+def _fractional_values(a: float, tau: float) -> dict[str, float]:
+    """Return the strength at 100 Hz, as candidates state it, and the exponent."""
+    return {"strength": float(a * np.sqrt(2 * np.pi * 100 * tau)), "exponent": 0.5}
+
+
 def _joint_offset(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     i = _joint(rng, draft, elastic=True)
     if i is None:
@@ -727,7 +732,7 @@ KINDS: dict[str, Kind] = {
         Kind(
             "joint_fractional",
             ("joint_fractional",),
-            _in_one_direction(_fractional, lambda a, tau: {"exponent": 0.5}),
+            _in_one_direction(_fractional, _fractional_values),
         ),
         Kind("joint_offset", ("joint_offset",), _joint_offset),
         Kind("member_stiffness", ("member_stiffness",), _factor("E", 0.5)),

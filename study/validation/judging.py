@@ -94,7 +94,7 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         - unexplained, not noticed, fault: what the verdict said instead
     """
     model = diagnosis.model
-    proposed = {e.name: e for e in propose(case.model)}
+    proposed = {e.name: e for e in propose(case.model, test=case.measurement)}
 
     def effect_of(ranked: Any) -> Effect | None:
         effect = proposed.get(ranked.name)

@@ -17,9 +17,10 @@ import numpy as np
 
 import fem
 import updating
+from fem.effects import candidate_kinds
 from study.validation.cases import SETS, Settings, draw_case, kinds_of
 from study.validation.judging import Record, is_known, judge
-from updating.diagnosis import diagnose, propose
+from updating.diagnosis import diagnose
 
 CASES_FILE = "cases.jsonl"
 
@@ -57,12 +58,11 @@ def run_case(settings: Settings, task: Task) -> Record:
             warnings.simplefilter("always")
             case = draw_case(settings, set_name, index)
             drawn = time.perf_counter() - begun
-            known = {e.kind for e in propose(case.model)}
             diagnosis = diagnose(
                 case.model,
                 [case.measurement],
                 case.nuisances,
-                exclude=tuple(k for k in case.exclude if k in known),
+                exclude=tuple(k for k in case.exclude if k in candidate_kinds()),
             )
             record = judge(case, diagnosis)
             record["drawing_seconds"] = drawn
