@@ -43,7 +43,7 @@ class _Foundation(Effect):
     ) -> tuple[dict[str, float], ...]:
         k = float(np.median([scale(key) for key in self.released()]))
         return tuple(
-            {"stiffness": float(f * k), **loss} for f, loss in product(np.geomspace(1e-2, 1e2, 13), losses)
+            {"stiffness": float(f * k), **loss} for f, loss in product(np.geomspace(1e-2, 1e2, 21), losses)
         )
 
     @classmethod
@@ -97,8 +97,8 @@ class Foundation(_Foundation):
         return (Contribution(dofs, K, D=self.loss_factor * K),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Four decades around the stiffness of the structure, losses of 5 and 40 %."""
-        return self._grid(scale, [{"loss_factor": 0.05}, {"loss_factor": 0.4}])
+        """Four decades around the stiffness of the structure, losses of 10 and 50 %."""
+        return self._grid(scale, [{"loss_factor": 0.1}, {"loss_factor": 0.5}])
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
