@@ -163,15 +163,10 @@ def update_study(study: Study) -> StudyUpdate:
 
 
 def _as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
-    f, phi = found.modes.frequency, np.asarray(found.modes.shapes)
-    if not f.size:
+    if not found.modes.n_modes:
         msg = f"no mode was found in the FRFs of {data.name}; give [modes], or update to 'frf'"
         raise StudyError(msg)
-    size = np.sqrt((phi**2).mean(axis=0))
-    noise = np.sqrt((found.shape_std**2).mean(axis=0)) / np.where(size > 0, size, 1.0)
-    return MeasuredModes(
-        found.modes, data.sensors, found.frequency_std / f, np.maximum(noise, 0.01), f"FRFs of {data.name}"
-    )
+    return MeasuredModes(found.modes, data.sensors, *found.relative_std(), f"FRFs of {data.name}")
 
 
 def _fitted(study: Study) -> Measurement:

@@ -155,6 +155,22 @@ class IdentifiedModes:
         """Residues of the receptances at the poles, shape (n_modes, n_out, n_in) [m/(N s)]."""
         return self.complex_shapes.T[:, :, None] * self.participation[:, None, :]
 
+    def relative_std(self, least_shape: float = 0.01) -> tuple[Floats, Floats]:
+        """Return standard deviations as an updating takes them, (n_modes,) each [-].
+
+        Those of frequencies, relative, and the root mean square of those of a shape's entries over that of
+        the entries.
+
+        Parameters
+        ----------
+        least_shape : float
+            Of the latter: places and directions of sensors are not known better [-].
+        """
+        shapes = np.abs(self.modes.shapes)
+        size = np.sqrt((shapes**2).mean(axis=0))
+        noise = np.sqrt((self.shape_std**2).mean(axis=0)) / np.where(size > 0, size, 1.0)
+        return self.frequency_std / self.modes.frequency, np.maximum(noise, least_shape)
+
     def damping(self) -> Damping:
         """Return the damping ratios as those of a model, over frequency."""
         zeta = self.modes.zeta

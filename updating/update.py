@@ -24,6 +24,7 @@ from fem.modes import Modes
 from fem.system import System
 from updating.correlation import DB_PER_NEPER
 from updating.measurement import Measurement, with_sensor_masses
+from updating.modal_identification import IdentifiedModes
 from updating.regularisation import (
     LCurve,
     l_curve,
@@ -357,7 +358,7 @@ def update(
     *,
     frequency: ArrayLike | None = None,
     shapes: ArrayLike | None = None,
-    modes: Modes | ModeData | None = None,
+    modes: Modes | IdentifiedModes | ModeData | None = None,
     frf: FRF | Measurement | FRFData | ArrayLike | None = None,
     lines: ArrayLike | None = None,
     outputs: Places | None = None,
@@ -392,8 +393,9 @@ def update(
         in their units for others.
     frequency, shapes : array_like (n,), (n_out, n), optional
         Measured natural frequencies without rigid-body modes [Hz], and shapes at the outputs.
-    modes : Modes, optional
-        Both in one; its labels pick outputs that are given by label.
+    modes : Modes or IdentifiedModes, optional
+        Both in one; its labels pick outputs that are given by label. Identified modes bring their standard
+        deviations, in place of ``frequency_std`` and ``shape_std``.
     frf : FRF, Measurement or array_like (n_freq, n_out, n_in), optional
     lines : array_like (n_freq,), optional
         Frequencies of bare FRFs [Hz].
@@ -471,7 +473,7 @@ def _mode_data(
     model: Model,
     frequency: ArrayLike | None,
     shapes: ArrayLike | None,
-    modes: Modes | ModeData | None,
+    modes: Modes | IdentifiedModes | ModeData | None,
     outputs: Places | None,
     numbers: Sequence[int] | None,
     frequency_std: ArrayLike,
@@ -480,6 +482,8 @@ def _mode_data(
 ) -> ModeData | None:
     if isinstance(modes, ModeData):
         return modes
+    if isinstance(modes, IdentifiedModes):
+        (frequency_std, shape_std), modes = modes.relative_std(), modes.modes
     if modes is None and frequency is None:
         return None
     if modes is not None and outputs is None:
