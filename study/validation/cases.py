@@ -30,12 +30,16 @@ SETS = ("single", "null", "withheld", "weak", "two", "faults")
 """Sets of cases: one effect; nothing; one whose kind the search may not use; one ten times weaker; two; a
 fault of a sensor."""
 
-SETTINGS_VERSION = 1
+SETTINGS_VERSION = 2
 """Raised whenever the same seed gives other cases than before."""
 
 
 _STEP = 1e-6
 """Relative step of the derivatives with respect to uncertain parameters."""
+
+
+_WEAK = 0.02
+"""Change of the FRFs up to which an effect counts as weak [nepers]."""
 
 
 class CaseError(ValueError):
@@ -238,7 +242,8 @@ class _Scale:
     Only the exact frame is used. d = ln(H_with / H_without) at some lines, without FRFs near the noise
     floor; the derivatives of ln H with respect to E and ρ of each material, all damping, and each elastic
     stiffness of the joints are projected out of d; the root mean square of what is left, amplitude and phase
-    together, counts in dB.
+    together, counts in dB. A linear projection does not move resonances back that have gone farther than
+    their width, so that :meth:`slope` gives what a weak effect does, in proportion, as a second estimate.
     """
 
     def __init__(self, draft: Draft, truth: TrueFrame, noise_floor: float, n_lines: int = 100) -> None:
@@ -270,8 +275,18 @@ class _Scale:
         return float(DB_PER_NEPER * np.sqrt((d**2).sum() / (d.size / 2)))
 
     def of(self, hidden: Hidden, amplitude: float) -> float:
-        """Return the change by an effect [dB]."""
+        """Return the change by an effect at an amplitude [dB]."""
         return self.visible_db(hidden.change(self._truth, amplitude))
+
+    def slope(self, hidden: Hidden) -> float:
+        """Return the change by a weak effect, in proportion to its amplitude [dB]."""
+        a = hidden.bounds[0]
+        for _ in range(12):
+            d = self._log_change(hidden.change(self._truth, a))
+            if np.sqrt((d**2).sum() / (d.size / 2)) < _WEAK:
+                break
+            a /= 4
+        return self.of(hidden, a) / a
 
 
 def _varied(draft: Draft, truth: TrueFrame, step: float) -> list[TrueFrame]:
@@ -299,10 +314,11 @@ def _varied(draft: Draft, truth: TrueFrame, step: float) -> list[TrueFrame]:
 def _strength(scale: _Scale, hidden: Hidden, wanted: float) -> Implant | None:
     """Raise the amplitude until the change is as wanted; None if even the largest stays below the least."""
     low, high = hidden.bounds
+    slope = scale.slope(hidden)
     grid = np.geomspace(low, high, 9)
     before = None
     for a in grid:
-        change = scale.of(hidden, float(a))
+        change = min(slope * float(a), scale.of(hidden, float(a)))
         if change >= wanted:
             break
         before = float(a)
@@ -313,7 +329,7 @@ def _strength(scale: _Scale, hidden: Hidden, wanted: float) -> Implant | None:
     upper = float(a)
     for _ in range(4):
         middle = float(np.sqrt(before * upper))
-        between = scale.of(hidden, middle)
+        between = min(slope * middle, scale.of(hidden, middle))
         if between >= wanted:
             upper, change = middle, between
         else:
