@@ -311,8 +311,9 @@ def _draw_structure(result: RunResult, album: Album) -> None:
         for xyz in finding.effect.locations(study.model)[:6]:
             places.setdefault(tuple(np.round(xyz, 9)), []).append(finding.effect.kind.replace("_", " "))
     for fault in d.faults:
-        sensor = next(s for s in m.sensors if s.name == fault.sensor)
-        word = "wrong sign" if fault.kind == "sensor_sign" else f"gain {fault.value:.2f}"
+        group = m.sensors if fault.kind.startswith("sensor") else m.excitations
+        sensor = next(s for s in group if s.name == fault.sensor)
+        word = f"gain {fault.value:.2f}" if fault.kind.endswith("gain") else words.FAULT_NAMES[fault.kind]
         places.setdefault(tuple(np.round(sensor.point, 9)), []).append(f"{fault.sensor}: {word}")
     marks = [(np.array(xyz), " and ".join(dict.fromkeys(names))) for xyz, names in places.items()]
     seen = f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""

@@ -450,9 +450,7 @@ def _frfs(result: RunResult, album: Album) -> Markup:
             *(p for p in album.starting("frf-") if p is not album["frf-error"]),
         )
     ]
-    text = (
-        "Signs and gains of sensors are as in the table of sensor faults." if result.diagnosis.faults else ""
-    )
+    text = "Sensors and forces are set right as in the table of faults." if result.diagnosis.faults else ""
     return section("FRFs before and after", *([paragraph(text)] if text else []), *pictures)
 
 
@@ -549,35 +547,23 @@ def _faults(result: RunResult) -> Markup:
     faults = result.diagnosis.faults
     if not faults:
         return section(
-            "Sensor faults",
+            "Faults of the measurement",
             paragraph(
-                "None was found: no sensor has the opposite sign of the model over most lines, none is "
-                "off by one factor over the whole band."
+                "None was found: what each sensor reads agrees with what the others say of the motion at its "
+                "place, and signs and levels of the forces agree."
             ),
         )
     rows = [
-        [
-            f.sensor,
-            {"sensor_sign": "wrong sign", "sensor_gain": "wrong gain"}.get(f.kind, f.kind.replace("_", " ")),
-            words.with_unit(f.value, "-", f.std),
-            _remedy(f.kind, f.value),
-        ]
-        for f in faults
+        [f.sensor, words.FAULT_NAMES[f.kind], words.fault_value(f), words.fault_remedy(f)] for f in faults
     ]
     return section(
-        "Sensor faults",
+        "Faults of the measurement",
         paragraph(
-            "These sensors were set right before anything was fitted. The factor is what their readings "
-            "carry: measured = factor × motion."
+            "These sensors and forces were set right before effects were searched for. A gain is what the "
+            "reading carries: measured = gain × true value."
         ),
-        table(["sensor", "fault", "factor [-]", "remedy"], rows, numbers=(2,)),
+        table(["sensor or force", "fault", "value", "remedy"], rows, numbers=(2,)),
     )
-
-
-def _remedy(kind: str, value: float) -> str:
-    if kind == "sensor_sign":
-        return "turn its direction round in the study, or set its sign to −1"
-    return f"check its calibration: divide its readings by {words.number(value)}"
 
 
 # -------------------------------------------------------------------------------------------- the small print

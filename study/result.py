@@ -14,6 +14,7 @@ from study.config import Study
 from study.modal import ModePair
 from updating.correlation import Comparison
 from updating.diagnosis import Diagnosis, EffectParameter, Finding, Ranked, Step
+from updating.faults import Fault
 from updating.localisation import Localisation
 
 SCHEMA = "dovetail-result/1"
@@ -165,13 +166,18 @@ def program_version() -> str:
         return "unknown"
 
 
+def _fault(f: Fault) -> dict[str, Any]:
+    plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
+    return plain | ({"other": f.other} if f.other else {})
+
+
 def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
     """Return a diagnosis in plain types: verdict, effects, faults, errors, ranking."""
     return {
         "verdict": d.verdict,
         "reason": d.reason,
         "effects": [_finding(f) for f in d.findings],
-        "faults": [{"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std} for f in d.faults],
+        "faults": [_fault(f) for f in d.faults],
         "error_db": [_step(s) for s in d.steps],
         "noise_floor_db": d.noise_floor_db,
         "noise_db": d.noise_db,

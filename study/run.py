@@ -26,6 +26,7 @@ from study.result import (
 from study.table import StudyError
 from updating.correlation import compare, rms_db
 from updating.diagnosis import N_LINES, Diagnosis, build_problem, diagnose
+from updating.faults import corrected
 from updating.fit import FitProblem, prepare
 from updating.localisation import locate
 from updating.measurement import Measurement
@@ -164,15 +165,10 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
     """Return, for each excitation that no fit has seen, the error of each step [dB]."""
     out = {}
     whole = study.measurements[0]
-    signs = np.array(
-        [
-            -1.0 if any(f.sensor == n and f.kind == "sensor_sign" for f in d.faults) else 1.0
-            for n in whole.frf.outputs
-        ]
-    )
     for name in study.held_out:
         if name in whole.frf.inputs:
-            data = prepare(whole.with_frf(whole.frf.select(inputs=[name])), None, study.band).corrected(signs)
+            data = prepare(whole.with_frf(whole.frf.select(inputs=[name])), None, study.band)
+            data = corrected(data, d.faults)
             problem = replace(d.problem, data=data)
             out[name] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
     return out

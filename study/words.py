@@ -102,13 +102,62 @@ def finding_text(finding: Finding) -> str:
     return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
 
 
+FAULT_NAMES = {
+    "sensor_sign": "wrong sign",
+    "sensor_gain": "wrong gain",
+    "sensor_delay": "delay",
+    "sensor_swap": "swapped labels",
+    "sensor_tilt": "tilt",
+    "sensor_position": "wrong place",
+    "excitation_sign": "force with wrong sign",
+    "excitation_gain": "force with wrong gain",
+    "excitation_delay": "force with delay",
+}
+"""Kinds of faults in words."""
+
+
+def fault_value(fault: Fault) -> str:
+    """Return a fault's value with its unit: angles in degrees, delays in µs."""
+    if fault.kind == "sensor_swap":
+        return f"with {fault.other}"
+    if fault.unit == "rad":
+        return with_unit(math.degrees(fault.value), "°", math.degrees(fault.std))
+    if fault.unit == "s":
+        return with_unit(1e6 * fault.value, "µs", 1e6 * fault.std)
+    if fault.unit == "m":
+        return with_unit(1e3 * fault.value, "mm", 1e3 * fault.std)
+    return with_unit(fault.value, fault.unit, fault.std)
+
+
 def fault_text(fault: Fault) -> str:
-    """Return a sensor's fault in words."""
-    if fault.kind == "sensor_sign":
-        return f"{fault.sensor} reads with the opposite sign"
-    if fault.kind == "sensor_gain":
-        return f"{fault.sensor} reads {with_unit(fault.value, '-', fault.std)} times the motion"
-    return f"{fault.sensor}: {fault.kind.replace('_', ' ')} {with_unit(fault.value, '-', fault.std)}"
+    """Return a fault of a sensor or a force in words."""
+    name, value = fault.sensor, fault_value(fault)
+    return {
+        "sensor_sign": f"{name} reads with the opposite sign",
+        "sensor_gain": f"{name} reads {value} times the motion",
+        "sensor_delay": f"{name} reads {value} late",
+        "sensor_swap": f"{name} and {fault.other} have each other's labels",
+        "sensor_tilt": f"{name} is tilted by {value}",
+        "sensor_position": f"{name} sits {value} along {fault.other} from its stated place",
+        "excitation_sign": f"the force at {name} has the opposite sign",
+        "excitation_gain": f"the force at {name} is recorded {value} times as large as it is",
+        "excitation_delay": f"the force at {name} is recorded {value} late",
+    }[fault.kind]
+
+
+def fault_remedy(fault: Fault) -> str:
+    """Return what to do about a fault."""
+    return {
+        "sensor_sign": "turn its direction round in the study, or set its sign to −1",
+        "sensor_gain": f"check its calibration: divide its readings by {number(fault.value)}",
+        "sensor_delay": "check its filter and channel: take the delay off its phase",
+        "sensor_swap": "exchange the two labels",
+        "sensor_tilt": "set its direction in the study to what it really is",
+        "sensor_position": "set its place in the study to where it really is; it was left out",
+        "excitation_sign": "turn its direction round in the study, or set its sign to −1",
+        "excitation_gain": f"check its calibration: multiply its FRFs by {number(fault.value)}",
+        "excitation_delay": "check its filter and channel: take the delay off the phase of its FRFs",
+    }[fault.kind]
 
 
 def ranked_label(r: Ranked) -> str:

@@ -42,7 +42,7 @@ from updating.exchange import (
     sensors_from_table,
     table_from_sensors,
 )
-from updating.faults import Fault
+from updating.faults import Fault, confirm_faults, find_faults
 from updating.fit import FitProblem, FitResult
 from updating.frf_correlation import (
     BandError,
@@ -53,6 +53,7 @@ from updating.frf_correlation import (
     signature_assurance,
 )
 from updating.frf_estimation import EstimatedFRF, EstimationError, estimate_frf, estimate_roving, split_hits
+from updating.gates import Gates, Homogeneity, Reciprocity, check_gates
 from updating.geometry_matching import (
     GeometryMatch,
     GeometryMatchError,
@@ -63,6 +64,7 @@ from updating.geometry_matching import (
 from updating.localisation import Localisation, locate
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors, with_sensor_masses
 from updating.modal_identification import Candidate, IdentifiedModes, damping_matrix, identify_modes
+from updating.noise import noise_from_coherence, noise_from_repeats, relative_noise
 from updating.pairing import ModePair, pair_modes, track_modes
 from updating.parameters import Nuisance
 from updating.poles import IdentificationError, Stabilisation
@@ -102,8 +104,10 @@ __all__ = [
     "Finding",
     "FitProblem",
     "FitResult",
+    "Gates",
     "GeometryMatch",
     "GeometryMatchError",
+    "Homogeneity",
     "IdentificationError",
     "IdentifiedModes",
     "Localisation",
@@ -116,6 +120,7 @@ __all__ = [
     "Observability",
     "PretestPlan",
     "Ranked",
+    "Reciprocity",
     "Samples",
     "Sensor",
     "Settings",
@@ -130,9 +135,11 @@ __all__ = [
     "auto_mac",
     "band_error",
     "build_problem",
+    "check_gates",
     "comac",
     "compare",
     "compare_modes",
+    "confirm_faults",
     "cross_orthogonality",
     "cross_signature_assurance",
     "cross_signature_scale",
@@ -143,6 +150,7 @@ __all__ = [
     "estimate_frf",
     "estimate_roving",
     "fdac",
+    "find_faults",
     "frac",
     "frf_data",
     "frf_from_labelled",
@@ -162,6 +170,8 @@ __all__ = [
     "modal_scale_factor",
     "mode_data",
     "modes_from_labelled",
+    "noise_from_coherence",
+    "noise_from_repeats",
     "orthogonality",
     "pair_modes",
     "place_sensors",
@@ -169,6 +179,7 @@ __all__ = [
     "principal_angles",
     "propose",
     "real_shapes",
+    "relative_noise",
     "select_by_pivoting",
     "select_forward",
     "sensors_from_table",

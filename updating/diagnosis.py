@@ -18,8 +18,9 @@ from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
-from updating.faults import GAIN_LEAST, Fault, find_gain_faults, find_sign_faults
+from updating.faults import Fault, confirm_faults, find_faults
 from updating.fit import FitProblem, FitResult, prepare, sensor_vectors
+from updating.gates import check_gates
 from updating.measurement import Measurement, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 from updating.screening import Grid, screen
@@ -400,9 +401,9 @@ def diagnose(
     steps = [_step("nominal model", nominal)]
     say("fitting the uncertain parameters", 0.03)
     null = problem.fit()
-    problem, null, faults = _find_faults(problem, null)
+    problem, null, faults = find_faults(problem, null)
     steps.append(_step("uncertain parameters fitted", null))
-    notes = list(_proportionality(problem, measurements))
+    notes = [*_proportionality(problem, measurements), *check_gates(problem, null).notes]
 
     findings: list[Finding] = []
     rounds: list[tuple[Ranked, ...]] = []
@@ -452,14 +453,23 @@ def diagnose(
         names = " and ".join(_label(f.effect) for f in findings)
         steps = [*steps[:2], _step(f"{names} added", current)]
     say("checking", 0.98)
-    faults = _confirmed(problem, faults, current)
+    limit = max(FLOOR_MARGIN * floor, model_error)
+    if findings and current.level < limit:  # small faults show only where the physics is right
+        problem, current, late = find_faults(problem, current)
+        if late:
+            faults = (*faults, *late)
+            findings = [
+                Finding(e, _parameters(e, current), f.twins)
+                for e, f in zip(current.effects, findings, strict=True)
+            ]
+            steps[-1] = _step(steps[-1].label, current)
+    faults = confirm_faults(problem, faults, current)
     basis_db = basis_error(problem, current)
     if basis_db > BASIS_LIMIT_DB:
         notes.append(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
             "read weak findings with care"
         )
-    limit = max(FLOOR_MARGIN * floor, model_error)
     verdict, reason = _verdict(null, current, limit, findings, faults, rounds)
     if verdict == UNEXPLAINED:
         findings, current, steps = [], null, steps[:2]
@@ -491,30 +501,6 @@ def _label(effect: Effect) -> str:
 
 def _released(findings: Sequence[Finding]) -> set[tuple[str, str]]:
     return {key for f in findings for key in f.effect.released()}
-
-
-def _find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
-    """Set sensors with a wrong sign or gain right, and fit again."""
-    names = [s.name for s in problem.data.measurement.sensors]
-    faults: list[Fault] = []
-    signs = find_sign_faults(problem.log_ratio(null))
-    if signs:
-        factor = np.ones(len(names))
-        factor[list(signs)] = -1.0
-        problem = replace(problem, data=problem.data.corrected(factor))
-        null = problem.fit()
-        faults += [Fault("sensor_sign", names[i], -1.0, 0.0) for i in signs]
-    gains = find_gain_faults(problem.log_ratio(null))
-    if gains:
-        rows = tuple(sorted(i for i, _ in gains))
-        problem = replace(problem, gains=rows)
-        null = problem.fit()
-        std = np.sqrt(np.maximum(np.diag(null.solution.covariance)[-len(rows) :], 0.0))
-        faults += [
-            Fault("sensor_gain", names[i], float(null.gains[i]), float(null.gains[i] * s))
-            for i, s in zip(rows, std, strict=True)
-        ]
-    return problem, null, tuple(faults)
 
 
 def _round(
@@ -666,22 +652,6 @@ def _pays(current: FitResult, best: FitResult) -> bool:
     return held_out and current.level > ACCEPT_LEVEL * best.level
 
 
-def _confirmed(problem: FitProblem, faults: Sequence[Fault], current: FitResult) -> tuple[Fault, ...]:
-    """Return the faults with the gains of the last fit; without those that a found effect has explained."""
-    names = [s.name for s in problem.data.measurement.sensors]
-    out = []
-    for fault in faults:
-        if fault.kind == "sensor_sign":
-            out.append(fault)
-            continue
-        row = names.index(fault.sensor)
-        variance = np.diag(current.solution.covariance)[-len(problem.gains) :][problem.gains.index(row)]
-        gain, std = float(current.gains[row]), float(np.sqrt(max(variance, 0.0)))
-        if abs(np.log(gain)) > max(GAIN_LEAST, 2 * std):
-            out.append(Fault(fault.kind, fault.sensor, gain, gain * std))
-    return tuple(out)
-
-
 def _twins(ranked: Sequence[Ranked], current: FitResult) -> tuple[Ranked, ...]:
     gain = np.log(current.level / ranked[0].level)
     return tuple(r for r in ranked[1:] if r.refined and np.log(current.level / r.level) > TWIN_SHARE * gain)
@@ -719,7 +689,7 @@ def _verdict(
         if faults:
             return (
                 FAULT,
-                f"with {len(faults)} sensor(s) set right nothing improves the model further; "
+                f"with {len(faults)} fault(s) of the measurement set right nothing improves the model further; "
                 f"residual level {level} dB",
             )
         return NOTHING, f"no candidate improves the fitted model, whose residual level is {level} dB"

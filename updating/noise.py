@@ -38,3 +38,65 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
         for j in range(H.shape[2]):
             out[:, i, j] = np.interp(np.arange(n_freq), centres, level[:, i, j])
     return out
+
+
+def noise_from_coherence(coherence: NDArray[np.float64], n_averages: int) -> NDArray[np.float64]:
+    """Return the relative noise of FRFs from their coherence.
+
+    σ(ln|H|) = √((1 - γ²) / (2 n γ²)) for the estimator H1 with noise at the output (Bendat & Piersol, Random
+    Data, 2010, equation 9.90).
+
+    Parameters
+    ----------
+    coherence : ndarray (n_freq, n_out, n_in)
+        γ², 0 to 1 [-].
+    n_averages : int
+        n, independent averages.
+
+    Returns
+    -------
+    ndarray (n_freq, n_out, n_in)
+        Standard deviation of ln|H| [-]; infinite where the coherence is 0.
+
+    Raises
+    ------
+    ValueError
+        For a coherence outside 0 to 1, or no averages.
+    """
+    gamma2 = np.asarray(coherence, dtype=float)
+    if n_averages < 1 or not ((gamma2 >= 0) & (gamma2 <= 1)).all():
+        msg = (
+            f"coherence lies between 0 and 1, and there is at least one average; found {n_averages} averages"
+        )
+        raise ValueError(msg + f" and coherences of {gamma2.min():.3g} to {gamma2.max():.3g}")
+    with np.errstate(divide="ignore"):
+        return np.sqrt((1 - gamma2) / (2 * n_averages * gamma2))
+
+
+def noise_from_repeats(repeats: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the relative noise of the mean of FRFs that were measured several times.
+
+    The sample standard deviation of H over the repeats, in each part, over √n and |mean H|.
+
+    Parameters
+    ----------
+    repeats : ndarray (n, n_freq, n_out, n_in)
+
+    Returns
+    -------
+    ndarray (n_freq, n_out, n_in)
+        Standard deviation of ln|mean H| [-].
+
+    Raises
+    ------
+    ValueError
+        For fewer than two repeats.
+    """
+    H = np.asarray(repeats)
+    if len(H) < 2:
+        msg = f"noise needs at least 2 repeats, found {len(H)}"
+        raise ValueError(msg)
+    mean = H.mean(axis=0)
+    variance = (np.abs(H - mean) ** 2).sum(axis=0) / (len(H) - 1) / 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.sqrt(variance / len(H)) / np.abs(mean)
