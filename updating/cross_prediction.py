@@ -246,11 +246,19 @@ def rival_predictions(problem: FitProblem, X: CrossPrediction, sensor: int) -> l
     return out
 
 
-def least_certain(problem: FitProblem, X: CrossPrediction) -> CrossPrediction:
-    """Return predictions that lean on the model and on its constraints as little as the program ever does."""
+def less_certain(problem: FitProblem, X: CrossPrediction, least_share: float = 0.0) -> CrossPrediction:
+    """Return predictions that lean less on the model's constraints, and on the model at most as said.
+
+    Parameters
+    ----------
+    problem : FitProblem
+    X : CrossPrediction
+    least_share : float
+        Of the field, that the model does not know [-].
+    """
     share, error, rough, loose = X.prior
     free = 3.0 if X.field.loose.any() else loose
-    return _predicted(problem, X.field, (max(share, 0.3), error, rough, free), slice(None))
+    return _predicted(problem, X.field, (max(share, least_share), error, rough, free), slice(None))
 
 
 def _score(

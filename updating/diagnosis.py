@@ -689,7 +689,8 @@ def _verdict(
         if faults:
             return (
                 FAULT,
-                f"with {len(faults)} fault(s) of the measurement set right nothing improves the model further; "
+                f"with {len(faults)} fault(s) of the measurement set right nothing improves the model "
+                "further; "
                 f"residual level {level} dB",
             )
         return NOTHING, f"no candidate improves the fitted model, whose residual level is {level} dB"

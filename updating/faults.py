@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.model import Model
-from updating.cross_prediction import CrossPrediction, Field, cross_predict, least_certain, rival_predictions
+from updating.cross_prediction import CrossPrediction, Field, cross_predict, less_certain, rival_predictions
 from updating.fit import FitData, FitProblem, FitResult
 from updating.measurement import Sensor
 
@@ -428,6 +428,10 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> _Hypoth
     if not found:
         return None
     best = max(found, key=lambda h: h.gain)
+    if best.fault.kind == "sensor_position":  # two exchanged labels look like two wrong places
+        swaps = [h for h in found if h.believed and h.fault.kind == "sensor_swap"]
+        both = [h for h in swaps if best.fault.sensor in (h.fault.sensor, h.fault.other)]
+        best = max(both, key=lambda h: h.gain, default=best)
     if best.believed and best.fault.kind not in _OWN and not _needed(problem, X, best):
         return replace(best, better=0.0)
     alike = [
@@ -443,7 +447,7 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> _Hypoth
 def _needed(problem: FitProblem, X: CrossPrediction, best: _Hypothesis) -> bool:
     """Whether a fault is needed, too, where constraints may give way or a force may act near the sensor."""
     i = [s.name for s in problem.data.measurement.sensors].index(best.fault.sensor)
-    rivals = [least_certain(problem, X)] if X.field.loose.any() else []
+    rivals = [less_certain(problem, X)] if X.field.loose.any() else []
     if best.before < CLEAR * best.after:
         rivals += rival_predictions(problem, X, i)
     for rival in rivals:
@@ -523,7 +527,7 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
     """
     excitations = problem.data.measurement.excitations
     field = X.field
-    motion, variance = least_certain(problem, X).everywhere(problem.vectors[1].T @ field.shapes)
+    motion, variance = less_certain(problem, X, 0.3).everywhere(problem.vectors[1].T @ field.shapes)
     found: list[tuple[_Hypothesis, tuple[tuple[Fault, ...], ...]]] = []
     error = X.prior[1]
     for k in range(len(excitations)):

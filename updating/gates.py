@@ -11,7 +11,7 @@ from updating.cross_prediction import Field, cross_predict
 from updating.fit import FitProblem, FitResult
 from updating.measurement import Measurement
 
-NOT_RECIPROCAL = 4.0
+NOT_RECIPROCAL = 3.0
 """H_jk and H_kj differ if they do by this multiple of their noise."""
 NOT_HOMOGENEOUS = 1.5
 """Two force levels differ if their FRFs do by this multiple of the noise."""

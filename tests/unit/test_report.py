@@ -86,7 +86,7 @@ def test_the_order_is_that_of_a_reader(text):
         "FRFs before and after",
         "Natural frequencies and mode shapes",
         "Uncertain parameters",
-        "Sensor faults",
+        "Faults of the measurement",
         "Notes",
         "Assumptions and thresholds",
         "About this run",

@@ -1,4 +1,4 @@
-"""Comparison, noise, sensor faults and the robust solver: what they promise on data whose truth is known."""
+"""Comparison, noise and the robust solver: what they promise on data whose truth is known."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from fem.frf import FRF, FRFError
 from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
-from updating.faults import GAIN_LEAST, find_gain_faults, find_sign_faults
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.noise import relative_noise
 from updating.solve import Prior, solve_robust
@@ -146,59 +145,6 @@ def test_clean_data_have_next_to_no_noise():
 
 def test_too_few_lines_are_given_one_per_cent():
     assert (relative_noise(np.ones((8, 2, 1), complex)) == 0.01).all()
-
-
-# ---------------------------------------------------------------------------------------------- faults
-
-
-def misfits(seed=0, n=400, n_out=6, spread=0.02):
-    """Return log ratios of a good model: small errors, and phase jumps at a few lines next to resonances."""
-    rng = np.random.default_rng(seed)
-    r = spread * complex_array(rng, n, n_out, 1)
-    r[rng.choice(n, n // 20, replace=False)] += 1j * np.pi
-    return r
-
-
-@pytest.mark.parametrize("sensor", [0, 3])
-def test_a_turned_sensor_is_named(sensor):
-    r = misfits()
-    assert find_sign_faults(r) == ()
-    r[:, sensor] += 1j * np.pi
-    assert find_sign_faults(r) == (sensor,)
-    r[: len(r) // 2] = complex("nan")
-    assert find_sign_faults(r) == (sensor,)
-
-
-def test_a_missing_effect_is_no_turned_sensor():
-    r = misfits()
-    r[: int(0.6 * len(r)), 2] += 1j * np.pi  # opposite between two resonances that the model misplaces
-    assert find_sign_faults(r) == ()
-
-
-@pytest.mark.parametrize("gain", [0.5, 0.85, 1.2, 3.0])
-def test_a_wrong_gain_is_named_with_its_value(gain):
-    r = misfits()
-    assert find_gain_faults(r) == ()
-    r[:, 4] -= np.log(gain)  # ln(computed/measured): the measurement reads gain times too much
-    ((sensor, value),) = find_gain_faults(r)
-    assert sensor == 4
-    # median of 400 values with 0.02 of scatter
-    assert value == pytest.approx(np.log(gain), abs=5 * 1.25 * 0.02 / np.sqrt(400))
-
-
-def test_small_gains_and_passing_errors_are_none():
-    r = misfits()
-    r[:, 1] -= 0.9 * GAIN_LEAST
-    assert find_gain_faults(r) == ()
-    r = misfits()
-    r[:150, 1] -= 1.0  # large, over part of the band
-    assert find_gain_faults(r) == ()
-
-
-def test_gains_need_other_sensors_to_compare_with():
-    r = misfits(n_out=3)
-    r[:, 0] -= 1.0
-    assert find_gain_faults(r) == ()
 
 
 # ---------------------------------------------------------------------------------------------- solver
