@@ -521,7 +521,7 @@ def _round(
         return (), None
     have = list(current.effects)
     have_start = [_values(e) for e in have]
-    chosen = screen(problem, current, [grids[e.name] for e in candidates], _between(say, 0.0, 0.3))
+    chosen = screen(problem, current, [grids[e.name] for e in candidates], settled, _between(say, 0.0, 0.3))
     stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
     quick_fit = partial(problem.fit, n_lines=QUICK_LINES, max_iterations=6, assess=False)
     tried: dict[str, list[FitResult]] = {}

@@ -68,9 +68,8 @@ def screen(
     problem: FitProblem,
     current: FitResult,
     grids: Sequence[Grid],
+    settled: bool,
     say: Callable[[str, float], None],
-    n_best: int = N_BEST,
-    n_starts: int = 2,
 ) -> tuple[Screened, ...]:
     """Choose the candidates that deserve a fit.
 
@@ -86,29 +85,34 @@ def screen(
     current : FitResult
         The model so far, with the effects already found.
     grids : sequence of Grid
+    settled : bool
+        Whether the model is right but for noise; then its parameters are believed, and the nominal ones are
+        not looked at.
     say : callable
         Called with a text and the fraction done.
-    n_best, n_starts : int
-        How many go on by each measure, and with how many points of their grids.
     """
-    levels = [np.full((6, len(g.points)), np.inf) for g in grids]
-    for b, base in enumerate((current, problem.at_nominal(current))):
+    bases = (current,) if settled else (current, problem.at_nominal(current))
+    n = 3 * len(bases)
+    levels = [np.full((n, len(g.points)), np.inf) for g in grids]
+    for b, base in enumerate(bases):
         look = _Look.of(problem, base)
         for i, grid in enumerate(grids):
-            say(f"looking at {grid.effect.name}", (b + i / len(grids)) / 2)
+            say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
             levels[i][3 * b : 3 * b + 3] = look.levels(grid)
-    best = np.array([each.min(axis=1) for each in levels]).reshape(len(grids), 6)
+    best = np.array([each.min(axis=1) for each in levels]).reshape(len(grids), n)
     rank = np.argsort(np.argsort(best, axis=0), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):
-        if rank[i].min() >= n_best:
+        if rank[i].min() >= N_BEST:
             break
         points: list[int] = []
         for measure in np.argsort(rank[i], kind="stable"):
             k = int(np.argmin(levels[i][measure]))
             if k not in points:
                 points.append(k)
-        out.append(Screened(grids[i].effect, tuple(grids[i].points[k] for k in points[:n_starts])))
+        out.append(
+            Screened(grids[i].effect, tuple(grids[i].points[k] for k in points[: 1 if settled else 2]))
+        )
     return tuple(out)
 
 
