@@ -24,6 +24,7 @@ from updating.gates import check_gates
 from updating.measurement import Measurement, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 from updating.screening import Grid, screen
+from updating.separation import Decisive, Proposal, next_measurements, what_decides
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 
@@ -54,6 +55,8 @@ MOST_REFINED = 6
 """At most this many candidates are fitted fully in a round."""
 MAX_EFFECTS = 3
 """At most this many effects are added."""
+MOST_SEPARATED = 3
+"""For so many twins the next measurement is worked out."""
 AS_GOOD = 3.0
 """Optima whose negative log posterior is no more than this above the best count as possible values."""
 BASIS_LIMIT_DB = 0.5
@@ -92,6 +95,8 @@ class Ranked:
         Correlation of what it does to the FRFs with what the best candidate does [-].
     refined : bool
         False if only the quick screening fit was made.
+    result : FitResult
+        The fit.
     """
 
     name: str
@@ -103,6 +108,7 @@ class Ranked:
     held_out_db: float
     similarity: float
     refined: bool
+    result: FitResult
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,11 +122,20 @@ class Finding:
     parameters : tuple of EffectParameter
     twins : tuple of Ranked
         Candidates that explain the data nearly as well.
+    rival : Ranked or None
+        The best candidate that is no twin.
+    decisive : tuple of Decisive
+        The pieces of the data that speak most for the effect against the rival (without one, the first twin).
+    proposals : tuple of tuple of Proposal
+        For each of the first ``MOST_SEPARATED`` twins, the measurements that would separate the two.
     """
 
     effect: Effect
     parameters: tuple[EffectParameter, ...]
     twins: tuple[Ranked, ...]
+    rival: Ranked | None = None
+    decisive: tuple[Decisive, ...] = ()
+    proposals: tuple[tuple[Proposal, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -441,15 +456,21 @@ def diagnose(
             grids = {}
         findings = [
             *(
-                Finding(e, _parameters(e, best), f.twins)
+                replace(f, effect=e, parameters=_parameters(e, best))
                 for e, f in zip(best.effects, findings, strict=False)
             ),
-            Finding(best.effects[-1], _parameters(best.effects[-1], best), _twins(ranked, current)),
+            Finding(
+                best.effects[-1], _parameters(best.effects[-1], best), *_explained(problem, ranked, current)
+            ),
         ]
         current = best
         steps.append(_step(f"{_label(best.effects[-1])} added", best))
+    before = findings
     findings, current = _without_idle(problem, findings, current)
-    if len(findings) < len(steps) - 2:
+    if len(findings) < len(before):
+        left = {f.effect.name for f in findings}
+        kept = [k for k, f in enumerate(before) if f.effect.name in left]
+        rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
         names = " and ".join(_label(f.effect) for f in findings)
         steps = [*steps[:2], _step(f"{names} added", current)]
     say("checking", 0.98)
@@ -563,6 +584,7 @@ def _round(
             Ranked(
                 name, effect.kind, effect.where, _parameters(effect, fit), fit.level, fit.fit_db,
                 fit.held_out_db, _similarity(shift, _change(problem, fit, current)), name in final,
+                fit,
             )
         )  # fmt: skip
     ranked.sort(key=lambda r: (not r.refined, r.level))
@@ -652,9 +674,19 @@ def _pays(current: FitResult, best: FitResult) -> bool:
     return held_out and current.level > ACCEPT_LEVEL * best.level
 
 
-def _twins(ranked: Sequence[Ranked], current: FitResult) -> tuple[Ranked, ...]:
-    gain = np.log(current.level / ranked[0].level)
-    return tuple(r for r in ranked[1:] if r.refined and np.log(current.level / r.level) > TWIN_SHARE * gain)
+def _explained(
+    problem: FitProblem, ranked: Sequence[Ranked], current: FitResult
+) -> tuple[tuple[Ranked, ...], Ranked | None, tuple[Decisive, ...], tuple[tuple[Proposal, ...], ...]]:
+    """Return the twins of the best candidate, its rival, what decides, and what would separate the twins."""
+    best = ranked[0]
+    gain = np.log(current.level / best.level)
+    refined = [r for r in ranked[1:] if r.refined]
+    twins = tuple(r for r in refined if np.log(current.level / r.level) > TWIN_SHARE * gain)
+    rival = next((r for r in refined if r not in twins), None)
+    against = rival or (twins[0] if twins else None)
+    decisive = what_decides(problem, best.result, against.result) if against else ()
+    proposals = tuple(next_measurements(problem, best.result, t.result) for t in twins[:MOST_SEPARATED])
+    return twins, rival, decisive, proposals
 
 
 def _parameters(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]:
