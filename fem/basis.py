@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fem.model import Constraint
 from fem.modes import Eigenpairs, solve_eigenpairs
-from fem.solvers import factorise
+from fem.solvers import Factor, factorise
 from fem.system import System, particular, sum_contributions
 
 
@@ -28,6 +28,12 @@ class Basis:
         How many of the first columns are modes.
     n_rigid : int
         How many of these are rigid-body modes.
+    V : ndarray (n_free, r)
+        The first r columns on the system's independent coordinates.
+    factor : Factor
+        Of K - σM.
+    shift : float
+        σ, a little below zero or between the modes [1/s²].
     """
 
     T: NDArray[np.float64]
@@ -35,6 +41,19 @@ class Basis:
     keys: tuple[tuple[str, str], ...]
     n_modes: int
     n_rigid: int
+    V: NDArray[np.float64]
+    factor: Factor
+    shift: float
+
+    def extended(self, system: System, forces: NDArray[np.float64]) -> "Basis":
+        """Return the basis with the responses to more forces (n_dof, k), as far as it lacks them."""
+        load = np.asarray(system.Q.T @ forces)
+        more = _without(system, self.V, self.factor.solve(load))
+        if not more.shape[1]:
+            return self
+        V = _orthonormal(system, [self.V, more])
+        T = np.hstack([system.Q @ V, self.T[:, self.n_main :]])
+        return replace(self, T=T, n_main=V.shape[1], V=V)
 
 
 def reduced_basis(
@@ -84,9 +103,10 @@ def reduced_basis(
             break
         columns.append(response)
         load = system.M @ response
-    main = system.Q @ _orthonormal(system, columns)
-    T = np.hstack([main, released])
-    return Basis(T, main.shape[1], tuple(c.key for c in release), pairs.vectors.shape[1], pairs.n_rigid)
+    V = _orthonormal(system, columns)
+    T = np.hstack([system.Q @ V, released])
+    keys = tuple(c.key for c in release)
+    return Basis(T, V.shape[1], keys, pairs.vectors.shape[1], pairs.n_rigid, V, pairs.factor, pairs.shift)
 
 
 def _nearly_static(system: System, pairs: Eigenpairs) -> Eigenpairs:

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 
 from fem.basis import Basis, reduced_basis
 from fem.model import Contribution, Effect, Model, ParameterRef
-from fem.system import assemble, sum_contributions
+from fem.system import System, assemble, sum_contributions
 
 LOCAL_LIMIT = 60
 """Contributions that touch at most this many DOFs are kept in factored form."""
+
+RESIDUAL_LIMIT = 1500
+"""Models with at most this many DOFs get the residual flexibility at the places of candidates."""
 
 _PLACES = 16
 """Places whose responses are kept for further changes."""
@@ -34,6 +37,7 @@ class _Term:
 
     L is the identity where it is None. Each of ``laws`` is a factor as a function of ω and a matrix that it
     multiplies: what an element that depends on frequency adds to its static stiffness, which is in K.
+    ``dofs`` are those that the rows of L stand for.
     """
 
     L: NDArray[np.float64] | None
@@ -42,6 +46,7 @@ class _Term:
     C: NDArray[Any] | None
     D: NDArray[Any] | None
     laws: tuple[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]], ...] = ()
+    dofs: NDArray[np.int64] | None = None
 
     def dense(self, key: str) -> Any:
         X = getattr(self, key)
@@ -93,14 +98,56 @@ class ReducedModel:
     model : Model
         The full model, at nominal values.
     basis : Basis
+    system : System
+        The model's matrices.
     remembered : dict
         What others have computed from the two and keep with them.
     """
 
     model: Model
     basis: Basis
+    system: System
     _cache: dict[Any, Any] = field(default_factory=dict, repr=False)
     remembered: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    def with_forces_of(self, effects: Sequence[Effect]) -> "ReducedModel":
+        """Return the model with the responses to an effect's forces in its basis, where it touches few DOFs.
+
+        Modes and the responses to other forces are smooth where a crack bends or a short piece is stiffer.
+        """
+        columns = []
+        for effect in effects:
+            term = self.value_of(effect)
+            matrices = [X for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()]
+            matrices += [X for _, X in term.laws if X.any()]
+            if term.dofs is None or not matrices:
+                continue
+            motions, _, _ = _motions(matrices)
+            block = np.zeros((self.model.n_dof, motions.shape[1]))
+            block[term.dofs] = motions
+            columns.append(block)
+        if not columns:
+            return self
+        basis = self.basis.extended(self.system, np.hstack(columns))
+        return self if basis is self.basis else ReducedModel(self.model, basis, self.system)
+
+    def residual_flexibility(self, dofs: NDArray[np.int64]) -> NDArray[np.float64] | None:
+        """Return the static flexibility at some DOFs that the basis lacks, (m, m) [m/N, …].
+
+        R = Q (K - σM)⁻¹ Qᵀ - T (Tᵀ(K - σM)T)⁻¹ Tᵀ with the basis's own shift. None for models with more than
+        ``RESIDUAL_LIMIT`` DOFs, for which it would cost too much.
+        """
+        n = self.model.n_dof
+        if n > RESIDUAL_LIMIT:
+            return None
+        if "residual" not in self._cache:
+            b, total, Q = self.basis, self.base_sum(), self.system.Q
+            m = b.n_main
+            whole = Q @ b.factor.solve(Q.T.toarray())
+            T, A = b.T[:, :m], total["K"][:m, :m] - b.shift * total["M"][:m, :m]
+            part = T @ np.linalg.solve(A, T.T)
+            self._cache["residual"] = np.asarray(whole) - part
+        return self._cache["residual"][np.ix_(dofs, dofs)]
 
     def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
@@ -140,7 +187,8 @@ class ReducedModel:
             if c.law is not None
             for factor, X in _law_parts(c, imaginary)
         ]
-        return _Term(T[dofs], summed(static), M, C, D, tuple((f, X) for f, X in laws if X is not None))
+        laws = tuple((f, X) for f, X in laws if X is not None)
+        return _Term(T[dofs], summed(static), M, C, D, laws, dofs)
 
     def value_of(self, effect: Effect) -> _Term:
         """Project an effect at its present values."""
@@ -211,9 +259,8 @@ def reduce_model(
     """
     system = assemble(model)
     release = tuple(c for c in model.constraints() if c.releasable) if releasable else ()
-    return ReducedModel(
-        model, reduced_basis(system, forces, max_frequency, margin=margin, n_krylov=n_krylov, release=release)
-    )
+    basis = reduced_basis(system, forces, max_frequency, margin=margin, n_krylov=n_krylov, release=release)
+    return ReducedModel(model, basis, system)
 
 
 class ParametricFRF:
@@ -479,7 +526,7 @@ class LocalChanges:
         out = [self.H] * len(terms)
         factors = self.engine._factors(self.state)
         groups: dict[bytes, list[tuple[int, list[tuple[NDArray[Any], NDArray[Any]]]]]] = {}
-        rows: dict[bytes, NDArray[np.float64]] = {}
+        rows: dict[bytes, _Term] = {}
         for i, whole in enumerate(terms):
             term = self.engine._restrict(whole)
             parts = term.parts(factors, self.engine.omega)
@@ -489,7 +536,7 @@ class LocalChanges:
                 out[i] = self._anew(term)
                 continue
             key = term.L.tobytes()
-            rows[key] = term.L
+            rows[key] = term
             groups.setdefault(key, []).append((i, parts))
         for key, group in groups.items():
             place = self._place(rows[key], [X for _, parts in group for _, X in parts])
@@ -516,8 +563,14 @@ class LocalChanges:
         state = _State.of(engine.reduced, total, engine.omega, self.zeta, damped)
         return np.moveaxis(_times((state.V.T @ engine._out).T, state.solve(engine._in)), 2, 0)
 
-    def _place(self, L: NDArray[np.float64], matrices: list[NDArray[np.float64]]) -> "_Place":
-        """Return the responses at the motions that matrices on the rows of L act on (computed once)."""
+    def _place(self, term: _Term, matrices: list[NDArray[np.float64]]) -> "_Place":
+        """Return the responses at the motions that a term's matrices act on (computed once).
+
+        The flexibility of the structure that the basis lacks is added there.
+        """
+        L, dofs = term.L, term.dofs
+        assert L is not None
+        assert dofs is not None
         key = L.tobytes()
         known = self._places.get(key)
         if known is not None and all(known.holds(X) for X in matrices):
@@ -527,6 +580,9 @@ class LocalChanges:
         motions, inverse, scale = _motions(matrices)
         Lm = motions.T @ L @ self.state.V
         G = _times(Lm, self.state.solve((motions.T @ L).T))
+        R = self.engine.reduced.residual_flexibility(dofs)
+        if R is not None:
+            G = G + (motions.T @ R @ motions)[:, :, None] / self.state.stiffness
         both = np.concatenate([G, _times(Lm, self.Xi)], axis=1)
         outputs = np.ascontiguousarray(_times(Lm, self.Xo).transpose(2, 1, 0))
         place = _Place(motions, inverse, scale, outputs, both)

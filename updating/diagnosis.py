@@ -19,7 +19,7 @@ from fem.solvers import factorise
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.faults import Fault, confirm_faults, find_faults
-from updating.fit import FitProblem, FitResult, prepare, sensor_vectors
+from updating.fit import LEVEL_FLOOR, FitProblem, FitResult, prepare, sensor_vectors
 from updating.gates import check_gates
 from updating.measurement import Measurement, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
@@ -544,18 +544,21 @@ def _round(
     have_start = [_values(e) for e in have]
     chosen = screen(problem, current, [grids[e.name] for e in candidates], settled, _between(say, 0.0, 0.3))
     stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
-    quick_fit = partial(problem.fit, n_lines=QUICK_LINES, max_iterations=6, assess=False)
     tried: dict[str, list[FitResult]] = {}
+    on: dict[str, FitProblem] = {}
     for i, option in enumerate(chosen):
         say(f"screening {_label(option.effect)}", 0.3 + 0.3 * i / len(chosen))
         effects, fits = [*have, option.effect], []
+        places = [option.effect.with_values(**start) for start in option.starts]
+        mine = replace(problem, reduced=problem.reduced.with_forces_of(places))
+        quick_fit = partial(mine.fit, n_lines=QUICK_LINES, max_iterations=6, assess=False)
         for start in option.starts:
             starts = [*have_start, start]
             if not settled:
                 fits.append(quick_fit(effects, starts, stages=stages))
             if settled or start is option.starts[0]:
                 fits.append(quick_fit(effects, starts, stages=stages[-1:], x_from=current))
-        tried[option.effect.name] = fits
+        tried[option.effect.name], on[option.effect.name] = fits, mine
     for fits in tried.values():
         fits.sort(key=lambda f: f.level)
     names = sorted(tried, key=lambda n: tried[n][0].level)
@@ -569,26 +572,40 @@ def _round(
         effect = quickly.effects[-1]
         say(f"fitting {_label(effect)}", 0.6 + 0.4 * i / len(finalists))
         starts = [*have_start, _values(effect)]
+        mine = on[name] = _attached(problem, [effect])
         options = [
-            problem.fit([*have, effect], starts, assess=False),
-            problem.fit([*have, effect], starts, stages=[problem.stages[-1]], x_from=quickly, assess=False),
+            mine.fit([*have, effect], starts, assess=False),
+            mine.fit([*have, effect], starts, stages=[mine.stages[-1]], x_from=quickly, assess=False),
         ]
-        final[name] = problem.assessed(min(options, key=lambda r: r.solution.cost))
-    best = final[min(final, key=lambda n: final[n].level)]
-    shift = _change(problem, best, current)
+        final[name] = mine.assessed(min(options, key=lambda r: r.solution.cost))
+    best_name = min(final, key=lambda n: _score(problem, final[n]))
+    best = final[best_name]
+    shift = _change(on[best_name], best, current)
     ranked = []
     for name in names:
-        fit = final.get(name) or problem.assessed(tried[name][0])
+        fit = final.get(name) or on[name].assessed(tried[name][0])
         effect = fit.effects[-1]
         ranked.append(
             Ranked(
                 name, effect.kind, effect.where, _parameters(effect, fit), fit.level, fit.fit_db,
-                fit.held_out_db, _similarity(shift, _change(problem, fit, current)), name in final,
+                fit.held_out_db, _similarity(shift, _change(on[name], fit, current)), name in final,
                 fit,
             )
         )  # fmt: skip
-    ranked.sort(key=lambda r: (not r.refined, r.level))
+    ranked.sort(key=lambda r: (not r.refined, _score(problem, r.result)))
     return tuple(ranked), best
+
+
+def _score(problem: FitProblem, fit: FitResult) -> float:
+    """Return what candidates are ranked by: n ln level + ½ k ln n, with k parameters of the last effect.
+
+    Schwarz's criterion (Ann. Stat. 6, 1978) for an unknown error level, with as many independent data n as
+    the fits count, so that an effect with more parameters must earn them.
+    """
+    n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+    return n * float(np.log(np.hypot(fit.level, LEVEL_FLOOR))) + 0.5 * len(
+        fit.effects[-1].parameters()
+    ) * float(np.log(n))
 
 
 def _without_idle(
@@ -613,27 +630,20 @@ def _values(effect: Effect) -> dict[str, float]:
 
 
 def _attached(problem: FitProblem, effects: Sequence[Effect]) -> FitProblem:
-    """Return the problem with forces in its basis where effects sit that lie between sensors and joints.
+    """Return the problem with the forces of effects in its basis, for a position also on either side of it.
 
-    The modes alone make a local loss of stiffness look weaker than it is.
+    The modes alone make what is local, such as a crack, look weaker than it is.
     """
     model = problem.reduced.model
     reach = float(model.mesh.lengths().max())
-    parts = []
+    near = list(effects)
     for effect in effects:
         for p in effect.parameters():
             if p.name == "position":
-                near = np.clip(p.value + np.array([-reach, 0.0, reach]), p.lower, p.upper)
-                moved = [effect.with_values(position=float(s)) for s in near]
-                parts += [c.dofs.ravel() for e in moved for c in e.contribute(model)]
-    if not parts:
-        return problem
-    dofs = np.unique(np.concatenate(parts))
-    unit = np.zeros((model.n_dof, len(dofs)))
-    unit[dofs, np.arange(len(dofs))] = 1.0
-    forces = np.hstack([attachment_forces(model, problem.data.measurement), unit])
-    highest = float(problem.data.frequency[-1])
-    return replace(problem, reduced=reduce_model(model, forces, highest, margin=MODE_MARGIN))
+                places = np.clip(p.value + np.array([-reach, reach]), p.lower, p.upper)
+                near += [effect.with_values(position=float(s)) for s in places]
+    reduced = problem.reduced.with_forces_of(near)
+    return problem if reduced is problem.reduced else replace(problem, reduced=reduced)
 
 
 def _polish(problem: FitProblem, best: FitResult) -> FitResult:
