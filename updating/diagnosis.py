@@ -480,7 +480,7 @@ def diagnose(
         if late:
             faults = (*faults, *late)
             findings = [
-                Finding(e, _parameters(e, current), f.twins)
+                replace(f, effect=e, parameters=_parameters(e, current))
                 for e, f in zip(current.effects, findings, strict=True)
             ]
             steps[-1] = _step(steps[-1].label, current)

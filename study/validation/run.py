@@ -63,6 +63,7 @@ def run_case(settings: Settings, task: Task) -> Record:
                 [case.measurement],
                 case.nuisances,
                 exclude=tuple(k for k in case.exclude if k in candidate_kinds()),
+                model_error=0.0,  # the truth is made of beams
             )
             record = judge(case, diagnosis)
             record["drawing_seconds"] = drawn
