@@ -286,6 +286,23 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
             f"Amplitude and phase of the FRFs {listed}, measured and computed ({', '.join(models)}).",
             f"Response / force: {listed}.",
         )
+    for k, finding in enumerate(d.findings):
+        against = finding.rival or (finding.twins[0] if finding.twins else None)
+        if against is None or not finding.decisive or k >= len(d.rounds):
+            continue
+        rival = words.ranked_label(against)
+        both = {"with the effect": d.rounds[k][0].result, rival: against.result}
+        drawn = {label: d.problem.frf(fit) for label, fit in both.items()}
+        pairs = list(dict.fromkeys((piece.output, piece.input) for piece in finding.decisive))[:2]
+        listed = " and ".join(f"{o} / {i}" for o, i in pairs)
+        album.add(
+            f"decides-{k + 1}",
+            lambda p, drawn=drawn, pairs=pairs: save(
+                curves.plot_frf(measured, drawn, pairs, held_out=held), p, DPI
+            ),
+            f"The FRFs {listed}, measured, with the effect and with its rival {rival}.",
+            f"The FRFs that decide: {listed}, with the effect and with {rival}, both fitted.",
+        )
     album.add(
         "frf-error",
         lambda p: save(

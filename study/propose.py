@@ -1,7 +1,6 @@
 """A study with an identified joint in it, written as a copy of the study file."""
 
 import json
-import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -18,15 +17,13 @@ from joint.form import LAWS
 from study.config import Study, load_study
 from study.identify import Estimate
 from study.lines import key_lines
+from study.paths import with_paths
 from study.table import StudyError
 
 SIDES = (
     "member1", "position1", "point1", "member2", "position2", "point2", "location", "axes",
 )  # fmt: skip
 """Keys that say where a joint is."""
-
-FILES = ("file", "node_sets")
-"""Keys that name other files."""
 
 _HEADER = re.compile(r"\s*\[.*\]\s*(#.*)?$")
 
@@ -121,7 +118,7 @@ def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
     for element in effects[1:]:
         assert isinstance(element, Viscoelastic)
         text += _viscoelastic(study, joint.name, element)
-    text = _with_paths(text, study.path.parent, path.parent)
+    text = with_paths(text, study.path.parent, path.parent)
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
         model = load_study(scratch).model
@@ -245,22 +242,3 @@ def _toml(value: Any) -> str:
     if isinstance(value, list):
         return "[" + ", ".join(_toml(v) for v in value) + "]"
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
-
-
-def _with_paths(text: str, old: Path, new: Path) -> str:
-    """Name other files from another folder."""
-    if old.resolve() == new.resolve():
-        return text
-    lines = text.split("\n")
-    for path, line in key_lines(text).items():
-        if path[-1] not in FILES:
-            continue
-        value: Any = tomllib.loads(text)
-        for key in path:
-            value = value[key]
-        if not isinstance(value, str) or os.path.isabs(value):
-            continue
-        target = Path(os.path.relpath(old / value, new)).as_posix()
-        for quoted in (json.dumps(value, ensure_ascii=False), f"'{value}'"):
-            lines[line - 1] = lines[line - 1].replace(quoted, json.dumps(target, ensure_ascii=False))
-    return "\n".join(lines)

@@ -18,6 +18,7 @@ from study.result import RunResult, Uncertain, least_frac, program_version
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Finding, Ranked
 from updating.fit import FitData
+from updating.separation import Proposal
 
 CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
 
@@ -47,7 +48,7 @@ def report_html(result: RunResult, album: Album) -> str:
         _verdict(result, album),
         _compared(result, album),
         _misfit(result, album),
-        _missing(result),
+        _missing(result, album),
         _search(result, album),
         _frfs(result, album),
         _modes(result, album),
@@ -276,7 +277,7 @@ def _sensor_errors(result: RunResult) -> Markup:
 # -------------------------------------------------------------------------------------------- what is missing
 
 
-def _missing(result: RunResult) -> Markup:
+def _missing(result: RunResult, album: Album) -> Markup:
     d = result.diagnosis
     if not d.findings:
         return section("What is missing", *_nothing_found(result))
@@ -296,6 +297,8 @@ def _missing(result: RunResult) -> Markup:
     ]
     for k, finding in enumerate(d.findings):
         parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
+        parts.append(_decided(finding, album[f"decides-{k + 1}"]))
+        parts += [_separated(finding, t, p) for t, p in zip(finding.twins, finding.proposals, strict=False)]
     parts.append(
         paragraph(
             "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
@@ -338,6 +341,51 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
                 f"{twins} Similarity is the correlation of what two effects do to the FRFs; 1 means that "
                 "these "
                 "sensors cannot tell them apart."
+            ),
+        ]
+    )
+
+
+def _decided(finding: Finding, picture: Picture | None) -> Markup:
+    """Say which FRFs and bands prefer the effect to its rival."""
+    against = finding.rival or (finding.twins[0] if finding.twins else None)
+    if against is None or not finding.decisive:
+        return Markup()
+    first = finding.decisive[0]
+    lead = (
+        f"Were it {words.ranked_label(against)} instead, the FRF {first.output} / {first.input} between "
+        f"{first.band[0]:.4g} and {first.band[1]:.4g} Hz would be {first.second_db:.1f} dB off even with the "
+        f"best values of its parameters; it is {first.first_db:.1f} dB off. The pieces that speak most for "
+        "the effect, with the error with it and with its rival:"
+    )
+    return join(
+        [
+            tag("h3", "What decides"),
+            paragraph(lead),
+            bullets([words.decisive_text(piece) for piece in finding.decisive]),
+            _figure(picture),
+        ]
+    )
+
+
+def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> Markup:
+    """Say what to measure next to tell the effect from a twin."""
+    own = words.effect_label(finding.effect.kind, finding.effect.where)
+    rows = [
+        [words.proposal_text(p), f"{p.difference_db:.2f}", words.evidence_text(p.evidence)]
+        for p in proposals[:6]
+    ]
+    head = ["measurement", "difference of the predictions [dB]", "odds to expect"]
+    return join(
+        [
+            tag("h3", f"To tell {own} from {words.ranked_label(twin)}"),
+            table(head, rows, numbers=(1, 2))
+            if rows
+            else paragraph("No sensor, force or band that was tried would separate them."),
+            paragraph(
+                "Odds are those of the likelihoods once the wrong one has been fitted again to all data, if "
+                "the new data are as good as the present ones. A sensor counts with the present forces, a "
+                "force with the present sensors."
             ),
         ]
     )

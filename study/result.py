@@ -19,6 +19,7 @@ from updating.localisation import Localisation
 
 SCHEMA = "dovetail-result/1"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
+FOUND = "found.toml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,6 +274,12 @@ def _finding(f: Finding) -> dict[str, Any]:
         "name": f.effect.name,
         "parameters": [_parameter(p) for p in f.parameters],
         "twins": [_ranked(t) for t in f.twins],
+        "rival": _ranked(f.rival) if f.rival else None,
+        "decisive": [asdict(d) for d in f.decisive],
+        "next_measurements": [
+            {"twin": t.name, "proposals": [asdict(p) for p in proposals]}
+            for t, proposals in zip(f.twins, f.proposals, strict=False)
+        ],
     }
 
 

@@ -11,9 +11,12 @@ import numpy as np
 
 from fem.io.atomic import replacing
 from study.config import Study
+from study.effects import effect_table
 from study.modal import modes_of, pair_modes
 from study.output import result_folder, write_json
+from study.paths import with_paths
 from study.result import (
+    FOUND,
     FRFS,
     JSON,
     PICTURES,
@@ -41,7 +44,8 @@ N_BANDS = 8
 def run(study: Study, out: Path, progress: Progress | None = None, *, force: bool = False) -> RunResult:
     """Find what a study's model lacks, and write a report.
 
-    ``out`` gets ``report.html``, ``result.json``, ``frf.npz`` and ``pictures/``, all of them or none.
+    ``out`` gets ``report.html``, ``result.json``, ``frf.npz`` and ``pictures/``, all of them or none, and
+    ``found.toml``, the study with the effects that were found, if there are any.
 
     Parameters
     ----------
@@ -103,6 +107,18 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
         np.savez_compressed(file, **arrays)
     write_json(folder / JSON, result_dict(result))
     write_report(result, album, folder / REPORT)
+    if result.diagnosis.findings:
+        with replacing(folder / FOUND) as scratch:
+            scratch.write_text(found_text(result, folder), encoding="utf-8")
+
+
+def found_text(result: RunResult, folder: Path) -> str:
+    """Return the study with the effects that were found, as a file in a folder."""
+    study = result.study
+    text = with_paths(study.text, study.path.parent, folder).rstrip("\n")
+    parts = [text, "", f"# what dovetail has found in {study.path.name}, with the values of its fit"]
+    parts += [effect_table(f.effect, f.effect.name) for f in result.diagnosis.findings]
+    return "\n".join(parts)
 
 
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:

@@ -17,6 +17,7 @@ from updating.diagnosis import (
     Step,
 )
 from updating.faults import Fault
+from updating.separation import Decisive, Proposal
 
 FAR = 2.5
 """An uncertain parameter that moved by this many prior standard deviations is pointed out."""
@@ -222,6 +223,30 @@ def step_label(label: str) -> str:
     """Return the label of a step with the added effect's direction spelt out, behind a plus sign."""
     added = label.removesuffix(" added")
     return f"+ {place(added)}" if added != label else label
+
+
+def decisive_text(piece: Decisive) -> str:
+    """Return a piece of the data that decides, in words."""
+    return (
+        f"{piece.output} / {piece.input} from {piece.band[0]:.4g} to {piece.band[1]:.4g} Hz: "
+        f"{piece.first_db:.2f} dB against {piece.second_db:.2f} dB"
+    )
+
+
+def evidence_text(evidence: float) -> str:
+    """Return an expected log likelihood ratio as odds."""
+    if evidence < 1:
+        return "hardly any"
+    odds = evidence / math.log(10)
+    return f"{math.exp(evidence):.0f} to 1" if odds < 4 else f"10{_superscript(int(min(odds, 99)))} to 1"
+
+
+def proposal_text(proposal: Proposal) -> str:
+    """Return a measurement that would separate twins, in words."""
+    what = {
+        "sensor": "a sensor on ", "excitation": "a force on ", "band": "",
+    }[proposal.kind]  # fmt: skip
+    return f"{what}{proposal.where}"
 
 
 def ratio(before: float, after: float) -> float:

@@ -37,10 +37,18 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
-FLOOR_MARGIN = 1.6
-"""A model counts as right up to this multiple of the level that noise and the mesh leave."""
+FLOOR_MARGIN = 2.5
+"""A model counts as right up to this multiple of the level that noise and the mesh leave.
+
+Damping that differs from mode to mode and sections off by a per cent leave up to twice that.
+"""
+ACCEPT_SETTLED = 1.5
+"""Where the model counts as right already, both levels must fall by more than this factor."""
 MOST_LEFT = 0.5
-"""Effects that leave more than a right model does are believed if they lower the level below this share."""
+"""Effects that leave more than a right model does are believed if they lower the level below this share.
+
+Not where the caller says that the model's form is right.
+"""
 TWIN_SHARE = 0.9
 """A candidate that brings more than this share of the best one's reduction of ln level is its twin."""
 MODE_MARGIN = 2.5
@@ -441,11 +449,11 @@ def diagnose(
             break
         # The candidate's fit may have found better nuisance parameters; the model without it
         # deserves them too.
-        again = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=best)
+        again = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=_believed(best))
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
             steps[-1] = _step(steps[-1].label, current)
-        if not _pays(current, best):
+        if not _pays(current, best, settled):
             break
         say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
         attached = _attached(problem, best.effects)
@@ -491,7 +499,8 @@ def diagnose(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
             "read weak findings with care"
         )
-    verdict, reason = _verdict(null, current, limit, findings, faults, rounds)
+    most_left = MOST_LEFT * null.level if model_error > 0 else 0.0
+    verdict, reason = _verdict(null, current, (limit, most_left), findings, faults, rounds)
     if verdict == UNEXPLAINED:
         findings, current, steps = [], null, steps[:2]
     model_fitted = model.with_values(
@@ -596,6 +605,15 @@ def _round(
     return tuple(ranked), best
 
 
+def _believed(fit: FitResult) -> FitResult:
+    """Return a fit whose last effect's value stands for the parameter that it replaced."""
+    last = fit.effects[-1]
+    replaced, own = last.replaces(), last.parameters()
+    if len(replaced) != 1 or len(own) != 1:
+        return fit
+    return replace(fit, values={**fit.values, replaced[0]: own[0].value})
+
+
 def _score(problem: FitProblem, fit: FitResult) -> float:
     """Return what candidates are ranked by: n ln level + ½ k ln n, with k parameters of the last effect.
 
@@ -679,9 +697,9 @@ def _similarity(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
     return float(abs(np.vdot(a, b).real) / norm) if norm > 0 else 0.0
 
 
-def _pays(current: FitResult, best: FitResult) -> bool:
-    held_out = current.held_out_level > ACCEPT_HELD_OUT * best.held_out_level
-    return held_out and current.level > ACCEPT_LEVEL * best.level
+def _pays(current: FitResult, best: FitResult, settled: bool = False) -> bool:
+    fitted, held_out = (ACCEPT_SETTLED,) * 2 if settled else (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
+    return current.held_out_level > held_out * best.held_out_level and current.level > fitted * best.level
 
 
 def _explained(
@@ -709,11 +727,13 @@ def _parameters(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]:
 def _verdict(
     null: FitResult,
     current: FitResult,
-    limit: float,
+    limits: tuple[float, float],
     findings: Sequence[Finding],
     faults: Sequence[Fault],
     rounds: Sequence[tuple[Ranked, ...]],
 ) -> tuple[str, str]:
+    """Return the verdict and why, from the levels up to which a model is right and effects are believed."""
+    limit, most_left = limits
     level, before = (f"{r.level * DB_PER_NEPER:.2g}" for r in (current, null))
     right = current.level <= limit
     if findings:
@@ -721,7 +741,7 @@ def _verdict(
         if right:
             return EFFECT, f"{names} lowers the residual level from {before} to {level} dB"
         left = f"the {level} dB that are left are more than a right model leaves"
-        if current.level <= MOST_LEFT * null.level:
+        if current.level <= most_left:
             return EFFECT, f"{names} lowers the residual level from {before} to {level} dB; {left}"
         return (
             UNEXPLAINED,

@@ -206,7 +206,6 @@ class _Prediction:
     def compare(self, outputs: Floats, inputs: Floats, frequency: Floats) -> tuple[Floats, Floats]:
         """Return for each output the difference [dB] and the evidence [nepers]; NaN where nothing moves."""
         p, n_par = self.problem, len(self.second.values)
-        weight = 1.0
         H1, _ = self._frf(self.first, outputs, inputs, frequency, slopes=False)
         H2, J = self._frf(self.second, outputs, inputs, frequency, slopes=True)
         assert J is not None
@@ -226,10 +225,12 @@ class _Prediction:
             if size[i] < 1e-3 * size.max() or not np.isfinite(di).all():
                 continue
             real, slopes = np.concatenate([di.real, di.imag]), np.hstack([Ji.real, Ji.imag])
-            # A shifted resonance counts once, not by its height.
-            real = np.clip(real, -weight, weight)
+            real = np.clip(real, -1.0, 1.0)  # a shifted resonance counts once, not by its height
             part = slopes @ real / s2
-            left = real @ real / s2 - part @ np.linalg.solve(A + slopes @ slopes.T / s2, part)
+            information = A + slopes @ slopes.T / s2
+            size_of = np.sqrt(np.maximum(information.diagonal(), 1e-300))  # each parameter in its own unit
+            scaled = information / np.outer(size_of, size_of) + 1e-12 * np.eye(n_par)
+            left = real @ real / s2 - (part / size_of) @ np.linalg.solve(scaled, part / size_of)
             out_d[i] = np.sqrt((di.real**2).mean()) * DB_PER_NEPER
             out_e[i] = 0.5 * max(float(left), 0.0)
         return out_d, out_e

@@ -30,7 +30,7 @@ SETS = ("single", "null", "withheld", "weak", "two", "faults")
 """Sets of cases: one effect; nothing; one whose kind the search may not use; one ten times weaker; two; a
 fault of a sensor."""
 
-SETTINGS_VERSION = 2
+SETTINGS_VERSION = 3
 """Raised whenever the same seed gives other cases than before."""
 
 
@@ -75,7 +75,7 @@ class Settings:
     small: bool = False
     material: float = 0.03
     joint: float = 0.15
-    section: float = 0.01
+    section: float = 0.0
     damping: float = 2.0
     noise: tuple[float, float] = (0.01, 0.03)
     noise_floor: float = 3e-5
