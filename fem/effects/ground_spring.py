@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.effects.joint import PointPair, joint_unit
+from fem.effects.joint import Joint, PointPair, joint_unit
 from fem.effects.places import connected_points, held_directions, member_ends, typical_stiffness
 from fem.effects.support import Support
 from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter, dofs_of
@@ -63,13 +63,14 @@ class GroundSpring(Effect):
         """Return translations of members' ends and of joints within members, and what supports leave free.
 
         Not in directions that are held, nor where a joint leads to the ground: its own stiffness is a
-        candidate there. Of the two sides of a joint one is enough.
+        candidate there. Of the two sides of a rigid joint one is enough.
         """
         if not model.of_kind(Frame):
             return ()
         held = held_directions(model)
         grounded = {p.point1 for p in model.of_kind(PointPair) if p.point2 is None}
-        other_sides = {p.point2 for p in model.of_kind(PointPair)}
+        rigid = [j for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)]
+        other_sides = {j.point2 for j in rigid}
         supports = {s.point for s in model.of_kind(Support)}
         out: list[Effect] = []
         for point, place, label in _places(model):
@@ -112,3 +113,7 @@ def _places(model: Model) -> Iterator[tuple[int, str, str]]:
         if pair.point1 not in seen and pair.point1 in connected:
             seen.add(pair.point1)
             yield pair.point1, f"joint {pair.name}", pair.name
+    for pair in model.of_kind(PointPair):
+        if pair.point2 is not None and pair.point2 not in seen and pair.point2 in connected:
+            seen.add(pair.point2)
+            yield pair.point2, f"joint {pair.name} on its second side", f"{pair.name}.2"
