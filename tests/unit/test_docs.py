@@ -24,7 +24,10 @@ def test_constants_have_the_values_that_are_documented(module, name, value):
     assert getattr(importlib.import_module(module), name) == float(value)
 
 
-@pytest.mark.parametrize("module", ["updating.diagnosis", "updating.screening", "updating.fit", "updating.faults"])
+@pytest.mark.parametrize(
+    "module",
+    ["updating.diagnosis", "updating.screening", "updating.separation", "updating.fit", "updating.faults"],
+)
 def test_every_constant_of_the_search_is_documented(module):
     there = {
         name

@@ -12,6 +12,7 @@ from study import load_study, pictures, run
 from study.cli import main
 from study.output import OutputError
 from study.result import SCHEMA
+from study.run import fit_problem
 from study.table import StudyError
 from tests.small_frame import STUDY, write_study
 
@@ -50,7 +51,8 @@ def test_result_json_has_the_documented_keys(done, root):
     documented = {k for row in re.findall(r"^\| (`.*?) \|", table, re.M) for k in re.findall(r"`(\w+)`", row)}
     assert set(result) <= documented
     effect = result["effects"][0]
-    assert set(effect) == {"kind", "where", "name", "parameters", "twins"}
+    own = {"kind", "where", "name", "parameters", "twins", "rival", "decisive", "next_measurements"}
+    assert set(effect) == own
     assert all(set(p) == {"name", "value", "unit", "std"} for p in effect["parameters"])
     assert [set(e) for e in result["error_db"]] == [{"step", "fit", "held_out", "level"}] * 3
     assert result["error_db"][-1]["fit"] < 0.2 * result["error_db"][1]["fit"]
@@ -61,6 +63,14 @@ def test_result_json_has_the_documented_keys(done, root):
     assert result["held_out_inputs"][0]["input"] == "K"
     assert result["model"]["values"][f"{effect['name']}.mass"] == pytest.approx(0.25, rel=0.05)
     assert all(type(v) in (float, int) for v in result["model"]["values"].values())
+
+
+def test_the_study_that_was_found_runs_and_is_better(done):
+    found = load_study(done.folder / "found.toml")
+    (effect,) = (e for e in found.model.effects if e.name.startswith("known "))
+    assert effect.kind == done.diagnosis.findings[0].effect.kind
+    before, after = (fit_problem(s).fit().fit_db for s in (done.study, found))
+    assert after < 0.5 * before
 
 
 def test_the_docs_list_every_kind_with_its_parameters(root):
