@@ -28,10 +28,12 @@ from updating.separation import Decisive, Proposal, next_measurements, what_deci
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 
+STEP_LEVEL = 1.08
+"""While much is unexplained an effect is tried with others if both levels fall by more than this factor."""
 ACCEPT_LEVEL = 1.25
-"""An effect is accepted only if the residual level falls by more than this factor."""
+"""An effect stays only if without it the residual level is higher by more than this factor."""
 ACCEPT_HELD_OUT = 1.15
-"""An effect is accepted only if the level on lines that no fit has seen falls by more than this factor.
+"""An effect stays only if without it the level on lines that no fit has seen is higher by more than this.
 
 In cases with nothing hidden the best of all candidates gains a few per cent.
 """
@@ -453,7 +455,8 @@ def diagnose(
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
             steps[-1] = _step(steps[-1].label, current)
-        if not _pays(current, best, settled):
+        factor = ACCEPT_SETTLED if settled else STEP_LEVEL
+        if not _falls(current, best, (factor, factor)):
             break
         say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
         attached = _attached(problem, best.effects)
@@ -480,7 +483,7 @@ def diagnose(
         kept = [k for k, f in enumerate(before) if f.effect.name in left]
         rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
         names = " and ".join(_label(f.effect) for f in findings)
-        steps = [*steps[:2], _step(f"{names} added", current)]
+        steps = [*steps[:2], *([_step(f"{names} added", current)] if findings else [])]
     say("checking", 0.98)
     limit = max(FLOOR_MARGIN * floor, model_error)
     if findings and current.level < limit:  # small faults show only where the physics is right
@@ -629,12 +632,13 @@ def _score(problem: FitProblem, fit: FitResult) -> float:
 def _without_idle(
     problem: FitProblem, findings: list[Finding], current: FitResult
 ) -> tuple[list[Finding], FitResult]:
-    """Drop effects that later ones have made idle: without them the fit is as good."""
-    for finding in findings[:-1]:
-        rest = [f for f in findings if f is not finding]
-        effects = [e for e in current.effects if e.name != finding.effect.name]
+    """Drop effects without which the fit is nearly as good."""
+    for finding in list(findings):
+        name = finding.effect.name
+        rest = [f for f in findings if f.effect.name != name]
+        effects = [e for e in current.effects if e.name != name]
         less = problem.fit(effects, [_values(e) for e in effects], x_from=current)
-        if not _pays(less, current):
+        if not _falls(less, current, (ACCEPT_LEVEL, ACCEPT_HELD_OUT)):
             findings = [
                 replace(f, effect=e, parameters=_parameters(e, less))
                 for f, e in zip(rest, less.effects, strict=True)
@@ -697,9 +701,10 @@ def _similarity(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
     return float(abs(np.vdot(a, b).real) / norm) if norm > 0 else 0.0
 
 
-def _pays(current: FitResult, best: FitResult, settled: bool = False) -> bool:
-    fitted, held_out = (ACCEPT_SETTLED,) * 2 if settled else (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
-    return current.held_out_level > held_out * best.held_out_level and current.level > fitted * best.level
+def _falls(before: FitResult, after: FitResult, factors: tuple[float, float]) -> bool:
+    """Whether the levels on fitted and on held-out lines fall by more than two factors."""
+    fitted, held_out = factors
+    return before.held_out_level > held_out * after.held_out_level and before.level > fitted * after.level
 
 
 def _explained(
