@@ -15,7 +15,7 @@ from study.modal import ModePair, modes_of, most_changed, pair_modes
 from study.offscreen import can_draw
 from study.result import RunResult
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import ACCEPT_LEVEL, EFFECT, FAULT, NOTHING, Ranked
+from updating.diagnosis import EFFECT, FAULT, NOTHING, STEP_LEVEL, Ranked
 from viz import curves, style
 from viz.style import save
 
@@ -188,7 +188,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
             accepted=accepted,
             xlabel="residual level, amplitude and phase [dB]",
         )
-        _mark_limit(figure.axes[0], baseline / ACCEPT_LEVEL)
+        _mark_limit(figure.axes[0], baseline / STEP_LEVEL)
         save(figure, path, DPI)
 
     album.add(
