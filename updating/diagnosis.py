@@ -47,7 +47,7 @@ Damping that differs from mode to mode and sections off by a per cent leave up t
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
 MOST_LEFT = 0.5
-"""Effects that leave more than a right model does are believed if they lower the level below this share.
+"""Effects that leave more than a right model are believed if they bring the level's square below this share.
 
 Not where the caller says that the model's form is right.
 """
@@ -502,7 +502,7 @@ def diagnose(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
             "read weak findings with care"
         )
-    most_left = MOST_LEFT * null.level if model_error > 0 else 0.0
+    most_left = MOST_LEFT**0.5 * null.level if model_error > 0 else 0.0
     verdict, reason = _verdict(null, current, (limit, most_left), findings, faults, rounds)
     if verdict == UNEXPLAINED:
         findings, current, steps = [], null, steps[:2]
