@@ -139,7 +139,9 @@ class FRF:
         outputs: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
     ) -> "FRF":
-        """Build an FRF from bare arrays, checking them; one-dimensional ``H`` is one response to one force.
+        """Build an FRF from bare arrays, checking them.
+
+        ``H`` (n_freq, n_out) has the responses to one force, ``H`` (n_freq,) one response to one force.
 
         Raises
         ------
@@ -152,13 +154,18 @@ class FRF:
         except ValueError:
             msg = f"the FRF kind is '{kind}'; allowed are {', '.join(FRFKind)}"
             raise FRFError(msg) from None
+        if np.iscomplexobj(frequency):
+            msg = f"the frequencies, of shape {np.shape(frequency)}, are complex; are they the FRFs?"
+            raise FRFError(msg)
         frequency = np.array(frequency, dtype=float, ndmin=1)
         H = np.array(H, dtype=complex)
-        if H.ndim == 1:
-            H = H[:, None, None]
-        if H.ndim != 3 or H.shape[0] != frequency.size or frequency.ndim != 1:
-            msg = f"H has shape {H.shape} for {frequency.size} frequencies; (n_freq, n_out, n_in) is expected"
+        if not 1 <= H.ndim <= 3 or H.shape[0] != frequency.size or frequency.ndim != 1:
+            msg = (
+                f"H has shape {H.shape} for {frequency.size} frequencies; (n_freq, n_out, n_in) is expected, "
+                "(n_freq, n_out) for one force, or (n_freq,) for one response to one force"
+            )
             raise FRFError(msg)
+        H = H.reshape(*H.shape, *(1,) * (3 - H.ndim))
         outputs = tuple(outputs) if outputs is not None else tuple(f"out{i + 1}" for i in range(H.shape[1]))
         inputs = tuple(inputs) if inputs is not None else tuple(f"in{i + 1}" for i in range(H.shape[2]))
         for word, names, n in (("output", outputs, H.shape[1]), ("input", inputs, H.shape[2])):

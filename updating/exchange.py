@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from fem.frf import FRF, FRFKind
 from fem.io.uff_format import UffError, label_of, parse_label
@@ -19,15 +20,17 @@ COORDINATE = np.dtype([("node", "u8"), ("direction", "i1")])
 """A degree of freedom in labelled arrays: node, and 1 to 6 for X, Y, Z, RX, RY, RZ, negative if opposite."""
 
 _CHANNEL = ("Direction_1", "Direction_2", "Direction_3")
-_SENSOR = tuple(f"Direction_{i}_{j}" for i in (1, 2, 3) for j in (1, 2, 3))
+_SENSOR = ("Orientation_1", "Orientation_2", "Orientation_3")
 
 
 def sensors_from_table(table: Any, scale: float = 1.0) -> tuple[Sensor, ...]:
     """Return the sensors or exciters of a table of channels, impacts, or triaxial sensors.
 
     A row of a table of channels or impacts has ``Name``, ``Position_1`` to ``Position_3`` and ``Direction_1``
-    to ``Direction_3``. A row of a table of sensors has ``Direction_1_1`` to ``Direction_3_3`` instead, the
-    three axes one after the other; each gives a channel, with ``x``, ``y``, ``z`` after the sensor's name.
+    to ``Direction_3``. A row of a table of triaxial sensors has ``Orientation_1`` to ``Orientation_3``: angles
+    in degrees by which the sensor is turned about the fixed axes x, then y, then z, as pyFBS 1.0.7 has them
+    (``generate_channels_from_sensors``). Its axes are the columns of R = Rz Ry Rx; each gives a channel,
+    with ``x``, ``y``, ``z`` after the sensor's name.
 
     Parameters
     ----------
@@ -43,10 +46,14 @@ def sensors_from_table(table: Any, scale: float = 1.0) -> tuple[Sensor, ...]:
     """
     columns = [str(c) for c in table]
     place = ("Name", "Position_1", "Position_2", "Position_3")
-    directions = _SENSOR if _SENSOR[0] in columns else _CHANNEL
+    turned = _CHANNEL[0] not in columns and _SENSOR[0] in columns
+    directions = _SENSOR if turned else _CHANNEL
     missing = [c for c in (*place, *directions) if c not in columns]
     if missing:
-        msg = f"the table has no column {', '.join(missing)}; it has {', '.join(columns)}"
+        msg = (
+            f"the table has no column {', '.join(missing)}; it has {', '.join(columns)}. Directions are "
+            f"{', '.join(_CHANNEL)} of channels, or {', '.join(_SENSOR)} of triaxial sensors [degrees]"
+        )
         raise MeasurementError(msg)
     names = [str(v) for v in table["Name"]]
     try:
@@ -57,8 +64,15 @@ def sensors_from_table(table: Any, scale: float = 1.0) -> tuple[Sensor, ...]:
     except (TypeError, ValueError) as reason:
         msg = f"positions and directions must be numbers, as many as names ({len(names)}): {reason}"
         raise MeasurementError(msg) from None
+    axes_of = d.reshape(len(names), -1, 3)
+    if turned and not np.isfinite(d).all():
+        k = int(np.flatnonzero(~np.isfinite(d).all(axis=1))[0])
+        msg = f"sensor '{names[k]}' is turned by {d[k].tolist()} degrees; finite numbers are needed"
+        raise MeasurementError(msg)
+    if turned and len(names):
+        axes_of = Rotation.from_euler("xyz", d, degrees=True).as_matrix().transpose(0, 2, 1)
     out: list[Sensor] = []
-    for name, point, axes in zip(names, xyz, d.reshape(len(names), -1, 3), strict=True):
+    for name, point, axes in zip(names, xyz, axes_of, strict=True):
         for axis, word in zip(axes, ("",) if len(axes) == 1 else "xyz", strict=True):
             size = float(np.linalg.norm(axis))
             if not (np.isfinite(point).all() and np.isfinite(size) and size > 0):

@@ -152,6 +152,7 @@ def fdac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
         If the numbers of outputs or inputs differ.
     """
     x, a = _columns(np.asarray(H_x), np.asarray(H_a))
+    _no_gaps(H_x=x, H_a=a)
     if x.shape[1:] != a.shape[1:]:
         msg = f"the FRFs have shapes {x.shape} and {a.shape}; FDAC needs the same outputs and inputs in both"
         raise ValueError(msg)
@@ -164,14 +165,30 @@ def _same_shape(H_x: ArrayLike, H_a: ArrayLike) -> tuple[NDArray[Any], NDArray[A
     if x.shape != a.shape or x.ndim == 0:
         msg = f"the FRFs have shapes {x.shape} and {a.shape}; they must be the same, (n_freq, n_out, n_in)"
         raise ValueError(msg)
+    _no_gaps(H_x=x, H_a=a)
     return x, a
+
+
+def _no_gaps(**data: NDArray[Any]) -> None:
+    """Refuse values that are not finite: a sum over them would not be a number."""
+    for name, H in data.items():
+        bad = np.argwhere(~np.isfinite(H))
+        if len(bad):
+            msg = (
+                f"{len(bad)} value(s) of {name} are not finite numbers, the first at "
+                f"{tuple(bad[0].tolist())} from 0; leave such lines out of both"
+            )
+            raise ValueError(msg)
 
 
 def _columns(*data: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     """Return FRFs with three axes; (n_freq, n_out) is the response to one force."""
     for H in data:
         if H.ndim not in (2, 3):
-            msg = f"an FRF has shape {H.shape}; (n_freq, n_out, n_in) is expected"
+            msg = (
+                f"an FRF has shape {H.shape}; (n_freq, n_out, n_in) is expected, or (n_freq, n_out) for one "
+                "force: one response alone has no shape"
+            )
             raise ValueError(msg)
     return tuple(H[..., None] if H.ndim == 2 else H for H in data)
 
@@ -371,7 +388,8 @@ def band_error(frequency: ArrayLike, H_x: ArrayLike, H_a: ArrayLike, bands: Arra
         If the shapes differ or do not fit the lines.
     """
     f = np.asarray(frequency, dtype=float)
-    x, a = _columns(*_same_shape(H_x, H_a))
+    x, a = _same_shape(H_x, H_a)
+    x, a = _columns(*(H[:, None] if H.ndim == 1 else H for H in (x, a)))
     if f.shape != x.shape[:1]:
         msg = f"{f.size} frequencies are given for {x.shape[0]} lines of the FRFs"
         raise ValueError(msg)

@@ -25,6 +25,7 @@ from updating.complexity import (
     real_shapes,
 )
 from updating.correlation import mac
+from updating.frf_estimation import EstimatedFRF
 from updating.modal_fit import FitData, ModalFit, fit_modes, scatter_near
 from updating.poles import (
     LEAST_ORDERS,
@@ -54,6 +55,9 @@ ROUNDING = 1e-10
 _FEW_STEPS, _MANY_STEPS = 8, 60
 """Steps of a fit while there may be poles that are no modes, which converge slowly or not at all, and of the
 last."""
+
+_MISSED = 3.0
+"""Standard deviations that the fit exceeds by this factor, root mean square, are not those of the data [-]."""
 
 _PARTS, _PART, _PART_ORDER = 8, 128, 24
 """What a fit leaves is searched in this many parts of the band, of so many lines at least, up to this
@@ -192,17 +196,17 @@ class IdentifiedModes:
 
 
 def identify_modes(
-    frf: FRF | ArrayLike,
+    frf: FRF | EstimatedFRF | ArrayLike,
     H: ArrayLike | None = None,
     *,
     kind: FRFKind | str = FRFKind.ACCELERANCE,
     band: tuple[float, float] | None = None,
     highest_order: int | None = None,
     std: ArrayLike | None = None,
-    driving: Sequence[tuple[str, str]] | None = None,
+    driving: Sequence[tuple[str | int, str | int]] | None = None,
     lower: bool = True,
     upper: bool = True,
-    added_decay: float = 0.0,
+    added_decay: float | None = None,
     least_mpc: float = 0.3,
     largest_mpd: float = 45.0,
 ) -> IdentifiedModes:
@@ -219,10 +223,11 @@ def identify_modes(
 
     Parameters
     ----------
-    frf : FRF or array_like (n_freq,)
-        FRFs, or frequencies of ``H`` [Hz]; the lines may be unevenly spaced.
-    H : array_like (n_freq, n_out, n_in), optional
-        FRFs, if ``frf`` has the frequencies.
+    frf : FRF, EstimatedFRF or array_like (n_freq,)
+        FRFs, or frequencies of ``H`` [Hz]; the lines may be unevenly spaced. Those of :func:`estimate_frf`
+        bring their standard deviations and the decay that a window added.
+    H : array_like (n_freq, n_out, n_in), (n_freq, n_out) or (n_freq,), optional
+        FRFs, if ``frf`` has the frequencies; the shorter forms have one force, or one response to it.
     kind : FRFKind or str
         Of ``H``.
     band : (float, float), optional
@@ -233,15 +238,16 @@ def identify_modes(
     std : array_like, optional
         Standard deviation of the real and of the imaginary part of the FRFs, of the shape of ``H`` or one
         that broadcasts to it [unit of the FRF]. The fit uses the product of a number for each output and one
-        for each line and input that comes nearest to it. Estimated from what the fit leaves, unless given.
+        for each line and input that comes nearest to it. Estimated from what the fit leaves, unless given,
+        and where the fit misses the data by more than three times what is given (``choices`` says so).
     driving : sequence of (output, input), optional
-        Labels of responses at the place and in the direction of a force; equal labels, but for the sign,
-        unless given.
+        Labels of responses at the place and in the direction of a force, or their numbers, from 0; equal
+        labels, but for the sign, unless given.
     lower, upper : bool
         Whether modes below and above the band are allowed for.
-    added_decay : float
-        What an exponential window added to the decay of all modes, which is taken off exactly [1/s]; see
-        ``EstimatedFRF.added_decay``. ``synthesised`` keeps it, as the data do.
+    added_decay : float, optional
+        What an exponential window added to the decay of all modes, which is taken off exactly [1/s]; that of
+        an ``EstimatedFRF``, or none, unless given. ``synthesised`` keeps it, as the data do.
     least_mpc : float
         Smallest modal phase collinearity of a mode [-]; 0 for structures with complex modes.
     largest_mpd : float
@@ -263,6 +269,11 @@ def identify_modes(
     UserWarning
         If there is no driving point, or one seems to have the wrong sign.
     """
+    if isinstance(frf, EstimatedFRF):
+        added_decay = frf.added_decay if added_decay is None else added_decay
+        known = std is None and np.isfinite(frf.std).all() and (frf.std > 0).all()
+        std = frf.std if known else std
+        frf = frf.frf
     if isinstance(frf, FRF) and H is not None:
         msg = "H is given beside an FRF; give the FRF alone, or frequencies and H"
         raise IdentificationError(msg)
@@ -273,30 +284,36 @@ def identify_modes(
         raise IdentificationError(msg)
     else:
         whole = FRF.from_arrays(frf, H, kind)
+        if std is not None and np.ndim(H) < 3 and np.shape(std) == np.shape(H):
+            std = np.reshape(std, whole.H.shape)
     lines = _lines(whole, band)
     data = whole.select(lines=lines)
     orders = _orders(data, highest_order)
     points = _driving_points(data, driving)
     fitted = _fit_data(data, None if std is None else _standard_deviation(std, whole)[lines])
-    fitted = replace(fitted, lower=lower, upper=upper, added_decay=_decay(added_decay))
+    fitted = replace(fitted, lower=lower, upper=upper, added_decay=_decay(added_decay or 0.0))
     task = _Task(fitted, std is None, least_mpc, largest_mpd)
 
     level, _ = channel_sizes(data.H)
     line_weight = np.exp(-np.log(fitted.spread).mean(axis=1))
     stabilisation = fit_orders(data, orders, level, line_weight)
     tracks = track_poles(stabilisation)
-    found = _settle(task, _State(fitted, _starts(tracks, fitted), None, (), ()))
-    more = _overlooked(found, orders)
-    if more:
-        wider = _settle(task, replace(found, starts=found.starts + more))
-        found = wider if len(wider.starts) > len(found.starts) else replace(found, rejected=wider.rejected)
+    found, n_more = _search(task, tracks, orders)
+    noise = "estimated from what the fit leaves" if std is None else "as given"
+    missed = float(np.sqrt((np.abs(found.fitted.misfit) ** 2).mean() / 2))
+    if std is not None and missed > _MISSED:
+        noise = (
+            f"the fit misses the data by {missed:.2g} times the given standard deviations, which leave out "
+            "what repeats (leakage, other motions): estimated from what the fit leaves"
+        )
+        found, n_more = _search(replace(task, estimate_noise=True), tracks, orders)
 
     choices = (
         f"{data.n_freq} of {whole.n_freq} lines, {data.frequency[0]:g} to {data.frequency[-1]:g} Hz",
         f"orders {orders[0]} to {orders[-1]}: {len(tracks)} poles in at least {LEAST_ORDERS} of them; "
-        f"{len(more)} more in what the first fit left",
+        f"{n_more} more in what the first fit left",
         *found.steps,
-        "noise: " + ("estimated from what the fit leaves" if std is None else "as given"),
+        f"noise: {noise}",
     )
     return _result(found, points, stabilisation, choices)
 
@@ -417,7 +434,9 @@ def _decay(added: float) -> float:
     return float(added)
 
 
-def _driving_points(data: FRF, driving: Sequence[tuple[str, str]] | None) -> tuple[tuple[int, int, int], ...]:
+def _driving_points(
+    data: FRF, driving: Sequence[tuple[str | int, str | int]] | None
+) -> tuple[tuple[int, int, int], ...]:
     """Return (output, input, sign) of driving points."""
     if driving is None:
         pairs = [
@@ -434,12 +453,23 @@ def _driving_points(data: FRF, driving: Sequence[tuple[str, str]] | None) -> tup
             )
         return tuple(pairs)
     out = []
-    for output, force in driving:
-        for word, name, names in (("response", output, data.outputs), ("force", force, data.inputs)):
-            if name not in names:
-                msg = f"the driving point names the {word} '{name}'; the data have {', '.join(names)}"
+    for pair in driving:
+        if isinstance(pair, str) or len(pair) != 2:
+            msg = f"a driving point is {pair!r}; a pair (response, force) is needed"
+            raise IdentificationError(msg)
+        at = []
+        for word, name, names in (("response", pair[0], data.outputs), ("force", pair[1], data.inputs)):
+            if name in names:
+                at.append(names.index(str(name)))
+            elif not isinstance(name, str) and name in range(len(names)):
+                at.append(int(name))
+            else:
+                msg = (
+                    f"the driving point names the {word} {name!r}; the data have {', '.join(names)}, or by "
+                    f"number 0 to {len(names) - 1}"
+                )
                 raise IdentificationError(msg)
-        out.append((data.outputs.index(output), data.inputs.index(force), 1))
+        out.append((at[0], at[1], 1))
     return tuple(out)
 
 
@@ -489,6 +519,16 @@ def _starts(tracks: Sequence[Track], data: FitData) -> tuple[_Start, ...]:
         )
         for t in tracks
     )
+
+
+def _search(task: _Task, tracks: Sequence[Track], orders: NDArray[np.int64]) -> tuple[_State, int]:
+    """Settle on the modes among the tracks and what they leave; return how many were tried of the latter."""
+    found = _settle(task, _State(task.data, _starts(tracks, task.data), None, (), ()))
+    more = _overlooked(found, orders)
+    if more:
+        wider = _settle(task, replace(found, starts=found.starts + more))
+        found = wider if len(wider.starts) > len(found.starts) else replace(found, rejected=wider.rejected)
+    return found, len(more)
 
 
 def _overlooked(found: _State, orders: NDArray[np.int64]) -> tuple[_Start, ...]:

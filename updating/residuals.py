@@ -556,9 +556,10 @@ def frf_data(
             msg = "bare FRFs need their lines [Hz]: lines=…"
             raise ModelError(msg)
         H = np.array(frf, dtype=complex)
-        H = H.reshape(-1, 1, 1) if H.ndim == 1 else H
-        seen = np.isfinite(H)
-        frf = FRF.from_arrays(lines, np.where(seen, H, 0.0), kind)
+        frf = FRF.from_arrays(lines, np.where(np.isfinite(H), H, 0.0), kind)
+        seen = np.isfinite(H).reshape(frf.H.shape)
+        if noise is not None and H.ndim < 3 and np.shape(noise) == H.shape:
+            noise = np.reshape(noise, frf.H.shape)
     else:
         seen = np.ones(frf.H.shape, dtype=bool)
     if outputs is None or inputs is None:
@@ -582,7 +583,11 @@ def frf_data(
     given = relative_noise(frf.H) if noise is None else np.asarray(noise, dtype=float)
     if given.ndim == 3 and len(given) == len(keep):
         given = given[keep]
-    level = np.broadcast_to(given, frf.H.shape)
+    try:
+        level = np.broadcast_to(given, frf.H.shape)
+    except ValueError:
+        msg = f"the noise has shape {given.shape}; a number or that of the FRFs, {frf.H.shape}, is needed"
+        raise ModelError(msg) from None
     if not (np.isfinite(level).all() and (level >= 0).all()):
         msg = "the noise must be finite and not negative: the relative standard deviation [-]"
         raise ModelError(msg)

@@ -242,8 +242,8 @@ def orthogonality(phi: ArrayLike, M: ArrayLike) -> Array:
     Parameters
     ----------
     phi : array_like (n_dof, n_modes)
-    M : array_like (n_dof, n_dof)
-        Mass matrix on these DOFs [kg].
+    M : array_like (n_dof, n_dof) or (n_dof,)
+        Mass matrix on these DOFs, or its diagonal [kg].
 
     Returns
     -------
@@ -269,8 +269,8 @@ def cross_orthogonality(phi_x: ArrayLike, phi_a: ArrayLike, M: ArrayLike) -> Arr
     ----------
     phi_x, phi_a : array_like (n_dof, n_modes)
         Shapes at the same DOFs.
-    M : array_like (n_dof, n_dof)
-        Mass matrix on these DOFs, symmetric [kg].
+    M : array_like (n_dof, n_dof) or (n_dof,)
+        Mass matrix on these DOFs, symmetric, or its diagonal [kg].
 
     Returns
     -------
@@ -284,8 +284,12 @@ def cross_orthogonality(phi_x: ArrayLike, phi_a: ArrayLike, M: ArrayLike) -> Arr
     """
     x, a = _shapes(phi_x, phi_a)
     mass = np.asarray(M)
+    mass = np.diag(mass) if mass.ndim == 1 else mass
     if mass.shape != (len(x), len(x)):
-        msg = f"the mass matrix has shape {mass.shape}; {len(x)} DOFs need ({len(x)}, {len(x)})"
+        msg = (
+            f"the mass matrix has shape {np.shape(M)}; {len(x)} DOFs need ({len(x)}, {len(x)}), or the "
+            f"{len(x)} numbers on its diagonal"
+        )
         raise ValueError(msg)
     unit = []
     for name, p in (("phi_x", x), ("phi_a", a)):
@@ -372,6 +376,14 @@ def _shapes(phi_x: ArrayLike, phi_a: ArrayLike) -> tuple[Array, Array]:
     if x.shape[0] != a.shape[0]:
         msg = f"the shapes have {x.shape[0]} and {a.shape[0]} DOFs; MAC needs the same DOFs in both"
         raise ValueError(msg)
+    for name, p in (("phi_x", x), ("phi_a", a)):
+        bad = np.argwhere(~np.isfinite(p))
+        if len(bad):
+            msg = (
+                f"{len(bad)} entries of {name} are not finite numbers, the first at DOF {bad[0][0]}, mode "
+                f"{bad[0][1]}, from 0; leave such DOFs out of both"
+            )
+            raise ValueError(msg)
     return x, a
 
 

@@ -36,10 +36,8 @@ SENSORS = {
     "Position_1": [100, 0],
     "Position_2": [0, 50],
     "Position_3": [20.0, 0],
-    # the second sensor is turned by a right angle about z
-    "Direction_1_1": [1, 0], "Direction_1_2": [0, 1], "Direction_1_3": [0, 0],
-    "Direction_2_1": [0, -1], "Direction_2_2": [1, 0], "Direction_2_3": [0, 0],
-    "Direction_3_1": [0, 0], "Direction_3_2": [0, 0], "Direction_3_3": [1, 1],
+    # the second sensor is turned by a right angle about x, then by one about the fixed z
+    "Orientation_1": [0, 90], "Orientation_2": [0, 0], "Orientation_3": [0, 90],
 }  # fmt: skip
 
 
@@ -48,7 +46,27 @@ def test_triaxial_sensors_become_channels(form):
     found = sensors_from_table(form(SENSORS), scale=1e-3)
     assert [s.name for s in found] == ["Ax", "Ay", "Az", "Bx", "By", "Bz"]
     np.testing.assert_allclose(found[2].point, [0.1, 0, 0.02])
-    np.testing.assert_array_equal([s.direction for s in found[3:]], [[0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    # x stays by the first turn and goes to y by the second; y goes to z and stays; z goes to -y, then to x
+    np.testing.assert_allclose(
+        [s.direction for s in found[3:]], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-15
+    )
+
+
+def test_channels_of_triaxial_sensors_are_those_of_pyfbs():
+    """Numbers that ``pyfbs.utility.generate_channels_from_sensors`` of pyFBS 1.0.7 gives for these angles."""
+    angles = [[10.0, 20.0, 30.0], [-135.0, 45.0, 0.0]]
+    expected = [
+        [0.8137976813493736, 0.4698463103929541, -0.34202014332566866],
+        [-0.44096961052988237, 0.8825641192593854, 0.1631759111665348],
+        [0.37852230636979245, 0.018028311236297265, 0.9254165783983233],
+        [0.7071067811865475, 0.0, -0.7071067811865476],
+        [-0.5, -0.7071067811865475, -0.5],
+        [-0.5, 0.7071067811865477, -0.5],
+    ]
+    table = {"Name": ["A", "B"], **{f"Position_{i}": [0.0, 0.0] for i in (1, 2, 3)}}
+    table |= {f"Orientation_{i + 1}": [a[i] for a in angles] for i in range(3)}
+    found = np.array([s.direction for s in sensors_from_table(table)])
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_channels_come_back():
@@ -72,7 +90,9 @@ def test_channels_come_back():
     ("change", "words"),
     [
         ({"Position_2": None}, "no column Position_2"),
-        ({"Direction_1_1": [0, 0]}, "'Ax' is at"),
+        ({"Orientation_1": [0, float("nan")]}, "'B' is turned by"),
+        ({"Orientation_1": None}, "no column Direction_1, Direction_2, Direction_3"),
+        ({"Direction_1": [0, 0], "Direction_2": [0, 0], "Direction_3": [0, 0]}, "'A' is at"),
         ({"Name": ["A", "A"]}, "two channels named 'Ax'"),
         ({"Position_1": [1, "far"]}, "must be numbers"),
         ({"Position_1": [1]}, "must be numbers"),

@@ -108,7 +108,7 @@ def test_unknown_suffix_form_and_options(tmp_path):
     ("arrays", "words"),
     [
         ({"H": [1j]}, "there is no array 'frequency'; it has kind, H"),
-        ({"frequency": [1.0, 2.0], "H": [1j]}, r"H has shape \(1, 1, 1\) for 2 frequencies"),
+        ({"frequency": [1.0, 2.0], "H": [1j]}, r"H has shape \(1,\) for 2 frequencies"),
         ({"frequency": ["a"], "H": [1j]}, "could not convert"),
         ({"frequency": [1.0], "H": [1j], "outputs": ["a", "b"]}, "2 output labels"),
     ],
