@@ -57,7 +57,7 @@ _FEW_STEPS, _MANY_STEPS = 8, 60
 last."""
 
 _MISSED = 3.0
-"""Standard deviations that the fit exceeds by this factor, root mean square, are not those of the data [-]."""
+"""Standard deviations that the fit exceeds by this factor, root mean square, are not the data's own [-]."""
 
 _PARTS, _PART, _PART_ORDER = 8, 128, 24
 """What a fit leaves is searched in this many parts of the band, of so many lines at least, up to this
