@@ -19,7 +19,7 @@ from fem.model import Model, ModelError
 from fem.modes import Eigenpairs, Modes, rigid_body_motions, solve_eigenpairs
 from fem.receptance import locals_of
 from fem.solvers import Factor, factorise
-from fem.system import System, law_change
+from fem.system import System, law_change, refuse_unsymmetric
 
 DENSE_LIMIT = 120
 """Systems of at most this many coordinates are solved as they are, unless an element has a law."""
@@ -207,11 +207,12 @@ def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
     Raises
     ------
     ModelError
-        For n below 1 and for mechanisms.
+        For n below 1, for mechanisms, and for effects that are not reciprocal.
     """
     if n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
+    refuse_unsymmetric(system.model)
     all_rigid = system.rigid.shape[1]
     pairs = solve_eigenpairs(system, min(system.n_free, all_rigid + n + max(10, n // 2)))
     problem = _problem(system, pairs)

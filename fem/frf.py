@@ -306,6 +306,7 @@ def compute_frf(
       until a bound of the error meets the tolerance.
     - ``"modal"`` superposes modes and adds the static flexibility of the others.
     - ``"direct"`` factorises Z(ω) at every line; it takes all damping but modal ratios.
+      Only it takes matrices that are not symmetric; a modal ratio ζ is then the loss factor 2ζ at each line.
     - ``"auto"`` is ``"reduced"``, or ``"direct"`` for one or two lines of a large system and for a small
       system of which the bound does not meet the tolerance.
 
@@ -342,8 +343,16 @@ def compute_frf(
         msg = f"the FRF method is '{method}'; allowed are {', '.join(METHODS)}"
         raise FRFError(msg)
     task, out_labels, in_labels = _task(system, frequency, outputs, inputs, kind, tolerance)
-    # Z is symmetric, and so is H: forces and responses may change places.
-    swap = task.inputs.shape[1] > task.outputs.shape[1]
+    if not system.reciprocal:
+        if method not in ("auto", "direct"):
+            msg = (
+                f"the FRF method '{method}' needs symmetric matrices, and an effect of the model has others; "
+                "allowed are auto and direct"
+            )
+            raise FRFError(msg)
+        method = "direct"
+    # Where Z is symmetric so is H: forces and responses may change places.
+    swap = system.reciprocal and task.inputs.shape[1] > task.outputs.shape[1]
     solved = replace(task, inputs=task.outputs, outputs=task.inputs) if swap else task
     H, accuracy = _solved(solved, method, n_modes)
     bound = accuracy.bound
@@ -389,6 +398,9 @@ def frf_blocks(
     FRFError
         As :func:`compute_frf`, and for an array of another shape or type.
     """
+    if not system.reciprocal:
+        msg = "blocks of FRFs need symmetric matrices, and an effect of the model has others; use compute_frf"
+        raise FRFError(msg)
     task, _, _ = _task(system, frequency, outputs, inputs, kind, tolerance)
     shape = (task.frequency.size, task.outputs.shape[1], task.inputs.shape[1])
     if out is not None and (out.shape != shape or out.dtype != complex):
@@ -597,16 +609,22 @@ def dof_columns(model: Model, selection: Selection) -> tuple[Any, tuple[str, ...
 def _direct(task: _Task) -> NDArray[np.complex128]:
     """Return receptances (n_freq, n_out, n_in) by one factorisation for each line."""
     system = task.system
-    if system.model.damping.ratio.any():
+    damping = system.model.damping
+    if system.reciprocal and damping.ratio.any():
         msg = (
             "the direct method needs damping matrices; modal damping ratios have none (use method='reduced')"
         )
         raise FRFError(msg)
     bi = task.inputs.toarray().astype(complex)
+    backend = None if system.reciprocal else "superlu"  # the one that does not rely on symmetry
     H = np.empty((task.frequency.size, task.outputs.shape[1], bi.shape[1]), dtype=complex)
+    ratio = damping.ratio_at(task.frequency)
     for k, omega in enumerate(task.omega):
+        Z = system.dynamic_stiffness(omega)
+        if ratio[k]:
+            Z = sp.csc_array(Z + 2j * ratio[k] * system.K)
         try:
-            H[k] = task.outputs.T @ factorise(system.dynamic_stiffness(omega)).solve(bi)
+            H[k] = task.outputs.T @ factorise(Z, backend=backend).solve(bi)
         except SingularMatrixError:
             H[k] = np.inf
     return H

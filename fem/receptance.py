@@ -17,7 +17,7 @@ from fem.basis import Complement, root_of
 from fem.model import Contribution, Damping, Law
 from fem.modes import Eigenpairs, solve_eigenpairs
 from fem.solvers import factorise
-from fem.system import System, law_change, sum_contributions
+from fem.system import System, law_change, refuse_unsymmetric, sum_contributions
 
 LOCAL_DAMPING = 48
 """A contribution to the damping that touches more DOFs than this is not local.
@@ -79,6 +79,7 @@ def locals_of(system: System) -> Locals:
 
     Each local element gives an orthonormal basis of the range of its C, D and K with a law.
     """
+    refuse_unsymmetric(system.model)
     if not (system.C.count_nonzero() or system.D.count_nonzero() or system.laws):
         return Locals(sp.csr_array((system.n_free, 0)), np.zeros((0, 0)), np.zeros((0, 0)), (), ())
     n_dof = system.model.n_dof

@@ -257,7 +257,7 @@ def reduce_model(
     releasable : bool
         Whether effects may release the model's constraints later.
     """
-    system = assemble(model)
+    system = assemble(model, reciprocal=False)
     release = tuple(c for c in model.constraints() if c.releasable) if releasable else ()
     basis = reduced_basis(system, forces, max_frequency, margin=margin, n_krylov=n_krylov, release=release)
     return ReducedModel(model, basis, system)

@@ -17,7 +17,7 @@ from fem.modes import Eigenpairs, Modes, solve_eigenpairs
 from fem.receptance import LOCAL_DAMPING, locals_of
 from fem.reduced import ParametricFRF, reduce_model
 from fem.solvers import SingularMatrixError, factorise
-from fem.system import System
+from fem.system import System, refuse_unsymmetric
 
 LOCAL_FORCES = 48
 """So many forces of parameters themselves join those at outputs and inputs in the reduced FRFs' basis."""
@@ -372,6 +372,7 @@ def differentiate_frf(
         For an unknown method, modal ratios with ``"direct"``, or a line where the receptance is infinite.
     """
     model = system.model
+    refuse_unsymmetric(model)
     refs = tuple(model.values()) if refs is None else tuple(refs)
     out, out_labels = dof_vectors(model, outputs)
     inn, in_labels = dof_vectors(model, inputs)

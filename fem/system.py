@@ -50,6 +50,11 @@ class System:
     laws: tuple[tuple[Law, sp.csc_array], ...] = ()
 
     @property
+    def reciprocal(self) -> bool:
+        """Whether all matrices are symmetric."""
+        return all(effect.reciprocal for effect in self.model.effects)
+
+    @property
     def n_free(self) -> int:
         """Number of independent coordinates."""
         return self.K.shape[0]
@@ -73,25 +78,28 @@ class System:
         return sp.csc_array(Z)
 
 
-def assemble(model: Model) -> System:
+def assemble(model: Model, *, reciprocal: bool = True) -> System:
     """Assemble a model's matrices and apply its constraints.
 
     Constraints Σ c u = 0 are applied exactly: for each set of constraints that share DOFs an orthonormal
     basis of their null space becomes columns of Q.
 
+    Parameters
+    ----------
+    model : Model
+    reciprocal : bool
+        False allows effects whose C is not symmetric, such as rotors. Then :func:`fem.frf.compute_frf` by
+        the direct method, and undamped modes, which do not see C, are right; what else takes a system relies
+        on symmetry.
+
     Raises
     ------
     ModelError
         If a matrix is not finite, constraints leave no motion at all, a point has neither stiffness nor
-        mass, or an effect is not reciprocal.
+        mass, or an effect is not reciprocal though all should be.
     """
-    for effect in model.effects:
-        if not effect.reciprocal:
-            msg = (
-                f"'{effect.name}' is a {effect.kind}, whose matrices are not symmetric; the solvers take "
-                "symmetric ones only: leave it out"
-            )
-            raise ModelError(msg)
+    if reciprocal:
+        refuse_unsymmetric(model)
     full, laws = _full_matrices(model.mesh, model.n_dof, model.batches())
     for name, X in full.items():
         if not np.isfinite(X.data).all():
@@ -110,6 +118,17 @@ def assemble(model: Model) -> System:
         Q, K, M, C, D = Q[:, keep], *(sp.csc_array(X[keep][:, keep]) for X in (K, M, C, D))
     on_q = tuple((law, sp.csc_array(Q.T @ X @ Q)) for law, X in laws)
     return System(K, M, C, D, Q, _allowed(model, Q), model, on_q)
+
+
+def refuse_unsymmetric(model: Model) -> None:
+    """Raise a ModelError if an effect of a model is not reciprocal."""
+    for effect in model.effects:
+        if not effect.reciprocal:
+            msg = (
+                f"'{effect.name}' is a {effect.kind}, whose matrices are not symmetric; this solver takes "
+                "symmetric ones only: leave it out, or compute FRFs with assemble(model, reciprocal=False)"
+            )
+            raise ModelError(msg)
 
 
 def reassemble(system: System, model: Model) -> System:

@@ -88,7 +88,7 @@ def modes(options: Options, progress: Progress) -> None:
     check_writable(options.json)
     study = load_study(options.study)
     progress("solving for modes")
-    system = assemble(study.model)
+    system = assemble(study.model, reciprocal=False)
     if options.max is not None:
         found = solve_modes(system, max_frequency=options.max)
     else:
@@ -155,7 +155,7 @@ def frf(options: Options, progress: Progress) -> None:
     kind = options.kind or (study.measurements[0].frf.kind if study.measurements else "accelerance")
     progress("computing FRFs")
     H = compute_frf(
-        assemble(study.model),
+        assemble(study.model, reciprocal=False),
         frequency,
         sensor_rows(study.model, study.sensors),
         sensor_rows(study.model, study.excitations),

@@ -272,7 +272,7 @@ def check_units(
     StudyError
         If it looks like another unit or kind.
     """
-    system = assemble(model)
+    system = assemble(model, reciprocal=False)
     for m, r in zip(measurements, raw, strict=True):
         frequency = m.frf.frequency
         usable = np.flatnonzero(frequency > 0)

@@ -46,7 +46,7 @@ def damped_modes(model: Model, knots: NDArray[np.float64], ratio: NDArray[np.flo
 
     ζ = ζ_curve(f) + φᵀ D φ / (2 ω²) + φᵀ C φ / (2 ω): the energy that local dampers take from undamped modes.
     """
-    system = assemble(model)
+    system = assemble(model, reciprocal=False)  # C that does no work takes no energy either
     pairs = solve_eigenpairs(system, max_frequency=up_to)
     V, omega = pairs.vectors, np.sqrt(pairs.eigenvalues)
     elastic = omega > 0

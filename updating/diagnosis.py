@@ -555,6 +555,8 @@ def _round(
     have = list(current.effects)
     have_start = [_values(e) for e in have]
     chosen = screen(problem, current, [grids[e.name] for e in candidates], settled, _between(say, 0.0, 0.3))
+    if not chosen:
+        return (), None
     stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
     tried: dict[str, list[FitResult]] = {}
     on: dict[str, FitProblem] = {}
@@ -775,16 +777,19 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> flo
     full = model.with_values({r: v for r, v in result.values.items() if r[0] in own}).with_effect(
         *result.effects
     )
-    system = assemble(full)
+    system = assemble(full, reciprocal=False)
     outputs, inputs = problem.vectors
     lines = problem.lines_up_to(np.inf, n_lines)
     f = problem.data.frequency[lines]
     zeta = np.exp(problem.damping.hats(f) @ np.log(result.zeta))
     reduced = problem.receptance(result, lines) / result.gains[:, None]
     ratio = []
+    backend = None if system.reciprocal else "superlu"
     for k, omega in enumerate(2 * np.pi * f):
         Z = system.dynamic_stiffness(float(omega)) + 2j * zeta[k] * system.K
-        direct = outputs.T @ (system.Q @ factorise(Z).solve((system.Q.T @ inputs).astype(complex)))
+        direct = outputs.T @ (
+            system.Q @ factorise(Z, backend=backend).solve((system.Q.T @ inputs).astype(complex))
+        )
         ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
     return rms_db(np.array(ratio))
 

@@ -18,6 +18,10 @@ from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 N_WHOLE, N_LOW = 44, 24
 """Lines of the whole band, and of the low one, at which candidates are looked at."""
 
+VISIBLE = 1e-3
+"""Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
+directions measured do not see them [nepers]."""
+
 N_BEST = 5
 """So many of the best by each of the measures go on."""
 
@@ -105,6 +109,8 @@ def screen(
     for i in np.argsort(rank.min(axis=1), kind="stable"):
         if rank[i].min() >= N_BEST:
             break
+        if not np.isfinite(best[i]).any():
+            continue
         points: list[int] = []
         for measure in np.argsort(rank[i], kind="stable"):
             k = int(np.argmin(levels[i][measure]))
@@ -155,11 +161,14 @@ class _Look:
     def levels(self, grid: Grid) -> Floats:
         """Return the level on the whole band, on the low one, and with nuisances adapted, (3, n_points)."""
         data, lines = self.problem.data, self.lines
-        H = np.stack(self._local(grid.effect).with_terms(grid.terms)) * self.base.gains[:, None]
+        H = np.stack(self._local(grid.effect.released()).with_terms(grid.terms)) * self.base.gains[:, None]
         keep = data.mask[lines] & (data.H[lines] != 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             r: Any = data.weight[lines] * np.log(H / np.where(keep, data.H[lines], 1.0))
         r = np.where(np.isfinite(r), r, 0.0)[:, keep]
+        before = np.where(keep, self._local(()).H * self.base.gains[:, None], 1.0)
+        if np.abs(H / before - 1)[:, keep].max(initial=0.0) < VISIBLE:
+            return np.full((3, len(r)), np.inf)
         whole = np.broadcast_to((np.arange(len(lines)) < self.n_whole)[:, None, None], keep.shape)[keep]
         first = r[:, whole]
         flat = np.hstack([first.real, first.imag])
@@ -167,9 +176,8 @@ class _Look:
         half = left.shape[1] // 2
         return np.stack([_level(first), _level(r[:, ~whole]), _level(left[:, :half] + 1j * left[:, half:])])
 
-    def _local(self, effect: Effect) -> LocalChanges:
+    def _local(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
         """Return the model solved at the lines, without the constraints that an effect releases."""
-        released = effect.released()
         if released not in self._solved:
             p, base = self.problem, self.base
             f, refs = p.data.frequency[self.lines], list(base.values)

@@ -1,6 +1,6 @@
 """Springs from points of the structure to the ground that the model lacks: suspensions, cables, stops."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair, joint_unit
-from fem.effects.places import connected_points, held_directions, member_ends, typical_stiffness
+from fem.effects.places import fastening_places, held_directions, typical_stiffness
 from fem.effects.support import Support
 from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter, dofs_of
 
@@ -73,7 +73,7 @@ class GroundSpring(Effect):
         other_sides = {j.point2 for j in rigid}
         supports = {s.point for s in model.of_kind(Support)}
         out: list[Effect] = []
-        for point, place, label in _places(model):
+        for point, place, label in fastening_places(model):
             if point in grounded or point in other_sides:
                 continue
             for d in DIRECTIONS if point in supports else DIRECTIONS[:3]:
@@ -99,21 +99,3 @@ class GroundSpring(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the point."""
         return model.mesh.points[[self.point]]
-
-
-def _places(model: Model) -> Iterator[tuple[int, str, str]]:
-    """Yield point, words and label of each member's end and each joint that is not at one, once."""
-    seen: set[int] = set()
-    for member, end, point in member_ends(model):
-        if point not in seen:
-            seen.add(point)
-            yield point, f"end {end} of member {member}", f"{member}.{end}"
-    connected = connected_points(model)
-    for pair in model.of_kind(PointPair):
-        if pair.point1 not in seen and pair.point1 in connected:
-            seen.add(pair.point1)
-            yield pair.point1, f"joint {pair.name}", pair.name
-    for pair in model.of_kind(PointPair):
-        if pair.point2 is not None and pair.point2 not in seen and pair.point2 in connected:
-            seen.add(pair.point2)
-            yield pair.point2, f"joint {pair.name} on its second side", f"{pair.name}.2"

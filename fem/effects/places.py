@@ -11,7 +11,7 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
 from fem.effects.superelement import Superelement
-from fem.model import DIRECTIONS, Effect, Model, ModelError
+from fem.model import DIRECTIONS, Array, Effect, Model, ModelError
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -173,3 +173,31 @@ def typical_stiffness(model: Model, direction: str) -> float:
         for m in model.mesh.members
     ]
     return float(np.median(each))
+
+
+def fastening_places(model: Model) -> Iterator[tuple[int, str, str]]:
+    """Yield point, words and label of each member's end and each joint that is not at one, once."""
+    seen: set[int] = set()
+    for member, end, point in member_ends(model):
+        if point not in seen:
+            seen.add(point)
+            yield point, f"end {end} of member {member}", f"{member}.{end}"
+    connected = connected_points(model)
+    for pair in model.of_kind(PointPair):
+        if pair.point1 not in seen and pair.point1 in connected:
+            seen.add(pair.point1)
+            yield pair.point1, f"joint {pair.name}", pair.name
+    for pair in model.of_kind(PointPair):
+        if pair.point2 is not None and pair.point2 not in seen and pair.point2 in connected:
+            seen.add(pair.point2)
+            yield pair.point2, f"joint {pair.name} on its second side", f"{pair.name}.2"
+
+
+def shapes_at(model: Model, member: str, position: Any) -> tuple[NDArray[np.int64], Array]:
+    """Return DOFs (12,) and N (6, 12) at a position, which may carry a complex step."""
+    frame, mesh = frame_of(model), model.mesh
+    at = mesh.locate(member, float(np.real(position)))
+    dofs, N = frame.interpolate(mesh, [at])
+    if np.iscomplexobj(position):
+        return dofs[0], N[0] + 1j * np.imag(position) * frame.interpolate_slope(mesh, [at])[0]
+    return dofs[0], N[0]

@@ -1,13 +1,23 @@
 """A spinning rotor, whose gyroscopic moment couples rotations about two axes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Contribution, Effect, Model, Parameter, dofs_of, skew
+from fem.effects.added_mass import AddedMass
+from fem.effects.frame import Frame
+from fem.effects.joint import Joint
+from fem.effects.places import (
+    fastening_places,
+    frame_of,
+    held_directions,
+    typical_length,
+    typical_mass,
+)
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, dofs_of, skew
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -16,9 +26,8 @@ class Rotor(Effect):
 
     A rotor of angular momentum h about the axis n resists the rate of turn dθ/dt with dθ/dt × h n (Euler's
     equation of a symmetric rotor; Genta, Dynamics of Rotating Systems, ch. 1): C is skew, does no work, and
-    H_ij differs from H_ji. The solvers of this package rely on symmetry and refuse it, so that it is not
-    proposed either; its matrices serve those who bring a solver. Mass and inertia of the rotor are another
-    effect (``added_mass``).
+    H_ij differs from H_ji. :func:`fem.system.assemble` takes it where it is asked to, and FRFs are computed
+    line by line. Mass and inertia of the rotor are other effects (``added_mass``, ``point_inertia``).
 
     Attributes
     ----------
@@ -28,6 +37,10 @@ class Rotor(Effect):
         Axis of rotation, a unit vector, global.
     momentum : float
         Polar inertia times speed, positive for right-handed rotation about the axis [kg·m²/s].
+    place : str
+        What is at the point and the axis, in words.
+    reference : float
+        A typical member's m L² over a second, which sets the scale [kg·m²/s].
     """
 
     kind: ClassVar[str] = "rotor"
@@ -35,11 +48,13 @@ class Rotor(Effect):
     point: int
     axis: tuple[float, float, float]
     momentum: Any
+    place: str = ""
+    reference: float = 1e-2
 
     @property
     def where(self) -> str:
-        """The point."""
-        return f"point {self.point}"
+        """Place and axis."""
+        return self.place or f"point {self.point}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the angular momentum."""
@@ -52,9 +67,54 @@ class Rotor(Effect):
         return (Contribution(dofs_of([self.point])[:, 3:], C=C[None]),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Either way, over four decades."""
-        return tuple({"momentum": s * 10.0**e} for e in range(-3, 2) for s in (-1, 1))
+        """Either way, over four decades and a half."""
+        return tuple(
+            {"momentum": float(s * f * self.reference)}
+            for f in np.geomspace(0.01, 300.0, 10)
+            for s in (-1, 1)
+        )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Self, ...]:
+        """Return the axes of a member at its ends and at joints within it, and all axes of added bodies.
+
+        Not where supports hold both turns that the rotor couples.
+        """
+        if not model.of_kind(Frame):
+            return ()
+        size = typical_mass(model) * typical_length(model) ** 2
+        held, out = held_directions(model), []
+        rigid = {j.point2 for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)}
+        for point, place, label in _places(model):
+            if point in rigid or {"rx", "ry", "rz"} <= held.get(point, set()):
+                continue
+            for name, (x, y, z) in zip("xyz", _axes(model, point), strict=True):
+                out.append(
+                    cls(
+                        name=f"rotor:{label}.{name}", point=point, axis=(float(x), float(y), float(z)),
+                        momentum=0.0, place=f"{place}, about local {name}", reference=size,
+                    )
+                )  # fmt: skip
+        return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the point."""
         return model.mesh.points[[self.point]]
+
+
+def _places(model: Model) -> Iterator[tuple[int, str, str]]:
+    """Yield point, words and label of where things are fastened, and of bodies within members."""
+    seen: set[int] = set()
+    for point, place, label in fastening_places(model):
+        seen.add(point)
+        yield point, place, label
+    for body in model.of_kind(AddedMass):
+        if body.point not in seen:
+            seen.add(body.point)
+            yield body.point, f"mass {body.name}", body.name
+
+
+def _axes(model: Model, point: int) -> NDArray[np.float64]:
+    """Return the local axes, as rows, of a line at a point; global ones away from all lines."""
+    at = np.flatnonzero((model.mesh.lines == point).any(axis=1))
+    return frame_of(model).rotations(model.mesh)[at[0]] if at.size else np.eye(3)

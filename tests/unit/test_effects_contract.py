@@ -10,7 +10,6 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.effects.frame import Frame
 from fem.effects.joint_nonlinear import JointCubic, JointFriction, JointGap
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
-from fem.effects.rotor import Rotor
 from fem.frf import compute_frf
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix
 from fem.modes import solve_modes
@@ -41,7 +40,15 @@ MODELS = {
     "part": with_part(),
     "loaded": prestressed(portal(0.2), solve_static(assemble(portal(0.2)), LoadCase(gravity=(0, 0, -9.81)))),
 }
-GROUNDED = {"support_flexibility", "foundation", "foundation_dashpot", "ground_spring", "stinger"}
+GROUNDED = {
+    "support_flexibility",
+    "foundation",
+    "foundation_dashpot",
+    "ground_spring",
+    "ground_damper",
+    "side_spring",
+}
+GROUNDED |= {"stinger"}
 """Kinds that may hold a rigid body."""
 
 TURNED = {"preload", "prestress", "rotor"}
@@ -70,7 +77,6 @@ def candidates(model, kind):
 NOT_PROPOSED = (
     MassDamping(name="alpha", alpha=1.0),
     StiffnessDamping(name="beta", beta=1e-5),
-    Rotor(name="rotor", point=1, axis=(0.6, 0.0, 0.8), momentum=0.3),
     JointCubic(name="cubic", joint="bolt", direction="z", amplitude=1e-4, cubic=1e15),
     JointGap(name="gap", joint="bolt", direction="rx", amplitude=1e-4, stiffness=1e4, gap=3e-5),
     JointFriction(name="friction", joint="bolt", direction="y", amplitude=1e-4, force=20.0),

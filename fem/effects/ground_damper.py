@@ -1,0 +1,78 @@
+"""Dashpots from points of the structure to the ground that the model lacks: a damped suspension, a cable."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.ground_spring import GroundSpring
+from fem.effects.places import typical_mass
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, dofs_of
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GroundDamper(Effect):
+    """A dashpot to the ground in one global direction at one point: iωc.
+
+    A spring with a dashpot beside it is this and ``ground_spring``. Where the model holds the point,
+    ``foundation_dashpot`` is the candidate.
+
+    Attributes
+    ----------
+    point : int
+        Point of the mesh.
+    place : str
+        What is there, in words.
+    direction : str
+        One of x, y, z.
+    damping : float
+        c [N·s/m].
+    reference : float
+        A typical member's mass over a second, which sets the scale [N·s/m].
+    """
+
+    kind: ClassVar[str] = "ground_damper"
+    point: int
+    place: str
+    direction: str
+    damping: Any
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Place and direction."""
+        return f"{self.place}, {self.direction}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the dashpot's constant."""
+        top = 1e7 * self.reference
+        return (Parameter("damping", "N·s/m", self.damping, 0.0, 0.0, top, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return c on the one DOF."""
+        dof = dofs_of(self.point)[[DIRECTIONS.index(self.direction)]]
+        return (Contribution(dof[None], C=np.full((1, 1, 1), self.damping)),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Dashpots that take a member's momentum in a second to ten microseconds."""
+        return tuple({"damping": float(f * self.reference)} for f in np.geomspace(1.0, 1e5, 11))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Self, ...]:
+        """Return the places and directions of translation of ``ground_spring``."""
+        springs = [e for e in GroundSpring.propose(model) if isinstance(e, GroundSpring)]
+        m = typical_mass(model) if springs else 0.0
+        return tuple(
+            cls(
+                name=f"ground_damper:{e.name.partition(':')[2]}", point=e.point, place=e.place,
+                direction=e.direction, damping=0.0, reference=m,
+            )
+            for e in springs
+            if e.direction in DIRECTIONS[:3]
+        )  # fmt: skip
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the point."""
+        return model.mesh.points[[self.point]]

@@ -1,0 +1,82 @@
+"""A rotary inertia on a member at a position that may be estimated: a wheel, a flange, a box on a bracket."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.effects.places import OnMember, member_mass, shapes_at
+from fem.model import Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PointInertia(OnMember):
+    """A rotary inertia on the line of a member, alike about all axes: M = I NᵀN, N the rotations there.
+
+    The mass of the same body is ``point_mass``. At a joint, ``joint_inertia`` is its twin.
+
+    Attributes
+    ----------
+    member : str
+    position : float
+        Arc length from the member's first end [m].
+    inertia : float
+        I [kg·m²].
+    length : float
+        Length of the member [m].
+    reference : float
+        m L²/12 of the member, which sets the scale [kg·m²].
+    """
+
+    kind: ClassVar[str] = "point_inertia"
+    position: Any
+    inertia: Any
+    length: float
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Member and position."""
+        return f"member {self.member} at {np.real(self.position):.3f} m"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return inertia and position."""
+        return (
+            Parameter("inertia", "kg·m²", self.inertia, 0.0, 0.0, 20 * self.reference),
+            Parameter("position", "m", self.position, self.position, 0.0, self.length),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return I NᵀN with the beam's own shape functions N for rotations."""
+        dofs, N = shapes_at(model, self.member, self.position)
+        return (Contribution(dofs[None], M=(self.inertia * (N[3:].T @ N[3:]))[None]),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Inertias of 0.3 to 30 % of the member's own at nine places along it."""
+        return tuple(
+            {"inertia": f * self.reference, "position": float(x * self.length)}
+            for x in np.linspace(0.01, 0.99, 9)
+            for f in (0.003, 0.02, 0.1, 0.3)
+        )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Self, ...]:
+        """Return one for each member."""
+        out: list[Self] = []
+        for m in model.mesh.members if model.of_kind(Frame) else ():
+            length = model.mesh.member_length(m)
+            own = member_mass(model, m) * length**2 / 12
+            out.append(
+                cls(
+                    name=f"point_inertia:{m}", member=m, position=length / 2, inertia=0.0, length=length,
+                    reference=own,
+                )
+            )  # fmt: skip
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the place on the member."""
+        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]

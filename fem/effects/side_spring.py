@@ -1,0 +1,92 @@
+"""A spring to the ground somewhere along a member: a stop, a hanger, a guide, an elastic support."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.effects.places import OnMember, frame_of, is_bar, shapes_at, typical_stiffness
+from fem.model import Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SideSpring(OnMember):
+    """A spring to the ground across a member at a position that may be estimated.
+
+    K = k nᵀn, n the motion along the section's axis there. At a member's end ``ground_spring`` is its twin;
+    a spring along the member is that of its end while the member is stiff along itself.
+
+    Attributes
+    ----------
+    member : str
+    direction : str
+        y or z, local.
+    position : float
+        Arc length from the member's first end [m].
+    stiffness : float
+        k [N/m].
+    length : float
+        Length of the member [m].
+    reference : float
+        Bending stiffness of a typical member, which sets the scale [N/m].
+    """
+
+    kind: ClassVar[str] = "side_spring"
+    direction: str
+    position: Any
+    stiffness: Any
+    length: float
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """Member, position and direction."""
+        return f"member {self.member} at {np.real(self.position):.3f} m, along local {self.direction}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return stiffness and position, which keeps off the ends."""
+        edge = 0.03 * self.length
+        return (
+            Parameter("stiffness", "N/m", self.stiffness, 0.0, 0.0, 1e8 * self.reference),
+            Parameter("position", "m", self.position, self.position, edge, self.length - edge),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return k nᵀn with the beam's own shape functions."""
+        mesh = model.mesh
+        dofs, N = shapes_at(model, self.member, self.position)
+        line = mesh.locate(self.member, float(np.real(self.position))).line
+        n = frame_of(model).rotations(mesh)[line]["xyz".index(self.direction)] @ N[:3]
+        return (Contribution(dofs[None], (self.stiffness * np.outer(n, n))[None]),)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From a soft suspension to a support, at nine places."""
+        return tuple(
+            {"stiffness": float(f * self.reference), "position": float(x * self.length)}
+            for x in np.linspace(0.06, 0.94, 9)
+            for f in (1e-2, 0.3, 10.0, 1e3)
+        )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Self, ...]:
+        """Return both axes of each member that bends."""
+        if not model.of_kind(Frame):
+            return ()
+        out: list[Self] = []
+        for m in model.mesh.members:
+            length = model.mesh.member_length(m)
+            for d in () if is_bar(model, m) else ("y", "z"):
+                out.append(
+                    cls(
+                        name=f"side_spring:{m}.{d}", member=m, direction=d, position=length / 2,
+                        stiffness=0.0, length=length, reference=typical_stiffness(model, "x"),
+                    )
+                )  # fmt: skip
+        return tuple(out)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the place on the member."""
+        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
