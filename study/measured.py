@@ -11,11 +11,16 @@ from numpy.typing import NDArray
 
 from fem.frf import FRF, FRFKind, compute_frf
 from fem.io import UFF_SUFFIXES, read_csv, read_npz, read_uff
+from fem.io.uff_types import Function
 from fem.model import Model
 from fem.system import assemble
 from study.sensors import Channel
 from study.table import Table
-from updating.measurement import Measurement, Sensor, sensor_point
+from updating.measurement import Measurement, Sensor, at_values_of, sensor_point
+from updating.noise import noise_from_repeats
+
+COHERENCE_TYPE = 6
+"""Function type of a coherence in universal files."""
 
 G0 = 9.80665
 """Standard gravity [m/s²]."""
@@ -49,6 +54,9 @@ class RawMeasurement:
     force_level : float or None
         [N].
     check_units : bool
+    coherence, scatter : ndarray (n_freq, n_out, n_in) or None
+        As in :class:`updating.measurement.Measurement`.
+    averages : int or None
     """
 
     table: Table
@@ -56,6 +64,9 @@ class RawMeasurement:
     name: str
     force_level: float | None
     check_units: bool
+    coherence: NDArray[np.float64] | None = None
+    averages: int | None = None
+    scatter: NDArray[np.float64] | None = None
 
 
 def read_files(
@@ -77,16 +88,133 @@ def read_files(
         scale = t.number("scale", 1.0)
         if scale == 0:
             t.refuse("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
+        functions: list[Function] = []
         with t.at("file"):
-            frfs = _read(t, path, kind, nodes, notes, "scale" in t)
+            frfs = _read(t, path, kind, nodes, notes, "scale" in t, functions)
+        again = _repeats(t, folder, kind, notes, frfs)
+        averages = t.number("averages", None, least=1)
+        coherent = _coherence(t, folder, frfs, functions)
+        if averages is not None and averages != int(averages):
+            t.refuse("averages", f"{averages:g} is not allowed; a whole number of averages is needed")
+        if any(c is not None for c in coherent) and averages is None and not again:
+            notes.append(
+                f"{name} has coherences, and averages = … is not given: its noise is estimated from the "
+                "scatter between neighbouring lines instead"
+            )
+        if averages is not None and all(c is None for c in coherent):
+            t.refuse("averages", "the number of averages serves the coherence, and there is none; give it")
         t.finish()
         for i, frf in enumerate(frfs):
+            whole, scatter = frf, None
+            if again:
+                H = np.stack([frf.H, *(r[i].H for r in again)])
+                whole, scatter = replace(frf, H=H.mean(axis=0)), noise_from_repeats(H)
             with t.at("band"):
-                frf = frf.select(band=band)
+                cut = whole.select(band=band)
+            coherence = coherent[i]
+            known = [None if x is None else at_values_of(x, frf, cut) for x in (coherence, scatter)]
             if scale != 1.0:
-                frf = replace(frf, H=scale * frf.H)
-            out.append(RawMeasurement(t, frf, name if len(frfs) == 1 else f"{name} [{i + 1}]", level, check))
+                cut = replace(cut, H=scale * cut.H)
+            label = name if len(frfs) == 1 else f"{name} [{i + 1}]"
+            number = None if averages is None else int(averages)
+            out.append(RawMeasurement(t, cut, label, level, check, known[0], number, known[1]))
     return out, nodes
+
+
+def _existing(t: Table, key: str, folder: Path, file: str) -> Path:
+    path = folder / file
+    if not path.is_file():
+        t.refuse(key, f"there is no file '{os.fspath(path)}'")
+    return path
+
+
+def _repeats(t: Table, folder: Path, kind: str | None, notes: list[str], first: list[FRF]) -> list[list[FRF]]:
+    """Read ``repeats``: files with the same FRFs, measured again."""
+    out = []
+    for file in t.texts("repeats", ()):
+        path = _existing(t, "repeats", folder, file)
+        with t.at("repeats"):
+            frfs = _read(t, path, kind, {}, notes, "scale" in t, [])
+        alike = len(frfs) == len(first) and all(
+            a.kind == b.kind
+            and a.outputs == b.outputs
+            and a.inputs == b.inputs
+            and np.array_equal(a.frequency, b.frequency)
+            for a, b in zip(frfs, first, strict=True)
+        )
+        if not alike:
+            t.refuse(
+                "repeats", f"{file} has other lines, channels or another kind of FRF than the first file"
+            )
+        out.append(frfs)
+    return out
+
+
+def _coherence(
+    t: Table, folder: Path, frfs: list[FRF], functions: Sequence[Function]
+) -> list[NDArray[np.float64] | None]:
+    """Return the coherence of each matrix of FRFs: of the file ``coherence``, or of the FRFs' own file."""
+    file = t.text("coherence", None)
+    if file is None:
+        return [_coherence_in(functions, frf) for frf in frfs]
+    path = _existing(t, "coherence", folder, file)
+    if path.suffix.lower() in UFF_SUFFIXES:
+        found = [_coherence_in(read_uff(path, FRFKind.ACCELERANCE).functions, frf) for frf in frfs]
+    elif path.suffix.lower() == ".npz":
+        with t.at("coherence"):
+            found = [_coherence_array(path, frf) for frf in frfs]
+    else:
+        t.refuse("coherence", f"{file} is not allowed; a universal file or .npz is needed")
+    if all(c is None for c in found):
+        t.refuse("coherence", f"{file} has no coherence at the lines and channels of the FRFs")
+    return found
+
+
+def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64] | None:
+    """Return the coherences among functions of a universal file, NaN where there is none."""
+    out = np.full(frf.H.shape, np.nan)
+    for f in functions:
+        if (
+            f.function_type != COHERENCE_TYPE
+            or f.response not in frf.outputs
+            or f.reference not in frf.inputs
+        ):
+            continue
+        if f.x.shape == frf.frequency.shape and np.allclose(f.x, frf.frequency, rtol=1e-6, atol=0):
+            value = np.real(f.values)
+            out[:, frf.outputs.index(f.response), frf.inputs.index(f.reference)] = value
+    # Single precision and rounding lead to values a little beyond 1.
+    out = np.where((out > 1) & (out < 1 + 1e-4), 1.0, out)
+    return out if np.isfinite(out).any() else None
+
+
+def _coherence_array(path: Path, frf: FRF) -> NDArray[np.float64] | None:
+    """Read ``frequency``, ``coherence`` and, where channels differ, ``outputs`` and ``inputs``."""
+    with np.load(path, allow_pickle=False) as arrays:
+        missing = [key for key in ("frequency", "coherence") if key not in arrays]
+        if missing:
+            msg = f"{path.name} has no array '{missing[0]}'; frequency and coherence are needed"
+            raise ValueError(msg)
+        f, values = np.asarray(arrays["frequency"], dtype=float), np.asarray(arrays["coherence"], dtype=float)
+        names = [
+            [str(x) for x in np.atleast_1d(arrays[key])] if key in arrays else list(getattr(frf, key))
+            for key in ("outputs", "inputs")
+        ]
+    if values.shape != (f.size, *(len(n) for n in names)):
+        msg = (
+            f"{path.name}: coherence has shape {values.shape} for {f.size} frequencies, {len(names[0])} "
+            f"outputs and {len(names[1])} inputs"
+        )
+        raise ValueError(msg)
+    outputs, inputs = (
+        [n for n in have if n in own] for have, own in zip(names, (frf.outputs, frf.inputs), strict=True)
+    )
+    of = FRF.from_arrays(f, np.zeros(values.shape), frf.kind, *names)
+    here = frf.select(outputs, inputs)
+    out = np.full(frf.H.shape, np.nan)
+    at = np.ix_([frf.outputs.index(n) for n in outputs], [frf.inputs.index(n) for n in inputs])
+    out[:, at[0], at[1]] = at_values_of(values, of, here)
+    return out if np.isfinite(out).any() else None
 
 
 def read_band(t: Table) -> tuple[float, float] | None:
@@ -106,6 +234,7 @@ def _read(
     nodes: dict[int, NDArray[np.float64]],
     notes: list[str],
     scaled: bool,
+    functions: list[Function],
 ) -> list[FRF]:
     suffix = path.suffix.lower()
     outputs, inputs = t.texts("outputs", None), t.texts("inputs", None)
@@ -115,6 +244,7 @@ def _read(
             file = read_uff(path, kind)
             if not file.frfs:
                 file.frf()  # says what the file holds instead
+            functions.extend(file.functions)
             if file.points is not None:
                 nodes.update(
                     {int(k): xyz for k, xyz in zip(file.points.labels, file.points.coordinates, strict=True)}
@@ -198,7 +328,13 @@ def match(
         frf = FRF.from_arrays(frf.frequency, frf.H * sign, frf.kind, *names)
         _refuse_zero(r, frf)
         picked = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
-        out.append(Measurement(frf, *picked, force_level=r.force_level, name=r.name))
+        chosen = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
+        known = [None if x is None else at_values_of(x, r.frf, chosen) for x in (r.coherence, r.scatter)]
+        with r.table.at("coherence"):
+            measurement = Measurement(
+                frf, picked[0], picked[1], r.force_level, r.name, known[0], r.averages, known[1]
+            )
+        out.append(measurement)
     for mark, channels in (("s", sensors), ("e", excitations)):
         for c in channels:
             if raw and f"{mark}:{c.sensor.name}" not in used:

@@ -47,6 +47,7 @@ def report_html(result: RunResult, album: Album) -> str:
     parts = [
         _verdict(result, album),
         _compared(result, album),
+        _gates(result),
         _misfit(result, album),
         _missing(result, album),
         _search(result, album),
@@ -160,7 +161,7 @@ def _compared(result: RunResult, album: Album) -> Markup:
                 ),
                 ("held out", _held_out_words(result)),
                 ("values that count", _counted(data)),
-                ("noise", f"{d.noise_db:.2f} dB, estimated from the scatter between neighbouring lines"),
+                ("noise", f"{d.noise_db:.2f} dB, from {data.measurement.noise_source}"),
                 (
                     "model",
                     f"{len(mesh.members)} members, {mesh.n_lines} beam elements, {mesh.n_points} points",
@@ -170,6 +171,21 @@ def _compared(result: RunResult, album: Album) -> Markup:
         folded(
             f"{len(study.sensors)} sensors and {len(study.excitations)} excitations", _sensor_places(result)
         ),
+    )
+
+
+def _gates(result: RunResult) -> Markup:
+    gates = result.diagnosis.gates
+    if gates is None:
+        return Markup()
+    rows = [[c.name, c.outcome, f"{c.found[:1].upper()}{c.found[1:]}."] for c in gates.checks]
+    return section(
+        "Gates first",
+        paragraph(
+            "What was asked of the measurement before effects were searched for. What failed is set right, "
+            "counted as noise, or stays a warning beside the verdict."
+        ),
+        table(["gate", "outcome", "what was found"], rows),
     )
 
 

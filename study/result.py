@@ -184,6 +184,7 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "noise_db": d.noise_db,
         "discretisation_db": d.discretisation_db,
         "basis_db": d.basis_db,
+        "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
     }
 

@@ -20,7 +20,7 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.faults import Fault, confirm_faults, find_faults
 from updating.fit import LEVEL_FLOOR, FitProblem, FitResult, prepare, sensor_vectors
-from updating.gates import check_gates
+from updating.gates import Gates, check_gates
 from updating.measurement import Measurement, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 from updating.screening import Grid, screen
@@ -71,8 +71,6 @@ AS_GOOD = 3.0
 """Optima whose negative log posterior is no more than this above the best count as possible values."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
-NOT_LINEAR = 1.5
-"""Two force levels differ if their FRFs do by this multiple of the noise."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""
@@ -196,6 +194,8 @@ class Diagnosis:
     notes : tuple of str
         What a reader should know.
     seconds : float
+    gates : Gates or None
+        What was checked of the measurement before effects were searched for.
     """
 
     verdict: str
@@ -212,6 +212,7 @@ class Diagnosis:
     model: Model
     notes: tuple[str, ...]
     seconds: float
+    gates: Gates | None = None
 
     @property
     def noise_floor_db(self) -> float:
@@ -428,7 +429,8 @@ def diagnose(
     null = problem.fit()
     problem, null, faults = find_faults(problem, null)
     steps.append(_step("uncertain parameters fitted", null))
-    notes = [*_proportionality(problem, measurements), *check_gates(problem, null).notes]
+    gates = check_gates(problem, null, measurements[1:], mesh_db, faults)
+    notes = list(gates.notes)
 
     findings: list[Finding] = []
     rounds: list[tuple[Ranked, ...]] = []
@@ -511,7 +513,7 @@ def diagnose(
     ).with_effect(*current.effects)
     return Diagnosis(
         verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db, mesh_db,
-        basis_db, limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun,
+        basis_db, limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
     )  # fmt: skip
 
 
@@ -792,30 +794,3 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> flo
         )
         ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
     return rms_db(np.array(ratio))
-
-
-def _proportionality(problem: FitProblem, measurements: Sequence[Measurement]) -> tuple[str, ...]:
-    """Compare force levels; a linear structure gives the same FRFs at all of them."""
-    notes = []
-    first = problem.data
-    for other in measurements[1:]:
-        frf = other.frf.as_kind("receptance")
-        same = np.isin(frf.frequency, first.frequency)
-        if other.frf.outputs != first.measurement.frf.outputs or same.sum() != len(first.frequency):
-            notes.append(
-                f"{other.name}: not compared with {first.measurement.name}, its lines or channels differ"
-            )
-            continue
-        ratio = np.abs(log_ratio(frf.H[same], first.H).real)
-        # Robust: lines at resonances carry more noise than their neighbours say.
-        difference = float(np.median((ratio / first.noise)[first.mask]) / 0.6745 / np.sqrt(2))
-        if difference > NOT_LINEAR:
-            notes.append(
-                f"{other.name} differs from {first.measurement.name} by {difference:.2g} times what noise "
-                "explains: the structure is not linear, or the two were not measured alike"
-            )
-        else:
-            notes.append(
-                f"{other.name} and {first.measurement.name} agree within their noise: the structure is linear"
-            )
-    return tuple(notes)

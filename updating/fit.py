@@ -133,11 +133,23 @@ def prepare(
         acceleration = np.abs(computed) * (2 * np.pi * frf.frequency[:, None, None]) ** 2
         calculated = np.sqrt((acceleration**2).mean(axis=0))
         mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
-    noise = relative_noise(frf.H)
+    kept = measurement.with_frf(frf)
+    noise = _noise_of(kept)
     mask = mask & (noise < NOISE_LIMIT)
     weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + noise**2) * mask
     block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
-    return FitData(measurement.with_frf(frf), frf.frequency, H, mask, weight, noise, block % 4 == 2)
+    return FitData(kept, frf.frequency, H, mask, weight, noise, block % 4 == 2)
+
+
+def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
+    """Return the relative noise that is known from coherence or repeats, or else that of the data.
+
+    It is kept between a millionth and 10, so that weights and ratios stay finite.
+    """
+    noise, known = relative_noise(measurement.frf.H), measurement.noise
+    if known is not None:
+        noise = np.where(np.isnan(known), noise, known)
+    return np.clip(noise, 1e-6, 10.0) if known is not None else noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)

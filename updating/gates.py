@@ -1,22 +1,29 @@
 """What is checked of a measurement before any physics is fitted to it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.cross_prediction import Field, cross_predict
-from updating.fit import FitProblem, FitResult
+from updating.faults import Fault, corrected, uncorrected
+from updating.fit import FitData, FitProblem, FitResult, prepare
 from updating.measurement import Measurement
 
 NOT_RECIPROCAL = 3.0
 """H_jk and H_kj differ if they do by this multiple of their noise."""
 NOT_HOMOGENEOUS = 1.5
 """Two force levels differ if their FRFs do by this multiple of the noise."""
+NOT_HOMOGENEOUS_SOMEWHERE = 2.0
+"""The same for the tenth of the values that differ most, averaged over neighbouring lines."""
 LEAST_DIFFERENCE_DB = 0.3
 """Smaller differences of FRFs that ought to be equal are not called one [dB]."""
+
+PASSED, FAILED, NOT_RUN = "passed", "failed", "not run"
+_NEIGHBOURS = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +58,43 @@ class Homogeneity:
     measurement : str
     ratio : float
         Median difference in multiples of what noise explains [-]; NaN where lines or channels differ.
+    somewhere : float
+        The same of the tenth of the values that differ most, in means over seven lines: what changes with
+        amplitude shows at few resonances, but there on many lines [-].
+    largest_db : float
+        Their difference [dB].
     """
 
     measurement: str
     ratio: float
+    somewhere: float = float("nan")
+    largest_db: float = float("nan")
 
     @property
     def violated(self) -> bool:
         """Whether they differ by more than noise."""
-        return self.ratio > NOT_HOMOGENEOUS
+        if self.ratio > NOT_HOMOGENEOUS:
+            return True
+        return self.somewhere > NOT_HOMOGENEOUS_SOMEWHERE and self.largest_db > LEAST_DIFFERENCE_DB
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One gate: what was asked of the measurement, and what came out.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``"reciprocity"``.
+    outcome : str
+        ``"passed"``, ``"failed"`` or ``"not run"``.
+    found : str
+        What was found, or why it could not run, in a sentence.
+    """
+
+    name: str
+    outcome: str
+    found: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +115,8 @@ class Gates:
         Of each further force level.
     noise_db, discretisation_db : float
         Noise of the measurement and error of the mesh [dB]; both count as noise.
+    checks : tuple of Check
+        All gates in their order, with those that could not run.
     """
 
     sensors: tuple[str, ...]
@@ -89,6 +126,12 @@ class Gates:
     homogeneity: tuple[Homogeneity, ...]
     noise_db: float
     discretisation_db: float
+    checks: tuple[Check, ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether no other force level gives other FRFs; True where there is none."""
+        return not any(h.violated for h in self.homogeneity)
 
     @property
     def misfit_ratio(self) -> float:
@@ -109,7 +152,8 @@ class Gates:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader should know, in sentences."""
-        return tuple(
+        levels = tuple(_homogeneity_words(h) for h in self.homogeneity)
+        return levels + tuple(
             f"the FRFs between {r.first} and {r.second} differ by {r.error_db:.2g} dB from one direction to "
             f"the other, and noise explains {r.noise_db:.2g} dB: a sensor or force is not as stated, or "
             "something turns (gyroscopic effects are not reciprocal)"
@@ -123,6 +167,7 @@ def check_gates(
     result: FitResult,
     others: Sequence[Measurement] = (),
     discretisation_db: float = float("nan"),
+    faults: Sequence[Fault] = (),
 ) -> Gates:
     """Check a measurement before physics is searched for in it.
 
@@ -135,6 +180,8 @@ def check_gates(
         At other force levels.
     discretisation_db : float
         Error of the model's mesh, for instance of :func:`updating.diagnosis.discretisation_error` [dB].
+    faults : sequence of Fault
+        What has been set right in the problem's data; the same is done to the others.
     """
     ratio = problem.log_ratio(result)
     every = np.arange(len(problem.data.frequency))
@@ -148,14 +195,89 @@ def check_gates(
     X = cross_predict(problem, Field.of(problem, result))
     z = np.abs(X.measured - X.predicted) / np.sqrt(X.variance)
     cross = np.array([np.median(z[:, i][X.seen[:, i]]) if X.seen[:, i].any() else np.nan for i in range(n)])
-    return Gates(
+    bare = Gates(
         tuple(s.name for s in problem.data.measurement.sensors),
         misfit,
         cross,
         reciprocity(problem),
-        homogeneity(problem, others),
+        homogeneity(problem, others, faults),
         problem.data.noise_db,
         discretisation_db,
+    )
+    return replace(bare, checks=_checks(problem, bare, others, faults))
+
+
+def _checks(
+    problem: FitProblem, gates: Gates, others: Sequence[Measurement], faults: Sequence[Fault]
+) -> tuple[Check, ...]:
+    """Return each gate in words."""
+    data = problem.data
+    share = float(np.broadcast_to(data.mask, data.H.shape).mean())
+    source = data.measurement.noise_source
+    noise = f"{gates.noise_db:.2f} dB, from {source}; {100 * share:.0f} % of the values count"
+    out = [Check("noise", PASSED if share > 0.5 else FAILED, noise)]
+    if np.isfinite(gates.discretisation_db):
+        mesh = f"halving every element changes the FRFs by {gates.discretisation_db:.2f} dB: noise to a fit"
+        fine = gates.discretisation_db < max(gates.noise_db, LEAST_DIFFERENCE_DB)
+        out.append(Check("mesh", PASSED if fine else FAILED, mesh if fine else f"{mesh}: refine the mesh"))
+    out.append(_fault_check(gates, faults))
+    out.append(_reciprocity_check(problem, gates))
+    out.append(_level_check(gates, others))
+    return tuple(out)
+
+
+def _fault_check(gates: Gates, faults: Sequence[Fault]) -> Check:
+    if len(gates.sensors) < 3:
+        few = f"{len(gates.sensors)} sensors cannot check one another; three are needed"
+        return Check("sensors and forces", NOT_RUN, few)
+    if faults:
+        names = ", ".join(dict.fromkeys(f.sensor for f in faults))
+        return Check("sensors and forces", FAILED, f"{len(faults)} fault(s) were set right, at {names}")
+    agree = (
+        "each sensor reads what the others say of the motion at its place; largest over median misfit "
+        f"{gates.misfit_ratio:.2g} ({gates.worst_sensor})"
+    )
+    return Check("sensors and forces", PASSED, agree)
+
+
+def _reciprocity_check(problem: FitProblem, gates: Gates) -> Check:
+    pairs = gates.reciprocity
+    if not pairs:
+        n = len(problem.data.measurement.excitations)
+        why = (
+            "there is one excitation"
+            if n < 2
+            else "no two excitations both have a sensor at their place and in their direction"
+        )
+        return Check("reciprocity", NOT_RUN, f"{why}; H_jk = H_kj needs forces at two sensors")
+    worst = max(pairs, key=lambda r: r.error_db / max(r.noise_db, 1e-12))
+    found = (
+        f"{worst.first} and {worst.second} differ by {worst.error_db:.2g} dB from one direction to the "
+        f"other; noise explains {worst.noise_db:.2g} dB"
+    )
+    return Check("reciprocity", FAILED if any(r.violated for r in pairs) else PASSED, found)
+
+
+def _level_check(gates: Gates, others: Sequence[Measurement]) -> Check:
+    if not others:
+        why = "there is one measurement; whether the structure is linear takes two force levels"
+        return Check("force levels", NOT_RUN, why)
+    compared = [h for h in gates.homogeneity if np.isfinite(h.ratio)]
+    words = "; ".join(_homogeneity_words(h) for h in gates.homogeneity)
+    if not compared:
+        return Check("force levels", NOT_RUN, words)
+    return Check("force levels", PASSED if gates.linear else FAILED, words)
+
+
+def _homogeneity_words(h: Homogeneity) -> str:
+    if not np.isfinite(h.ratio):
+        return f"{h.measurement}: not compared with the first measurement, its lines or channels differ"
+    if not h.violated:
+        return f"{h.measurement} and the first measurement agree within their noise: the structure is linear"
+    return (
+        f"{h.measurement} differs from the first measurement by {h.ratio:.2g} times what noise explains in "
+        f"the median, and {h.somewhere:.2g} times ({h.largest_db:.2g} dB) where it differs most: the "
+        "structure is not linear, or the two were not measured alike"
     )
 
 
@@ -194,17 +316,55 @@ def reciprocity(problem: FitProblem) -> tuple[Reciprocity, ...]:
     return tuple(out)
 
 
-def homogeneity(problem: FitProblem, others: Sequence[Measurement]) -> tuple[Homogeneity, ...]:
+def at_level(problem: FitProblem, other: Measurement, faults: Sequence[Fault] = ()) -> FitData | None:
+    """Return another measurement at the problem's lines, prepared like its data; None where they differ.
+
+    Values count that count in both. What was set right in the problem's data is set right in these.
+    """
+    first, frf = problem.data, other.frf
+    before = uncorrected(first, faults).measurement
+    rows = [e.name for e in before.excitations]
+    if frf.outputs != tuple(s.name for s in before.sensors) or frf.inputs != tuple(rows):
+        return None
+    same = np.isin(frf.frequency, first.frequency)
+    if same.sum() != len(first.frequency):
+        return None
+    data = prepare(other.with_frf(frf.select(lines=np.flatnonzero(same))))
+    data = corrected(replace(data, measurement=replace(data.measurement, sensors=before.sensors)), faults)
+    both = data.mask & first.mask
+    return replace(data, mask=both, weight=data.weight * both, held_out=first.held_out)
+
+
+def homogeneity(
+    problem: FitProblem, others: Sequence[Measurement], faults: Sequence[Fault] = ()
+) -> tuple[Homogeneity, ...]:
     """Compare measurements at other force levels with the problem's; a linear structure gives equal FRFs."""
     first, out = problem.data, []
     for other in others:
-        frf = other.frf.as_kind("receptance")
-        same = np.isin(frf.frequency, first.frequency)
-        fits = frf.outputs == first.measurement.frf.outputs and frf.inputs == first.measurement.frf.inputs
-        if not fits or same.sum() != len(first.frequency):
+        data = at_level(problem, other, faults)
+        if data is None or not data.mask.any():
             out.append(Homogeneity(other.name, float("nan")))
             continue
-        difference = np.abs(log_ratio(frf.H[same], first.H).real) / first.noise
-        median = float(np.median(difference[first.mask]))
-        out.append(Homogeneity(other.name, median / 0.6745 / float(np.sqrt(2))))
+        ratio = log_ratio(data.H, first.H)
+        sigma = np.hypot(data.noise, first.noise)
+        # Robust: lines at resonances carry more noise than their neighbours say.
+        median = float(np.median((np.abs(ratio.real) / sigma)[data.mask])) / 0.6745
+        smooth = _means(np.where(data.mask, ratio / sigma, 0.0), data.mask)
+        apart = _means(np.where(data.mask, ratio, 0.0), data.mask)
+        # The modulus of a complex normal number with unit deviation in each part exceeds 2.146 in a tenth.
+        somewhere = float(np.quantile(np.abs(smooth[data.mask]), 0.9)) * np.sqrt(_NEIGHBOURS) / 2.146
+        largest = float(np.quantile(np.abs(apart[data.mask]), 0.9)) * DB_PER_NEPER
+        out.append(Homogeneity(other.name, median, somewhere, largest))
     return tuple(out)
+
+
+def _means(x: NDArray[np.complex128], seen: NDArray[np.bool_]) -> NDArray[np.complex128]:
+    """Return means over neighbouring lines that count, (n_freq, n_out, n_in)."""
+    half = _NEIGHBOURS // 2
+
+    def sums(a: NDArray[Any]) -> Any:
+        total = np.cumsum(np.concatenate([np.zeros((1, *a.shape[1:])), a]), axis=0)
+        k = np.arange(len(a))
+        return total[np.minimum(k + half + 1, len(a))] - total[np.maximum(k - half, 0)]
+
+    return sums(x) / np.maximum(sums(seen.astype(float)), 1.0)

@@ -10,6 +10,7 @@ from fem.effects.added_mass import AddedMass
 from fem.frf import FRF
 from fem.mesh import Mesh
 from fem.model import Instruments, Model
+from updating.noise import noise_from_coherence
 
 
 class MeasurementError(ValueError):
@@ -59,6 +60,13 @@ class Measurement:
         Amplitude of the exciting force, to tell levels apart [N].
     name : str
         File or label for reports.
+    coherence : ndarray (n_freq, n_out, n_in) or None
+        γ² of each value of the FRFs, 0 to 1; NaN where it was not measured [-].
+    averages : int or None
+        Independent averages behind the FRFs and their coherence.
+    scatter : ndarray (n_freq, n_out, n_in) or None
+        Relative standard deviation of the FRFs in each part, where it is known otherwise: from repeats
+        (:func:`updating.noise.noise_from_repeats`) for example; NaN where it is not [-].
     """
 
     frf: FRF
@@ -66,8 +74,25 @@ class Measurement:
     excitations: tuple[Sensor, ...]
     force_level: float | None = None
     name: str = "measured"
+    coherence: NDArray[np.float64] | None = None
+    averages: int | None = None
+    scatter: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
+        for word, values in (("coherence", self.coherence), ("scatter", self.scatter)):
+            if values is not None and np.shape(values) != self.frf.H.shape:
+                msg = (
+                    f"the {word} of '{self.name}' has shape {np.shape(values)}, its FRFs {self.frf.H.shape}; "
+                    "they must agree"
+                )
+                raise MeasurementError(msg)
+        if self.averages is not None and self.averages < 1:
+            msg = f"'{self.name}' has {self.averages} averages; at least 1 is needed"
+            raise MeasurementError(msg)
+        if self.coherence is not None and ((self.coherence < 0) | (self.coherence > 1)).any():
+            low, high = np.nanmin(self.coherence), np.nanmax(self.coherence)
+            msg = f"the coherence of '{self.name}' goes from {low:.3g} to {high:.3g}; 0 to 1 is allowed"
+            raise MeasurementError(msg)
         for word, have, want in (
             ("responses", self.frf.outputs, self.sensors),
             ("forces", self.frf.inputs, self.excitations),
@@ -80,7 +105,10 @@ class Measurement:
                 raise MeasurementError(msg)
 
     def with_frf(self, frf: FRF) -> "Measurement":
-        """Return a measurement with other data of the same or fewer sensors and excitations."""
+        """Return a measurement with other data of the same or fewer sensors, excitations and lines.
+
+        What is known of the noise follows; at lines that were not measured it is not known.
+        """
         by_out = {s.name: s for s in self.sensors}
         by_in = {s.name: s for s in self.excitations}
         return replace(
@@ -88,7 +116,51 @@ class Measurement:
             frf=frf,
             sensors=tuple(by_out[n] for n in frf.outputs),
             excitations=tuple(by_in[n] for n in frf.inputs),
+            coherence=None if self.coherence is None else at_values_of(self.coherence, self.frf, frf),
+            scatter=None if self.scatter is None else at_values_of(self.scatter, self.frf, frf),
         )
+
+    @property
+    def noise(self) -> NDArray[np.float64] | None:
+        """What is known of the relative noise of ln|H|, (n_freq, n_out, n_in); None where nothing is [-].
+
+        From ``scatter``, or else from coherence and averages; NaN for values of which nothing is known.
+        """
+        if self.scatter is not None:
+            return self.scatter
+        if self.coherence is None or self.averages is None:
+            return None
+        known = np.isfinite(self.coherence)
+        noise = noise_from_coherence(np.where(known, self.coherence, 1.0), self.averages)
+        return np.where(known, noise, np.nan)
+
+    @property
+    def noise_source(self) -> str:
+        """Where the noise is known from, in words."""
+        if self.scatter is not None:
+            return "the scatter of repeats"
+        if self.coherence is not None and self.averages is not None:
+            return f"the coherence over {self.averages} averages"
+        return "the scatter between neighbouring lines"
+
+
+def at_values_of(values: NDArray[np.float64], have: FRF, want: FRF) -> NDArray[np.float64]:
+    """Return what belongs to the values of some FRFs for those of others, NaN where there is none.
+
+    Parameters
+    ----------
+    values : ndarray (n_freq, n_out, n_in)
+        Of ``have``.
+    have, want : FRF
+        The second has channels of the first.
+    """
+    line = np.clip(np.searchsorted(have.frequency, want.frequency), 0, have.n_freq - 1)
+    same = have.frequency[line] == want.frequency
+    rows, columns = (
+        [getattr(have, key).index(name) for name in getattr(want, key)] for key in ("outputs", "inputs")
+    )
+    out = values[line][:, rows][:, :, columns]
+    return np.where(same[:, None, None], out, np.nan)
 
 
 def place_sensors(mesh: Mesh, sensors: tuple[Sensor, ...], tolerance: float | None = None) -> Mesh:

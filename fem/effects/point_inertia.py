@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.places import OnMember, member_mass, shapes_at
-from fem.model import Contribution, Effect, Model, Parameter
+from fem.model import Contribution, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -8,6 +8,7 @@ from fem.effects.ground_damper import GroundDamper
 from fem.effects.point_inertia import PointInertia
 from fem.effects.rotor import Rotor
 from fem.effects.side_spring import SideSpring
+from fem.effects.support import Support
 from fem.frf import FRF, FRFError, compute_frf
 from fem.model import Damping, ModelError
 from fem.reduced import ParametricFRF, reduce_model
@@ -96,7 +97,7 @@ def test_what_relies_on_symmetry_refuses_a_rotor():
 def test_new_kinds_are_proposed_where_they_can_be():
     model = portal(0.1)
     places = {e.point for e in Rotor.propose(model)}
-    feet = {e.point for e in model.effects if e.kind == "support"}
+    feet = {e.point for e in model.of_kind(Support)}
     assert places
     assert not places & feet, "a clamped foot does not turn"
     assert {e.point for e in GroundDamper.propose(model)} == places

@@ -194,9 +194,18 @@ def test_gates_see_reciprocity_force_levels_and_the_worst_sensor(lap):
     assert not pair.violated
     assert pair.error_db < 2 * pair.noise_db
     assert sound.homogeneity[0].ratio == 0.0
+    assert sound.homogeneity[0].somewhere < 1e-12
+    assert sound.linear
+    assert [(c.name, c.outcome) for c in sound.checks] == [
+        ("noise", "passed"),
+        ("mesh", "passed"),
+        ("sensors and forces", "passed"),
+        ("reciprocity", "passed"),
+        ("force levels", "passed"),
+    ]
     assert sound.noise_floor_db == pytest.approx(np.hypot(sound.noise_db, 0.4))
     assert sound.misfit_ratio < 2
-    assert sound.notes == ()
+    assert all("agree within their noise" in note for note in sound.notes)
 
     def change(f, H):
         H[:, :, 1] *= 1.3
@@ -210,7 +219,18 @@ def test_gates_see_reciprocity_force_levels_and_the_worst_sensor(lap):
     assert gates.worst_sensor == case.measurement.frf.outputs[4]
     assert int(np.argmax(gates.cross_misfit)) == 4
     assert gates.homogeneity[0].violated
-    assert "not reciprocal" in gates.notes[0]
+    assert not gates.linear
+    assert "not reciprocal" in gates.notes[-1]
+    outcome = {c.name: c.outcome for c in gates.checks}
+    assert outcome["reciprocity"] == outcome["force levels"] == "failed"
+    alone = check_gates(*prepared(case))
+    (level,) = (c for c in alone.checks if c.name == "force levels")
+    assert (level.outcome, "two force levels" in level.found) == ("not run", True)
+    # What is set right in the data is set right in the other level's too.
+    problem, null, faults = find_faults(*prepared(case))
+    again = check_gates(problem, null, [case.measurement], faults=faults)
+    assert faults
+    assert again.homogeneity[0].ratio < 1e-9
 
 
 def test_noise_from_coherence_and_from_repeats():

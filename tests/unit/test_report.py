@@ -80,6 +80,7 @@ def test_the_order_is_that_of_a_reader(text):
     headings = re.findall(r"<h2>(.*?)</h2>", text)
     assert headings == [
         "What was compared",
+        "Gates first",
         "Where it fails",
         "What is missing",
         "How the candidates did",
