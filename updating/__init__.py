@@ -42,7 +42,7 @@ from updating.exchange import (
     sensors_from_table,
     table_from_sensors,
 )
-from updating.faults import Fault, confirm_faults, find_faults
+from updating.faults import Fault, confirm_faults, find_faults, settle_faults
 from updating.fit import FitProblem, FitResult
 from updating.frf_correlation import (
     BandError,
@@ -53,7 +53,7 @@ from updating.frf_correlation import (
     signature_assurance,
 )
 from updating.frf_estimation import EstimatedFRF, EstimationError, estimate_frf, estimate_roving, split_hits
-from updating.gates import Gates, Homogeneity, Reciprocity, check_gates
+from updating.gates import Check, Gates, Homogeneity, Reciprocity, check_gates
 from updating.geometry_matching import (
     GeometryMatch,
     GeometryMatchError,
@@ -94,6 +94,7 @@ __all__ = [
     "UNEXPLAINED",
     "BandError",
     "Candidate",
+    "Check",
     "Comparison",
     "Diagnosis",
     "EffectParameter",
@@ -183,6 +184,7 @@ __all__ = [
     "select_by_pivoting",
     "select_forward",
     "sensors_from_table",
+    "settle_faults",
     "signature_assurance",
     "split_hits",
     "subspace_mac",

@@ -18,7 +18,7 @@ from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
-from updating.faults import Fault, confirm_faults, find_faults
+from updating.faults import Fault, find_faults, settle_faults
 from updating.fit import LEVEL_FLOOR, FitProblem, FitResult, prepare, sensor_vectors
 from updating.gates import Gates, check_gates
 from updating.measurement import Measurement, instruments_on, with_sensor_masses
@@ -497,7 +497,16 @@ def diagnose(
                 for e, f in zip(current.effects, findings, strict=True)
             ]
             steps[-1] = _step(steps[-1].label, current)
-    faults = confirm_faults(problem, faults, current)
+    if faults:
+        label = steps[-1].label
+        problem, current, faults = settle_faults(problem, current, faults)
+        findings = [
+            replace(f, effect=e, parameters=_parameters(e, current))
+            for e, f in zip(current.effects, findings, strict=True)
+        ]
+        null = problem.assessed(replace(null, level=np.nan))
+        steps = [_step(s.label, problem.assessed(replace(s.result, level=np.nan))) for s in steps[:-1]]
+        steps.append(_step(label, current))
     basis_db = basis_error(problem, current)
     if basis_db > BASIS_LIMIT_DB:
         notes.append(

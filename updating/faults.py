@@ -39,6 +39,8 @@ BLOCKS_BETTER = 0.8
 
 RIVAL = 1.5
 """A fault must do so by this factor where an unknown force acts near the sensor, too."""
+NEEDED = 1.08
+"""A fault that the final model seems to explain stays if without it the level is higher by this factor."""
 MISFIT_SHARE = 0.4
 """A fault must change the readings by this share of the level that the whole model misses them by."""
 
@@ -606,7 +608,7 @@ def confirm_faults(problem: FitProblem, faults: Sequence[Fault], result: FitResu
     """Return the faults with their values against the final model, without those that it has explained.
 
     Each sensor is compared with the others' prediction once more, without the correction of its own fault and
-    with those of all others. The data stay as they are.
+    with those of all others. The data stay as they are; :func:`settle_faults` puts back what is withdrawn.
 
     Parameters
     ----------
@@ -631,3 +633,46 @@ def confirm_faults(problem: FitProblem, faults: Sequence[Fault], result: FitResu
         if again:
             kept.append(max(again, key=lambda h: h.gain).fault)
     return tuple(kept)
+
+
+def settle_faults(
+    problem: FitProblem, result: FitResult, faults: Sequence[Fault]
+) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+    """Value faults once more with the final model, and take back the corrections of those it has explained.
+
+    A fault whose data, put back, the model fits worse by a factor of ``NEEDED`` stays all the same.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        With corrected data.
+    result : FitResult
+        The fit with the effects that were found.
+    faults : sequence of Fault
+        What was corrected, in its order.
+
+    Returns
+    -------
+    problem : FitProblem
+        With the data corrected for the faults that are left, with their last values.
+    result : FitResult
+        Fitted to them.
+    faults : tuple of Fault
+    """
+    as_read = uncorrected(problem.data, faults)
+    left = confirm_faults(problem, faults, result)
+
+    def fitted(kept: Sequence[Fault]) -> tuple[FitProblem, FitResult]:
+        now = replace(problem, data=corrected(as_read, kept))
+        return now, _again(now, result)
+
+    best = fitted(left)
+    for fault in faults:
+        if any((f.kind, f.sensor) == (fault.kind, fault.sensor) for f in left):
+            continue
+        names = {(f.kind, f.sensor): f for f in left} | {(fault.kind, fault.sensor): fault}
+        more = tuple(names[f.kind, f.sensor] for f in faults if (f.kind, f.sensor) in names)
+        other = fitted(more)
+        if best[1].level > NEEDED * other[1].level:
+            left, best = more, other
+    return *best, tuple(left)
