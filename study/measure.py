@@ -216,7 +216,8 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
             {
                 "name": p.name, "unit": p.unit, "start": p.start, "lower": p.lower, "upper": p.upper,
                 "prior_std": p.prior_std, "value": p.value, "std": p.std, "interval_95": p.interval(0.95),
-                "at_bound": p.at_bound, "determined": p.determined,
+                "at_bound": p.at_bound, "determined": p.determined, "from_prior": p.from_prior,
+                "prior_let_go": p.released,
             }
             for p in u.parameters
         ],
@@ -314,6 +315,7 @@ def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
     prior = "-" if p.prior_std is None else f"{100 * p.prior_std:.3g} %" if p.log else f"{p.prior_std:.3g}"
     change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
     mark = " at its bound" if p.at_bound else "" if p.determined else " not determined"
+    prior += " (let go)" if p.released else ""
     return (
         p.name, p.unit, f"{p.start:.5g}", f"{p.lower:.4g} to {p.upper:.4g}", prior, f"{p.value:.5g}",
         f"{p.std:.2g}", f"{low:.5g} to {high:.5g}", change + mark,

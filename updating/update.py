@@ -67,6 +67,12 @@ SAID = 0.9
 AGAINST = 4.0
 """Parameters that end farther from their prior than this, in its standard deviations, are named [-]."""
 
+_MOST_RELEASED = 3
+"""At most so many priors are let go, one after the other."""
+
+_WORSE = 1.5
+"""A fit without a prior counts if its misfit is at most so many times that with it."""
+
 _ROBUST = 0.5
 """Residual of an FRF at which the loss turns from quadratic to linear [nepers]."""
 
@@ -124,6 +130,10 @@ class Ending(Enum):
         return self.value[2]
 
 
+_FAILED = (Ending.NO_PARTNERS, Ending.NOT_FINITE, Ending.AT_BOUNDS)
+"""Ends of a fit that tell nothing of the priors."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Settings:
     """How to go about it.
@@ -147,6 +157,10 @@ class Settings:
         At most so many lines are fitted, evenly spread; in the last stage four times as many.
     n_samples : int
         Steps of the sampler after the fit; 0 for none.
+    contradicted : float
+        A prior from which the data move a parameter by more than this, in its standard deviations, is wrong:
+        the worst is let go, and all is fitted again from there, so that it does not pull at the others. Then
+        the next; infinity keeps all.
     seed : int
         Of starts and samples.
     """
@@ -159,6 +173,7 @@ class Settings:
     max_iterations: int = 30
     n_lines: int = 250
     n_samples: int = 0
+    contradicted: float = 10.0
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -171,6 +186,9 @@ class Settings:
                 raise ValueError(msg)
         if self.regularisation == "gsvd" and self.operator is None:
             msg = "the regularisation 'gsvd' needs an operator L (p, n_unknown)"
+            raise ValueError(msg)
+        if not self.contradicted > 0:
+            msg = f"a prior is contradicted at {self.contradicted} standard deviations; it must be positive"
             raise ValueError(msg)
         if not self.stages or self.stages[-1] != 1 or any(not 0 < s <= 1 for s in self.stages):
             msg = f"the stages are {self.stages}; they lie above 0 and end with 1"
@@ -197,6 +215,10 @@ class UpdatedParameter:
     at_bound : bool
     determined : bool
         Whether the data, and not the prior, say what it is.
+    from_prior : float
+        How far the value is from the prior's mean, in its standard deviations; NaN without a prior [-].
+    released : bool
+        Whether the data contradict the prior so much that it was let go (``Settings.contradicted``).
     """
 
     name: str
@@ -211,6 +233,8 @@ class UpdatedParameter:
     log: bool
     at_bound: bool
     determined: bool
+    from_prior: float = np.nan
+    released: bool = False
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the interval that holds the truth with a probability; symmetric in ln θ where ``log``."""
@@ -344,6 +368,7 @@ class Updated:
         for p in self.parameters:
             change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
             mark = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
+            mark += " (prior let go)" if p.released else ""
             lines.append(
                 f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {p.std:9.2g}  {change:>8}  "
                 f"{p.unit}{mark}"
@@ -458,8 +483,7 @@ def update(
     if not unknowns:
         msg = "there is no parameter to update"
         raise ModelError(msg)
-    base = _Problem(model, unknowns, of_modes, of_frf, knots, settings)
-    result = _run(base)
+    result = _released(_Problem(model, unknowns, of_modes, of_frf, knots, settings))
     if of_frf is None and wanted and of_modes is not None and of_modes.zeta is not None:
         d = model.damping
         omega = 2 * np.pi * of_modes.frequency
@@ -854,6 +878,61 @@ def _run(problem: _Problem) -> Updated:
     return _result(staged, state, tuple(path), tuple(starts), left_out, ending)
 
 
+def _released(base: _Problem) -> Updated:
+    """Run; where the data contradict a prior beyond doubt, let it go and run again from the value found.
+
+    A wrong prior pulls at all that is correlated with its parameter, which ends wrong with it. The worst goes
+    first, as it may be what moved the others.
+    """
+    problem, result, kept = base, _run(base), ""
+    gone: dict[int, str] = {}
+    for _ in range(_MOST_RELEASED):
+        away = np.nan_to_num([p.from_prior for p in result.parameters])
+        worst = int(np.argmax(away)) if away.size else 0
+        if not away.size or not away[worst] > base.settings.contradicted:
+            break
+        p, u = result.parameters[worst], problem.unknowns[worst]
+        begin = float(np.clip(u.x_of(p.value), u.low, u.high))
+        free = replace(u, start=begin, std=np.inf, width=WIDTH)
+        trial = replace(
+            problem, unknowns=tuple(free if k == worst else o for k, o in enumerate(problem.unknowns))
+        )
+        again = _run(trial)
+        if again.ending in _FAILED or sum(again.misfit.values()) > _WORSE * sum(result.misfit.values()):
+            kept = (
+                f"the data contradict the prior of {p.name} by {away[worst]:.0f} of its standard deviations, "
+                "but without it the fit gets lost; it was kept"
+            )
+            break
+        gone[worst] = f"{p.name} by {away[worst]:.0f}"
+        problem = trial
+        path = (*result.path, *(replace(s, stage=f"again {s.stage}") for s in again.path))
+        result = replace(again, path=path)
+    if not gone:
+        return replace(result, messages=(*result.messages, kept)) if kept else result
+    first = _starts_of(base)
+    parameters = tuple(
+        replace(
+            p, start=first[k], released=k in gone,
+            from_prior=abs(base.unknowns[k].x_of(p.value) - base.unknowns[k].mean) / base.unknowns[k].std
+            if k in gone
+            else p.from_prior,
+        )
+        for k, p in enumerate(result.parameters)
+    )  # fmt: skip
+    said = (
+        f"the data contradict priors, in standard deviations: {', '.join(gone.values())}; these were let go "
+        "and all was fitted again. Where the value cannot be, the model lacks something there: look for it "
+        "(dovetail run, diagnose)"
+    )
+    messages = (said, *([kept] if kept else []), *result.messages)
+    return replace(result, parameters=parameters, messages=messages)
+
+
+def _starts_of(problem: _Problem) -> list[float]:
+    return [u.value_of(u.start) for u in problem.unknowns]
+
+
 def _best_start(
     problem: _Problem, stages: Sequence[float]
 ) -> tuple[NDArray[np.float64], list[tuple[NDArray[np.float64], float]]]:
@@ -976,6 +1055,7 @@ def _result(
                 log=u.log,
                 at_bound=bool(not frozen[i] and (x[i] <= u.low + edge or x[i] >= u.high - edge)),
                 determined=bool(known and not frozen[i]),
+                from_prior=float(abs(x[i] - u.mean) / u.std) if u.refs and np.isfinite(u.std) else np.nan,
             )
         )
     misfit = {} if state is None else {g.name: g.q for g in state.groups}
@@ -1050,11 +1130,7 @@ def _messages(
     at = [p.name for p in done if p.at_bound]
     if at:
         out.append(f"at a bound: {', '.join(at)}; the model may lack what they stand in for")
-    away = [
-        (p.name, abs(u.x_of(p.value) - u.mean) / u.std)
-        for p, u in zip(done, problem.unknowns, strict=False)
-        if u.refs and np.isfinite(u.std)
-    ]
+    away = [(p.name, p.from_prior) for p in done if np.isfinite(p.from_prior)]
     far = ", ".join(f"{name} by {z:.0f}" for name, z in away if z > AGAINST)
     if far:
         out.append(

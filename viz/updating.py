@@ -64,10 +64,14 @@ def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "
         below.set_xlabel("step")
         below.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
         stages = [s.stage for s in updated.path]
+        free = 0.0  # from here on there is room for a label
         for k in range(1, len(stages)):
             if stages[k] != stages[k - 1]:
                 for ax in (above, below):
                     ax.axvline(k - 0.5, color=style.MUTED, linestyle=":", linewidth=0.8)
+                if k < free:
+                    continue
+                free = k + 0.012 * len(stages) * (len(stages[k]) + 1)
                 above.annotate(
                     stages[k], (k - 0.4, 1.0), xycoords=("data", "axes fraction"), fontsize=7, va="bottom",
                     color=style.MUTED,

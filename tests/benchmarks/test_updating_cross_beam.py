@@ -12,6 +12,8 @@ from scipy.stats import norm
 
 import fem
 from fem.io import read_uff
+from study.config import load_study
+from study.update import update_study
 from updating.modal_identification import identify_modes
 from updating.update import Ending, update
 
@@ -137,3 +139,15 @@ def test_the_right_coefficient_leaves_the_prior_of_the_density_as_the_largest_er
     assert np.abs(errors).max() < 1.3
     # shifts of all modes stay within one standard deviation of the model's stated error of 0.1 %
     assert np.abs(result.shifts[1:, 1]).max() < 5e-4
+
+
+@pytest.mark.slow
+def test_a_wrong_joint_does_not_pull_at_the_modulus():
+    """The whole cross-beam, whose study has the joint's krx 15 times too stiff with 3 %: 200 is true."""
+    result = update_study(load_study(FOLDER.parent / "cross-beam" / "study.toml")).updated
+    krx, E = result["J krx"], result["frame E:steel"]
+    assert krx.released
+    assert krx.from_prior > 50
+    assert krx.value == pytest.approx(200.0, rel=0.02)
+    assert abs(E.value - 210e9) < 2 * E.std
+    assert abs(result["frame rho:steel"].value - 7850.0) < 2 * result["frame rho:steel"].std

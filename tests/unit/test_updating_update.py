@@ -312,6 +312,36 @@ def test_bounds_hold_and_are_said():
     assert "at its bound" in result.table()
 
 
+def test_a_prior_that_the_data_contradict_is_let_go_and_pulls_at_nothing():
+    """One member 60 % softer than a prior of 2 % has it; the others as their priors say.
+
+    What comes out is what would, had that member no prior from the start.
+    """
+    model, places = frame()
+    truth = {**dict(zip(CHANGES, (0.02, -0.6, -0.01), strict=True)), RHO: 7850.0}
+    lines, outputs, drives = np.arange(10.0, 400.0, 1.0), places[::3], [places[0], places[7]]
+    H = noisy(frfs_of(model.with_values(truth), outputs, drives, lines).H, 0.01)
+    data = {"frf": H, "lines": lines, "outputs": outputs, "inputs": drives, "noise": 0.01, "damping": False}
+    priors = dict(zip(truth, (0.05, 0.02, 0.05, 0.01), strict=True))
+    free = update(model, priors | {CHANGES[1]: None}, **data)
+    found = update(model, priors, **data)
+    kept = update(model, priors, settings=Settings(contradicted=np.inf), **data)
+    for result in (free, found, kept):
+        assert result.ending is Ending.CONVERGED
+    errors = [(r.values - list(truth.values())) / r.std for r in (found, kept)]
+    np.testing.assert_allclose(found.values, free.values, atol=0.01 * free.std.min())
+    np.testing.assert_allclose(found.std, free.std, rtol=1e-3)
+    assert np.abs(errors[0]).max() < 2
+    assert np.abs(errors[1]).max() > 4  # the member that is soft is believed least, and all follow it
+    assert [p.released for p in found.parameters] == [False, True, False, False]
+    assert found["dE right change"].from_prior == pytest.approx(abs(found.values[1]) / 0.02)
+    assert found["dE right change"].start == 0.0
+    assert "data contradict priors, in standard deviations: dE right change by" in found.messages[0]
+    assert "(prior let go)" in found.table()
+    assert not any(p.released for p in kept.parameters)
+    assert found.path[-1].stage == "again to 399 Hz"
+
+
 def test_selection_says_what_it_leaves_out():
     model = planar(beam(10, effects=(fix(0),)))
     f = fem.solve_modes(fem.assemble(model), n=5).frequency
