@@ -5,10 +5,11 @@ Local axes of a member: x along it, z the direction of the section's height h, y
 in the x-y plane.
 
 Shear coefficients are those of Cowper, *The shear coefficient in Timoshenko's beam theory*, J. Appl. Mech.
-33 (1966) 335-340, where he has the shape, at Poisson's ratio ``nu``; at nu = 0, unless given, they are the
-values of least energy as well. Other shapes have the energy's value for thin walls, which does not depend on
-nu. Walls are counted along their centre lines, and fillets not: this makes k too small, by 1 to 3 % for walls
-of a twentieth of the height, by 5 to 8 % for a tenth, by up to 17 % in rolled profiles with large fillets.
+33 (1966) 335-340, where he has the shape, at Poisson's ratio ``nu``; those of rectangles are Hutchinson's,
+which knows how flat they are. At nu = 0, unless given, they are the values of least energy as well. Other
+shapes have the energy's value for thin walls, which does not depend on nu. Walls are counted along their
+centre lines, and fillets not: this makes k too small, by 1 to 3 % for walls of a twentieth of the height, by
+5 to 8 % for a tenth, by up to 17 % in rolled profiles with large fillets.
 
 Torsion is St Venant's: open sections are stiffer near ends that cannot warp than their J says.
 """
@@ -24,6 +25,9 @@ from fem.materials import PropertyError
 from fem.outlines import Fillet, Floats, Integrals, closed_polygon, integrate, with_arcs
 from fem.walls import wall_constants
 from fem.warping import warping_constants
+
+LARGEST_SHEAR_COEFFICIENT = 10.0
+"""Flat bars have large shear coefficients; above this, shear deformation no longer matters [-]."""
 
 SHAPES: dict[str, tuple[str, ...]] = {
     "rectangle": ("b", "h"),
@@ -121,8 +125,11 @@ class Section:
             object.__setattr__(self, key, float(value))
         for key in ("ky", "kz"):
             value = getattr(self, key)
-            if not 0 <= value <= 1.2:
-                msg = f"section {self.label}: {key} is {value}; a shear coefficient lies between 0 and 1.2"
+            if not 0 <= value <= LARGEST_SHEAR_COEFFICIENT:
+                msg = (
+                    f"section {self.label}: {key} is {value}; a shear coefficient lies between 0 and "
+                    f"{LARGEST_SHEAR_COEFFICIENT:g}, and is 1 or less but for flat bars"
+                )
                 raise PropertyError(msg)
             object.__setattr__(self, key, float(value))
         if self.Ip == 0.0:
@@ -200,22 +207,22 @@ class Section:
     def rectangle(cls, b: float, h: float, nu: float = 0.0) -> "Section":
         """Solid rectangle: width b along y, height h along z [m].
 
-        J from the series of Timoshenko & Goodier, *Theory of Elasticity*, art. 109;
-        k = 10 (1 + ν) / (12 + 11 ν) (Cowper 1966), 5/6 for ν = 0 (also Reissner's).
+        J from the series of Timoshenko & Goodier, *Theory of Elasticity*, art. 109; k of each direction from
+        :func:`shear_coefficient_of_rectangle`, 5/6 for ν = 0 whatever the sides.
         """
         _positive("rectangle", b=b, h=h)
         long, short = max(b, h), min(b, h)
         n = np.arange(1, 60, 2)
         series = float((np.tanh(n * np.pi * long / (2 * short)) / n**5).sum())
         J = long * short**3 / 3 * (1 - 192 * short / (np.pi**5 * long) * series)
-        k = _cowper_rectangle(_ratio("rectangle", nu))
+        _ratio("rectangle", nu)
         return cls(
             b * h,
             b * h**3 / 12,
             h * b**3 / 12,
             J,
-            k,
-            k,
+            shear_coefficient_of_rectangle(h, b, nu),
+            shear_coefficient_of_rectangle(b, h, nu),
             (_box(b, h),),
             **_named("rectangle", b=b, h=h, nu=nu),
         )
@@ -698,6 +705,37 @@ def corner(b: float, tf: float, tw: float, r: float = 0.0) -> float:
     alpha = -0.0908 + 0.2621 * q + 0.1231 * p - 0.0752 * p * q - 0.0945 * q**2
     walls = b * tf**3 / 3 if tf >= tw else (b - tw) * tf**3 / 3 + tf * tw**3 / 3
     return float(walls - END_LOSS * thick**4 + alpha * D**4)
+
+
+def shear_coefficient_of_rectangle(b: float, h: float, nu: float) -> float:
+    """Return k of a rectangle for vibration with shear along its height h, and b across [-].
+
+    That of Hutchinson, *J. Appl. Mech.* 68 (2001) 87-92, and of Stephen and Levinson, *J. Sound Vib.* 67
+    (1979) 293-305, which are the same. Upright it is 5 (1 + ν) / (6 + 5 ν). The width of a flat bar bends
+    crosswise, which stiffens it: 1.096 for b = 3h at ν = 0.3. Where 1/k falls below zero (b above 5.3 h at
+    ν = 0.3, 7.1 h at 0.2) no Timoshenko beam has it, and 0 is returned, which leaves shear out.
+
+    Cowper's 10 (1 + ν) / (12 + 11 ν), of a cantilever loaded at its tip, does not know the width. All are
+    5/6 at ν = 0.
+    """
+    flexibility = shear_flexibility_of_rectangle(b, h, nu)
+    return 1 / flexibility if flexibility > 1 / LARGEST_SHEAR_COEFFICIENT else 0.0
+
+
+def shear_flexibility_of_rectangle(b: float, h: float, nu: float) -> float:
+    """Return 1/k of a rectangle with shear along h: exact to the first order in (section / wave length)².
+
+    Hutchinson, *J. Appl. Mech.* 68 (2001) 87-92, (46) and (47). Much wider than high it becomes
+    -(ν/(1 + ν))² (b/h)², a strip of a thin plate.
+    """
+    a, c = h / 2, b / 2
+    n = np.pi * np.arange(1, 2000)
+    bent = float(((n * a - c * np.tanh(n * a / c)) / n**5).sum())
+    C4 = (
+        4 / 45 * a**3 * c * (-12 * a**2 - 15 * nu * a**2 + 5 * nu * c**2)
+        + 16 * nu**2 * c**5 / (1 + nu) * bent
+    )
+    return -(9 / (4 * a**5 * c) * C4 + nu * (1 - (c / a) ** 2)) / (2 * (1 + nu))
 
 
 def _cowper_rectangle(nu: float) -> float:
