@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg.blas import zherk
 
 from joint._checks import (
     BoolArray,
@@ -25,7 +26,7 @@ from joint.interface import SubstructureFRF
 from joint.parts import Blocks, FixedParts, Parts
 from updating.noise import relative_noise
 
-_CHUNK = 1 << 21
+_CHUNK = 1 << 18
 """Complex numbers of the Jacobian that are held at a time."""
 
 _STEPS = 40
@@ -361,6 +362,10 @@ class _Problem:
         factors, which = self.form.slopes(omega, theta)
         coefficients = self.form.coefficients(omega, theta)
         A, g, cost = np.zeros((n + m, n + m)), np.zeros(n + m), 0.0
+        # parameters of one kind share their factor, so that few sums over lines serve all of them
+        rows = np.vstack([factors, np.ones((m, count))])
+        shared, kind = np.unique(rows, axis=0, return_inverse=True)
+        column = np.append(which, n_matrices + np.arange(m))
         H = np.empty((count, *self.measured.shape[1:]), dtype=complex)
         values = self.measured.shape[1] * self.measured.shape[2]
         step = max(1, _CHUNK // (values * (n_matrices + m + 1)))
@@ -385,16 +390,21 @@ class _Problem:
             if not gradient:
                 continue
             H_nj = solve_lines((unit + Z @ frf.H_bb[at]).mT, frf.H_ab[at].mT).mT
-            J = self._jacobian(H_nj, H_jn, Z, slopes, at) * w[:, None]
-            J = J.reshape(len(J), n_matrices + m, -1) / np.sqrt(root)[:, None]
-            r = r / np.sqrt(root)
-            G = J.conj() @ J.mT  # (lines, u, u)
-            b = (J.conj() @ r[:, :, None])[:, :, 0]
-            P = np.zeros((len(J), n + m, n_matrices + m), dtype=complex)
-            P[:, np.arange(n), which] = factors[:, at].T
-            P[:, n + np.arange(m), n_matrices + np.arange(m)] = 1.0
-            A += (P.conj() @ G @ P.mT).sum(axis=0).real
-            g += (P.conj() @ b[:, :, None]).sum(axis=0).real[:, 0]
+            J = self._jacobian(H_nj, H_jn, Z, slopes, at)
+            J *= w.mT[:, None]
+            J = J.reshape(len(J), n_matrices + m, -1)
+            r = r.reshape(w.shape).mT.reshape(len(r), -1)
+            if self.huber is not None:
+                root = np.sqrt(root).reshape(w.shape).mT.reshape(len(r), -1)
+                J /= root[:, None]
+                r = r / root
+            G = _gram(J)
+            b = (J @ r.conj()[:, :, None]).conj()
+            f = shared[:, at]
+            pairs = (f.conj()[:, None] * f).reshape(-1, f.shape[1])
+            sums = (pairs @ G.reshape(len(G), -1)).reshape(len(f), len(f), *G.shape[1:])
+            A += sums[kind[:, None], kind, column[:, None], column].real
+            g += (f.conj() @ b[:, :, 0])[kind, column].real
         # 2 Σ|r|²/2 … the prior ½ x² beside Σ|r|²: in units of the negative log likelihood
         A[n:, n:] += 0.5 * np.eye(m)
         g[n:] += 0.5 * x
@@ -417,15 +427,27 @@ class _Problem:
         slopes: tuple[Blocks, ...],
         at: slice,
     ) -> ComplexArray:
-        """Return -H_nj T H_jn for each matrix, then the derivatives by the parts, (lines, n, M, L)."""
-        by_joint = -(H_nj[:, None] @ (self.form.matrices @ H_jn[:, None]))
+        """Return the transposes of -H_nj T H_jn for each matrix, then of the derivatives by the parts.
+
+        Both are (lines, n, L, M): one product for all matrices costs less than many small ones.
+        """
+        n_lines, N, n_in = H_jn.shape
+        moved = (self.form.matrices.reshape(-1, N) @ H_jn).reshape(n_lines, -1, N, n_in)
+        turned = np.swapaxes(moved, 2, 3).reshape(n_lines, -1, N)
+        by_joint = (turned @ (-H_nj).mT).reshape(n_lines, -1, n_in, H_nj.shape[1])
         if not slopes:
             return by_joint
         left, right = H_nj @ Z, Z @ H_jn
         by_parts = [
             s.H_aa[at] - left @ s.H_ba[at] - s.H_ab[at] @ right + left @ (s.H_bb[at] @ right) for s in slopes
         ]
-        return np.concatenate([by_joint, np.stack(by_parts, axis=1)], axis=1)
+        return np.concatenate([by_joint, np.stack([part.mT for part in by_parts], axis=1)], axis=1)
+
+
+def _gram(J: ComplexArray) -> ComplexArray:
+    """Return J* Jᵀ at each line, (n_lines, u, u), of which only one triangle is computed."""
+    upper = np.array([zherk(1.0, line.T, trans=2) for line in J])
+    return upper + np.triu(upper, 1).conj().mT
 
 
 def _noise(measured: ComplexArray, noise: npt.ArrayLike | None, reference: ComplexArray) -> FloatArray:

@@ -287,13 +287,19 @@ def _dual(
         check_same_lines(part.frequency, frequency, f"part {k}", "part 0")
     _check_labels(parts, connections)
     n, n_freq = len(connections), frequency.size
+    columns = np.cumsum([0] + [len(part.inputs) for part in parts])
+    rows_of = np.cumsum([0] + [len(part.outputs) for part in parts])
     # per part: the rows of B that touch it, as response and input positions with signs
     touched = [_touched(part, connections) for part in parts]
+    # B Y, the motions that inputs open at the interface, and from its columns B Y Bᵀ
+    opened = np.zeros((n_freq, n, columns[-1]), dtype=complex)
     A = np.zeros((n_freq, n, n), dtype=complex)
-    for part, (rows, out, inn, sign), s in zip(parts, touched, signs, strict=True):
-        block = s * part.H[:, out][:, :, inn] * np.outer(sign, sign)
-        for i, row in enumerate(rows):
-            A[:, row, rows] += block[:, i]
+    for k, (part, places, s) in enumerate(zip(parts, touched, signs, strict=True)):
+        own = opened[:, :, columns[k] : columns[k + 1]]
+        for row, out, _, sign in zip(*places, strict=True):
+            own[:, row] += s * sign * part.H[:, out]
+        for row, _, inn, sign in zip(*places, strict=True):
+            A[:, :, row] += sign * own[:, :, inn]
     if compliance is not None:
         S = np.asarray(compliance, dtype=complex)
         if S.shape != A.shape:
@@ -302,28 +308,34 @@ def _dual(
         A = A + S
     names = [f"{a} = {b}" for a, b in connections]
     condition = _condition(A, names, frequency, regularisation)
-    # motions that inputs open at the interface, and the forces that close it
-    columns = np.cumsum([0] + [len(part.inputs) for part in parts])
-    rows_of = np.cumsum([0] + [len(part.outputs) for part in parts])
-    opened = np.zeros((n_freq, n, columns[-1]), dtype=complex)
-    for k, (part, (rows, out, _, sign), s) in enumerate(zip(parts, touched, signs, strict=True)):
-        opened[:, rows, columns[k] : columns[k + 1]] += s * sign[:, None] * part.H[:, out]
-    forces = (regularisation or Regularisation()).solve(A, opened)
+    solver = regularisation or Regularisation()
     H = np.empty((n_freq, rows_of[-1], columns[-1]), dtype=complex)
-    for k, (part, (rows, _, inn, sign), s) in enumerate(zip(parts, touched, signs, strict=True)):
-        at, own = slice(rows_of[k], rows_of[k + 1]), slice(columns[k], columns[k + 1])
-        for start in range(0, n_freq, _LINES):  # a few lines at a time stay in the processor's cache
-            some = slice(start, start + _LINES)
-            block = (part.H[some][:, :, inn] * (-s * sign)) @ forces[some, rows]
-            block[:, :, own] += part.H[some] if s == 1 else s * part.H[some]
-            H[some, at] = block
-    left = np.linalg.norm(opened - A @ forces, axis=(1, 2))
-    size = np.linalg.norm(opened, axis=(1, 2))
-    gap = np.divide(left, size, out=np.zeros(n_freq), where=size > 0)
+    gap = np.zeros(n_freq)
+    to_forces = [
+        np.take(part.H, inn, axis=2) * (-s * sign)
+        for part, (_, _, inn, sign), s in zip(parts, touched, signs, strict=True)
+    ]
+    for start in range(0, n_freq, _LINES):  # a few lines at a time stay in the processor's cache
+        some = slice(start, start + _LINES)
+        motions = opened[some]
+        forces = solver.solve(A[some], motions)
+        for k, (part, (rows, *_), s) in enumerate(zip(parts, touched, signs, strict=True)):
+            block = H[some, rows_of[k] : rows_of[k + 1]]
+            acting = forces if np.array_equal(rows, np.arange(n)) else forces[:, rows]
+            np.matmul(to_forces[k][some], acting, out=block)
+            block[:, :, columns[k] : columns[k + 1]] += part.H[some] if s == 1 else s * part.H[some]
+        left, size = _square(motions - A[some] @ forces), _square(motions)
+        gap[some] = np.sqrt(np.divide(left, size, out=np.zeros(len(size)), where=size > 0))
     outputs = tuple(label for part in parts for label in part.outputs)
     inputs = tuple(label for part in parts for label in part.inputs)
     frf = replace(parts[0], frequency=frequency, H=H, outputs=outputs, inputs=inputs)
     return Substructured(frf, condition, gap)
+
+
+def _square(values: ComplexArray) -> FloatArray:
+    """Return the sum of |values|² at each line, (n_lines,)."""
+    flat = values.reshape(len(values), -1).view(float)
+    return np.vecdot(flat, flat)
 
 
 def _touched(

@@ -157,29 +157,33 @@ def test_noise_free_data_give_the_truth(slim, form):
     assert_allclose(fit.H, H, atol=1e-9 * abs(H).max())
 
 
-def test_errors_are_what_the_bound_of_cramer_and_rao_says(slim, form):
-    """Six seeds of 67 parameters: normal errors of the stated deviation, correlated within a seed.
+@pytest.mark.parametrize(("n_seeds", "allowed"), [(1, 0.75), pytest.param(6, 0.3, marks=pytest.mark.slow)])
+def test_errors_are_what_the_bound_of_cramer_and_rao_says(slim, form, n_seeds, allowed):
+    """Seeds of 67 parameters: normal errors of the stated deviation, correlated within a seed.
 
     The mean square of 402 standard normal numbers strays by √(2/402) = 7 %, and by more where they go
-    together: with the correlations of these estimates n_eff is above 150, and 30 % are 2.6 deviations.
+    together: with the correlations of these estimates n_eff is above 25 for each seed, and 30 % are 2.6
+    deviations for six of them, 75 % for one.
     """
     theta = truth(form)
     exact = couple(slim, form.Z(FREQUENCY, theta)).H_nn
     errors = []
-    for seed in range(6):
+    for seed in range(n_seeds):
         measured = noisy(exact, 0.01, np.random.default_rng(seed))
         fit = fit_joint(form, slim, FREQUENCY, measured, 1.2 * theta, noise=0.01)
         n = exact.size
         assert fit.chi2 == pytest.approx(1.0, abs=4 / np.sqrt(n))  # Σ|r|² strays by √n
         errors.append((fit.values - theta) / fit.std)
         assert relative(form.matrix("K", fit.values), form.matrix("K", theta)) < 2e-4
-    assert np.mean(np.array(errors) ** 2) == pytest.approx(1.0, abs=0.3)
+    assert np.mean(np.array(errors) ** 2) == pytest.approx(1.0, abs=allowed)
 
 
-def test_noise_is_estimated_where_it_is_not_given(form):
+def test_noise_is_estimated_where_it_is_not_given():
     lines = np.linspace(20.0, 3200.0, 800)
     slim = parts(lines, 6)
-    theta = truth(form)
+    form = relative_form(slim.interface.joint, relative_coordinates(*ARMS), "KD", pattern=np.eye(6))
+    k = np.array([3e7, 2e7, 1e7, 900.0, 800.0, 500.0])
+    theta = np.append(k, 0.02 * k)
     measured = noisy(couple(slim, form.Z(lines, theta)).H_nn, 0.01, np.random.default_rng(3))
     fit = fit_joint(form, slim, lines, measured, 1.1 * theta)
     # resonances that the lines resolve badly are taken for noise, so that chi² stays below 1
@@ -187,30 +191,34 @@ def test_noise_is_estimated_where_it_is_not_given(form):
     assert relative(form.matrix("K", fit.values), form.matrix("K", theta)) < 1e-3
 
 
-def model_parts(uncertain):
+def model_parts(uncertain, frequency=FREQUENCY):
     every = [(name, (p, d)) for name, points in NODES.items() for p in points for d in DIRECTIONS]
     pick = [every[i] for i in np.linspace(2, 53, 6).astype(int)]
     models = {"U": beam((1.0, 0, 0)), "D": beam((0, 1.0, 0))}
     internal, inputs = (
         {name: [at for owner, at in chosen if owner == name] for name in models} for chosen in (every, pick)
     )
-    return ModelParts.of(models, FREQUENCY, {n: [AT[n]] for n in models}, internal, uncertain, inputs)
+    return ModelParts.of(models, frequency, {n: [AT[n]] for n in models}, internal, uncertain, inputs)
 
 
-@pytest.mark.parametrize("wrong", [0.001, 0.01])
-def test_a_wrong_modulus_of_the_parts_is_found_beside_the_joint(form, wrong):
+@pytest.mark.parametrize(
+    ("wrong", "n_lines"),
+    [(0.01, 40), *(pytest.param(wrong, 80, marks=pytest.mark.slow) for wrong in (0.001, 0.01))],
+)
+def test_a_wrong_modulus_of_the_parts_is_found_beside_the_joint(form, wrong, n_lines):
     """E of both parts is wrong and uncertain by 2 %: the joint stays right; without it, it does not."""
     theta = truth(form)
-    H = couple(parts(FREQUENCY, 6, STEEL.E * (1 + wrong)), form.Z(FREQUENCY, theta)).H_nn
+    lines = FREQUENCY[:: FREQUENCY.size // n_lines]
+    H = couple(parts(lines, 6, STEEL.E * (1 + wrong)), form.Z(lines, theta)).H_nn
     measured = noisy(H, 0.01, np.random.default_rng(1))
-    models = model_parts([Uncertain(name, "frame", "E:steel", 0.02) for name in ("U", "D")])
-    fit = fit_joint(form, models, FREQUENCY, measured, 1.2 * theta, noise=0.01)
+    models = model_parts([Uncertain(name, "frame", "E:steel", 0.02) for name in ("U", "D")], lines)
+    fit = fit_joint(form, models, lines, measured, 1.05 * theta, noise=0.01)
     K = form.matrix("K", theta)
     assert relative(form.matrix("K", fit.values), K) < 2e-3
     assert abs((fit.part_values - STEEL.E * (1 + wrong)) / fit.part_std).max() < 4
     assert abs((fit.values - theta) / fit.std).max() < 4.5
     assert fit.chi2 < 1.1
-    blind = fit_joint(form, models.at_mean, FREQUENCY, measured, fit.values, noise=0.01, max_iterations=8)
+    blind = fit_joint(form, models.at_mean, lines, measured, fit.values, noise=0.01, max_iterations=4)
     assert blind.chi2 > 2
     assert "something else is missing" in blind.message
     assert relative(form.matrix("K", blind.values), K) > 1e-3

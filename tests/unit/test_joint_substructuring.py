@@ -87,6 +87,19 @@ def test_flexible_coupling_is_the_assembled_model(coincident):
     assert_allclose(found.frf.H, elastic.H, atol=1e-7 * abs(elastic.H).max())
 
 
+def test_parts_that_one_frf_holds_are_coupled_as_two(coincident):
+    """A connection may begin and end in one part: a ring is closed so."""
+    (a, b), _, _ = coincident
+    n = len(a.outputs)
+    H = np.zeros((FREQUENCY.size, 2 * n, 2 * n), dtype=complex)
+    H[:, :n, :n], H[:, n:, n:] = a.H, b.H
+    labels = a.outputs + b.outputs
+    both = FRF.from_arrays(FREQUENCY, H, "receptance", labels, labels)
+    apart, together = couple_frf((a, b), PAIRS), couple_frf([both], PAIRS)
+    assert_allclose(together.frf.H, apart.frf.H, atol=1e-12 * abs(H).max())
+    assert_allclose(together.condition, apart.condition, rtol=1e-9)
+
+
 def test_decoupling_gives_the_other_part_back(coincident):
     parts, _, _ = coincident
     whole = couple_frf(parts, PAIRS).frf
