@@ -123,7 +123,9 @@ def run(folder: Path) -> JointFit:
     found, spread = (np.diag(v[:6] + 1j * v[6:]) * ones for v in (fit.values, fit.std))
     assumed = np.diag(ASSUMED * (1 + 0.006j)) * ones
     curves, bands = {"assumed": assumed, "fitted": found}, {"fitted": spread}
-    figure = plot_stiffness_entries(frf.frequency, curves, [(3, 3), (4, 4)], DIRECTIONS, bands)
+    figure = plot_stiffness_entries(
+        frf.frequency, curves, [(3, 3), (4, 4)], DIRECTIONS, bands, title="Joint about x and y (figure 7)"
+    )
     save(figure, folder / "fig-07-joint.png")
     return fit
 

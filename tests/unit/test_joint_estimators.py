@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from benchmarks.joint_noise import ARMS, AT, NODES, STEEL, beam, full_joint, noisy, parts, relative, truth
+from benchmarks.joint_noise import ARMS, STEEL, full_joint, model_parts, noisy, parts, relative, truth
 from fem.model import DIRECTIONS
 from joint import (
     CoordinateSet,
@@ -19,7 +19,7 @@ from joint import (
 from joint.average import identify_average
 from joint.form import FormError, full_form, relative_form, with_masses
 from joint.output_error import fit_joint
-from joint.parts import ModelParts, Uncertain
+from joint.parts import Uncertain
 
 FREQUENCY = np.linspace(20.0, 3200.0, 80)
 
@@ -191,16 +191,6 @@ def test_noise_is_estimated_where_it_is_not_given():
     assert relative(form.matrix("K", fit.values), form.matrix("K", theta)) < 1e-3
 
 
-def model_parts(uncertain, frequency=FREQUENCY):
-    every = [(name, (p, d)) for name, points in NODES.items() for p in points for d in DIRECTIONS]
-    pick = [every[i] for i in np.linspace(2, 53, 6).astype(int)]
-    models = {"U": beam((1.0, 0, 0)), "D": beam((0, 1.0, 0))}
-    internal, inputs = (
-        {name: [at for owner, at in chosen if owner == name] for name in models} for chosen in (every, pick)
-    )
-    return ModelParts.of(models, frequency, {n: [AT[n]] for n in models}, internal, uncertain, inputs)
-
-
 @pytest.mark.parametrize(
     ("wrong", "n_lines"),
     [(0.01, 40), *(pytest.param(wrong, 80, marks=pytest.mark.slow) for wrong in (0.001, 0.01))],
@@ -211,7 +201,7 @@ def test_a_wrong_modulus_of_the_parts_is_found_beside_the_joint(form, wrong, n_l
     lines = FREQUENCY[:: FREQUENCY.size // n_lines]
     H = couple(parts(lines, 6, STEEL.E * (1 + wrong)), form.Z(lines, theta)).H_nn
     measured = noisy(H, 0.01, np.random.default_rng(1))
-    models = model_parts([Uncertain(name, "frame", "E:steel", 0.02) for name in ("U", "D")], lines)
+    models = model_parts(lines, [Uncertain(name, "frame", "E:steel", 0.02) for name in ("U", "D")])
     fit = fit_joint(form, models, lines, measured, 1.05 * theta, noise=0.01)
     K = form.matrix("K", theta)
     assert relative(form.matrix("K", fit.values), K) < 2e-3
@@ -226,7 +216,7 @@ def test_a_wrong_modulus_of_the_parts_is_found_beside_the_joint(form, wrong, n_l
 
 def test_derivatives_by_the_parts_are_exact():
     models = model_parts(
-        [Uncertain("U", "frame", "rho:steel", 0.02), Uncertain("D", "damping", "ratio", 0.3)]
+        FREQUENCY, [Uncertain("U", "frame", "rho:steel", 0.02), Uncertain("D", "damping", "ratio", 0.3)]
     )
     x = np.array([0.4, -0.7])
     _, slopes = models.evaluate(x)

@@ -76,8 +76,12 @@ def test_the_papers_numerical_study(tmp_path):
     assert errors["rebuilt"] < 1e-9
     assert errors["9 nodes"] < 1e-9
     assert errors["average with translations only refused"]
-    assert errors["rebuilt, translations only"] > 0.1
-    assert len(list(tmp_path.glob("*.png"))) == 5
+    # what translations alone rebuild depends on what the rotations carry, and the residual says so
+    assert errors["rebuilt, translations only, stiff in rotation"] > 1
+    assert errors["residual, translations only, stiff in rotation"] > 0.9
+    assert 1e-3 < errors["rebuilt, translations only, soft in rotation"] < 0.1
+    assert errors["residual, translations only, soft in rotation"] < 0.3
+    assert len(list(tmp_path.glob("*.png"))) == 7
 
 
 @pytest.mark.slow
