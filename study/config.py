@@ -19,7 +19,7 @@ from study.connections import (
     read_superelements,
     read_viscoelastic,
 )
-from study.effects import read_effects
+from study.effects import candidates_of, read_effects
 from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
 from study.measured import check_units, labels_of, match, read_band, read_files, top_frequency
@@ -292,7 +292,7 @@ class _Reader:
         shaped = bool(raw) or (modes is not None and bool(modes.sensors))
         has = {"frf": bool(raw), "modes": shaped, "frequencies": bool(raw) or modes is not None}
         known = [_unknown_of(model, n) for n in nuisances]
-        plan = read_plan(top, model, has, known)
+        plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
         with top.at():
             check_units(model, measurements, raw, notes)
         if not supports:

@@ -27,8 +27,7 @@ def read_effects(
         kind = name.partition(":")[0]
         if kind not in candidate_kinds():
             t.refuse("candidate", f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}")
-        proposed = effect_classes()[kind].propose_for_test(model, _instruments(model, sensors, excitations))
-        by_name = {e.name: e for e in proposed}
+        by_name = {e.name: e for e in candidates_of(kind, model, sensors, excitations)}
         if name not in by_name:
             near = get_close_matches(name, by_name, 3, 0.3) or list(by_name)[:3]
             among = f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"
@@ -47,6 +46,13 @@ def read_effects(
         t.finish()
         out.append(replace(effect.with_values(**values), name=own))
     return tuple(out)
+
+
+def candidates_of(
+    kind: str, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+) -> tuple[Effect, ...]:
+    """Return the candidates of a kind for a model and what was measured on it."""
+    return effect_classes()[kind].propose_for_test(model, _instruments(model, sensors, excitations))
 
 
 def effect_table(effect: Effect, candidate: str) -> str:

@@ -1,13 +1,16 @@
 """Measured modes of a study, and what ``dovetail update`` is told: ``[modes]`` and ``[update]``."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
 
+from fem.effects import candidate_kinds
 from fem.io import UFF_SUFFIXES, read_modes, read_uff
-from fem.model import Model
+from fem.model import Effect, Model, ParameterRef
 from fem.modes import Modes
 from study.sensors import Channel, Nodes
 from study.table import Table, suggest
@@ -57,6 +60,8 @@ class UpdatePlan:
     damping : bool
         Whether damping ratios are updated to FRFs.
     settings : Settings
+    effects : tuple of Effect
+        Candidates that parameters are of and the model has not; they join it for the update.
     """
 
     to: tuple[str, ...] = ()
@@ -65,6 +70,7 @@ class UpdatePlan:
     amplitude_error: float = 0.01
     damping: bool = True
     settings: Settings = Settings()  # noqa: RUF009 - frozen
+    effects: tuple[Effect, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +162,13 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
     return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name)
 
 
-def read_plan(top: Table, model: Model, has: Mapping[str, bool], default: Sequence[Unknown]) -> UpdatePlan:
+def read_plan(
+    top: Table,
+    model: Model,
+    has: Mapping[str, bool],
+    default: Sequence[Unknown],
+    candidates: Callable[[str], tuple[Effect, ...]],
+) -> UpdatePlan:
     """Read ``[update]``.
 
     Parameters
@@ -167,6 +179,8 @@ def read_plan(top: Table, model: Model, has: Mapping[str, bool], default: Sequen
         Which of ``TARGETS`` the study has data for.
     default : sequence of Unknown
         What is updated unless the study says it.
+    candidates : callable
+        Return the candidates of a kind of effect.
     """
     t = top.table("update")
     to = t.texts("to", ())
@@ -188,44 +202,106 @@ def read_plan(top: Table, model: Model, has: Mapping[str, bool], default: Sequen
             select=t.text("select", "", ("pivoting", "forward")),
             regularisation=t.text("regularisation", "", ("tikhonov",)),
             n_samples=t.whole("samples", 0, least=0),
+            contradicted=t.number("contradicted", 10.0, above=0),
         )
     unknowns: list[Unknown] = []
-    seen: dict[tuple[str, str], int] = {}
+    seen: dict[ParameterRef, int] = {}
+    more: dict[str, Effect] = {}
     for k, one in enumerate(t.tables("parameters")):
-        unknown = _unknown(one, model)
-        for ref in unknown.refs:
+        found, effects = _unknowns(one, model.with_effect(*more.values()), candidates)
+        more |= {e.name: e for e in effects}
+        for ref in (ref for unknown in found for ref in unknown.refs):
             if ref in seen:
                 one.refuse(
                     "parameter", f"'{ref[1]}' of '{ref[0]}' is updated by parameter {seen[ref]} already"
                 )
             seen[ref] = k + 1
-        unknowns.append(unknown)
+        unknowns += found
     t.finish()
-    return UpdatePlan(tuple(to), tuple(unknowns) or tuple(default), errors[0], errors[1], damping, settings)
+    return UpdatePlan(
+        tuple(to), tuple(unknowns) or tuple(default), errors[0], errors[1], damping, settings,
+        tuple(more.values()),
+    )  # fmt: skip
 
 
-def _unknown(t: Table, model: Model) -> Unknown:
-    """Read one of ``[[update.parameters]]``."""
-    names = [e.name for e in model.effects if e.parameters()]
-    effect = t.text("effect")
-    if effect not in names:
-        t.refuse("effect", f"there is no effect '{effect}' with parameters; {suggest(effect, names)}")
-    known = [p.name for p in model.effect(effect).parameters()]
-    words = t.get("parameter")
+def _unknowns(
+    t: Table, model: Model, candidates: Callable[[str], tuple[Effect, ...]]
+) -> tuple[list[Unknown], list[Effect]]:
+    """Read one of ``[[update.parameters]]``; return also the candidates that the model has to gain."""
+    effects = _effects(t, model, candidates)
+    first = effects[0]
+    known = [p.name for p in first.parameters()]
+    words = t.get("parameter", known[0] if len(known) == 1 else None)
     words = [words] if isinstance(words, str) else words
     if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
-        t.refuse("parameter", "a parameter's name, or a list of names that move together, is needed")
-    for word in words:
-        if word not in known:
-            t.refuse("parameter", f"'{effect}' has no parameter '{word}'; {suggest(word, known)}")
+        t.refuse(
+            "parameter",
+            f"a parameter's name, or a list of names that move together, is needed; '{first.name}' has "
+            f"{', '.join(known)}",
+        )
+    for effect in effects:
+        have = [p.name for p in effect.parameters()]
+        for word in words:
+            if word not in have:
+                t.refuse("parameter", f"'{effect.name}' has no parameter '{word}'; {suggest(word, have)}")
     std, mean, start, lower, upper = (
         t.number(key, None) for key in ("std", "mean", "start", "lower", "upper")
     )
-    refs = tuple((effect, w) for w in words)
-    unknown = Unknown(
-        refs, std=std, mean=mean, start=start, lower=lower, upper=upper, name=t.text("name", "")
-    )
+    each, name = t.flag("each", False), t.text("name", "")
     t.finish()
+    if each and name:
+        t.refuse("name", "with each = true the parameters have the names of their effects; leave name out")
+    there = {e.name for e in model.effects}
+    new = [e for e in effects if e.name not in there]
+    if start is not None:  # what is rigid or nothing when absent begins elsewhere
+        new = [e.with_values(**dict.fromkeys(words, start)) for e in new]
+    refs = [tuple((e.name, w) for w in words) for e in effects]
+    unknowns = [
+        Unknown(
+            r, std=std, mean=mean, start=start, lower=lower, upper=upper,
+            name=name or " ".join(r[0]).removeprefix("known "),
+        )
+        for r in (refs if each else [tuple(ref for r in refs for ref in r)])
+    ]  # fmt: skip
     with t.at("parameter"):
-        scaled_unknowns(model, [unknown])
-    return unknown
+        scaled_unknowns(model.with_effect(*new), unknowns)
+    return unknowns, new
+
+
+def _effects(t: Table, model: Model, candidates: Callable[[str], tuple[Effect, ...]]) -> list[Effect]:
+    """Return the effects that ``effect`` names: of the model, or candidates, called as in ``[[effects]]``."""
+    words = t.get("effect")
+    words = [words] if isinstance(words, str) else words
+    if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
+        t.refuse("effect", "the name of an effect, or a list of names, is needed")
+    names = {e.name: e for e in model.effects if e.parameters()}
+    out: dict[str, Effect] = {}
+    for word in words:
+        kind, _, where = word.partition(":")
+        if word in names:
+            found = [names[word]]
+        elif kind in candidate_kinds() and where:
+            proposed = {e.name: replace(e, name=f"known {e.name}") for e in candidates(kind)}
+            members = [f"{kind}:{m}" for m in model.mesh.groups.get(where, ())]
+            wanted = [n for n in proposed if fnmatchcase(n, word) or n == word or n in members]
+            if not wanted:
+                near = get_close_matches(word, proposed, 3, 0.3) or list(proposed)[:3]
+                t.refuse(
+                    "effect",
+                    f"the model has no candidate '{word}'"
+                    + (f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"),
+                )
+            found = [names.get(f"known {n}", proposed[n]) for n in wanted]
+        elif where and kind not in candidate_kinds():
+            t.refuse("effect", f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}")
+        else:
+            t.refuse(
+                "effect",
+                f"there is no effect '{word}' with parameters; {suggest(word, list(names))}, or a candidate "
+                "such as member_stiffness:MEMBER",
+            )
+        for effect in found:
+            if effect.name in out:
+                t.refuse("effect", f"'{effect.name}' is named twice")
+            out[effect.name] = effect
+    return list(out.values())

@@ -15,6 +15,7 @@ from fem.model import Model, ParameterRef
 from fem.modes import solve_modes
 from fem.system import assemble
 from study.config import Study, read_study
+from study.effects import effect_table
 from study.lines import key_lines
 from study.measured import sensor_rows
 from study.measured_modes import MeasuredModes
@@ -139,7 +140,7 @@ def update_study(study: Study) -> StudyUpdate:
         notes += said
         modes = _as_measured(identified, data)
     of_frf = _fitted(study) if "frf" in to else None
-    model, of_modes = study.model, None
+    model, of_modes = study.model.with_effect(*plan.effects), None
     if modes is not None and ("modes" in to or "frequencies" in to):
         shaped = "modes" in to
         of_modes = mode_data(
@@ -226,7 +227,7 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
             lines.insert(places["damping",], text)
         else:
             lines += ["", "[damping]", text]
-    text = "\n".join(lines) + "\n"
+    text = _with_effects("\n".join(lines) + "\n", study, updated.model, values)
     unsaid = tuple(_left_unsaid(text, study, updated, values, bool(ratios)))
     lines, places = text.splitlines(), key_lines(text)
     away = Path(os.path.relpath(study.path.resolve().parent, folder.resolve()))
@@ -251,10 +252,29 @@ def _paths(ref: ParameterRef, study: Study, tree: dict[str, Any]) -> list[tuple[
                 own = f"mass at {point}" if isinstance(point, str) else f"mass{i + 1}"
             if own == effect:
                 out += [(kind, i, name), (kind, i, "k", name), (kind, i, "c", name)]
+    for i, one in enumerate(tree.get("effects", [])):
+        if effect == one.get("name", f"known {one.get('candidate', '')}"):
+            out.append(("effects", i, name))
     for i, one in enumerate(tree.get("sensors", [])):
         if name == "mass" and effect == f"mass of sensor {one.get('name', '')}":
             out.append(("sensors", i, "mass"))
     return out
+
+
+def _with_effects(text: str, study: Study, model: Model, values: dict[ParameterRef, float]) -> str:
+    """Return a text with the values of ``[[effects]]`` that it leaves at their default, and new effects."""
+    for i, one in enumerate(tomllib.loads(text).get("effects", [])):
+        own = one.get("name", f"known {one['candidate']}")
+        rest = [(n, v) for (effect, n), v in values.items() if effect == own and n not in one]
+        lines = text.splitlines()
+        row = key_lines(text)["effects", i, "candidate"]
+        text = "\n".join([*lines[:row], *(f"{n} = {v!r}" for n, v in rest), *lines[row:]]) + "\n"
+    for effect in study.plan.effects:
+        now = model.effect(effect.name).with_values(
+            **{n: v for (e, n), v in values.items() if e == effect.name}
+        )
+        text += "\n" + effect_table(now, effect.name.removeprefix("known "))
+    return text
 
 
 _NUMBER = r"[-+]?(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][-+]?\d+)?"

@@ -240,7 +240,7 @@ class UpdatedParameter:
         """Return the interval that holds the truth with a probability; symmetric in ln θ where ``log``."""
         half = float(norm.ppf(0.5 + level / 2)) * self.std
         if self.log:
-            factor = float(np.exp(half / self.value))
+            factor = float(np.exp(min(half / self.value, 700.0)))  # beyond is without bounds, as floats go
             return self.value / factor, self.value * factor
         return self.value - half, self.value + half
 

@@ -185,6 +185,49 @@ std = 0.02
     assert values["masses"][0]["mass"] == pytest.approx(0.2 / 210 * 205, rel=0.05)  # it has to be lighter
 
 
+def test_members_and_groups_get_parameters_of_their_own(bracket, tmp_path, capsys):
+    """The true 210 GPa are 5 % more than the study has: so are both members, however they are asked for."""
+    path, _ = bracket
+    more = """
+[uncertain]
+E = 0
+rho = 0
+
+[update]
+to = ["frequencies"]
+model_error = 1e-4
+
+[[update.parameters]]
+effect = "member_stiffness:*"
+each = true
+std = 0.2
+"""
+    study = path.with_name("each.toml")
+    text = path.read_text(encoding="utf-8").replace("[uncertain]\nE = 0.1\nrho = 0\n", "")
+    study.write_text(text + more, encoding="utf-8")
+    out = tmp_path / "u"
+    assert main(["update", str(study), "--out", str(out)]) == 0
+    assert "member_stiffness:arm change" in capsys.readouterr().out
+    parameters = json.loads((out / "update.json").read_text(encoding="utf-8"))["parameters"]
+    for p in parameters:
+        low, high = p["interval_95"]
+        assert low < 0.05 < high
+        assert p["std"] < 0.02
+    new = load_study(out / "study.toml")
+    written = [new.model.values()[f"known member_stiffness:{m}", "change"] for m in ("post", "arm")]
+    assert written == pytest.approx([p["value"] for p in parameters], rel=1e-9)
+
+    # again from what was written: the effects are there, and get their new values in place
+    again = (out / "study.toml").read_text(encoding="utf-8").replace("each = true\nstd = 0.2", 'name = "all"')
+    (out / "again.toml").write_text(again.replace("change = ", "# change = ", 1), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["update", str(out / "again.toml"), "--out", str(tmp_path / "v")]) == 0
+    last = tomllib.loads((tmp_path / "v" / "study.toml").read_text(encoding="utf-8"))["effects"]
+    assert [e["candidate"] for e in last] == ["member_stiffness:post", "member_stiffness:arm"]
+    # the post had lost its value, so that one amount lifts it to about 5 % and the arm to about twice that
+    assert last[1]["change"] - last[0]["change"] == pytest.approx(parameters[1]["value"], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [
@@ -202,6 +245,24 @@ std = 0.02
             "is updated by parameter 1 already",
         ),
         ("[update]\nstart = 2", "unknown key; did you mean 'starts'?"),
+        ("[update]\ncontradicted = -2", "update.contradicted: -2 is not allowed"),
+        ('[[update.parameters]]\neffect = "member_stifness:post"', "did you mean 'member_stiffness'?"),
+        ('[[update.parameters]]\neffect = "member_stiffness:pst"', "the nearest are member_stiffness:post"),
+        ('[[update.parameters]]\neffect = ["member_stiffness:post", "frame"]', "has no parameter 'change'"),
+        ('[[update.parameters]]\neffect = "crack:post.ry"', "has compliance, position"),
+        ("[[update.parameters]]\neffect = 3", "the name of an effect, or a list"),
+        (
+            '[[update.parameters]]\neffect = ["member_stiffness:*", "member_stiffness:arm"]',
+            "'known member_stiffness:arm' is named twice",
+        ),
+        (
+            '[[update.parameters]]\neffect = "member_stiffness:*"\neach = true\nname = "all"',
+            "leave name out",
+        ),
+        (
+            '[[update.parameters]]\neffect = "member_stiffness:arm"\n' * 2,
+            "'change' of 'known member_stiffness:arm' is updated by parameter 1 already",
+        ),
     ],
 )
 def test_what_cannot_be_meant_is_refused(bracket, capsys, more, words):
