@@ -12,7 +12,8 @@ other, internal ones are `a` and `n`.
                      `identify_average` with a `JointForm`        H, H_nn →  K, M, C, D from all lines
                      `fit_joint`                                  the same from noisy data, with uncertainty
     physics          `explain_stiffness`, `effects_of`            Z_j(ω)  →  laws, and effects of a model
-    labelled FRFs    `couple_frf`, `decouple_frf`, `invert_substructure` (LM-FBS), `l_curve`
+    labelled FRFs    `couple_frf`, `decouple_frf`, `invert_substructure` (LM-FBS)
+    regularisation   `Regularisation`, `interface_problem`, `l_curve`
 
 The equations are derived, with their sources, in `docs/theory-joint.md`.
 """
@@ -54,6 +55,7 @@ from joint.substructuring import (
     SubstructuringError,
     couple_frf,
     decouple_frf,
+    interface_problem,
     invert_substructure,
     l_curve,
 )
@@ -98,6 +100,7 @@ __all__ = [
     "full_form",
     "identify_average",
     "identify_joint",
+    "interface_problem",
     "invert_substructure",
     "joint_impedance",
     "l_curve",

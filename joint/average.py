@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +18,7 @@ from joint.identification import (
     project_lines,
     scaled_problem,
 )
-from joint.interface import SubstructureFRF
+from joint.interface import CoordinateSet, SubstructureFRF
 from joint.synthesis import couple
 
 MISFIT_LIMIT = 0.5
@@ -159,7 +158,7 @@ def identify_average(
         msg = "viscoelastic terms are not linear in their parameters; use fit_joint"
         raise IdentificationError(msg)
     if not complete:
-        _check_complete(joint.labels)
+        _check_complete(joint)
     ell = characteristic_length(substructures.H_bb, joint) if length is None else length
     problem = scaled_problem(substructures, frequency, H_nn, form.basis(ell), ell)
     R, weight, lines = _equations(problem, form)
@@ -182,13 +181,8 @@ def identify_average(
     )
 
 
-def _check_complete(labels: Sequence[str]) -> None:
-    have: dict[str, set[str]] = {}
-    for label in labels:
-        node, _, direction = label.rpartition(":")
-        have.setdefault(node, set()).add(direction)
-    short = {n: [d for d in ("x", "y", "z", "rx", "ry", "rz") if d not in ds] for n, ds in have.items()}
-    short = {n: ds for n, ds in short.items() if ds}
+def _check_complete(joint: CoordinateSet) -> None:
+    short = joint.lacking
     if short:
         node = next(iter(short))
         msg = (

@@ -19,6 +19,7 @@ from joint._checks import (
     check_finite,
     check_same_lines,
     frozen_copy,
+    solve_lines,
 )
 from joint.interface import CoordinateSet, SubstructureFRF
 
@@ -65,6 +66,9 @@ class JointIdentification:
         Largest amplification of a regular line.
     expanded_by : str
         How coordinates of the substructures that were not measured came in; empty where none did.
+    Z_std, z_std : (n_freq, N, N), (n_freq, p, p) complex arrays, or None
+        Standard deviations of the real part, plus i times those of the imaginary part, by the noise of H_nn,
+        to first order; None if the noise was not given.
     """
 
     frequency: FloatArray
@@ -80,6 +84,8 @@ class JointIdentification:
     residual: FloatArray
     amplification_limit: float
     expanded_by: str = ""
+    Z_std: ComplexArray | None = None
+    z_std: ComplexArray | None = None
 
     def __post_init__(self) -> None:
         for name in [
@@ -94,6 +100,14 @@ class JointIdentification:
             "residual",
         ]:
             object.__setattr__(self, name, frozen_copy(getattr(self, name)))
+        for name in ("Z_std", "z_std"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen_copy(getattr(self, name)))
+
+    @property
+    def reduced(self) -> dict[str, tuple[str, ...]]:
+        """Which of their six directions joint nodes lack; where they carry load, Z is not the joint's own."""
+        return self.coordinates.lacking
 
     @property
     def amplification(self) -> FloatArray:
@@ -145,6 +159,7 @@ def identify_joint(
     basis: npt.ArrayLike | None = None,
     length: float | None = None,
     amplification_limit: float = AMPLIFICATION_LIMIT,
+    noise: npt.ArrayLike | None = None,
 ) -> JointIdentification:
     """Identify the joints' dynamic stiffness from internal receptances, at each line by itself.
 
@@ -161,6 +176,9 @@ def identify_joint(
     ε cond(A) cond(B) ‖H_aa‖/‖C‖, mostly far below. The default limit, 1e-9/2.2e-16, answers for 1e-9 where
     receptances are exact to rounding. For measured ones, with error ε and Z wanted to within t, give t/ε.
 
+    A change of the assembly's receptances alone changes the result by dz = -(I + z H_bb) A⁺ dH_nn B⁺, from
+    which independent noise of every value makes the deviations.
+
     Parameters
     ----------
     substructures : SubstructureFRF
@@ -176,6 +194,9 @@ def identify_joint(
         Characteristic length for rotations [m]; `characteristic_length` of H_bb if None.
     amplification_limit : float, optional
         Largest cond(A) cond(B) of a regular line.
+    noise : array_like, optional
+        Standard deviation of circular complex noise of H_nn: a number is relative to each |H|; an array that
+        broadcasts to H_nn is absolute [unit of H].
 
     Returns
     -------
@@ -184,7 +205,8 @@ def identify_joint(
     Raises
     ------
     ValueError
-        If shapes or lines do not fit, a value is not finite, or the basis is not of full column rank.
+        If shapes or lines do not fit, a value is not finite, the noise is not positive, or the basis is not
+        of full column rank.
     IdentificationError
         If there are fewer internal outputs or inputs than joint coordinates (or basis columns), if H_ab or
         H_ba lacks rank at every line, or if no line is regular. The message names the joint coordinates.
@@ -192,6 +214,7 @@ def identify_joint(
     problem = scaled_problem(substructures, frequency, H_nn, basis, length)
     z, residual, ranks, conditions = _solve_lines(problem)
     parts, W, size, directions = substructures.interface, problem.W, problem.size, problem.directions
+    std = [None, None] if noise is None else _deviations(problem, z, noise)
     result = JointIdentification(
         frequency=problem.frequency,
         coordinates=parts.joint,
@@ -206,6 +229,8 @@ def identify_joint(
         residual=residual,
         amplification_limit=float(amplification_limit),
         expanded_by=substructures.expanded_by,
+        Z_std=std[0],
+        z_std=std[1],
     )
     if not result.regular.any():
         best = int(np.argmin(result.amplification))
@@ -489,6 +514,33 @@ def _solve_lines(
         good, np.divide(left, seen.size[use], where=left > 0, out=np.zeros_like(left)), np.nan
     )
     return z, residual, ranks, conditions
+
+
+def _deviations(problem: ScaledProblem, z: ComplexArray, noise: npt.ArrayLike) -> list[ComplexArray]:
+    """Return the deviations of W z Wᵀ and of z over the basis' own sizes."""
+    level = np.asarray(noise, dtype=float)
+    if not (np.isfinite(level).all() and (level > 0).all()):
+        msg = "the noise must be positive and finite: relative as a number, or absolute as an array"
+        raise ValueError(msg)
+    try:
+        sigma = (
+            level * np.abs(problem.H_nn) if level.ndim == 0 else np.broadcast_to(level, problem.H_nn.shape)
+        )
+    except ValueError as error:
+        msg = f"noise has shape {level.shape}; a number or what broadcasts to {problem.H_nn.shape} is needed"
+        raise ValueError(msg) from error
+    known = np.asarray(np.isfinite(z).all(axis=(1, 2)))
+    z, Q, unit = z[known], problem.Q[known], np.eye(z.shape[1])
+    B = solve_lines(unit + Q @ z, problem.R[known])
+    left = (unit + z @ Q) @ np.linalg.pinv(problem.A[known]) * problem.scale_out
+    right = problem.scale_in[:, None] * np.linalg.pinv(B)
+    out = []
+    for rows in (problem.W, np.diag(1 / problem.size)):
+        spread = np.abs(rows @ left) ** 2 @ sigma[known] ** 2 @ np.abs(right @ rows.T) ** 2
+        std = np.full((len(known), len(rows), len(rows)), complex(np.nan, np.nan))
+        std[known] = np.sqrt(spread / 2) * (1 + 1j)
+        out.append(std)
+    return out
 
 
 def factor_tall(

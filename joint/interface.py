@@ -68,6 +68,19 @@ class CoordinateSet:
         """Mark the rotations, (n,)."""
         return np.array([label.rpartition(":")[2].startswith("r") for label in self.labels], dtype=bool)
 
+    @property
+    def lacking(self) -> dict[str, tuple[str, ...]]:
+        """Which of the six directions a node lacks, for nodes that lack some."""
+        have: dict[str, set[str]] = {}
+        for label in self.labels:
+            node, _, direction = label.rpartition(":")
+            have.setdefault(node, set()).add(direction)
+        return {
+            node: tuple(d for d in DIRECTIONS if d not in found)
+            for node, found in have.items()
+            if len(found) < len(DIRECTIONS)
+        }
+
     def positions(self, labels: Iterable[str]) -> IntArray:
         """Return where the given labels stand in this set, (n_labels,).
 

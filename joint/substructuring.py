@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem.frf import FRF, FRFKind
-from joint._checks import ComplexArray, FloatArray, check_same_lines, frozen_copy, solve_lines
+from joint._checks import ComplexArray, FloatArray, IntArray, check_same_lines, frozen_copy, solve_lines
 
 _SINGULAR = 1e13
 """Condition number from which an interface counts as singular: its motions depend on one another."""
@@ -91,7 +91,7 @@ class Substructured:
 
 
 def couple_frf(
-    parts: Sequence[FRF],
+    parts: FRF | Sequence[FRF],
     connections: Sequence[tuple[str, str]],
     *,
     compliance: npt.ArrayLike | None = None,
@@ -107,7 +107,7 @@ def couple_frf(
 
     Parameters
     ----------
-    parts : sequence of FRF
+    parts : FRF or sequence of FRF
         One or more, on the same lines. All labels differ; each connected DOF is a response and an input.
     connections : sequence of (str, str)
         Labels of DOFs that move together. The sign of a label such as ``"3Z-"`` counts; directions themselves
@@ -127,7 +127,7 @@ def couple_frf(
         For a label that is not there, occurs twice or is no response and input; for lines that differ; for an
         interface whose motions depend on one another, without regularisation.
     """
-    parts = tuple(part.as_kind(FRFKind.RECEPTANCE) for part in parts)
+    parts = _receptances(parts)
     return _dual(parts, connections, (1.0,) * len(parts), compliance, regularisation)
 
 
@@ -213,6 +213,43 @@ def invert_substructure(
     return -(Z[:, :n, n:] + Z[:, n:, :n]) / 2
 
 
+def interface_problem(
+    parts: FRF | Sequence[FRF], connections: Sequence[tuple[str, str]], *, removed: FRF | None = None
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return what coupling and decoupling invert, and what they apply it to: A = B Y Bᵀ and B Y.
+
+    For `l_curve`, which shows how much to regularise.
+
+    Parameters
+    ----------
+    parts : FRF or sequence of FRF
+        As `couple_frf`; for decoupling the assembly.
+    connections : sequence of (str, str)
+    removed : FRF, optional
+        The part that `decouple_frf` takes out.
+
+    Returns
+    -------
+    A, B : (n_freq, n, n) and (n_freq, n, n_in) complex arrays
+        Receptances of the n connections, and the motions that the inputs of all parts open there.
+
+    Raises
+    ------
+    SubstructuringError
+        As `couple_frf`.
+    """
+    kept = _receptances(parts)
+    taken = () if removed is None else _receptances(removed)
+    signs = (1.0,) * len(kept) + (-1.0,) * len(taken)
+    _, A, opened = _interface(kept + taken, connections, signs)
+    return A, opened
+
+
+def _receptances(parts: FRF | Sequence[FRF]) -> tuple[FRF, ...]:
+    given = (parts,) if isinstance(parts, FRF) else tuple(parts)
+    return tuple(part.as_kind(FRFKind.RECEPTANCE) for part in given)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LCurve:
     """Hold residual and solution norms of an inversion against the amount of regularisation.
@@ -247,10 +284,29 @@ def l_curve(
     method : str
         ``"tikhonov"`` or ``"tsvd"``.
     amounts : array_like, optional
-        Amounts to try; 10⁻⁸ to 0.5 unless given.
+        At least five amounts to try; 10⁻⁸ to 0.5 unless given.
+
+    Raises
+    ------
+    SubstructuringError
+        If shapes do not fit, a value is not finite, A or B is zero, or the method or an amount is none.
     """
     A, B = np.asarray(A, dtype=complex), np.asarray(B, dtype=complex)
-    tried = np.geomspace(1e-8, 0.5, 60) if amounts is None else np.sort(np.asarray(amounts, dtype=float))
+    if A.ndim != 3 or A.shape[1] != A.shape[2] or B.ndim != 3 or B.shape[:2] != A.shape[:2]:
+        msg = f"A and B have shapes {A.shape} and {B.shape}; (n_freq, n, n) and (n_freq, n, k) are needed"
+        raise SubstructuringError(msg)
+    for name, array in (("A", A), ("B", B)):
+        if not np.isfinite(array).all() or not array.any(axis=(1, 2)).all():
+            msg = f"{name} holds a value that is not finite, or a line of zeros; there is nothing to invert"
+            raise SubstructuringError(msg)
+    if method not in ("tsvd", "tikhonov"):
+        msg = f"the method is '{method}'; an L-curve is one of tsvd or tikhonov"
+        raise SubstructuringError(msg)
+    tried = np.geomspace(1e-8, 0.5, 60) if amounts is None else np.unique(np.asarray(amounts, dtype=float))
+    if tried.size < 5 or not tried[0] > 0:
+        least = f", the least {tried[0]:g}" if tried.size else ""
+        msg = f"{tried.size} amounts are given{least}; at least five above zero are needed"
+        raise SubstructuringError(msg)
     U, s, _ = np.linalg.svd(A)
     c = U.conj().mT @ B
     total = np.linalg.norm(B, axis=(1, 2))
@@ -282,28 +338,17 @@ def _dual(
     compliance: npt.ArrayLike | None,
     regularisation: Regularisation | None,
 ) -> Substructured:
-    frequency = parts[0].frequency
-    for k, part in enumerate(parts[1:], start=1):
-        check_same_lines(part.frequency, frequency, f"part {k}", "part 0")
-    _check_labels(parts, connections)
-    n, n_freq = len(connections), frequency.size
+    touched, A, opened = _interface(parts, connections, signs)
+    frequency, n, n_freq = parts[0].frequency, len(connections), len(A)
     columns = np.cumsum([0] + [len(part.inputs) for part in parts])
     rows_of = np.cumsum([0] + [len(part.outputs) for part in parts])
-    # per part: the rows of B that touch it, as response and input positions with signs
-    touched = [_touched(part, connections) for part in parts]
-    # B Y, the motions that inputs open at the interface, and from its columns B Y Bᵀ
-    opened = np.zeros((n_freq, n, columns[-1]), dtype=complex)
-    A = np.zeros((n_freq, n, n), dtype=complex)
-    for k, (part, places, s) in enumerate(zip(parts, touched, signs, strict=True)):
-        own = opened[:, :, columns[k] : columns[k + 1]]
-        for row, out, _, sign in zip(*places, strict=True):
-            own[:, row] += s * sign * part.H[:, out]
-        for row, _, inn, sign in zip(*places, strict=True):
-            A[:, :, row] += sign * own[:, :, inn]
     if compliance is not None:
         S = np.asarray(compliance, dtype=complex)
         if S.shape != A.shape:
             msg = f"compliance has shape {S.shape}; {A.shape} is needed: one row for each connection"
+            raise SubstructuringError(msg)
+        if not np.isfinite(S).all():
+            msg = "compliance holds values that are not finite; leave out a connection that does not hold"
             raise SubstructuringError(msg)
         A = A + S
     names = [f"{a} = {b}" for a, b in connections]
@@ -332,15 +377,44 @@ def _dual(
     return Substructured(frf, condition, gap)
 
 
+_Touched = tuple[IntArray, IntArray, IntArray, FloatArray]
+
+
+def _interface(
+    parts: tuple[FRF, ...], connections: Sequence[tuple[str, str]], signs: tuple[float, ...]
+) -> tuple[list[_Touched], ComplexArray, ComplexArray]:
+    """Return what of the parts lies at the interface, B Y Bᵀ and B Y."""
+    if not parts:
+        msg = "there are no parts; at least one is needed"
+        raise SubstructuringError(msg)
+    for k, part in enumerate(parts[1:], start=1):
+        try:
+            check_same_lines(part.frequency, parts[0].frequency, f"part {k}", "part 0")
+        except ValueError as error:
+            raise SubstructuringError(str(error)) from error
+    _check_labels(parts, connections)
+    n, n_freq = len(connections), parts[0].n_freq
+    columns = np.cumsum([0] + [len(part.inputs) for part in parts])
+    # per part: the rows of B that touch it, as response and input positions with signs
+    touched = [_touched(part, connections) for part in parts]
+    opened = np.zeros((n_freq, n, columns[-1]), dtype=complex)
+    A = np.zeros((n_freq, n, n), dtype=complex)
+    for k, (part, places, s) in enumerate(zip(parts, touched, signs, strict=True)):
+        own = opened[:, :, columns[k] : columns[k + 1]]
+        for row, out, _, sign in zip(*places, strict=True):
+            own[:, row] += s * sign * part.H[:, out]
+        for row, _, inn, sign in zip(*places, strict=True):
+            A[:, :, row] += sign * own[:, :, inn]
+    return touched, A, opened
+
+
 def _square(values: ComplexArray) -> FloatArray:
     """Return the sum of |values|² at each line, (n_lines,)."""
     flat = values.reshape(len(values), -1).view(float)
     return np.vecdot(flat, flat)
 
 
-def _touched(
-    part: FRF, connections: Sequence[tuple[str, str]]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64], FloatArray]:
+def _touched(part: FRF, connections: Sequence[tuple[str, str]]) -> _Touched:
     place_out = {label: i for i, label in enumerate(part.outputs)}
     place_in = {label: i for i, label in enumerate(part.inputs)}
     found = [
@@ -358,6 +432,10 @@ def _check_labels(parts: tuple[FRF, ...], connections: Sequence[tuple[str, str]]
     if not connections:
         msg = "there are no connections; at least one pair of labels is needed"
         raise SubstructuringError(msg)
+    for pair in connections:
+        if isinstance(pair, str) or len(pair) != 2:
+            msg = f"the connection {pair!r} is no pair of labels, such as ('A3z', 'B1z')"
+            raise SubstructuringError(msg)
     outputs = [label for part in parts for label in part.outputs]
     inputs = [label for part in parts for label in part.inputs]
     for word, labels in (("response", outputs), ("input", inputs)):
@@ -371,7 +449,7 @@ def _check_labels(parts: tuple[FRF, ...], connections: Sequence[tuple[str, str]]
                     msg = f"'{label}' is no {word} of any part; there are {', '.join(labels[:12])}"
                     raise SubstructuringError(msg)
     for k, pair in enumerate(connections):
-        if pair[0] == pair[1] or pair in connections[:k]:
+        if pair[0] == pair[1] or any(set(pair) == set(other) for other in connections[:k]):
             msg = f"the connection {pair} joins a DOF to itself or occurs twice"
             raise SubstructuringError(msg)
 

@@ -59,7 +59,8 @@ def plot_stiffness_entries(
     Raises
     ------
     ValueError
-        If a curve or band does not have the shape of the others, or there is nothing to plot.
+        If a curve or band does not have the shape of the others, an entry, a part or a curve that is named is
+        not there, or there is nothing to plot.
     """
     f = np.asarray(frequency, dtype=float)
     data = {name: np.asarray(Z, dtype=complex) for name, Z in curves.items()}
@@ -72,6 +73,17 @@ def plot_stiffness_entries(
     if not data or not entries:
         msg = "there is nothing to plot: at least one curve and one entry are needed"
         raise ValueError(msg)
+    for name in (*shaded, *([focus] if focus is not None else [])):
+        if name not in data:
+            msg = f"there is no curve '{name}'; the curves are {', '.join(data)}"
+            raise ValueError(msg)
+    if parts not in ("both", "real", "imag"):
+        msg = f"parts is '{parts}'; allowed are both, real, imag"
+        raise ValueError(msg)
+    for entry in entries:
+        if not all(0 <= k < len(labels) for k in entry):
+            msg = f"there is no entry {tuple(entry)}; rows and columns count from 0 to {len(labels) - 1}"
+            raise ValueError(msg)
     shown = [p for p in _PARTS if parts == "both" or p[1].lower() == {"real": "re", "imag": "im"}.get(parts)]
     n = len(entries)
     with style.look():

@@ -41,6 +41,21 @@ def test_what_does_not_fit_is_refused():
         plot_stiffness_entries(LINES, {}, [(0, 0)], ["a:z", "b:z"])
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"bands": {"fitted": np.zeros((3, 1, 1))}}, "no curve 'fitted'; the curves are fit"),
+        ({"focus": "fitted"}, "no curve 'fitted'"),
+        ({"parts": "imaginary"}, "allowed are both, real, imag"),
+        ({"entries": [(0, 1)]}, r"no entry \(0, 1\)"),
+    ],
+)
+def test_names_that_are_not_there_are_refused(change, message):
+    given = {"entries": [(0, 0)], "labels": ["x"], **change}
+    with pytest.raises(ValueError, match=message):
+        plot_stiffness_entries([1.0, 2.0, 3.0], {"fit": np.ones((3, 1, 1))}, **given)
+
+
 def test_laws_are_drawn_with_their_sentence():
     rng = np.random.default_rng(0)
     noisy = Z * (1 + 0.01 * rng.standard_normal(Z.shape))

@@ -14,6 +14,7 @@ from joint.substructuring import (
     SubstructuringError,
     couple_frf,
     decouple_frf,
+    interface_problem,
     invert_substructure,
     l_curve,
 )
@@ -128,6 +129,11 @@ def test_an_extended_interface_needs_regularisation_and_gives_the_same(coinciden
     left = found.frf.select(outputs=keep, inputs=keep).H
     exact = parts[1].select(outputs=[k[1:] for k in keep], inputs=[k[1:] for k in keep]).H
     assert np.median(np.linalg.norm(left - exact, axis=(1, 2)) / np.linalg.norm(exact, axis=(1, 2))) < 1e-4
+    # the same interface as `l_curve` takes it: what an amount leaves is the gap
+    A, B = interface_problem(renamed, pairs, removed=parts[0])
+    assert A.shape == (FREQUENCY.size, 12, 12)
+    curve = l_curve(A, B, "tsvd", [1e-9, 1e-3, 1e-2, 0.1, 0.3])
+    assert curve.residual[0] == pytest.approx(np.sqrt((found.gap**2).mean()), rel=1e-6)
 
 
 def test_inverse_substructuring_finds_the_joint_whatever_is_attached(coincident):
@@ -176,11 +182,44 @@ def test_the_corner_of_an_l_curve_lies_between_noise_and_signal():
         ([("A2X+", "Q1X+")], "'Q1X\\+' is no response"),
         ([("A2X+", "A2X+")], "joins a DOF to itself"),
         ([PAIRS[0], PAIRS[0]], "occurs twice"),
+        ([PAIRS[0], PAIRS[0][::-1]], "occurs twice"),
+        (["A2X+"], "'A2X\\+' is no pair of labels"),
+        ([("A2X+", "B0X+", "B1X+")], "is no pair of labels"),
     ],
 )
 def test_connections_that_cannot_be_are_refused(parts, pairs, message):
     with pytest.raises(SubstructuringError, match=message):
         couple_frf(parts, pairs)
+
+
+def test_parts_and_compliances_that_cannot_be_are_refused(parts):
+    with pytest.raises(SubstructuringError, match="no parts"):
+        couple_frf([], PAIRS)
+    moved = FRF.from_arrays(FREQUENCY + 1, parts[1].H, "receptance", parts[1].outputs, parts[1].inputs)
+    with pytest.raises(SubstructuringError, match="share one set of lines"):
+        couple_frf((parts[0], moved), PAIRS)
+    with pytest.raises(SubstructuringError, match=r"\(45, 6, 6\) is needed"):
+        couple_frf(parts, PAIRS, compliance=1e-6)
+    with pytest.raises(SubstructuringError, match="not finite"):
+        couple_frf(parts, PAIRS, compliance=np.full((45, 6, 6), np.nan))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"A": np.ones((2, 3))}, r"\(n_freq, n, n\) and \(n_freq, n, k\) are needed"),
+        ({"B": np.ones((4, 3, 1))}, "are needed"),
+        ({"A": np.zeros((2, 3, 3))}, "A holds a value that is not finite, or a line of zeros"),
+        ({"B": np.full((2, 3, 1), np.nan)}, "B holds a value"),
+        ({"method": "none"}, "one of tsvd or tikhonov"),
+        ({"amounts": [0.1]}, "1 amounts are given, the least 0.1; at least five above zero"),
+        ({"amounts": [-1, 0.1, 0.2, 0.3, 0.4]}, "above zero"),
+    ],
+)
+def test_an_l_curve_of_nothing_is_refused(change, message):
+    given = {"A": np.broadcast_to(np.eye(3), (2, 3, 3)), "B": np.ones((2, 3, 1)), **change}
+    with pytest.raises(SubstructuringError, match=message):
+        l_curve(**given)
 
 
 def test_labels_of_two_parts_must_differ(parts):
