@@ -1,6 +1,5 @@
 """Modes and updated values of a study: identify, update, and write what came out into its text."""
 
-import os
 import re
 import tomllib
 import warnings
@@ -19,6 +18,7 @@ from study.effects import effect_table
 from study.lines import key_lines
 from study.measured import sensor_rows
 from study.measured_modes import MeasuredModes
+from study.paths import with_paths
 from study.run import measured
 from study.table import StudyError, suggest
 from updating.measurement import Measurement
@@ -229,12 +229,7 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
             lines += ["", "[damping]", text]
     text = _with_effects("\n".join(lines) + "\n", study, updated.model, values)
     unsaid = tuple(_left_unsaid(text, study, updated, values, bool(ratios)))
-    lines, places = text.splitlines(), key_lines(text)
-    away = Path(os.path.relpath(study.path.resolve().parent, folder.resolve()))
-    for path, row in places.items():
-        if path[-1] in ("file", "node_sets") and away != Path():
-            lines[row - 1] = _with_folder(lines[row - 1], str(path[-1]), away)
-    return "\n".join(lines) + "\n", unsaid
+    return with_paths(text, study.path.parent, folder), unsaid
 
 
 def _paths(ref: ParameterRef, study: Study, tree: dict[str, Any]) -> list[tuple[str | int, ...]]:
@@ -283,18 +278,6 @@ _NUMBER = r"[-+]?(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][-+]?\d+)?"
 def _with_number(line: str, key: str, value: float) -> str:
     """Return a line with another number after a key."""
     return re.sub(rf"(?<![\w-])({re.escape(key)}\s*=\s*){_NUMBER}", rf"\g<1>{value!r}", line, count=1)
-
-
-def _with_folder(line: str, key: str, folder: Path) -> str:
-    """Return a line whose file is given from elsewhere."""
-
-    def moved(found: re.Match[str]) -> str:
-        path = Path(found[3])
-        return (
-            found[0] if path.is_absolute() else f"{found[1]}{found[2]}{(folder / path).as_posix()}{found[2]}"
-        )
-
-    return re.sub(rf"({re.escape(key)}\s*=\s*)([\"'])(.*?)\2", moved, line, count=1)
 
 
 def _numbers(values: Sequence[float] | np.ndarray) -> str:
