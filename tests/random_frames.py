@@ -25,8 +25,11 @@ class RandomFrame:
     """Largest relative error of a natural frequency in the band by the mesh, as predicted [-]."""
 
 
-def random_frame(seed, elements=12, n_lines=300):
-    """Return a clamped chain of three members with a fourth one on it, in space."""
+def random_frame(seed, elements=12, n_lines=300, modal=False):
+    """Return a clamped chain of three members with a fourth one on it, in space.
+
+    Its damping is that of a loss factor, which is the engine of fits' own form between resonances, or modal.
+    """
     rng = np.random.default_rng(seed)
     steps = np.eye(3)[[2, 0, 1, 2]] * rng.uniform(0.4, 0.7, (4, 1)) + 0.08 * rng.standard_normal((4, 3))
     points = [np.zeros(3), steps[0], steps[0] + steps[1], steps[0] + steps[1] + steps[2]]
@@ -48,7 +51,7 @@ def random_frame(seed, elements=12, n_lines=300):
     wrong = rng.uniform(0.1, 0.2, 5) * rng.choice([-1, 1], 5)
     truth = np.append(wrong[:4], 7850 * (1 + wrong[4]))
     real = model.with_mesh(mesh.split(2 * elements)).with_values(dict(zip(refs, truth, strict=True)))
-    real = real.with_damping(fem.Damping.structural(2 * RATIO))  # what the engine of fits takes a ratio for
+    real = real.with_damping(fem.Damping.modal(RATIO) if modal else fem.Damping.structural(2 * RATIO))
     system = fem.assemble(real)
     frequency = fem.solve_modes(system, n=8).frequency
     lines = np.linspace(0.5 * frequency[0], 1.05 * frequency[6], n_lines)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
-from fem.frf import FRF, FRFKind, Selection, dof_vectors
+from fem.frf import FRF, FRFKind, Selection, compute_frf, dof_vectors
 from fem.model import Damping, Model, ModelError, ParameterRef
 from fem.modes import Eigenpairs, Modes, solve_eigenpairs
 from fem.reduced import ParametricFRF, reduce_model
@@ -632,6 +632,25 @@ class FRFTerms:
     by_gains: NDArray[np.complex128] | None = None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _OwnDamping:
+    """A model's damping beside the engine's.
+
+    Attributes
+    ----------
+    offset : ndarray of complex (n_freq, n_out, n_in)
+        ln(H/H_engine) at the model's values.
+    ratios : ndarray (n_knots,)
+        There [-].
+    by_ratios : ndarray of complex (n_knots, n_freq, n_out, n_in)
+        Derivatives of ln H by them.
+    """
+
+    offset: NDArray[np.complex128]
+    ratios: NDArray[np.float64]
+    by_ratios: NDArray[np.complex128]
+
+
 class FRFResidual:
     """Logarithmic residuals of FRFs on a reduced basis: after it is built nothing depends on the mesh.
 
@@ -649,6 +668,9 @@ class FRFResidual:
     refs : sequence of (effect, parameter)
     ratio_knots, shift_knots : ndarray or None
         Frequencies between which modal damping ratios and δ are linear [Hz].
+    exact : bool
+        Whether ln(H/H_engine) at the model's values is added: the engine takes a modal ratio as 2iζ(ω)K,
+        which is the same at resonances alone. Near these values FRFs then are the model's own.
     """
 
     def __init__(
@@ -661,6 +683,7 @@ class FRFResidual:
         *,
         margin: float = 2.5,
         n_krylov: int = 3,
+        exact: bool = False,
     ) -> None:
         highest = float(data.frequency[-1])
         forces = np.hstack([data.outputs, data.inputs])
@@ -671,6 +694,31 @@ class FRFResidual:
         self.ratio_hats = None if ratio_knots is None else _hats(ratio_knots, data.frequency)
         self.shift_hats = None if shift_knots is None else _hats(shift_knots, data.frequency)
         self._engine = self._engine_at(data.frequency)
+        self._own = self._own_damping(ratio_knots) if exact else None
+
+    def _own_damping(self, knots: NDArray[np.float64] | None) -> "_OwnDamping":
+        """Return the model's damping beside the engine's, by the modes of the basis, which are its own."""
+        d, known, damping = self.data, self.model.values(), self.model.damping
+        values = np.array([known[ref] for ref in self.refs], dtype=float)
+        H_engine = self._engine.evaluate(values, damping.ratio_at(d.frequency), False)[0]
+        H = compute_frf(assemble(self.model), d.frequency, d.outputs.T, d.inputs.T, FRFKind.RECEPTANCE).H
+        offset = np.nan_to_num(log_ratio(H, H_engine), nan=0.0)
+        if knots is None:
+            return _OwnDamping(offset, np.zeros(0), np.zeros((0, *H.shape), dtype=complex))
+        basis = self.reduced.basis
+        elastic = slice(basis.n_rigid, basis.n_modes)
+        square = np.maximum(np.diag(self.reduced.base_sum()["K"])[elastic], 1e-300)
+        omega_r, omega = np.sqrt(square), 2 * np.pi * d.frequency[:, None]
+        f_r = omega_r / (2 * np.pi)
+        damped = 2 * damping.ratio_at(f_r) * omega_r + damping.alpha + damping.beta * square
+        below = square * (1 + 1j * damping.loss_factor) - omega**2 + 1j * omega * damped
+        slope = -2j * omega * omega_r / below**2  # of a mode's part of H, by its ratio
+        out, into = (basis.T[:, elastic].T @ part for part in (d.outputs, d.inputs))
+        per = np.divide(1.0, H, out=np.zeros_like(H), where=H != 0)
+        by_ratios = np.array(
+            [((slope * hat)[:, :, None] * out).transpose(0, 2, 1) @ into * per for hat in _hats(knots, f_r).T]
+        )
+        return _OwnDamping(offset, damping.ratio_at(knots), by_ratios)
 
     def _engine_at(self, frequency: NDArray[np.float64]) -> ParametricFRF:
         return ParametricFRF(self.reduced, self.data.outputs, self.data.inputs, frequency, self.refs)
@@ -722,7 +770,8 @@ class FRFResidual:
         """
         d, keep = self.data, self.data.mask
         zeta = self.model.damping.ratio_at(d.frequency)
-        if ratios is not None and self.ratio_hats is not None:
+        own = self._own
+        if ratios is not None and self.ratio_hats is not None and own is None:
             zeta = self.ratio_hats @ ratios
         engine, lines = self._engine, d.frequency
         if shifts is not None and self.shift_hats is not None and shifts.any():
@@ -730,6 +779,10 @@ class FRFResidual:
             engine = self._engine_at(lines)
         H, dH, dH_dzeta = engine.evaluate(values, zeta, gradient)
         r = log_ratio(H, d.H)
+        if own is not None:
+            r = r + own.offset
+            if ratios is not None and len(own.ratios):
+                r = r + np.tensordot(ratios - own.ratios, own.by_ratios, axes=1)
         n_out = d.outputs.shape[1]
         if gains is not None:
             r = r + gains[:n_out, None] + gains[n_out:]
@@ -742,7 +795,11 @@ class FRFResidual:
         by_ratios = by_shifts = by_gains = None
         if ratios is not None and self.ratio_hats is not None:
             base = dH_dzeta * per
-            by_ratios = np.array([(hat[:, None, None] * base)[keep] for hat in self.ratio_hats.T])
+            by_ratios = (
+                np.array([(hat[:, None, None] * base)[keep] for hat in self.ratio_hats.T])
+                if own is None
+                else own.by_ratios[:, keep]
+            )
         if shifts is not None and self.shift_hats is not None:
             step = 3e-8  # between the curvature of the logarithm and rounding
             ahead = self._engine_at(lines + step * d.frequency).evaluate(values, zeta, False)[0]

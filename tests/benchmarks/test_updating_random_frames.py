@@ -7,15 +7,17 @@ from scipy.stats import binom, norm
 from tests.random_frames import NOISE, RATIO, random_frame
 from updating.update import Ending, Settings, update
 
-N = 12
+FRAMES = {"loss factor": range(12), "modal": range(12, 18)}
+"""Seeds by the truth's damping: the form that the engine has between resonances, or the model's own."""
+
 LEVEL = 0.9
 
 
-@pytest.fixture(scope="module")
-def updated():
+@pytest.fixture(scope="module", params=FRAMES)
+def updated(request):
     out = []
-    for seed in range(N):
-        frame = random_frame(seed)
+    for seed in FRAMES[request.param]:
+        frame = random_frame(seed, modal=request.param == "modal")
         priors = dict.fromkeys(frame.refs, 0.2)
         out.append(
             (
@@ -74,7 +76,7 @@ def test_each_interval_alone_holds_as_predicted_from_the_correlations(updated):
         z = rng.multivariate_normal(np.zeros(5), result.correlation[:5, :5], len(drawn))
         drawn += (np.abs(z) < half).sum(axis=1)
     low, high = np.quantile(drawn, [1e-3, 1 - 1e-3])
-    assert low <= inside <= high, (inside, 5 * N)
+    assert low <= inside <= high, (inside, 5 * len(updated))
 
 
 @pytest.mark.slow
