@@ -270,7 +270,7 @@ class _Reader:
                 f"{describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
-        damping = read_damping(top, notes)
+        damping = read_damping(top, self.path.parent, notes)
         effects: tuple[Effect, ...] = (
             Frame(members=properties),
             *supports,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from fem.effects.added_mass import AddedMass
 from fem.effects.frame import MASSES, THEORIES, MemberProperties, local_axes
 from fem.effects.support import Support
+from fem.io import read_modes
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping
 from fem.properties import Material, Section
@@ -291,16 +293,20 @@ def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
     return tuple(out)
 
 
-def read_damping(top: Table, notes: list[str]) -> Damping:
-    """Read ``[damping]``."""
+def read_damping(top: Table, folder: Path, notes: list[str]) -> Damping:
+    """Read ``[damping]``; a file of modes gives their ratios over frequency."""
     t = top.table("damping")
     if not t.values:
-        for key in ("modal", "alpha", "beta", "loss_factor"):
+        for key in ("modal", "file", "alpha", "beta", "loss_factor"):
             t.get(key, None)
         notes.append("no damping is given: a modal damping ratio of 0.5 % is assumed for all modes")
         return Damping.modal(0.005)
     ratio, frequency = np.zeros(1), np.zeros(1)
-    if "modal" in t and isinstance(t.get("modal"), dict):
+    if "modal" in t and "file" in t:
+        t.refuse("file", "give either modal, ratios, or file, with modes that have them")
+    if "file" in t:
+        frequency, ratio = _ratios_of_file(t, folder)
+    elif "modal" in t and isinstance(t.get("modal"), dict):
         inner = t.table("modal")
         ratio, frequency = (
             inner.vector("ratio", size=None, unit="-"),
@@ -309,7 +315,7 @@ def read_damping(top: Table, notes: list[str]) -> Damping:
         inner.finish()
     elif "modal" in t:
         ratio = np.array([t.number("modal", least=0)])
-    with t.at("modal"):
+    with t.at("file" if "file" in t else "modal"):
         modal = Damping.modal(ratio, frequency)
     damping = Damping(
         modal.frequency,
@@ -320,3 +326,18 @@ def read_damping(top: Table, notes: list[str]) -> Damping:
     )
     t.finish()
     return damping
+
+
+def _ratios_of_file(t: Table, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and damping ratios of the modes in a file, for instance identified ones."""
+    path = folder / t.text("file")
+    if not path.is_file():
+        t.refuse("file", f"there is no file '{path}'")
+    with t.at("file"):
+        modes = read_modes(path)
+    if modes.zeta is None or not (modes.frequency > 0).any():
+        t.refuse("file", f"{path.name} has no damping ratios of modes above 0 Hz")
+    rising = np.argsort(modes.frequency, kind="stable")
+    f, zeta = modes.frequency[rising], modes.zeta[rising]
+    f, first = np.unique(f[f > 0], return_index=True)  # of equal frequencies, the first
+    return f, zeta[len(zeta) - (modes.frequency > 0).sum() :][first]

@@ -220,7 +220,7 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     if ratios:
         d = updated.model.damping
         text = f"modal = {{ frequency = [{_numbers(d.frequency)}], ratio = [{_numbers(d.ratio)}] }}"
-        row = places.get(("damping", "modal"))
+        row = places.get(("damping", "modal"), places.get(("damping", "file")))
         if row is not None:
             lines[row - 1] = text  # a table over several lines makes this unreadable, which is said
         elif "damping" in tree:

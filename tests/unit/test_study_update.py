@@ -157,6 +157,27 @@ def test_a_modulus_comes_back_and_is_written(bracket, tmp_path, capsys, more, to
     assert {p.name for p in (out / "pictures").iterdir()} >= {"convergence.png", "parameters.png"}
 
 
+def test_identified_ratios_are_the_damping_of_a_study(bracket, tmp_path):
+    """The truth has 0.8 % in all modes; the study's own 0.8 % is replaced by what was identified."""
+    path, _ = bracket
+    modes = path.with_name("identified.uff")
+    assert main(["identify-modes", str(path), "--quiet", "--out", str(modes)]) == 0
+    study = path.with_name("damped.toml")
+    text = path.read_text(encoding="utf-8").replace("modal = 0.008", f'file = "{modes.name}"')
+    study.write_text(text, encoding="utf-8")
+    damping, found = load_study(study).model.damping, read_uff(modes).modes[0]
+    np.testing.assert_allclose(damping.frequency, found.frequency)
+    np.testing.assert_allclose(damping.ratio, found.zeta)
+    np.testing.assert_allclose(damping.ratio, 0.008, rtol=0.05)
+    # an update writes the ratios in its place, or leaves the file, which is then named from elsewhere
+    for more, keys in (("", {"modal"}), ("\n[update]\ndamping = false\n", {"file"})):
+        study.write_text(text + more, encoding="utf-8")
+        assert main(["update", str(study), "--quiet", "--force", "--out", str(tmp_path / "u")]) == 0
+        written = (tmp_path / "u" / "study.toml").read_text(encoding="utf-8")
+        assert set(tomllib.loads(written)["damping"]) == keys
+        load_study(tmp_path / "u" / "study.toml")
+
+
 def test_bounds_and_groups_and_values_without_a_place(bracket, tmp_path, capsys):
     path, _ = bracket
     more = """
@@ -269,6 +290,24 @@ def test_what_cannot_be_meant_is_refused(bracket, capsys, more, words):
     path, _ = bracket
     study = path.with_name("wrong.toml")
     study.write_text(path.read_text(encoding="utf-8") + "\n" + more, encoding="utf-8")
+    assert main(["modes", str(study)]) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("damping", "words"),
+    [
+        ('file = "none.uff"', "damping.file: there is no file"),
+        ('modal = 0.01\nfile = "modes.npz"', "give either modal"),
+        ('file = "modes.npz"', "modes.npz has no damping ratios"),
+        ('file = "frf.npz"', "damping.file: "),
+        ("file = 3", "damping.file: 3 is not allowed"),
+    ],
+)
+def test_files_without_damping_are_refused(bracket, capsys, damping, words):
+    path, _ = bracket
+    study = path.with_name("damping.toml")
+    study.write_text(path.read_text(encoding="utf-8").replace("modal = 0.008", damping), encoding="utf-8")
     assert main(["modes", str(study)]) == 2
     assert words in capsys.readouterr().err
 
