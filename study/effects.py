@@ -7,6 +7,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from fem.effects import candidate_kinds, effect_classes
+from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Instruments, Model
 from study.table import Table, suggest
 from updating.measurement import Sensor, sensor_point
@@ -39,6 +40,10 @@ def read_effects(
                 t.refuse(
                     p.name, f"{values[p.name]:g} {p.unit} is not between {p.lower:g} and {p.upper:g} {p.unit}"
                 )
+        if isinstance(effect, AmplitudeDependent):
+            effect = replace(
+                effect, amplitude=t.number("amplitude", effect.amplitude, above=0, unit="m or rad")
+            )
         own = t.text("name", f"known {name}")
         if own in names:
             t.refuse("name", f"the model has two effects '{own}'; names must differ")
@@ -66,6 +71,8 @@ def effect_table(effect: Effect, candidate: str) -> str:
         Name of the candidate that it was.
     """
     lines = [f"{p.name} = {float(p.value)!r}" for p in effect.parameters()]
+    if isinstance(effect, AmplitudeDependent):
+        lines.append(f"amplitude = {float(effect.amplitude)!r}")
     return "\n".join(["[[effects]]", f'candidate = "{candidate}"', *lines]) + "\n"
 
 

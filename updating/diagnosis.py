@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint, PointPair
+from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
 from fem.model import Effect, Model
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
 from fem.system import assemble
+from updating.amplitude import combined_levels, force_levels, search_amplitude
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.faults import Fault, find_faults, settle_faults
-from updating.fit import LEVEL_FLOOR, FitProblem, FitResult, prepare, sensor_vectors
+from updating.fit import LEVEL_FLOOR, FitData, FitProblem, FitResult, prepare, sensor_vectors
 from updating.gates import Gates, check_gates
 from updating.measurement import Measurement, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
@@ -349,10 +351,13 @@ def propose(
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
     test: Measurement | None = None,
+    *,
+    levels: bool = False,
 ) -> tuple[Effect, ...]:
     """Return all candidates of some kinds (default: all that the program knows) for a model.
 
-    With a measurement there are also those of its instruments: masses of sensors, stingers.
+    With a measurement there are also those of its instruments: masses of sensors, stingers. Those that
+    depend on amplitude come where there are several ``levels`` of force.
 
     Raises
     ------
@@ -365,6 +370,7 @@ def propose(
             msg = f"there is no candidate kind '{kind}'; allowed are {', '.join(known)}"
             raise ValueError(msg)
     classes = [effect_classes()[kind] for kind in (kinds or known) if kind not in exclude]
+    classes = [cls for cls in classes if levels or not cls.amplitude_dependent]
     if test is None:
         return tuple(e for cls in classes for e in cls.propose(model))
     instruments = instruments_on(model.mesh, test)
@@ -436,7 +442,21 @@ def diagnose(
     rounds: list[tuple[Ranked, ...]] = []
     grids: dict[str, Grid] = {}
     current = null
-    while len(findings) < MAX_EFFECTS:
+    limit = max(FLOOR_MARGIN * floor, model_error)
+    levels = () if gates.linear else force_levels(problem, measurements, faults)
+    nonlinear = _amplitude_candidates(model, kinds, exclude, measurements[0]) if levels else ()
+    if not gates.linear and not levels:
+        notes.append(
+            "what depends on amplitude is searched for only where each measurement states its force_level, "
+            "and two differ"
+        )
+    if nonlinear:
+        found = _amplitude_round(problem, levels, current, nonlinear, _between(say, 0.05, 0.2))
+        if found is not None and found[1].level <= limit:
+            finding, current, ranked = found
+            findings, rounds = [finding], [ranked]
+            steps.append(_step(f"{_label(finding.effect)} added", current))
+    while len(findings) < MAX_EFFECTS and not any(f.effect.amplitude_dependent for f in findings):
         taken = {f.effect.name for f in findings}
         open_ = [
             e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
@@ -479,16 +499,30 @@ def diagnose(
         current = best
         steps.append(_step(f"{_label(best.effects[-1])} added", best))
     before = findings
-    findings, current = _without_idle(problem, findings, current)
+    if not any(f.effect.amplitude_dependent for f in findings):
+        findings, current = _without_idle(problem, findings, current)
     if len(findings) < len(before):
         left = {f.effect.name for f in findings}
         kept = [k for k, f in enumerate(before) if f.effect.name in left]
         rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
         names = " and ".join(_label(f.effect) for f in findings)
         steps = [*steps[:2], *([_step(f"{names} added", current)] if findings else [])]
+    if nonlinear and not any(f.effect.amplitude_dependent for f in findings):
+        found = _amplitude_round(problem, levels, current, nonlinear, _between(say, 0.9, 0.98))
+        if found is not None:
+            finding, current, ranked = found
+            linear = [
+                replace(f, effect=e, parameters=_parameters(e, current))
+                for e, f in zip(current.effects, findings, strict=False)
+            ]
+            findings = [*linear, finding]
+            rounds = [*rounds[: len(linear)], ranked, *rounds[len(linear) :]]
+            steps.append(_step(f"{_label(finding.effect)} added", current))
     say("checking", 0.98)
-    limit = max(FLOOR_MARGIN * floor, model_error)
-    if findings and current.level < limit:  # small faults show only where the physics is right
+    depends = any(f.effect.amplitude_dependent for f in findings)
+    if (
+        findings and current.level < limit and not depends
+    ):  # small faults show only where the physics is right
         problem, current, late = find_faults(problem, current)
         if late:
             faults = (*faults, *late)
@@ -497,7 +531,7 @@ def diagnose(
                 for e, f in zip(current.effects, findings, strict=True)
             ]
             steps[-1] = _step(steps[-1].label, current)
-    if faults:
+    if faults and not depends:
         label = steps[-1].label
         problem, current, faults = settle_faults(problem, current, faults)
         findings = [
@@ -515,6 +549,16 @@ def diagnose(
         )
     most_left = MOST_LEFT**0.5 * null.level if model_error > 0 else 0.0
     verdict, reason = _verdict(null, current, (limit, most_left), findings, faults, rounds)
+    if depends:
+        before_all, after_all = (
+            combined_levels(problem, levels, fit)[0] * DB_PER_NEPER for fit in (steps[-2].result, current)
+        )
+        reason += (
+            f"; over the {len(levels)} force levels together from {before_all:.2g} to {after_all:.2g} dB"
+        )
+    elif not gates.linear:
+        reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
+        verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
     if verdict == UNEXPLAINED:
         findings, current, steps = [], null, steps[:2]
     model_fitted = model.with_values(
@@ -524,6 +568,45 @@ def diagnose(
         verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db, mesh_db,
         basis_db, limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
     )  # fmt: skip
+
+
+def _amplitude_candidates(
+    model: Model, kinds: Sequence[str] | None, exclude: Sequence[str], test: Measurement
+) -> tuple[AmplitudeDependent, ...]:
+    every = propose(model, kinds, exclude, test, levels=True)
+    return tuple(e for e in every if isinstance(e, AmplitudeDependent))
+
+
+def _amplitude_round(
+    problem: FitProblem,
+    levels: tuple[FitData, ...],
+    current: FitResult,
+    candidates: Sequence[AmplitudeDependent],
+    say: Progress,
+) -> tuple[Finding, FitResult, tuple[Ranked, ...]] | None:
+    """Fit nonlinear joints to all force levels; None unless the best lowers the levels over all of them."""
+    fits = search_amplitude(problem, levels, current, candidates, say)
+    if not fits:
+        return None
+    without = combined_levels(problem, levels, current)
+    best = fits[0]
+    if not (without[0] > ACCEPT_LEVEL * best.level and without[1] > ACCEPT_HELD_OUT * best.held_out_level):
+        return None
+    shift = _change(problem, best.result, current)
+    ranked = tuple(
+        Ranked(
+            f.effect.name, f.effect.kind, f.effect.where, _parameters(f.effect, f.result), f.level,
+            f.result.fit_db, f.result.held_out_db,
+            _similarity(shift, _change(problem, f.result, current)), True, f.result,
+        )
+        for f in fits
+    )  # fmt: skip
+    gain = np.log(without[0] / best.level)
+    twins = tuple(r for r in ranked[1:] if np.log(without[0] / r.level) > TWIN_SHARE * gain)
+    rival = next((r for r in ranked[1:] if r not in twins), None)
+    against = rival or (twins[0] if twins else None)
+    decisive = what_decides(problem, best.result, against.result) if against else ()
+    return Finding(best.effect, ranked[0].parameters, twins, rival, decisive), best.result, ranked
 
 
 def _part(say: Progress, n: int) -> Progress:
@@ -782,7 +865,14 @@ def _verdict(
 
 
 def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> float:
-    """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB]."""
+    """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB].
+
+    Effects that depend on amplitude are left out of both.
+    """
+    effects = tuple(e for e in result.effects if not e.amplitude_dependent)
+    gone = {e.name for e in result.effects if e.amplitude_dependent}
+    values = {ref: v for ref, v in result.values.items() if ref[0] not in gone}
+    result = replace(result, effects=effects, values=values)
     model = problem.reduced.model
     own = {e.name for e in model.effects}
     full = model.with_values({r: v for r, v in result.values.items() if r[0] in own}).with_effect(

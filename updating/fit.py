@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
+from fem.harmonic_balance import Receptances, Steady, solve_steady
 from fem.model import Effect, Model, ParameterRef
 from fem.reduced import ParametricFRF, ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
@@ -330,6 +332,8 @@ class FitProblem:
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return the fitted model's receptances as the sensors would read them, at some or all lines."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
+        if any(e.amplitude_dependent for e in result.effects):
+            return self.steady(result, lines).H * result.gains[:, None]
         outputs, inputs = self.vectors
         f = self.data.frequency[lines]
         refs = list(result.values)
@@ -337,6 +341,30 @@ class FitProblem:
         zeta = np.exp(self.damping.hats(f) @ np.log(result.zeta))
         H, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         return H * result.gains[:, None]
+
+    def vectors_with(self, element: AmplitudeDependent) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return sensors and excitations, each with the motion that an element acts on as the last."""
+        b = np.zeros((self.reduced.model.n_dof, 1))
+        dofs, row = element.strain(self.reduced.model, element.direction)
+        b[dofs, 0] = row
+        outputs, inputs = self.vectors
+        return np.hstack([outputs, b]), np.hstack([inputs, b])
+
+    def steady(self, result: FitResult, lines: NDArray[np.int64]) -> Steady:
+        """Return the steady vibration at the data's level of force with one effect that depends on amplitude.
+
+        Without a level the effect keeps the amplitude that it has.
+        """
+        (element,) = (e for e in result.effects if isinstance(e, AmplitudeDependent))
+        linear = [e for e in result.effects if e is not element]
+        refs = [ref for ref in result.values if ref[0] != element.name]
+        f = self.data.frequency[lines]
+        engine = ParametricFRF(self.reduced, *self.vectors_with(element), f, refs, linear)
+        zeta = np.exp(self.damping.hats(f) @ np.log(result.zeta))
+        block, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
+        measured = np.where(self.data.mask[lines], self.data.H[lines], 0.0)
+        force = self.data.measurement.force_level
+        return solve_steady(element, force, Receptances.of(block), measured)
 
     def nominal(self) -> FitResult:
         """Return the model as it was given, unfitted."""
@@ -498,18 +526,21 @@ class FitFunction:
         p = self.problem
         return INDEPENDENT_PER_MODE * max(3.0, p.n_modes * min(1.0, stage / p.data.frequency[-1]))
 
-    def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int) -> Solution:
-        """Find the x of greatest posterior probability from a start."""
-        p, n_par = self.problem, len(self.variables)
-        n_damping, n_gain = len(p.damping.knots), len(p.gains)
-        limits = np.vstack(
+    def limits(self) -> NDArray[np.float64]:
+        """Return the bounds of x, shape (n, 2)."""
+        p = self.problem
+        return np.vstack(
             [
                 np.array([v.bounds() for v in self.variables]).reshape(-1, 2),
-                np.tile([np.log(1e-5), np.log(0.3)], (n_damping, 1)),
-                np.tile([-3.0, 3.0], (n_gain, 1)),
+                np.tile([np.log(1e-5), np.log(0.3)], (len(p.damping.knots), 1)),
+                np.tile([-3.0, 3.0], (len(p.gains), 1)),
             ]
         )
-        assert n_par + n_damping + n_gain == len(x)
+
+    def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int) -> Solution:
+        """Find the x of greatest posterior probability from a start."""
+        p, limits = self.problem, self.limits()
+        assert len(limits) == len(x)
         return solve_robust(
             self,
             x,

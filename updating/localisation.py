@@ -72,6 +72,8 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     project = _Projection.of(problem, result)
     for kind in candidate_kinds():
         for effect in effect_classes()[kind].propose(problem.reduced.model):
+            if effect.amplitude_dependent:
+                continue
             share = max((project.share(e, start) for e, start in _small(effect, problem)), default=0.0)
             member = getattr(effect, "member", None)
             if member is not None:

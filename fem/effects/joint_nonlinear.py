@@ -2,27 +2,41 @@
 
 In harmonic motion δ = a sin ωt a force f(δ) has the fundamental component k(a) δ with the complex stiffness
 k(a) = (1/πa) ∫₀^2π f(a sin τ) (sin τ + i cos τ) dτ (Krylov & Bogoliubov; Worden & Tomlinson, Nonlinearity in
-Structural Dynamics, ch. 3). Each of these effects has the matrices of one amplitude. What tells them from
-one another is how they change with it, which needs measurements at two or more force levels: they are not
-proposed.
+Structural Dynamics, ch. 3). Each of these effects has the matrices of one amplitude; `stiffness_at` gives k
+at any, for :mod:`fem.harmonic_balance`. What tells them from one another, and from linear ones, is how they
+change with the amplitude: a search takes them up where measurements at two or more force levels differ.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fem.effects.joint import TRANSLATIONS, joint_unit
+from fem.effects.joint import TRANSLATIONS, Joint, joint_unit
 from fem.effects.places import OnJoint
-from fem.model import Contribution, Model, ModelError, Parameter
+from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _AmplitudeDependent(OnJoint):
+class AmplitudeDependent(OnJoint):
+    """An element beside a joint's spring in one direction, with the matrices of one amplitude.
+
+    Attributes
+    ----------
+    joint, direction : str
+        Name of a joint and a direction in which it moves.
+    amplitude : float
+        a, amplitude of the relative motion [m or rad].
+    reference : float
+        The joint's stiffness in the direction, which sets the scale [N/m or N·m/rad].
+    """
+
     amplitude_dependent: ClassVar[bool] = True
     direction: str
     amplitude: float
+    reference: float = 1e6
 
     def __post_init__(self) -> None:
         if not self.amplitude > 0:
@@ -46,6 +60,29 @@ class _AmplitudeDependent(OnJoint):
         """Return the storage and the loss stiffness at the amplitude [N/m or N·m/rad]."""
         raise NotImplementedError
 
+    def stiffness_at(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return k at amplitudes of any shape, all above 0 [N/m or N·m/rad]."""
+        raise NotImplementedError
+
+    def slopes_at(
+        self, amplitude: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
+        """Return dk/da, and dk by each parameter, at amplitudes of any shape."""
+        raise NotImplementedError
+
+    @classmethod
+    def _each(cls, model: Model, **values: float) -> tuple[Self, ...]:
+        """Return one for each elastic direction of each joint, at an amplitude that a search replaces."""
+        return tuple(
+            cls(
+                name=f"{cls.kind}:{j.name}.{d}", joint=j.name, direction=d, amplitude=1e-5,
+                reference=float(j.K[i, i]), **values,
+            )
+            for j in model.of_kind(Joint)
+            for i, d in enumerate(DIRECTIONS)
+            if d in j.elastic
+        )  # fmt: skip
+
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return K and D of the equivalent stiffness."""
         dofs, b = self.strain(model, self.direction)
@@ -56,7 +93,7 @@ class _AmplitudeDependent(OnJoint):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class JointCubic(_AmplitudeDependent):
+class JointCubic(AmplitudeDependent):
     """A cubic spring beside a joint's own, f = k₃ δ³: k(a) = ¾ k₃ a².
 
     Attributes
@@ -65,6 +102,8 @@ class JointCubic(_AmplitudeDependent):
         Name of a joint and a direction in which it moves.
     amplitude : float
         a, amplitude of the relative motion [m or rad].
+    reference : float
+        The joint's stiffness in the direction, which sets the scale [N/m or N·m/rad].
     cubic : float
         k₃, negative for softening [N/m³ or N·m/rad³].
     """
@@ -81,15 +120,31 @@ class JointCubic(_AmplitudeDependent):
         """Return ¾ k₃ a² and no loss."""
         return 0.75 * self.cubic * self.amplitude**2, None
 
+    def stiffness_at(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return ¾ k₃ a²."""
+        return (0.75 * self.cubic * amplitude**2).astype(complex)
+
+    def slopes_at(
+        self, amplitude: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
+        """Return 3/2 k₃ a, and ¾ a² by k₃."""
+        own = {"cubic": (0.75 * amplitude**2).astype(complex)}
+        return (1.5 * self.cubic * amplitude).astype(complex), own
+
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Equivalent stiffnesses of 10² to 10⁸, either way."""
-        return tuple(
-            {"cubic": s * 10.0**e / (0.75 * self.amplitude**2)} for e in (2, 4, 6, 8) for s in (-1, 1)
-        )
+        """Equivalent stiffnesses of 10⁻³ to 30 times the joint's, softening up to nine tenths of it."""
+        unit = self.reference / (0.75 * self.amplitude**2)
+        up = np.geomspace(1e-3, 30.0, 14)
+        return tuple({"cubic": float(f * unit)} for f in (*up, *(-up[up < 0.9])))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Self, ...]:
+        """Each elastic direction of each joint."""
+        return cls._each(model, cubic=0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class JointGap(_AmplitudeDependent):
+class JointGap(AmplitudeDependent):
     """A spring beside a joint's own that acts only beyond a gap on either side.
 
     k(a) = k (1 - 2/π (asin(g/a) + (g/a) √(1 - (g/a)²))) for a > g, 0 below.
@@ -100,6 +155,8 @@ class JointGap(_AmplitudeDependent):
         Name of a joint and a direction in which it moves.
     amplitude : float
         a, amplitude of the relative motion [m or rad].
+    reference : float
+        The joint's stiffness in the direction, which sets the scale [N/m or N·m/rad].
     stiffness : float
         k, beyond the gap [N/m or N·m/rad].
     gap : float
@@ -114,7 +171,7 @@ class JointGap(_AmplitudeDependent):
         """Return the stiffness and the gap."""
         return (
             Parameter("stiffness", joint_unit(self.direction), self.stiffness, 0.0, 0.0, 1e18),
-            Parameter("gap", self._length, self.gap, self.gap, 0.0, 10 * self.amplitude),
+            Parameter("gap", self._length, self.gap, self.gap, 0.0, 100 * self.amplitude),
         )
 
     def equivalent(self) -> tuple[Any, Any]:
@@ -129,15 +186,40 @@ class JointGap(_AmplitudeDependent):
         )
         return self.stiffness * (1 - 2 / np.pi * (angle + x * root)), None
 
+    def stiffness_at(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return k (1 - 2/π (asin x + x √(1 - x²))) with x = g/a, 0 for x above 1."""
+        x = np.minimum(self.gap / amplitude, 1.0)
+        return (self.stiffness * (1 - 2 / np.pi * (np.arcsin(x) + x * np.sqrt(1 - x**2)))).astype(complex)
+
+    def slopes_at(
+        self, amplitude: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
+        """Return the slopes by a, by k, and by g: dk/dx = -4/π k √(1 - x²)."""
+        x = np.minimum(self.gap / amplitude, 1.0)
+        root = np.sqrt(1 - x**2)
+        by_x = -4 / np.pi * self.stiffness * root
+        own = {
+            "stiffness": (1 - 2 / np.pi * (np.arcsin(x) + x * root)).astype(complex),
+            "gap": (by_x / amplitude).astype(complex),
+        }
+        return (-by_x * x / amplitude).astype(complex), own
+
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Stiffnesses of 10² to 10⁸ and gaps of a tenth to nine tenths of the amplitude."""
+        """Stiffnesses of a hundredth to a hundred times the joint's, and gaps below the amplitude."""
         return tuple(
-            {"stiffness": 10.0**e, "gap": g * self.amplitude} for e in (2, 4, 6, 8) for g in (0.1, 0.5, 0.9)
+            {"stiffness": float(f * self.reference), "gap": g * self.amplitude}
+            for f in np.geomspace(1e-2, 1e2, 9)
+            for g in (0.03, 0.1, 0.3, 0.6, 0.9)
         )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Self, ...]:
+        """Each elastic direction of each joint."""
+        return cls._each(model, stiffness=0.0, gap=1e-6)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class JointFriction(_AmplitudeDependent):
+class JointFriction(AmplitudeDependent):
     """Dry friction beside a joint's spring, F sign(dδ/dt): k(a) = i 4F/(πa), less the larger the motion.
 
     Attributes
@@ -146,6 +228,8 @@ class JointFriction(_AmplitudeDependent):
         Name of a joint and a direction in which it moves.
     amplitude : float
         a, amplitude of the relative motion [m or rad].
+    reference : float
+        The joint's stiffness in the direction, which sets the scale [N/m or N·m/rad].
     force : float
         F, force of sliding friction [N or N·m].
     """
@@ -161,6 +245,24 @@ class JointFriction(_AmplitudeDependent):
         """Return no stiffness, and the loss 4F/(πa)."""
         return None, 4 * self.force / (np.pi * self.amplitude)
 
+    def stiffness_at(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return i 4F/(πa)."""
+        return 4j * self.force / (np.pi * amplitude)
+
+    def slopes_at(
+        self, amplitude: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
+        """Return -i 4F/(πa²), and i 4/(πa) by F."""
+        return -4j * self.force / (np.pi * amplitude**2), {
+            "force": (4j / (np.pi * amplitude)).astype(complex)
+        }
+
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Losses of 10² to 10⁷."""
-        return tuple({"force": 10.0**e * np.pi * self.amplitude / 4} for e in range(2, 8))
+        """Losses of 10⁻³ to 10 times the joint's stiffness."""
+        unit = self.reference * np.pi * self.amplitude / 4
+        return tuple({"force": float(f * unit)} for f in np.geomspace(1e-3, 10.0, 17))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Self, ...]:
+        """Each elastic direction of each joint."""
+        return cls._each(model, force=0.0)

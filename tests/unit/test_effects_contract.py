@@ -8,7 +8,6 @@ import pytest
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.frame import Frame
-from fem.effects.joint_nonlinear import JointCubic, JointFriction, JointGap
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.frf import compute_frf
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix
@@ -77,9 +76,6 @@ def candidates(model, kind):
 NOT_PROPOSED = (
     MassDamping(name="alpha", alpha=1.0),
     StiffnessDamping(name="beta", beta=1e-5),
-    JointCubic(name="cubic", joint="bolt", direction="z", amplitude=1e-4, cubic=1e15),
-    JointGap(name="gap", joint="bolt", direction="rx", amplitude=1e-4, stiffness=1e4, gap=3e-5),
-    JointFriction(name="friction", joint="bolt", direction="y", amplitude=1e-4, force=20.0),
 )
 """Effects of kinds that a search does not propose, on the crossed beams."""
 

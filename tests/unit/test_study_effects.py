@@ -51,7 +51,7 @@ def loaded(folder, text):
 def candidates(study):
     names = [[s.name for s in group] for group in (study.sensors, study.excitations)]
     frf = FRF.from_arrays([1.0], np.ones((1, *map(len, names))), "receptance", *names)
-    return propose(study.model, test=Measurement(frf, study.sensors, study.excitations))
+    return propose(study.model, test=Measurement(frf, study.sensors, study.excitations), levels=True)
 
 
 def test_every_kind_comes_back_from_a_study_file(tmp_path):
