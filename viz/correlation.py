@@ -1,6 +1,7 @@
 """Pictures of correlation: criteria over DOFs and lines, mode pairs, pretest plans and matched geometry."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +9,17 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike, NDArray
 
 from fem.mesh import Mesh
 from fem.model import Model
+from updating.frf_correlation import BandError
 from updating.geometry_matching import GeometryMatch
 from updating.pairing import ModeComparison
 from updating.pretest import PretestPlan
 from viz import style
-from viz.curves import legend_above
+from viz.curves import legend_above, plot_misfit_matrix
 from viz.render import render_model, view_axes
 
 
@@ -208,6 +211,103 @@ def plot_agreement(
         if title:
             ax.set_title(title)
     return figure
+
+
+def plot_orthogonality(
+    values: ArrayLike,
+    labels: tuple[Sequence[str], Sequence[str]],
+    names: tuple[str, str] = ("measured", "computed"),
+    limit: float = 0.1,
+    title: str = "",
+) -> Figure:
+    """Plot a mass orthogonality (POC) as a matrix; what is off the diagonal and above the limit is framed.
+
+    Parameters
+    ----------
+    values : array_like (n_x, n_a)
+        Of ``orthogonality`` or ``cross_orthogonality``, the pairs on the diagonal; drawn by size [-].
+    labels : (sequence of n_x str, sequence of n_a str)
+        Names of the modes.
+    names : (str, str)
+        What the rows and the columns are.
+    limit : float
+        Largest size off the diagonal; on it, pairs below 1 - limit are framed too [-].
+    title : str
+        Heading.
+
+    Raises
+    ------
+    ValueError
+        If numbers differ.
+    """
+    v = np.abs(np.array(values, ndmin=2))
+    if v.shape != (len(labels[0]), len(labels[1])):
+        msg = f"the values have shape {v.shape} for {len(labels[0])} and {len(labels[1])} labels"
+        raise ValueError(msg)
+    with style.look():
+        figure = style.new_figure(
+            float(np.clip(2.2 + 0.5 * v.shape[1], 3.6, style.WIDTH)),
+            float(np.clip(1.4 + 0.3 * len(v), 2.4, 9)),
+        )
+        ax = figure.add_subplot()
+        _matrix(figure, ax, v, "size of φᵀMφ [-]")
+        on = np.eye(*v.shape, dtype=bool)
+        for i, j in np.argwhere(np.where(on, v < 1 - limit, v > limit)):
+            ax.add_patch(
+                Rectangle(
+                    (j - 0.48, i - 0.48), 0.96, 0.96, fill=False, edgecolor=style.VERMILION, linewidth=1.6
+                )
+            )
+        ax.set_yticks(range(len(v)), labels[0], fontsize=7.5)
+        ax.set_xticks(
+            range(v.shape[1]), labels[1], fontsize=7.5, rotation=40, ha="right", rotation_mode="anchor"
+        )
+        ax.set_ylabel(names[0])
+        ax.set_xlabel(names[1])
+        if title:
+            ax.set_title(title)
+    return figure
+
+
+def plot_band_error(
+    error: BandError, outputs: Sequence[str], what: str = "log_error", title: str = ""
+) -> Figure:
+    """Plot errors of FRFs by sensor and band as a heat map, summed over the forces.
+
+    Parameters
+    ----------
+    error : BandError
+    outputs : sequence of str
+        Names of the sensors.
+    what : str
+        ``"relative"``, ``"level_db"`` or ``"log_error"``, the methods of the error.
+    title : str
+        Heading.
+
+    Raises
+    ------
+    ValueError
+        For another kind of error, or numbers that differ.
+    """
+    labels = {
+        "relative": "difference over measured [-]",
+        "level_db": "level [dB]",
+        "log_error": "logarithmic error [-]",
+    }
+    if what not in labels:
+        msg = f"errors '{what}' are not known; allowed are {', '.join(labels)}"
+        raise ValueError(msg)
+    parts = ("measured", "computed", "difference", "log_square", "n_log")
+    summed = replace(error, **{part: getattr(error, part).sum(axis=2, keepdims=True) for part in parts})
+    values = getattr(summed, what)("each")[:, :, 0].T
+    if len(values) != len(outputs):
+        msg = f"the errors have {len(values)} outputs; {len(outputs)} names are given"
+        raise ValueError(msg)
+    bands = [f"{a:.4g} to {b:.4g} Hz" for a, b in zip(error.bands[:-1], error.bands[1:], strict=True)]
+    top = max(float(np.nanmax(values)), 1e-12) if what != "level_db" and np.isfinite(values).any() else None
+    return plot_misfit_matrix(
+        values, outputs, bands, labels[what], limits=None if top is None else (0.0, top), title=title
+    )
 
 
 def plot_mode_pairs(comparison: ModeComparison, title: str = "", band: float = 0.05) -> Figure:

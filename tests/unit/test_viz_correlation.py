@@ -6,6 +6,7 @@ from matplotlib.patches import Rectangle
 
 import fem
 from updating.frf_correlation import (
+    band_error,
     cross_signature_assurance,
     cross_signature_scale,
     fdac,
@@ -116,3 +117,25 @@ def test_a_plan_and_a_match_are_drawn(offscreen, tmp_path):
     assert "without a mesh point" in labels_of(figure)
     assert figure.legends[0].get_title().get_text().startswith("Not turned")
     assert drawn(figure)
+
+
+def test_orthogonality_frames_what_is_above_its_limit():
+    values = np.array([[0.97, -0.05, 0.22], [0.03, -0.85, 0.1]])
+    figure = pictures.plot_orthogonality(values, (["10 Hz", "20 Hz"], ["11 Hz", "21 Hz", "30 Hz"]))
+    boxes = [p for p in figure.axes[0].patches if isinstance(p, Rectangle)]
+    framed = {(round(p.get_x() + 0.48), round(p.get_y() + 0.48)) for p in boxes}
+    assert framed == {(2, 0), (1, 1)}  # column, row: 0.22 beside a pair, and a pair of 0.85
+    with pytest.raises(ValueError, match="2 and 2 labels"):
+        pictures.plot_orthogonality(values, (["a", "b"], ["c", "d"]))
+
+
+def test_band_errors_have_a_cell_for_each_sensor_and_band():
+    H = np.ones((40, 2, 3), dtype=complex)
+    error = band_error(np.arange(40.0), H, H * np.array([1.0, 1.1])[:, None], 4)
+    figure = pictures.plot_band_error(error, ["a", "b"], "relative")
+    words = [text.get_text() for text in figure.axes[0].texts]
+    assert [float(w) for w in words] == [0.0] * 4 + [0.1] * 4
+    with pytest.raises(ValueError, match="allowed are relative, level_db, log_error"):
+        pictures.plot_band_error(error, ["a", "b"], "energy")
+    with pytest.raises(ValueError, match="2 outputs; 1 names"):
+        pictures.plot_band_error(error, ["a"])
