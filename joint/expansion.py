@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from joint._checks import ComplexArray, FloatArray, as_frequency, as_lines, frozen_copy
-from joint.interface import CoordinateSet
+from joint.interface import CoordinateSet, coordinates_of
 
 
 class ExpansionError(ValueError):
@@ -70,8 +70,8 @@ def rigid_rows(places: npt.ArrayLike, directions: npt.ArrayLike, point: npt.Arra
 def virtual_point(
     frequency: npt.ArrayLike,
     H: npt.ArrayLike,
-    R_out: npt.ArrayLike,
-    R_in: npt.ArrayLike,
+    R_out: npt.ArrayLike | CoordinateSet,
+    R_in: npt.ArrayLike | CoordinateSet,
     node: str,
     *,
     weight_out: npt.ArrayLike | None = None,
@@ -90,32 +90,53 @@ def virtual_point(
         Lines [Hz].
     H : (n_freq, n_out, n_in) array_like
         Receptances of the sensors to the forces.
-    R_out, R_in : (n_out, 6), (n_in, 6) array_like
-        `rigid_rows` of sensors and of forces. Where only one side lies at the point, give the identity of the
-        other's size: its coordinates are then kept.
+    R_out, R_in : (n_out, 6), (n_in, 6) array_like, or CoordinateSet
+        `rigid_rows` of sensors and of forces. Where only one of them lies at the point, give the coordinates
+        of the other: they are kept.
     node : str
         Name of the virtual point.
     weight_out, weight_in : array_like, optional
-        Weights of sensors and forces; 1 unless given.
+        Positive weights of sensors and forces; 1 unless given.
 
     Raises
     ------
+    ValueError
+        If shapes do not fit or a value is not finite.
     ExpansionError
-        If sensors or forces do not determine the six motions (the lacking one is named).
+        If sensors or forces do not determine the six motions (the lacking one is named), rows or weights do
+        not fit, or coordinates are kept on both sides.
     """
     lines = as_frequency(frequency)
-    Ro, Ri = np.asarray(R_out, dtype=float), np.asarray(R_in, dtype=float)
-    Wo = np.ones(len(Ro)) if weight_out is None else np.asarray(weight_out, dtype=float)
-    Wi = np.ones(len(Ri)) if weight_in is None else np.asarray(weight_in, dtype=float)
+    if isinstance(R_out, CoordinateSet) and isinstance(R_in, CoordinateSet):
+        msg = "coordinates are kept on both sides; nothing is left for a virtual point"
+        raise ExpansionError(msg)
+    outputs, Ro, T_u, cond_out = _side(R_out, weight_out, "sensors", node)
+    inputs, Ri, T_f, cond_in = _side(R_in, weight_in, "forces", node)
     data = as_lines(H, "H", lines, [f"o{i}" for i in range(len(Ro))], [f"i{i}" for i in range(len(Ri))])
-    T_u, cond_out = _reduction(Ro, Wo, "sensors", node)
-    T_f, cond_in = _reduction(Ri, Wi, "forces", node)
     q = T_u @ data @ T_f.T
     size = np.linalg.norm(data, axis=(1, 2))
     kept = np.linalg.norm(Ro @ q @ Ri.T, axis=(1, 2))
-    six = CoordinateSet(tuple(f"{node}:{d}" for d in ("x", "y", "z", "rx", "ry", "rz")))
     consistency = np.divide(kept, size, out=np.ones(lines.size), where=size > 0)
-    return ExpandedFRF(lines, six, six, q, "virtual point", max(cond_out, cond_in), consistency)
+    return ExpandedFRF(lines, outputs, inputs, q, "virtual point", max(cond_out, cond_in), consistency)
+
+
+def _side(
+    rows: npt.ArrayLike | CoordinateSet, weight: npt.ArrayLike | None, what: str, node: str
+) -> tuple[CoordinateSet, FloatArray, FloatArray, float]:
+    """Return coordinates, what is measured of their motion, the way back, and its condition number."""
+    if isinstance(rows, CoordinateSet):
+        unit = np.eye(len(rows))
+        return rows, unit, unit, 1.0
+    R = np.asarray(rows, dtype=float)
+    if R.ndim != 2 or R.shape[1] != 6 or not np.isfinite(R).all():
+        msg = f"the rows of the {what} have shape {R.shape}; (n, 6), finite, is needed, as of rigid_rows"
+        raise ExpansionError(msg)
+    W = np.ones(len(R)) if weight is None else np.asarray(weight, dtype=float)
+    if W.shape != (len(R),) or not (np.isfinite(W).all() and (W > 0).all()):
+        msg = f"the weights of the {what} have shape {W.shape}; {len(R)} positive, finite ones are needed"
+        raise ExpansionError(msg)
+    T, condition = _reduction(R, W, what, node)
+    return coordinates_of([node]), R, T, condition
 
 
 def _reduction(R: FloatArray, weight: FloatArray, what: str, node: str) -> tuple[FloatArray, float]:

@@ -167,7 +167,15 @@ class JointForm:
         frequency : (n_freq,) array
             Lines [Hz]; relaxation times start at one over their lowest, middle and highest ω.
         """
-        theta = np.array(theta, dtype=float)
+        try:
+            theta = np.array(theta, dtype=float)
+        except (TypeError, ValueError) as error:
+            msg = f"start is {theta!r}; numbers in the order of the form's names are needed"
+            raise FormError(msg) from error
+        if theta.shape != (len(self.names),):
+            first = ", ".join(self.names[:6])
+            msg = f"start has shape {theta.shape}; {len(self.names)} finite values are needed: {first} …"
+            raise FormError(msg)
         asked = np.flatnonzero(np.isnan(theta))
         words = [self.names[i].rpartition(" ")[2] for i in asked]
         lines = frequency[frequency > 0]

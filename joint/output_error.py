@@ -132,7 +132,15 @@ class JointFit:
         ----------
         level : float
             Probability that an interval holds the truth [-].
+
+        Raises
+        ------
+        ValueError
+            If the level does not lie between 0 and 1.
         """
+        if not 0 < level < 1:
+            msg = f"the level is {level}; a probability between 0 and 1 is needed, such as 0.95"
+            raise ValueError(msg)
         from scipy.stats import norm
 
         half = float(norm.ppf(0.5 + level / 2)) * self.std
@@ -232,7 +240,8 @@ def fit_joint(
     Raises
     ------
     ValueError
-        If shapes or lines do not fit, the noise is not positive, or the start is not finite.
+        If shapes or lines do not fit, the noise is not positive, the start is not finite, or a stage or kind
+        is none.
     IdentificationError
         If the form's coordinates are not those of the substructures, there are fewer data than parameters,
         or a parameter has no influence on any FRF (it is named).
@@ -264,12 +273,18 @@ def fit_joint(
     problem = _Problem(form, parts, lines, measured, weight)
     signed = form.positive | (form.semidefinite & (begin[0] > 0))
     if isinstance(positive, str):
+        if missing := sorted(set(positive) - set("KMCD")):
+            msg = f"positive names '{missing[0]}'; True, False, or some of K, M, C, D are allowed"
+            raise ValueError(msg)
         kinds = np.array([term.kind in positive for term in form.terms for _ in term.parameters])
         kept = form.positive | (signed & kinds)
     else:
         kept = signed if positive else form.positive
     problem = replace(problem, positive=kept, prior=_prior(prior, kept, n))
     history: list[tuple[float, float, float]] = []
+    if not len(stages) or not all(0 < part <= 1 for part in stages):
+        msg = f"stages are {tuple(stages)}; parts of the lines above 0, up to 1, are needed"
+        raise ValueError(msg)
     counts = [max(1, min(lines.size, round(part * lines.size))) for part in stages]
     tried = []
     for theta in begin:
@@ -462,7 +477,11 @@ def _noise(measured: ComplexArray, noise: npt.ArrayLike | None, reference: Compl
         raise ValueError(msg)
     if level.ndim == 0:
         return np.maximum(level * size, least * 1e-3)
-    return np.broadcast_to(level, measured.shape)
+    try:
+        return np.broadcast_to(level, measured.shape)
+    except ValueError as error:
+        msg = f"noise has shape {level.shape}; a number or what broadcasts to {measured.shape} is needed"
+        raise ValueError(msg) from error
 
 
 def _prior(

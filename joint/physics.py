@@ -165,12 +165,21 @@ def explain_stiffness(
     seen = np.isfinite(given).all(axis=tuple(range(1, given.ndim)))
     array = as_lines(np.where(np.isfinite(given), given, 0), "Z", lines, names, names)
     keep: BoolArray = seen & (lines > 0)
+    for word, values in (("use", use), ("weight", weight)):
+        if values is not None and np.shape(values) != lines.shape:
+            msg = (
+                f"{word} has shape {np.shape(values)}; one value for each of the {lines.size} lines is needed"
+            )
+            raise ValueError(msg)
     if use is not None:
         keep &= np.asarray(use, dtype=bool)
     if keep.sum() < 8:
         msg = f"{int(keep.sum())} lines are left to explain a stiffness by; at least 8 are needed"
         raise ValueError(msg)
     w = np.ones(lines.size) if weight is None else np.asarray(weight, dtype=float)
+    if not (np.isfinite(w[keep]).all() and (w[keep] > 0).all()):
+        msg = "weight holds values that are not positive and finite at lines that are used"
+        raise ValueError(msg)
     w = w[keep] / np.median(w[keep])
     return tuple(_explain(name, lines[keep], array[keep, i, i], w) for i, name in enumerate(names))
 

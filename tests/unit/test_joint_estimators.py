@@ -290,7 +290,12 @@ def test_the_band_of_the_stiffness_is_what_its_parameters_scatter_to(slim, form)
     ("change", "error", "message"),
     [
         ({"start": np.zeros(3)}, ValueError, "67 finite values are needed"),
+        ({"start": {"m": 1.0}}, ValueError, "numbers in the order of the form's names"),
         ({"noise": -1.0}, ValueError, "noise must be positive"),
+        ({"noise": np.ones(7)}, ValueError, "noise has shape .* is needed"),
+        ({"stages": ()}, ValueError, "parts of the lines above 0"),
+        ({"stages": (2.0,)}, ValueError, "parts of the lines above 0"),
+        ({"positive": "Q"}, ValueError, "some of K, M, C, D are allowed"),
         ({"frequency": FREQUENCY[:-1]}, ValueError, "share one set of lines"),
     ],
 )
@@ -298,7 +303,7 @@ def test_what_does_not_fit_is_refused(slim, form, change, error, message):
     H = slim.H_aa
     given = {"frequency": FREQUENCY, "start": truth(form), "noise": 0.01, **change}
     with pytest.raises(error, match=message):
-        fit_joint(form, slim, given["frequency"], H, given["start"], noise=given["noise"])
+        fit_joint(form, slim, given.pop("frequency"), H, given.pop("start"), **given)
 
 
 def test_forms_that_cannot_be_are_refused(square):

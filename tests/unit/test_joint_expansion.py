@@ -55,6 +55,23 @@ def test_sensors_on_one_line_do_not_see_the_turn_about_it():
         virtual_point(FREQUENCY, np.ones((40, 9, 9)), R, R, "V")
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"R_out": np.eye(4)}, r"rows of the sensors have shape \(4, 4\); \(n, 6\)"),
+        ({"weight_in": np.ones(3)}, "weights of the forces have shape .*; 9 positive"),
+        ({"weight_out": -np.ones(9)}, "9 positive, finite ones are needed"),
+        ({"R_out": coordinates_of([1, 2]), "R_in": coordinates_of([1, 2])}, "kept on both sides"),
+    ],
+)
+def test_a_virtual_point_of_nothing_is_refused(change, message):
+    nodes = np.array([[0.02, 0, 0], [-0.01, 0.02, 0], [-0.01, -0.02, 0.01]])
+    R = np.vstack([rigid_rows(nodes, np.tile(e, (3, 1)), np.zeros(3)) for e in np.eye(3)])
+    given = {"frequency": [1.0], "H": np.ones((1, 9, 9)), "R_out": R, "R_in": R, "node": "V", **change}
+    with pytest.raises(ExpansionError, match=message):
+        virtual_point(**given)
+
+
 def test_serep_gives_rotations_that_its_modes_span():
     """FRFs built from the kept modes come out exactly; torsion, which no translation sees, is not kept."""
     model = beam((1.0, 0, 0))
@@ -129,18 +146,14 @@ def test_a_joint_of_six_nodes_by_virtual_points():
         # measured: translations of the pad's nodes, and the internal coordinates
         grow = np.block([[R, np.zeros((9, 6))], [np.zeros((6, 6)), np.eye(6)]])
         measured = grow @ H @ grow.T
-        point = virtual_point(FREQUENCY, measured[:, :9, :9], R, R, side)
-        T = np.linalg.pinv(R)
-        joint = point.outputs
         inner = CoordinateSet(tuple(f"{side}i{k}:x" for k in range(6)))
+        point = virtual_point(FREQUENCY, measured[:, :9, :9], R, R, side)
+        across = virtual_point(FREQUENCY, measured[:, :9, 9:], R, inner, side)
+        back = virtual_point(FREQUENCY, measured[:, 9:, :9], inner, R, side)
+        joint = point.outputs
+        assert (across.outputs, across.inputs) == (joint, inner)
         both = CoordinateSet((*joint.labels, *inner.labels))
-        full = np.concatenate(
-            [
-                np.concatenate([point.H, T @ measured[:, :9, 9:]], axis=2),
-                np.concatenate([measured[:, 9:, :9] @ T.T, measured[:, 9:, 9:]], axis=2),
-            ],
-            axis=1,
-        )
+        full = np.block([[point.H, across.H], [back.H, measured[:, 9:, 9:]]])
         parts.append(
             partition_frf(
                 FREQUENCY, full, both, both, Interface(joint, inner, inner), expanded_by=point.method
