@@ -1,6 +1,6 @@
 """Identification of a joint of a study from its measurement: by output error, and line by line."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -29,6 +29,7 @@ from joint import (
 )
 from joint import identify_joint as solve_directly
 from joint.form import KINDS, LAWS
+from joint.output_error import SCAN
 from study.config import Study
 from study.measured import sensor_rows
 from study.table import StudyError, suggest
@@ -518,6 +519,10 @@ def estimate(
     return Estimate(task, tuple(stages), refused, prior, prior_std)
 
 
+SEARCHES = 6
+"""Times stiffnesses are searched anew beside what was fitted."""
+
+
 def _fit_stage(
     task: Task,
     form: JointForm,
@@ -548,7 +553,7 @@ def _fit_stage(
     plain = size * np.sqrt(accuracy**2 + 2 * problem.data.noise[at] ** 2)
     plain = np.maximum(plain, 1e-6 * np.sqrt((size**2).mean(axis=0)))
     levels, less = np.ones(bands.max() + 1), np.ones(mask.shape)
-    rounds = 0
+    rounds = searches = 0
     while True:
         noise = plain * levels[bands][:, None, None] * less * spread
         fits = [
@@ -561,6 +566,14 @@ def _fit_stage(
         best = int(np.argmin([fit.chi2 for fit in fits]))
         found, start = fits[best], tried[best][0]
         tried = [(start, found.values)]
+        if not before and form.linear and searches < SEARCHES:
+            # what is uncertain beside the joint hides a better place from a search, until it is fitted
+            now, _ = parts.evaluate(parts.standard(found.part_values))
+            again = _searched(task, form, found.values, partial(_distance, form, now, H))
+            searches += 1
+            if (again != found.values).any():
+                tried.append(("a search over six decades", again))
+                continue
         rounds += 1
         if not accuracy or rounds == ROUNDS:
             break
@@ -621,6 +634,38 @@ def _vague(
     return mean, std
 
 
+def _distance(
+    form: JointForm, parts: SubstructureFRF, H: NDArray[np.complex128], theta: NDArray[np.float64]
+) -> float:
+    """Return the mean of |ln H / measured|, at most 1 each [-]."""
+    with np.errstate(all="ignore"):
+        off = np.abs(np.log(couple(parts, form.Z(parts.frequency, theta)).H_nn / H))
+    return float(np.nanmean(np.minimum(off, 1.0)))
+
+
+def _searched(
+    task: Task,
+    form: JointForm,
+    theta: NDArray[np.float64],
+    far: Callable[[NDArray[np.float64]], float],
+) -> NDArray[np.float64]:
+    """Return θ with one stiffness after another changed, with its damping, to where the FRFs come nearest.
+
+    The direction that helps most comes first: another may only imitate it.
+    """
+    best = far(theta)
+    for _ in task.directions:
+        points = []
+        for d in task.directions:
+            own = np.array([name.split(" ")[1:3] == [d, d] for name in form.names])
+            points += [np.where(own, factor * theta, theta) for factor in SCAN]
+        size, nearest = min(((far(p), k) for k, p in enumerate(points)), default=(best, 0))
+        if size > 0.99 * best:
+            break
+        best, theta = size, points[nearest]
+    return theta
+
+
 def _starts(
     task: Task,
     form: JointForm,
@@ -629,7 +674,7 @@ def _starts(
     lines: JointIdentification | None,
     before: Sequence[Stage],
 ) -> list[tuple[str, NDArray[np.float64]]]:
-    """Return up to two starts: of the study's values, line by line, the average solution, other bands."""
+    """Return up to two starts: the study's values, line by line, averages, a search, other bands."""
     omega = 2 * np.pi * float(np.median(parts.at_mean.frequency))
     eta = task.joint.eta or 0.01
 
@@ -664,14 +709,14 @@ def _starts(
             usual = values(k, eta * k)
             tried.append(("the average solution", np.where(form.semidefinite & (mean <= 0), usual, mean)))
     tried += [(stage.start, stage.fit.values) for stage in before]
-    if len(tried) == 1 or np.isnan(tried[0][1]).any():
+    if np.isnan(tried[0][1]).any():
         return tried[-1:]
 
     def far(theta: NDArray[np.float64]) -> float:
-        with np.errstate(all="ignore"):
-            off = np.abs(np.log(couple(parts.at_mean, form.Z(parts.at_mean.frequency, theta)).H_nn / H))
-        return float(np.nanmean(np.minimum(off, 1.0)))
+        return _distance(form, parts.at_mean, H, theta)
 
+    if not before:
+        tried.append(("a search over six decades", _searched(task, form, tried[0][1], far)))
     first, *others = sorted(tried, key=lambda each: far(each[1]))
     scale = np.maximum(np.abs(first[1]), 1e-3 * np.abs(first[1]).max())
     apart = [each for each in others if np.abs((each[1] - first[1]) / scale).max() > DISTINCT]

@@ -11,6 +11,12 @@ from joint import JointIdentification, explain_stiffness
 from joint.form import LAWS
 from study.identify import Estimate, summarise
 
+WIDE = 0.08
+"""Error of an FRF beside the model's beyond which the model's own error governs the values [-]."""
+
+POOR = 3.0
+"""Misfit beyond which the values are those of no right model [dB]."""
+
 FAR = 2.5
 """An uncertain parameter that moved by this many prior standard deviations is pointed out."""
 
@@ -149,6 +155,19 @@ def _open(found: Estimate) -> list[str]:
             f"  lines above {fit.frequency[-1]:.0f} Hz are left out: up to {found.refused.highest:.0f} Hz "
             f"{fit.form.names[k]} would be {found.refused.fit.values[k]:.4g}, {off[k]:.0f} deviations away: "
             "the model is not right there"
+        )
+    worst = max(error for _, error in found.stages[-1].levels)
+    if found.misfit_db > POOR:
+        out.append(
+            f"  a misfit of {found.misfit_db:.1f} dB is not that of a right model: the values are the "
+            "nearest that were found, and not to be relied on; name other directions, or look for what else "
+            "is missing"
+        )
+    elif worst > WIDE:
+        out.append(
+            f"  the model misses these FRFs by up to {worst:.0%}, which is no noise. The intervals take "
+            "it for random: a stiffness that changes the FRFs little, such as of a stiff direction, may be "
+            "off by several of its deviations"
         )
     loose = [row["parameter"] for row in found.rows() if not row["determined"]]
     if loose:

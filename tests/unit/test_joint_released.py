@@ -105,6 +105,18 @@ def test_the_joint_of_the_example_from_measured_frfs(tmp_path):
     assert load_study(tmp_path / "sub" / "new.toml").model.effect("J").K[3, 3] == pytest.approx(k, rel=1e-5)
 
 
+@pytest.mark.slow
+def test_three_directions_are_found_from_a_wrong_start():
+    """Two forces do not allow lines by themselves, and the study's krx is 15 times too large."""
+    study = replace(load_study(STUDY), band=(2.0, 1100.0))
+    found = estimate(read_task(study, "J", "x,z,rx"), ("K",))
+    values = dict(zip(found.fit.form.names, found.fit.values, strict=True))
+    assert values["K rx rx"] == pytest.approx(200.0, abs=2.5 * found.fit.std[2])
+    # stiff directions carry the difference between beams and solids
+    assert values["K z z"] == pytest.approx(1e7, rel=0.06)
+    assert found.misfit_db < 1.1
+
+
 CROSS = """
 [materials.steel]
 E = 210e9
