@@ -24,6 +24,12 @@ LOCAL_LIMIT = 60
 RESIDUAL_LIMIT = 1500
 """Models with at most this many DOFs get the residual flexibility at the places of candidates."""
 
+_MANY = 12
+"""Of more motions than this at a place, those are kept that forces at inputs and outputs bring about."""
+
+_ENERGY = 1e-9
+"""Motions with less than this share of the strongest one's energy are left out."""
+
 _PLACES = 16
 """Places whose responses are kept for further changes."""
 
@@ -578,6 +584,8 @@ class LocalChanges:
         if known is not None:
             matrices = [*matrices, known.motions @ known.motions.T]
         motions, inverse, scale = _motions(matrices)
+        if motions.shape[1] > _MANY:
+            motions, inverse = self._brought_about(L, motions, inverse, matrices)
         Lm = motions.T @ L @ self.state.V
         G = _times(Lm, self.state.solve((motions.T @ L).T))
         R = self.engine.reduced.residual_flexibility(dofs)
@@ -590,6 +598,29 @@ class LocalChanges:
             self._places.pop(next(iter(self._places)))
         self._places[key] = place
         return place
+
+    def _brought_about(
+        self,
+        L: NDArray[np.float64],
+        motions: NDArray[np.float64],
+        inverse: NDArray[np.float64],
+        matrices: list[NDArray[np.float64]],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return fewer motions: of a stretch of a beam its bending as a whole, not that of each element.
+
+        With X the sum of the matrices, each scaled to 1, and U the responses at the place to the forces at
+        inputs and outputs, X is replaced by X U (Uᵀ X U)⁻¹ Uᵀ X.
+        """
+        small = [inverse @ X @ inverse.T for X in matrices]
+        values, vectors = np.linalg.eigh(sum(np.sign(np.trace(x)) * x / np.abs(x).max() for x in small))
+        C = vectors * np.sqrt(np.maximum(np.abs(values), 1e-12 * np.abs(values).max()))
+        LV = motions.T @ L @ self.state.V
+        responses = np.concatenate([_times(LV, self.Xi), _times(LV, self.Xo)], axis=1)
+        strain = C.T @ responses.reshape(len(LV), -1).view(float)
+        energy, directions = np.linalg.eigh(strain @ strain.T)
+        P = directions[:, energy > _ENERGY * energy[-1]]
+        onto: Any = np.linalg.solve(C, inverse)
+        return motions @ C @ P, P.T @ onto
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -647,10 +678,12 @@ def _motions(
     """
     diagonals = [np.abs(X.diagonal()) for X in matrices]
     diagonal = sum((d / d.max() for d in diagonals if d.any()), np.zeros(len(matrices[0])))
-    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    # What is this small is rounding: a row whose scale it were would be nothing but that.
+    scale = np.sqrt(np.where(diagonal > 1e-26, diagonal, 1.0))
     scaled = [X / np.outer(scale, scale) for X in matrices]
     U, s, _ = np.linalg.svd(np.hstack([X / np.abs(X).max() for X in scaled]))
     U = U[:, s > 1e-12 * s[0]]
+    U = np.where(np.abs(U) > 1e-13, U, 0.0)
     return scale[:, None] * U, U.T / scale, scale
 
 

@@ -48,6 +48,10 @@ Damping that differs from mode to mode and sections off by a per cent leave up t
 """
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
+ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.1, 1.05
+"""The two factors where the caller says, besides, that the form is right: then weak effects count."""
+ACCEPT_WEAK_DAMPING = 1.3
+"""Both factors there for an effect that only damps, as the curve of modal damping is no exact model."""
 MOST_LEFT = 0.5
 """Effects that leave more than a right model are believed if they bring the level's square below this share.
 
@@ -59,8 +63,8 @@ MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
 N_LINES = 160
 """At most this many lines are fitted."""
-WORTH_A_FIT = 1.05
-"""Where the model is right already, quick fits must lower its level by this factor to be followed up."""
+FINALS_SETTLED = 3
+"""So many are fitted fully where the model is right already."""
 QUICK_LINES = 50
 """Lines of a quick fit."""
 MOST_REFINED = 6
@@ -462,10 +466,7 @@ def diagnose(
             e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
         ]
         part = _part(say, len(rounds))
-        for effect in open_:
-            if effect.name not in grids:
-                part(f"preparing {_label(effect)}", 0.0)
-                grids[effect.name] = Grid.of(problem, effect)
+        grids = {e.name: grids.get(e.name) or Grid.of(problem, e) for e in open_}
         settled = current.level < max(FLOOR_MARGIN * floor, model_error)
         ranked, best = _round(problem, current, open_, grids, settled, part)
         rounds.append(ranked)
@@ -477,8 +478,12 @@ def diagnose(
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
             steps[-1] = _step(steps[-1].label, current)
-        factor = ACCEPT_SETTLED if settled else STEP_LEVEL
-        if not _falls(current, best, (factor, factor)):
+        factors = (STEP_LEVEL, STEP_LEVEL)
+        if settled:
+            factors = (
+                _weak(problem, best.effects[-1]) if model_error == 0 else (ACCEPT_SETTLED, ACCEPT_SETTLED)
+            )
+        if not _falls(current, best, factors):
             break
         say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
         attached = _attached(problem, best.effects)
@@ -499,8 +504,9 @@ def diagnose(
         current = best
         steps.append(_step(f"{_label(best.effects[-1])} added", best))
     before = findings
+    at_floor = model_error == 0 and current.level < FLOOR_MARGIN * floor
     if not any(f.effect.amplitude_dependent for f in findings):
-        findings, current = _without_idle(problem, findings, current)
+        findings, current = _without_idle(problem, findings, current, at_floor)
     if len(findings) < len(before):
         left = {f.effect.name for f in findings}
         kept = [k for k, f in enumerate(before) if f.effect.name in left]
@@ -659,7 +665,8 @@ def _round(
         effects, fits = [*have, option.effect], []
         places = [option.effect.with_values(**start) for start in option.starts]
         mine = replace(problem, reduced=problem.reduced.with_forces_of(places))
-        quick_fit = partial(mine.fit, n_lines=QUICK_LINES, max_iterations=6, assess=False)
+        lines = problem.n_lines if settled else QUICK_LINES
+        quick_fit = partial(mine.fit, n_lines=lines, max_iterations=6, assess=False)
         for start in option.starts:
             starts = [*have_start, start]
             if not settled:
@@ -672,8 +679,8 @@ def _round(
     names = sorted(tried, key=lambda n: tried[n][0].level)
     near = [n for n in names if tried[n][0].level < 1.8 * tried[names[0]][0].level]
     finalists = names[: int(np.clip(len(near), 3, MOST_REFINED))]
-    if settled and tried[names[0]][0].level > current.level / WORTH_A_FIT:
-        finalists = names[:1]
+    if settled:
+        finalists = names[:FINALS_SETTLED]
     final: dict[str, FitResult] = {}
     for i, name in enumerate(finalists):
         quickly = tried[name][0]
@@ -681,10 +688,9 @@ def _round(
         say(f"fitting {_label(effect)}", 0.6 + 0.4 * i / len(finalists))
         starts = [*have_start, _values(effect)]
         mine = on[name] = _attached(problem, [effect])
-        options = [
-            mine.fit([*have, effect], starts, assess=False),
-            mine.fit([*have, effect], starts, stages=[mine.stages[-1]], x_from=quickly, assess=False),
-        ]
+        options = [mine.fit([*have, effect], starts, stages=[mine.stages[-1]], x_from=quickly, assess=False)]
+        if not settled:
+            options.append(mine.fit([*have, effect], starts, assess=False))
         final[name] = mine.assessed(min(options, key=lambda r: r.solution.cost))
     best_name = min(final, key=lambda n: _score(problem, final[n]))
     best = final[best_name]
@@ -725,16 +731,29 @@ def _score(problem: FitProblem, fit: FitResult) -> float:
     ) * float(np.log(n))
 
 
+def _weak(problem: FitProblem, effect: Effect) -> tuple[float, float]:
+    """Return the factors by which the levels must fall with a weak effect."""
+    term = problem.reduced.value_of(effect)
+    if term.laws or any(X is not None and X.any() for X in (term.K, term.M)):
+        return ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
+    return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
+
+
 def _without_idle(
-    problem: FitProblem, findings: list[Finding], current: FitResult
+    problem: FitProblem, findings: list[Finding], current: FitResult, at_floor: bool
 ) -> tuple[list[Finding], FitResult]:
-    """Drop effects without which the fit is nearly as good."""
+    """Drop effects without which the fit is nearly as good.
+
+    ``at_floor`` says that with all of them nothing is left but noise and the error of the mesh.
+    """
     for finding in list(findings):
         name = finding.effect.name
         rest = [f for f in findings if f.effect.name != name]
         effects = [e for e in current.effects if e.name != name]
         less = problem.fit(effects, [_values(e) for e in effects], x_from=current)
-        if not _falls(less, current, (ACCEPT_LEVEL, ACCEPT_HELD_OUT)):
+        usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
+        factors = _weak(problem, finding.effect) if at_floor else usual
+        if not _falls(less, current, factors):
             findings = [
                 replace(f, effect=e, parameters=_parameters(e, less))
                 for f, e in zip(rest, less.effects, strict=True)

@@ -30,6 +30,9 @@ ROBUST = 0.5
 NOISE_LIMIT = 0.2
 """Lines with more relative noise than this are not compared [-]."""
 
+LEAST_HEARD = 0.2
+"""FRFs that are more than noise at no more than this share of the lines are not compared at any [-]."""
+
 MODEL_ERROR = 0.05
 """Relative accuracy that is asked of a model where the measurement is better than that [-]."""
 
@@ -106,7 +109,8 @@ def prepare(
     """Prepare measured FRFs for fits.
 
     Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and
-    measured, lies more than 60 dB (measured: 50 dB) under the median level of all.
+    measured, lies more than 60 dB (measured: 50 dB) under the median level of all, or if it is noise at most
+    lines.
 
     Parameters
     ----------
@@ -138,6 +142,7 @@ def prepare(
     kept = measurement.with_frf(frf)
     noise = _noise_of(kept)
     mask = mask & (noise < NOISE_LIMIT)
+    mask = mask & (mask.mean(axis=0) > LEAST_HEARD)
     weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + noise**2) * mask
     block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
     return FitData(kept, frf.frequency, H, mask, weight, noise, block % 4 == 2)

@@ -1,7 +1,15 @@
 """How noisy measured FRFs are, estimated from the data alone."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+
+MEDIAN_OF_NORMAL = 0.6745
+"""Median absolute value of a standard normal variable."""
+
+SMALLEST = 8
+"""At least so many lines show the noise that is added to the response; five in a hundred of many."""
 
 _STENCIL = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
@@ -9,35 +17,56 @@ _STENCIL = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.float64]:
     """Estimate the relative noise of the amplitude at each line.
 
-    An FRF is smooth between its resonances, so fourth differences of ln|H| over neighbouring lines are noise;
-    their median absolute value over a window does not see the few lines at resonances and antiresonances.
+    Two kinds of noise are told apart. What is in proportion to the response: an FRF is smooth between its
+    resonances, so fourth differences of ln|H| over neighbouring lines are noise; their median absolute value
+    over a window does not see the few lines at resonances and antiresonances. And what is added to it, the
+    same at all lines of an FRF: it shows where the response is small, in fourth differences of H itself,
+    which crosses zero smoothly at an antiresonance.
 
     Parameters
     ----------
     H : ndarray (n_freq, n_out, n_in)
+        In the kind that was measured, in which the added noise is the same at all lines.
     window : int
         Number of lines.
 
     Returns
     -------
     ndarray (n_freq, n_out, n_in)
-        Standard deviation of ln|H| [-].
+        Standard deviation of ln|H| [-]; infinite where H is 0 but not noiseless.
     """
     n_freq = H.shape[0]
     if n_freq < 9:
         return np.full(H.shape, 0.01)
+    size = np.abs(H)
     with np.errstate(divide="ignore"):
-        amplitude = np.log(np.maximum(np.abs(H), 1e-300))
-    d = sum(c * amplitude[i : n_freq - 4 + i] for i, c in enumerate(_STENCIL)) / np.sqrt((_STENCIL**2).sum())
-    d = np.abs(np.concatenate([d[:1], d[:1], d, d[-1:], d[-1:]])) / 0.6745
+        amplitude = np.log(np.maximum(size, 1e-300))
+    d = np.abs(_fourth_difference(amplitude)) / MEDIAN_OF_NORMAL
     half = min(window, n_freq) // 2
     centres = np.arange(0, n_freq, max(1, half // 2))
-    level = np.stack([np.median(d[max(0, c - half) : c + half + 1], axis=0) for c in centres])
-    out = np.empty(H.shape)
-    for i in range(H.shape[1]):
-        for j in range(H.shape[2]):
-            out[:, i, j] = np.interp(np.arange(n_freq), centres, level[:, i, j])
-    return out
+
+    def smoothed(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        level = np.stack([np.median(x[max(0, c - half) : c + half + 1], axis=0) for c in centres])
+        flat = level.reshape(len(centres), -1)
+        lines = np.arange(n_freq)
+        return np.stack([np.interp(lines, centres, column) for column in flat.T], axis=1).reshape(H.shape)
+
+    proportional = smoothed(d) ** 2
+    small = np.argsort(size, axis=0)[: max(SMALLEST, n_freq // 20)]
+    difference = np.abs(_fourth_difference(H)) ** 2
+    both = np.median(np.take_along_axis(difference, small, axis=0), axis=0) / (2 * np.log(2))
+    part = np.median(np.take_along_axis(proportional * size**2, small, axis=0), axis=0)
+    added = np.where(size > 0, np.maximum(both - part, 0.0) / np.where(size > 0, size, 1.0) ** 2, np.inf)
+    added = np.where((both > part) | (size > 0), added, 0.0)
+    # At the lines where the window's median lies, the two together are what was seen there.
+    return np.sqrt(np.maximum(proportional - smoothed(added), 0.0) + added)
+
+
+def _fourth_difference(x: NDArray[Any]) -> NDArray[Any]:
+    """Return fourth differences along the first axis, scaled to pass white noise on with its variance."""
+    n = len(x)
+    d = sum(c * x[i : n - 4 + i] for i, c in enumerate(_STENCIL)) / np.sqrt((_STENCIL**2).sum())
+    return np.concatenate([d[:1], d[:1], d, d[-1:], d[-1:]])
 
 
 def noise_from_coherence(coherence: NDArray[np.float64], n_averages: int) -> NDArray[np.float64]:

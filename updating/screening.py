@@ -5,7 +5,7 @@ the grid costs what its few DOFs cost.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,13 +17,22 @@ from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
 N_WHOLE, N_LOW = 44, 24
 """Lines of the whole band, and of the low one, at which candidates are looked at."""
+N_SETTLED = 110
+"""Lines of the whole band where the model is right already and what is left to find is weak."""
 
 VISIBLE = 1e-3
 """Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
 directions measured do not see them [nepers]."""
 
+MOST_VALUES = 1500
+"""At most so many values of FRFs, in the whole band and in the low one, are looked at."""
+
 N_BEST = 5
 """So many of the best by each of the measures go on."""
+N_BEST_WEAK = 8
+"""So many go on where the model is right already."""
+WEAKER = 0.1
+"""There each candidate is tried at the weakest of its points, and at this share of it."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -31,27 +40,78 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
-    """A candidate on a grid of its parameter values.
+    """A candidate on a grid of its parameter values, projected when it is needed.
 
     Attributes
     ----------
     effect : Effect
     points : tuple of dict
         Parameter values.
-    terms : tuple
-        What the effect adds to the reduced matrices at each point.
     """
 
     effect: Effect
     points: tuple[dict[str, float], ...]
-    terms: tuple
+    _terms: dict[bool, tuple] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, problem: FitProblem, effect: Effect) -> "Grid":
-        """Project a candidate at all points of its grid."""
-        points = tuple(effect.starts(problem.surroundings))
-        reduced = problem.reduced
-        return cls(effect, points, tuple(reduced.value_of(effect.with_values(**p)) for p in points))
+        """Return the grid that the effect asks for."""
+        return cls(effect, tuple(effect.starts(problem.surroundings)))
+
+    @property
+    def weak_points(self) -> tuple[tuple[dict[str, float], float], ...]:
+        """Two for each choice of all but the first parameter: the weakest point, and one nearly absent.
+
+        The second shows what a little of the effect does in proportion; where that is nothing, as with a
+        coupling of motions that symmetry keeps apart, the first shows what follows. With each stands by how
+        much it can be multiplied before it is beyond the strongest point.
+        """
+        first = self.effect.parameters()[0].name
+        alike: dict[tuple, list[dict[str, float]]] = {}
+        for point in self.points:
+            alike.setdefault(tuple(v for name, v in point.items() if name != first), []).append(point)
+        out = []
+        for points in alike.values():
+            strength = [self._strength(p) for p in points]
+            weakest, most = int(np.argmin(strength)), max(strength) / max(min(strength), 1e-300)
+            out += [(self.scaled(points[weakest], f), most / f) for f in (WEAKER, 1.0)]
+        return tuple(out)
+
+    def terms(self, problem: FitProblem, weak: bool) -> tuple:
+        """Return what the effect adds to the reduced matrices at each point or weak point (computed once)."""
+        if weak not in self._terms:
+            points = [p for p, _ in self.weak_points] if weak else self.points
+            project = problem.reduced.value_of
+            self._terms[weak] = tuple(project(self.effect.with_values(**p)) for p in points)
+        return self._terms[weak]
+
+    def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
+        """Return a point with its first parameter at a multiple of the distance from where it is absent.
+
+        Of a stiffness that is infinite where it is absent, the flexibility is scaled. The result lies within
+        the parameter's bounds.
+        """
+        p = self.effect.with_values(**point).parameters()[0]
+        if np.isinf(p.absent):
+            value = point[p.name] / max(factor, 1e-12)
+        elif p.log and p.absent > 0:
+            value = p.absent * (point[p.name] / p.absent) ** factor
+        else:
+            value = p.absent + factor * (point[p.name] - p.absent)
+        return {**point, p.name: float(np.clip(value, p.lower, p.upper))}
+
+    def one_sided(self) -> bool:
+        """Whether the first parameter can lie on one side only of where it is absent."""
+        p = self.effect.parameters()[0]
+        return bool(np.isinf(p.absent) or p.lower >= p.absent or p.upper <= p.absent)
+
+    def _strength(self, point: dict[str, float]) -> float:
+        p = self.effect.with_values(**point).parameters()[0]
+        if np.isinf(p.absent):
+            return 1 / point[p.name]
+        return abs(
+            float(np.log(point[p.name] / p.absent)) if p.log and p.absent > 0 else point[p.name] - p.absent
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +140,11 @@ def screen(
     Each point of each grid is judged by six residual levels: with the nuisance parameters as they are fitted
     now and with their nominal values, in each case on the whole band, on the low band (where a wrong modulus
     shifts resonances by less than their width), and on the whole band after the part has been taken off that
-    a small change of the nuisance parameters explains (which is what finds weak effects). The best by each
-    measure go on.
+    a small change of the nuisance parameters explains. The best by each measure go on.
+
+    Where the model is right but for noise, what may be left to find is weak. Then each candidate is judged
+    by the level that the best strength of it would leave if the FRFs changed in proportion, again without
+    what nuisance parameters explain: the score test of statistics.
 
     Parameters
     ----------
@@ -90,20 +153,20 @@ def screen(
         The model so far, with the effects already found.
     grids : sequence of Grid
     settled : bool
-        Whether the model is right but for noise; then its parameters are believed, and the nominal ones are
-        not looked at.
+        Whether the model is right but for noise.
     say : callable
         Called with a text and the fraction done.
     """
-    bases = (current,) if settled else (current, problem.at_nominal(current))
-    n = 3 * len(bases)
-    levels = [np.full((n, len(g.points)), np.inf) for g in grids]
+    if settled:
+        return _screen_weak(problem, current, grids, say)
+    bases = (current, problem.at_nominal(current))
+    levels = [np.full((6, len(g.points)), np.inf) for g in grids]
     for b, base in enumerate(bases):
-        look = _Look.of(problem, base)
+        look = _Look.of(problem, base, N_WHOLE, N_LOW)
         for i, grid in enumerate(grids):
             say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
             levels[i][3 * b : 3 * b + 3] = look.levels(grid)
-    best = np.array([each.min(axis=1) for each in levels]).reshape(len(grids), n)
+    best = np.array([each.min(axis=1) for each in levels]).reshape(len(grids), 6)
     rank = np.argsort(np.argsort(best, axis=0), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):
@@ -116,36 +179,59 @@ def screen(
             k = int(np.argmin(levels[i][measure]))
             if k not in points:
                 points.append(k)
-        out.append(
-            Screened(grids[i].effect, tuple(grids[i].points[k] for k in points[: 1 if settled else 2]))
-        )
+        out.append(Screened(grids[i].effect, tuple(grids[i].points[k] for k in points[:2])))
     return tuple(out)
+
+
+def _screen_weak(
+    problem: FitProblem, current: FitResult, grids: Sequence[Grid], say: Callable[[str, float], None]
+) -> tuple[Screened, ...]:
+    look = _Look.of(problem, current, N_SETTLED, 0)
+    found = []
+    for i, grid in enumerate(grids):
+        say(f"looking at {grid.effect.name}", i / len(grids))
+        levels, factors = look.scores(grid)
+        k = int(np.argmin(levels))
+        if np.isfinite(levels[k]):
+            found.append((float(levels[k]), i, grid.scaled(grid.weak_points[k][0], float(factors[k]))))
+    return tuple(
+        Screened(grids[i].effect, (start,))
+        for _, i, start in sorted(found, key=lambda f: f[:2])[:N_BEST_WEAK]
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Look:
     """A model with all but the candidates fixed, at a few lines.
 
-    ``slopes`` (n, m) and ``back`` (n, m) hold the weighted slopes of the nuisance parameters, and what takes
-    a residual to their change; real and imaginary parts stand side by side.
+    Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
+    (n_lines, n_out, n_in), ``measured``, ``weight`` and ``gain`` what belongs to each, and ``whole`` tells
+    which of them stand for the whole band. ``slopes`` (n, m) and ``back`` (n, m) hold the weighted slopes of
+    the nuisance parameters for these, and what takes a residual to their change; real and imaginary parts
+    stand side by side.
     """
 
     problem: FitProblem
     base: FitResult
     lines: NDArray[np.int64]
-    n_whole: int
+    at: NDArray[np.int64]
+    measured: Complexes
+    weight: Floats
+    gain: Floats
+    whole: NDArray[np.bool_]
     slopes: Floats
     back: Floats
     _solved: dict[tuple[tuple[str, str], ...], LocalChanges]
 
     @classmethod
-    def of(cls, problem: FitProblem, base: FitResult) -> "_Look":
-        whole = problem.lines_up_to(np.inf, N_WHOLE)
-        low = problem.lines_up_to(problem.stages[0], N_LOW)
+    def of(cls, problem: FitProblem, base: FitResult, n_whole: int, n_low: int) -> "_Look":
+        whole = problem.lines_up_to(np.inf, n_whole)
+        low = problem.lines_up_to(problem.stages[0], n_low)
         function = problem.function(base.effects, [_values(e) for e in base.effects], whole)
-        x = function.moved_to(base)
-        r, J = function(x, True)
+        r, J = function(function.moved_to(base), True)
         assert J is not None
+        some = _some(len(r))
+        r, J = r[some], J[:, some]
         robust = 1 / np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2)
         misfit = float((2 * ROBUST**2 * (1 / robust - 1)).mean())
         weight = robust * function.n_independent() / len(r) / (LEVEL_FLOOR**2 + misfit)
@@ -156,25 +242,55 @@ class _Look:
         A = weighted @ slopes.T + np.diag(known)
         A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
         back: Any = np.linalg.solve(A, weighted)
-        return cls(problem, base, np.concatenate([whole, low]), len(whole), slopes, back, {})
+
+        data, lines = problem.data, np.concatenate([whole, low])
+        shape = data.mask[lines].shape
+        n_first = int(np.prod(data.mask[whole].shape))
+        flat = np.flatnonzero(data.mask[lines])
+        low_at = flat[flat >= n_first]
+        at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at))]])
+        gain = np.broadcast_to(base.gains[:, None], shape).ravel()[at]
+        measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
+        return cls(problem, base, lines, at, measured, w, gain, at < n_first, slopes, back, {})
 
     def levels(self, grid: Grid) -> Floats:
         """Return the level on the whole band, on the low one, and with nuisances adapted, (3, n_points)."""
-        data, lines = self.problem.data, self.lines
-        H = np.stack(self._local(grid.effect.released()).with_terms(grid.terms)) * self.base.gains[:, None]
-        keep = data.mask[lines] & (data.H[lines] != 0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            r: Any = data.weight[lines] * np.log(H / np.where(keep, data.H[lines], 1.0))
-        r = np.where(np.isfinite(r), r, 0.0)[:, keep]
-        before = np.where(keep, self._local(()).H * self.base.gains[:, None], 1.0)
-        if np.abs(H / before - 1)[:, keep].max(initial=0.0) < VISIBLE:
+        H = self._local(grid.effect.released()).with_terms(grid.terms(self.problem, False))
+        now, *r = self._residuals([self._local(()).H, *H])
+        r = np.array(r)
+        if np.abs(r - now).max(initial=0.0) < VISIBLE:
             return np.full((3, len(r)), np.inf)
-        whole = np.broadcast_to((np.arange(len(lines)) < self.n_whole)[:, None, None], keep.shape)[keep]
-        first = r[:, whole]
-        flat = np.hstack([first.real, first.imag])
+        first = r[:, self.whole]
+        return np.stack([_level(first), _level(r[:, ~self.whole]), _level(self._adapted(first))])
+
+    def scores(self, grid: Grid) -> tuple[Floats, Floats]:
+        """Return the level that the best strength of each weak point would leave, and its multiple."""
+        H = self._local(grid.effect.released()).with_terms(grid.terms(self.problem, True))
+        now = self._local(()).H
+        r = self._adapted(self._residuals([now, *H]))
+        change = r[1:] - r[0]
+        weight = 1 / np.sqrt(1 + np.abs(r[0]) ** 2 / ROBUST**2)
+        size = (weight * np.abs(change) ** 2).sum(axis=1)
+        slope = (weight * (change.conj() * r[0]).real).sum(axis=1)
+        most = np.array([m for _, m in grid.weak_points])
+        least = 0.0 * most if grid.one_sided() else -most
+        factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
+        visible = np.abs(factor[:, None] * change).max(axis=1, initial=0.0) >= VISIBLE
+        return np.where(visible, _level(r[0] + factor[:, None] * change), np.inf), factor
+
+    def _residuals(self, H: Sequence[Complexes]) -> Complexes:
+        """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
+        computed = np.stack([each.ravel()[self.at] for each in H])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            r: Any = self.weight * np.log(computed * (self.gain / np.where(self.measured != 0, self.measured, 1.0)))
+        return np.where(np.isfinite(r) & (self.measured != 0), r, 0.0)
+
+    def _adapted(self, r: Complexes) -> Complexes:
+        """Return residuals without what a small change of the nuisance parameters explains."""
+        flat = np.hstack([r.real, r.imag])
         left = flat - (flat @ self.back.T) @ self.slopes
         half = left.shape[1] // 2
-        return np.stack([_level(first), _level(r[:, ~whole]), _level(left[:, :half] + 1j * left[:, half:])])
+        return left[:, :half] + 1j * left[:, half:]
 
     def _local(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
         """Return the model solved at the lines, without the constraints that an effect releases."""
@@ -185,6 +301,11 @@ class _Look:
             zeta = np.exp(p.damping.hats(f) @ np.log(base.zeta))
             self._solved[released] = engine.local(np.array([base.values[r] for r in refs]), zeta)
         return self._solved[released]
+
+
+def _some(n: int) -> NDArray[np.int64]:
+    """Return at most ``MOST_VALUES`` of n positions, spread over all."""
+    return np.unique(np.linspace(0, n - 1, min(n, MOST_VALUES)).round().astype(np.int64))
 
 
 def _values(effect: Effect) -> dict[str, float]:

@@ -43,7 +43,7 @@ class _Foundation(Effect):
     ) -> tuple[dict[str, float], ...]:
         k = float(np.median([scale(key) for key in self.released()]))
         return tuple(
-            {"stiffness": float(f * k), **loss} for f, loss in product(np.geomspace(1e-2, 1e2, 21), losses)
+            {"stiffness": float(f * k), **loss} for f, loss in product(np.geomspace(1e-2, 1e2, 11), losses)
         )
 
     @classmethod

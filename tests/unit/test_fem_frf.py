@@ -209,6 +209,25 @@ def test_local_changes_at_one_place_do_not_disturb_each_other():
         assert abs(H - state.H).max() > 1e-3 * abs(exact).max()
 
 
+def test_a_coupling_after_an_effect_that_leaves_rounding_in_its_direction():
+    # The matrix of a coupling has zeros on its diagonal: what rounding leaves there is no scale.
+    model, f = cross_beam(0.1), np.linspace(20.0, 900.0, 40)
+    out, inn = (dof_vectors(model, s)[0] for s in (AT, IN))
+    sides = np.eye(model.n_dof)[:, [6 * p + d for p in (1, 4) for d in range(6)]]
+    reduced = reduce_model(model, np.hstack([inn, sides]), f[-1], n_krylov=2)
+    engine = ParametricFRF(reduced, out, inn, f, [])
+    state = engine.local(np.zeros(0), np.zeros(f.size))
+    rounding, coupling = np.diag([2e7, 2e7, 0, 0, 0, 1e-26]), np.zeros((6, 6))
+    coupling[0, 5] = coupling[5, 0] = 5e4
+    for K in (rounding, coupling):
+        effect = Joint(name="c", point1=1, point2=4, location=np.array([0, 0, 0.005]), K=K)
+        (H,) = state.receptances([effect])
+        exact, _, _ = ParametricFRF(reduced, out, inn, f, [], [effect]).evaluate(
+            np.zeros(0), np.zeros(f.size), gradient=False
+        )
+        assert (abs(H - exact).max(axis=0) < 1e-7 * abs(exact).max(axis=0).max()).all()
+
+
 def lossy(*loss):
     """Return the crossed beams of materials with loss factors, the joint between them without."""
     model = cross_beam(0.1, eta=0.0, loss_factor=0.0)
