@@ -54,6 +54,11 @@ class _Term:
     laws: tuple[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]], ...] = ()
     dofs: NDArray[np.int64] | None = None
 
+    def times(self, factor: float) -> "_Term":
+        """Return all matrices multiplied by a factor."""
+        K, M, C, D = (None if X is None else factor * X for X in (self.K, self.M, self.C, self.D))
+        return replace(self, K=K, M=M, C=C, D=D, laws=tuple((f, factor * X) for f, X in self.laws))
+
     def dense(self, key: str) -> Any:
         X = getattr(self, key)
         return 0.0 if X is None else self.spread(X)
@@ -199,6 +204,15 @@ class ReducedModel:
     def value_of(self, effect: Effect) -> _Term:
         """Project an effect at its present values."""
         return self.project(effect.contribute(self.model))
+
+    def values_of(self, effect: Effect, points: Sequence[dict[str, float]]) -> tuple[_Term, ...]:
+        """Project an effect at several points of its parameters; once, if they but multiply it."""
+        p, *others = effect.parameters()
+        if others or not p.linear or p.absent != 0 or not all(point[p.name] for point in points):
+            return tuple(self.value_of(effect.with_values(**point)) for point in points)
+        first = points[0][p.name]
+        term = self.value_of(effect.with_values(**points[0]))
+        return tuple(term.times(point[p.name] / first) for point in points)
 
     def derivative_of(self, effect: Effect, parameter: str, value: float) -> _Term:
         """Project an effect's derivative with respect to a parameter, by a complex step."""

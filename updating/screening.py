@@ -81,8 +81,7 @@ class Grid:
         """Return what the effect adds to the reduced matrices at each point or weak point (computed once)."""
         if weak not in self._terms:
             points = [p for p, _ in self.weak_points] if weak else self.points
-            project = problem.reduced.value_of
-            self._terms[weak] = tuple(project(self.effect.with_values(**p)) for p in points)
+            self._terms[weak] = problem.reduced.values_of(self.effect, points)
         return self._terms[weak]
 
     def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
