@@ -24,8 +24,8 @@ VISIBLE = 1e-3
 """Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
 directions measured do not see them [nepers]."""
 
-MOST_VALUES = 1500
-"""At most so many values of FRFs, in the whole band and in the low one, are looked at."""
+MOST_VALUES, MOST_VALUES_WEAK = 700, 5000
+"""At most so many values of FRFs in the whole band, in the low one, and for weak effects are looked at."""
 
 N_BEST = 5
 """So many of the best by each of the measures go on."""
@@ -161,7 +161,7 @@ def screen(
     bases = (current, problem.at_nominal(current))
     levels = [np.full((6, len(g.points)), np.inf) for g in grids]
     for b, base in enumerate(bases):
-        look = _Look.of(problem, base, N_WHOLE, N_LOW)
+        look = _Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
         for i, grid in enumerate(grids):
             say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
             levels[i][3 * b : 3 * b + 3] = look.levels(grid)
@@ -185,7 +185,7 @@ def screen(
 def _screen_weak(
     problem: FitProblem, current: FitResult, grids: Sequence[Grid], say: Callable[[str, float], None]
 ) -> tuple[Screened, ...]:
-    look = _Look.of(problem, current, N_SETTLED, 0)
+    look = _Look.of(problem, current, N_SETTLED, 0, MOST_VALUES_WEAK)
     found = []
     for i, grid in enumerate(grids):
         say(f"looking at {grid.effect.name}", i / len(grids))
@@ -223,13 +223,13 @@ class _Look:
     _solved: dict[tuple[tuple[str, str], ...], LocalChanges]
 
     @classmethod
-    def of(cls, problem: FitProblem, base: FitResult, n_whole: int, n_low: int) -> "_Look":
+    def of(cls, problem: FitProblem, base: FitResult, n_whole: int, n_low: int, most: int) -> "_Look":
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
         function = problem.function(base.effects, [_values(e) for e in base.effects], whole)
         r, J = function(function.moved_to(base), True)
         assert J is not None
-        some = _some(len(r))
+        some = _some(len(r), most)
         r, J = r[some], J[:, some]
         robust = 1 / np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2)
         misfit = float((2 * ROBUST**2 * (1 / robust - 1)).mean())
@@ -247,7 +247,7 @@ class _Look:
         n_first = int(np.prod(data.mask[whole].shape))
         flat = np.flatnonzero(data.mask[lines])
         low_at = flat[flat >= n_first]
-        at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at))]])
+        at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
         gain = np.broadcast_to(base.gains[:, None], shape).ravel()[at]
         measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
         return cls(problem, base, lines, at, measured, w, gain, at < n_first, slopes, back, {})
@@ -281,7 +281,9 @@ class _Look:
         """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
         computed = np.stack([each.ravel()[self.at] for each in H])
         with np.errstate(divide="ignore", invalid="ignore"):
-            r: Any = self.weight * np.log(computed * (self.gain / np.where(self.measured != 0, self.measured, 1.0)))
+            r: Any = self.weight * np.log(
+                computed * (self.gain / np.where(self.measured != 0, self.measured, 1.0))
+            )
         return np.where(np.isfinite(r) & (self.measured != 0), r, 0.0)
 
     def _adapted(self, r: Complexes) -> Complexes:
@@ -302,9 +304,9 @@ class _Look:
         return self._solved[released]
 
 
-def _some(n: int) -> NDArray[np.int64]:
-    """Return at most ``MOST_VALUES`` of n positions, spread over all."""
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_VALUES)).round().astype(np.int64))
+def _some(n: int, most: int) -> NDArray[np.int64]:
+    """Return at most so many of n positions, scattered: a fixed step might miss whole channels."""
+    return np.sort(np.random.default_rng(0).permutation(n)[:most])
 
 
 def _values(effect: Effect) -> dict[str, float]:

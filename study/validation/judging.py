@@ -92,6 +92,9 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
           another effect that explains the data down to ``FLOOR`` times the floor
         - wrong: an effect that was not hidden (a false alarm where nothing was)
         - unexplained, not noticed, fault: what the verdict said instead
+
+        ``first`` and ``in_three`` tell whether the right effect and place lead the ranking of the first round,
+        or are among its first three, accepted or not.
     """
     model = diagnosis.model
     proposed = {e.name: e for e in propose(case.model, test=case.measurement)}
@@ -110,7 +113,8 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
     false = [f for f, h in zip(diagnosis.findings, hit, strict=True) if not h]
     ranked = diagnosis.rounds[0] if diagnosis.rounds else ()
     first_three = [effect_of(r) for r in ranked[:3]]
-    in_three = bool(hit and hit[0]) or any(_matches(e, model, i) for e in first_three for i in case.implants)
+    first = bool(hit and hit[0]) or any(_matches(e, model, i) for e in first_three[:1] for i in case.implants)
+    in_three = first or any(_matches(e, model, i) for e in first_three for i in case.implants)
     twins = [effect_of(t) for f in diagnosis.findings[:1] for t in f.twins]
     twin = any(_matches(e, model, i) for e in twins for i in case.implants)
     floor = _floor(case, diagnosis)
@@ -139,6 +143,7 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         "ranked": [f"{r.kind} at {r.where}" for r in ranked[:3]],
         "candidates": len(ranked),
         "outcome": outcome,
+        "first": first,
         "in_three": in_three,
         "errors": [
             e

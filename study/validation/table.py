@@ -15,9 +15,9 @@ Test = Callable[[Record], bool]
 RATES: dict[str, tuple[tuple[str, Test], ...]] = {
     "single": (
         ("right effect and place, nothing else", lambda r: r["outcome"] == "right"),
-        ("right effect and place first", lambda r: r["outcome"] in ("right", "beside")),
+        ("right effect and place first", lambda r: r.get("first", False)),
         ("among the first three", lambda r: r.get("in_three", False)),
-        ("first, or named as a twin", lambda r: r["outcome"] in ("right", "beside", "twin")),
+        ("first, or named as a twin", lambda r: r.get("first", False) or r["outcome"] == "twin"),
         ("a wrong effect", lambda r: r["outcome"] in ("wrong", "beside")),
         ("unexplained", lambda r: r["outcome"] == "unexplained"),
         ("not noticed", lambda r: r["outcome"] == "not noticed"),
