@@ -467,7 +467,7 @@ def diagnose(
         ]
         part = _part(say, len(rounds))
         grids = {e.name: grids.get(e.name) or Grid.of(problem, e) for e in open_}
-        settled = current.level < max(FLOOR_MARGIN * floor, model_error)
+        settled = current.level < limit
         ranked, best = _round(problem, current, open_, grids, settled, part)
         rounds.append(ranked)
         if best is None:

@@ -93,7 +93,7 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         - wrong: an effect that was not hidden (a false alarm where nothing was)
         - unexplained, not noticed, fault: what the verdict said instead
 
-        ``first`` and ``in_three`` tell whether the right effect and place lead the ranking of the first round,
+        ``first`` and ``in_three`` tell whether the right effect and place lead the first round's ranking,
         or are among its first three, accepted or not.
     """
     model = diagnosis.model
