@@ -319,7 +319,7 @@ def test_intervals_are_clopper_and_pearson():
 
 def test_the_table_counts_sets_and_lists_what_is_not_right():
     records = [fake(None, ("single", i)) for i in range(4)]
-    records[3] |= {"outcome": "wrong", "in_three": True, "found": [{"kind": "crack", "where": "member A"}]}
+    records[3] |= {"outcome": "wrong", "first": False, "found": [{"kind": "crack", "where": "member A"}]}
     records[2]["known"] = False
     records += [fake(None, ("null", 0))]
     summary = summarise(records)
