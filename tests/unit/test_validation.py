@@ -271,7 +271,8 @@ def test_faults_are_judged_by_sensor_and_kind():
 def fake(settings, task):
     return {
         "case": f"{task[0]}:{task[1]}", "set": task[0], "index": task[1], "hidden": [], "known": True,
-        "outcome": "right", "first": True, "seconds": 1.0, "db": {k: 0.1 for k in ("nominal", "fitted", "after", "floor")},
+        "outcome": "right", "first": True, "seconds": 1.0,
+        "db": {k: 0.1 for k in ("nominal", "fitted", "after", "floor")},
     }  # fmt: skip
 
 
