@@ -264,8 +264,9 @@ def fit_joint(
     weight = np.where(seen, 1 / _noise(measured, noise, measured), 0.0)
     begin = form.starts(start, lines)
     n, m = len(form.names), len(parts.names)
-    if begin[0].shape != (n,) or not np.isfinite(begin[0]).all():
-        msg = f"start has shape {begin[0].shape}; {n} finite values are needed: {', '.join(form.names[:6])} …"
+    if not np.isfinite(begin[0]).all():
+        name = form.names[int(np.argmin(np.isfinite(begin[0])))]
+        msg = f"start has no finite value of {name}; only a viscoelastic law's own parameters may be NaN"
         raise ValueError(msg)
     if 2 * int(seen.sum()) < n:
         msg = f"{int(seen.sum())} complex values cannot determine {n} parameters"

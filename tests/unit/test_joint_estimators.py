@@ -290,6 +290,7 @@ def test_the_band_of_the_stiffness_is_what_its_parameters_scatter_to(slim, form)
     ("change", "error", "message"),
     [
         ({"start": np.zeros(3)}, ValueError, "67 finite values are needed"),
+        ({"start": np.full(67, np.nan)}, ValueError, "no finite value of K x x; only"),
         ({"start": {"m": 1.0}}, ValueError, "numbers in the order of the form's names"),
         ({"noise": -1.0}, ValueError, "noise must be positive"),
         ({"noise": np.ones(7)}, ValueError, "noise has shape .* is needed"),
