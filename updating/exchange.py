@@ -56,6 +56,9 @@ def sensors_from_table(table: Any, scale: float = 1.0) -> tuple[Sensor, ...]:
         )
         raise MeasurementError(msg)
     names = [str(v) for v in table["Name"]]
+    if not names:
+        msg = "the table has no rows; one for each channel or sensor is needed"
+        raise MeasurementError(msg)
     try:
         xyz, d = (
             np.array([[float(v) for v in table[c]] for c in keys]).T.reshape(len(names), -1)

@@ -376,10 +376,8 @@ def _chosen(
         more = f"\n  and {len(same) - 8} more" if len(same) > 8 else ""
         msg = (
             f"the test points fit the mesh in {len(same)} ways, as a symmetric or regular structure's do; "
-            "give labels "
-            "of a few points, axes='same', or the number of the right alternative:\n  "
-            + "\n  ".join(lines)
-            + more
+            "give labels of a few points, axes='same' (--same-axes), or the right one, alternative=K "
+            "(--alternative K):\n  " + "\n  ".join(lines) + more
         )
         raise GeometryMatchError(msg, same)
     return best

@@ -352,6 +352,12 @@ def damping_matrix(mass: ArrayLike, shapes: ArrayLike, frequency: ArrayLike, zet
     if f.shape != (phi.shape[1],) or ratio.shape != f.shape:
         msg = f"{phi.shape[1]} shapes need as many frequencies and ratios; found {f.size} and {ratio.size}"
         raise IdentificationError(msg)
+    if (
+        not (np.isfinite(f) & (f >= 0) & np.isfinite(ratio) & (ratio >= 0)).all()
+        or not np.isfinite(phi).all()
+    ):
+        msg = "shapes, frequencies and ratios must be finite numbers, the latter two not negative"
+        raise IdentificationError(msg)
     momentum = M @ phi
     modal_mass = np.einsum("ij,ij->j", phi, momentum)
     if (modal_mass <= 0).any():

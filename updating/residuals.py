@@ -207,6 +207,12 @@ def mode_data(
     if f.ndim != 1 or not f.size or not (np.isfinite(f) & (f > 0)).all():
         msg = f"the measured frequencies are {f.tolist()[:8]}; at least one is needed, all positive [Hz]"
         raise ModelError(msg)
+    if shapes is None and numbers is None and (np.diff(f) < 0).any():
+        msg = (
+            f"the measured frequencies {f.tolist()[:8]} Hz do not rise; without shapes they are those of the "
+            "model in their order: sort them, or say which modes they are (numbers=…)"
+        )
+        raise ModelError(msg)
     rows = np.zeros((model.n_dof, 0))
     psi = None
     if shapes is not None:

@@ -85,6 +85,9 @@ _ENOUGH = 1e-6
 _REBASES = 6
 """So many times at most the reduced basis of the FRFs is made again at the new values."""
 
+_EXPLAINED = 1.2
+"""Below this mean square residual nothing is left to be explained by another form of damping [-]."""
+
 _BETTER = 0.9
 """The model's own damping between resonances is taken if it lowers the misfit to this part."""
 
@@ -190,6 +193,10 @@ class Settings:
         if self.regularisation == "gsvd" and self.operator is None:
             msg = "the regularisation 'gsvd' needs an operator L (p, n_unknown)"
             raise ValueError(msg)
+        for what, least in (("n_starts", 1), ("max_iterations", 1), ("n_lines", 1), ("n_samples", 0)):
+            if getattr(self, what) < least:
+                msg = f"{what} is {getattr(self, what)}; at least {least} is needed"
+                raise ValueError(msg)
         if not self.contradicted > 0:
             msg = f"a prior is contradicted at {self.contradicted} standard deviations; it must be positive"
             raise ValueError(msg)
@@ -865,24 +872,39 @@ def _run(problem: _Problem) -> Updated:
         state, ending, staged = _descend(staged, x, enough, settings.max_iterations, path.append)
         x = state.x
         problem = replace(problem, before=staged.before, near=staged.near)
-    for own_damping in (False, True) if problem.frf is not None else ():
-        if own_damping:  # between resonances the model's damping and the engine's differ: which do data have?
-            trial = problem.based(x, 1.0, last, own_damping).state(x, False)
-            if not _misfit_of_frf(trial) < _BETTER * _misfit_of_frf(state):
-                break
-        for _ in range(_REBASES):
-            staged = problem.based(x, 1.0, last, own_damping)
-            state, ending, staged = _descend(staged, x, _ENOUGH, settings.max_iterations, path.append)
-            problem = replace(problem, before=staged.before, near=staged.near)
-            moved = state.x - x
-            x = state.x
-            A = staged.normal(state)[0]
-            if float(moved @ A @ moved) < 0.01:  # a tenth of a standard deviation
-                break
+    if problem.frf is not None:
+        steps: list[UpdateStep] = []
+        state, ending, staged = _rebased(problem, x, False, steps)
+        if _misfit_of_frf(state) > _EXPLAINED:
+            # between resonances the model's damping and the engine's differ: which of them do the data have?
+            more: list[UpdateStep] = []
+            own = _rebased(problem, state.x, True, more)
+            if _misfit_of_frf(own[0]) < _BETTER * _misfit_of_frf(state):
+                (state, ending, staged), steps = own, steps + more
+        path += steps
+        x = state.x
+        problem = replace(problem, before=staged.before, near=staged.near)
     if settings.regularisation:
         problem, staged = _regularised(problem, staged, x)
         state, ending, staged = _descend(staged, x, _ENOUGH, settings.max_iterations, path.append)
     return _result(staged, state, tuple(path), tuple(starts), left_out, ending)
+
+
+def _rebased(
+    problem: _Problem, x: NDArray[np.float64], own_damping: bool, steps: list[UpdateStep]
+) -> tuple[_State, Ending, _Problem]:
+    """Fit all FRFs on bases made at the new values, until these move by less than a tenth of a deviation."""
+    settings = problem.settings
+    count = 0
+    while True:
+        staged = problem.based(x, 1.0, 4 * settings.n_lines, own_damping)
+        state, ending, staged = _descend(staged, x, _ENOUGH, settings.max_iterations, steps.append)
+        problem = replace(problem, before=staged.before, near=staged.near)
+        moved = state.x - x
+        x = state.x
+        count += 1
+        if count == _REBASES or float(moved @ staged.normal(state)[0] @ moved) < 0.01:
+            return state, ending, staged
 
 
 def _misfit_of_frf(state: _State) -> float:

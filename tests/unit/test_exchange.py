@@ -93,6 +93,7 @@ def test_channels_come_back():
         ({"Orientation_1": [0, float("nan")]}, "'B' is turned by"),
         ({"Orientation_1": None}, "no column Direction_1, Direction_2, Direction_3"),
         ({"Direction_1": [0, 0], "Direction_2": [0, 0], "Direction_3": [0, 0]}, "'A' is at"),
+        ({key: [] for key in SENSORS}, "has no rows"),
         ({"Name": ["A", "A"]}, "two channels named 'Ax'"),
         ({"Position_1": [1, "far"]}, "must be numbers"),
         ({"Position_1": [1]}, "must be numbers"),
