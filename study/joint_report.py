@@ -258,16 +258,17 @@ def draw_joint(found: Estimate, path: Path, amplification: float = 1e3) -> None:
     lines = found.stages[-1].line_by_line(amplification)
     frequency = found.fit.frequency
     Z = found.fit.Z(frequency)
-    points = np.full(Z.shape, np.nan + 0j)
+    points = np.full(Z.shape, complex(np.nan, np.nan))
+    dots = "line by line" if lines is not None and lines.regular.any() else "line by line: not determined"
     if lines is not None:
         points[lines.regular] = lines.z[lines.regular]
     study = np.zeros_like(Z)
     for i, d in enumerate(directions):
         k = study_stiffness(found, d)
-        study[:, i, i] = k * (1 + 1j * found.task.joint.eta) if np.isfinite(k) else np.nan
+        study[:, i, i] = k * (1 + 1j * found.task.joint.eta) if np.isfinite(k) else complex(np.nan, np.nan)
     figure = plot_stiffness_entries(
         frequency,
-        {"line by line": points, "study": study, "fitted, 95 %": Z},
+        {dots: points, "study": study, "fitted, 95 %": Z},
         [(i, i) for i in range(len(directions))],
         directions,
         {"fitted, 95 %": found.fit.Z_std(frequency)},
