@@ -22,7 +22,15 @@ from study.connections import (
 from study.effects import candidates_of, read_effects
 from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
-from study.measured import check_units, labels_of, match, read_band, read_files, top_frequency
+from study.measured import (
+    check_units,
+    labels_of,
+    match,
+    read_band,
+    read_files,
+    read_held_out,
+    top_frequency,
+)
 from study.measured_modes import MeasuredModes, UpdatePlan, match_modes, read_plan, read_raw_modes
 from study.parts import (
     note_shear_centres,
@@ -78,6 +86,8 @@ class Study:
         Number of frequency lines to fit; None for the program's choice.
     held_out : tuple of str
         Names of excitations whose FRFs are compared but not fitted.
+    held_out_sensors : tuple of str
+        Names of sensors whose FRFs are.
     frequency : ndarray
         Lines of :command:`dovetail frf` where there is no measurement [Hz].
     max_frequency : float
@@ -107,6 +117,7 @@ class Study:
     band: tuple[float, float] | None
     n_lines: int | None
     held_out: tuple[str, ...]
+    held_out_sensors: tuple[str, ...]
     frequency: np.ndarray
     max_frequency: float
     element_size: tuple[float, float]
@@ -242,14 +253,8 @@ class _Reader:
 
         fit = top.table("fit")
         band, n_lines = read_band(fit), fit.whole("lines", None, 8)
-        held_out = fit.texts("held_out", ())
+        held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
         fit.finish()
-        for word in held_out:
-            if word not in [c.sensor.name for c in excitations]:
-                fit.refuse(
-                    "held_out",
-                    f"there is no excitation '{word}'; {suggest(word, [c.sensor.name for c in excitations])}",
-                )
         top_line = top_frequency(raw, band)
         if raw_modes is not None:
             top_line = max(top_line or 0.0, float(raw_modes.modes.frequency.max(initial=0.0))) or None
@@ -318,6 +323,7 @@ class _Reader:
             band,
             n_lines,
             held_out,
+            held_out_sensors,
             frequency,
             highest,
             (float(aimed.min()), float(aimed.max())),

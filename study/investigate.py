@@ -142,7 +142,7 @@ def run(options: Options, progress: Progress) -> None:
         words.headline(done),
         *_found(done.diagnosis),
         "",
-        *_staircase(done.diagnosis, done.held_out_inputs),
+        *_staircase(done.diagnosis, done.held_out_channels),
         *(f"note: {note}" for note in done.notes),
         "",
         str(done.report),
@@ -167,7 +167,7 @@ def _staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None 
 
     held_out = held_out or {}
     width = _width([step_label(s.label) for s in d.steps])
-    names = "".join(f"  {'excitation ' + n:>16}" for n in held_out)
+    names = "".join(f"  {n:>16}" for n in held_out)
     rows = [
         f"{step_label(s.label):{width}}  {s.fit_db:9.2f}  {s.held_out_db:11.2f}"
         + "".join(f"  {db[k]:16.2f}" for db in held_out.values())

@@ -15,7 +15,7 @@ from fem.io.uff_types import Function
 from fem.model import Model
 from fem.system import assemble
 from study.sensors import Channel
-from study.table import Table
+from study.table import Table, suggest
 from updating.measurement import Measurement, Sensor, at_values_of, sensor_point
 from updating.noise import noise_from_repeats
 
@@ -215,6 +215,28 @@ def _coherence_array(path: Path, frf: FRF) -> NDArray[np.float64] | None:
     at = np.ix_([frf.outputs.index(n) for n in outputs], [frf.inputs.index(n) for n in inputs])
     out[:, at[0], at[1]] = at_values_of(values, of, here)
     return out if np.isfinite(out).any() else None
+
+
+def read_held_out(
+    fit: Table, sensors: Sequence[Channel], excitations: Sequence[Channel]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the excitations and the sensors that are kept from the fit.
+
+    A name that both have is the excitation's; ``sensor NAME`` and ``excitation NAME`` say which is meant.
+    """
+    have = {"excitation": [c.sensor.name for c in excitations], "sensor": [c.sensor.name for c in sensors]}
+    out: dict[str, list[str]] = {"excitation": [], "sensor": []}
+    for word in fit.texts("held_out", ()):
+        first, _, rest = word.partition(" ")
+        options = [(first, rest)] if first in have else [(role, word) for role in have]
+        found = [(role, name) for role, name in options if name in have[role]]
+        if not found:
+            known = [name for role, _ in options for name in have[role]]
+            what = " or ".join(role for role, _ in options)
+            fit.refuse("held_out", f"there is no {what} '{options[0][1]}'; {suggest(options[0][1], known)}")
+        role, name = found[0]
+        out[role].append(name)
+    return tuple(out["excitation"]), tuple(out["sensor"])
 
 
 def read_band(t: Table) -> tuple[float, float] | None:

@@ -104,11 +104,11 @@ def _steps(result: RunResult) -> Markup:
             _db(s.fit_db),
             _db(s.held_out_db),
             _db(s.level * DB_PER_NEPER),
-            *(_db(e[k]) for e in result.held_out_inputs.values()),
+            *(_db(e[k]) for e in result.held_out_channels.values()),
         ]
         for k, s in enumerate(d.steps)
     ]
-    head += [f"excitation {name}, held out [dB]" for name in result.held_out_inputs]
+    head += [f"{name}, held out [dB]" for name in result.held_out_channels]
     return join(
         [
             table(head, rows, numbers=range(1, len(head))),
@@ -199,7 +199,7 @@ def _held_out_words(result: RunResult) -> str:
         if bands
         else "no lines"
     )
-    return text + (f"; excitation {', '.join(result.held_out_inputs)}" if result.held_out_inputs else "")
+    return "; ".join([text, *result.held_out_channels])
 
 
 def _counted(data: FitData) -> str:

@@ -72,8 +72,8 @@ class RunResult:
     diagnosis : Diagnosis
     comparisons : tuple of Comparison
         For each step of the diagnosis, on all lines.
-    held_out_inputs : mapping of str to tuple of float
-        For excitations that no fit has seen, the error of each step [dB].
+    held_out_channels : mapping of str to tuple of float
+        For ``excitation NAME`` and ``sensor NAME`` that no fit has seen, the error of each step [dB].
     localisation : Localisation or None
         Where the model fails once its uncertain parameters are fitted.
     modes : tuple of ModePair
@@ -89,7 +89,7 @@ class RunResult:
     study: Study
     diagnosis: Diagnosis
     comparisons: tuple[Comparison, ...]
-    held_out_inputs: Mapping[str, tuple[float, ...]]
+    held_out_channels: Mapping[str, tuple[float, ...]]
     localisation: Localisation | None
     modes: tuple[ModePair, ...]
     uncertain: tuple[Uncertain, ...]
@@ -200,7 +200,9 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         "finished": result.finished.isoformat(timespec="seconds"),
         "seconds": result.seconds,
         **diagnosis_dict(d),
-        "held_out_inputs": [{"input": name, "error_db": db} for name, db in result.held_out_inputs.items()],
+        "held_out_channels": [
+            {"channel": name, "error_db": db} for name, db in result.held_out_channels.items()
+        ],
         "uncertain": [
             asdict(u) for u in result.uncertain
         ],

@@ -123,7 +123,7 @@ def found_text(result: RunResult, folder: Path) -> str:
 
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
-    fitted = [_without_held_out(study, m) for m in measured(study)]
+    fitted = [without_held_out(study, m) for m in measured(study)]
     return diagnose(
         study.model,
         fitted,
@@ -139,7 +139,7 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
 
 def fit_problem(study: Study) -> FitProblem:
     """Return the reduced model and the prepared data of a study's first measurement."""
-    first = _without_held_out(study, measured(study)[0])
+    first = without_held_out(study, measured(study)[0])
     return build_problem(
         study.model,
         first,
@@ -156,37 +156,49 @@ def measured(study: Study) -> tuple[Measurement, ...]:
     Raises
     ------
     StudyError
-        If it has none, or holds all of its excitations out.
+        If it has none, or holds all of its excitations or sensors out.
     """
     if not study.measurements:
         msg = f"{study.path}: it has no [[measurements]]; there is nothing to compare the model with"
         raise StudyError(msg)
-    if study.held_out and set(study.held_out) >= set(study.measurements[0].frf.inputs):
-        msg = f"{study.path}: [fit] held_out names every measured excitation; leave at least one for the fit"
-        raise StudyError(msg)
+    frf = study.measurements[0].frf
+    for what, names, every in (
+        ("excitation", study.held_out, frf.inputs),
+        ("sensor", study.held_out_sensors, frf.outputs),
+    ):
+        if names and set(names) >= set(every):
+            msg = f"{study.path}: [fit] held_out names every measured {what}; leave at least one for the fit"
+            raise StudyError(msg)
     return study.measurements
 
 
-def _without_held_out(study: Study, measurement: Measurement) -> Measurement:
-    """Return a measurement without the excitations that are kept from the fit."""
-    keep = [name for name in measurement.frf.inputs if name not in study.held_out]
-    return (
-        measurement
-        if len(keep) == len(measurement.frf.inputs)
-        else measurement.with_frf(measurement.frf.select(inputs=keep))
-    )
+def without_held_out(study: Study, measurement: Measurement) -> Measurement:
+    """Return a measurement without the excitations and sensors that are kept from the fit."""
+    frf = measurement.frf
+    outputs = [name for name in frf.outputs if name not in study.held_out_sensors]
+    inputs = [name for name in frf.inputs if name not in study.held_out]
+    if len(outputs) == len(frf.outputs) and len(inputs) == len(frf.inputs):
+        return measurement
+    return measurement.with_frf(frf.select(outputs, inputs))
 
 
 def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
-    """Return, for each excitation that no fit has seen, the error of each step [dB]."""
-    out = {}
+    """Return, for each excitation and sensor that no fit has seen, the error of each step [dB].
+
+    A sensor is compared for the excitations of the fit, an excitation at the sensors of the fit.
+    """
     whole = study.measurements[0]
-    for name in study.held_out:
-        if name in whole.frf.inputs:
-            data = prepare(whole.with_frf(whole.frf.select(inputs=[name])), None, study.band)
-            data = corrected(data, d.faults)
-            problem = replace(d.problem, data=data)
-            out[name] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
+    fitted = without_held_out(study, whole).frf
+    parts = {f"excitation {n}": (fitted.outputs, [n]) for n in study.held_out if n in whole.frf.inputs}
+    sensors = [n for n in study.held_out_sensors if n in whole.frf.outputs]
+    parts |= {f"sensor {n}": ([n], fitted.inputs) for n in sensors}
+    out = {}
+    for label, (outputs, inputs) in parts.items():
+        data = prepare(whole.with_frf(whole.frf.select(outputs, inputs)), None, study.band)
+        problem = replace(d.problem, data=corrected(data, d.faults), gains=())
+        out[label] = tuple(
+            rms_db(problem.log_ratio(replace(step.result, gains=np.ones(len(outputs))))) for step in d.steps
+        )
     return out
 
 

@@ -19,7 +19,7 @@ from study.lines import key_lines
 from study.measured import sensor_rows
 from study.measured_modes import MeasuredModes
 from study.paths import with_paths
-from study.run import measured
+from study.run import measured, without_held_out
 from study.table import StudyError, suggest
 from updating.measurement import Measurement
 from updating.modal_identification import IdentifiedModes, identify_modes
@@ -171,10 +171,8 @@ def _as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
 
 
 def _fitted(study: Study) -> Measurement:
-    """Return the first measurement without the excitations that are held out."""
-    first = measured(study)[0]
-    keep = [name for name in first.frf.inputs if name not in study.held_out]
-    return first if len(keep) == len(first.frf.inputs) else first.with_frf(first.frf.select(inputs=keep))
+    """Return the first measurement without what is held out."""
+    return without_held_out(study, measured(study)[0])
 
 
 def _compared(modes: MeasuredModes, model: Model) -> ModeComparison:

@@ -274,9 +274,9 @@ def confidence(result: RunResult) -> list[str]:
             f"{last.held_out_db:.2f} dB on lines that no fit has seen; the nominal model had "
             f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
         ]
-    for label, errors in result.held_out_inputs.items():
+    for label, errors in result.held_out_channels.items():
         out.append(
-            f"FRFs of the excitation {label}, which no fit has seen: {errors[0]:.2f} dB nominal, "
+            f"FRFs of the {label}, which no fit has seen: {errors[0]:.2f} dB nominal, "
             f"{errors[-1]:.2f} dB in the end."
         )
     out.append(

@@ -76,7 +76,7 @@ sensor = "K"
 kinds = ["point_mass", "member_stiffness"]
 
 [fit]
-held_out = ["K"]
+held_out = ["K", "sensor P"]
 """
 
 MEASURED = """

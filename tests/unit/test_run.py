@@ -37,7 +37,9 @@ def test_the_hidden_mass_is_found(done):
     values = {p.name: p.value for p in finding.parameters}
     assert values["mass"] == pytest.approx(0.25, rel=0.05)
     assert values["position"] == pytest.approx(0.3, abs=0.02)
-    first, *_, last = done.held_out_inputs["K"]
+    first, *_, last = done.held_out_channels["excitation K"]
+    assert last < 0.5 * first
+    first, *_, last = done.held_out_channels["sensor P"]
     assert last < 0.5 * first
 
 
@@ -60,7 +62,7 @@ def test_result_json_has_the_documented_keys(done, root):
         np.hypot(result["noise_db"], result["discretisation_db"])
     )
     assert result["ranking"][0][0]["name"] == effect["name"]
-    assert result["held_out_inputs"][0]["input"] == "K"
+    assert [c["channel"] for c in result["held_out_channels"]] == ["excitation K", "sensor P"]
     assert result["model"]["values"][f"{effect['name']}.mass"] == pytest.approx(0.25, rel=0.05)
     assert all(type(v) in (float, int) for v in result["model"]["values"].values())
 
@@ -92,7 +94,7 @@ def test_frfs_of_each_step_are_kept(done):
         error = [np.abs(H / arrays["H"] - 1)[arrays["compared"]].mean() for H in arrays["H_model"]]
         assert list(arrays["inputs"]) == ["T"]
     assert error[2] < 0.2 * error[1]
-    assert read_npz(done.folder / "frf.npz").outputs == ("P", "K", "T", "A")
+    assert read_npz(done.folder / "frf.npz").outputs == ("K", "T", "A")
 
 
 def test_pictures_are_files_too(done):
@@ -195,11 +197,11 @@ def test_compare(study_file, capsys, fitted):
     words = ["compare", str(study_file), "--bands", "3", *(["--fitted"] if fitted else [])]
     assert main(words) == 0
     out = capsys.readouterr().out.splitlines()
-    assert len(out) == 2 + 4
+    assert len(out) == 2 + 3
     assert main([*words, "--json", "-"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert len(result["bands_Hz"]) == 4
-    assert {s["sensor"] for s in result["sensors"]} == set("PKTA")
+    assert {s["sensor"] for s in result["sensors"]} == set("KTA")
 
 
 def test_locate(study_file, capsys):
