@@ -273,6 +273,8 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
     what = "with the effects" if len(d.findings) > 1 else "with the effect"
     models = {names.get(k, what): d.frf(k) for k in steps}
     held = held_out_bands(result)
+    spread = d.deviation(steps[-1])
+    bands = None if spread is None else {names.get(steps[-1], what): spread}
     sigma = np.abs(measured.H) * np.broadcast_to(d.problem.data.noise, measured.H.shape)
     chosen = telling_pairs(result)
     for start in range(0, len(chosen), 2):
@@ -281,9 +283,14 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
         album.add(
             f"frf-{start // 2 + 1}",
             lambda p, part=part: save(
-                curves.plot_frf(measured, models, [(o, i) for o, i, _ in part], held_out=held), p, DPI
+                curves.plot_frf(
+                    measured, models, [(o, i) for o, i, _ in part], held_out=held, deviations=bands
+                ),
+                p,
+                DPI,
             ),
-            f"Amplitude and phase of the FRFs {listed}, measured and computed ({', '.join(models)}).",
+            f"Amplitude and phase of the FRFs {listed}, measured and computed ({', '.join(models)}); "
+            "shaded, what the standard deviations of the last one's parameters allow (95 %).",
             f"Response / force: {listed}.",
         )
     for k, finding in enumerate(d.findings):

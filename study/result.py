@@ -264,10 +264,16 @@ def frf_arrays(d: Diagnosis) -> dict[str, NDArray[Any]]:
         "inputs": np.array(measured.inputs, dtype=str),
         "steps": np.array([s.label for s in d.steps], dtype=str),
         "H_model": np.stack([d.frf(k).as_kind(measured.kind).H for k in range(len(d.steps))]),
+        "deviation": _deviation(d),
         "compared": np.broadcast_to(data.mask, measured.H.shape),
         "held_out": data.held_out,
         "noise": np.broadcast_to(data.noise, measured.H.shape),
     }
+
+
+def _deviation(d: Diagnosis) -> NDArray[np.float64]:
+    spread = d.deviation(len(d.steps) - 1)
+    return np.full(d.measured.H.shape, np.nan) if spread is None else spread
 
 
 def _finding(f: Finding) -> dict[str, Any]:

@@ -229,6 +229,10 @@ class Diagnosis:
         """Return the FRFs of a step in the kind of the measurement."""
         return self.problem.frf(self.steps[step].result)
 
+    def deviation(self, step: int) -> NDArray[np.float64] | None:
+        """Return the standard deviation of the ln|H| that a step predicts; None for the nominal model."""
+        return self.problem.deviation(self.steps[step].result)
+
     @property
     def measured(self) -> FRF:
         """The measured FRFs as they were compared: in the band, wrong signs set right."""

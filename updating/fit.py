@@ -371,6 +371,27 @@ class FitProblem:
         force = self.data.measurement.force_level
         return solve_steady(element, force, Receptances.of(block), measured)
 
+    def deviation(
+        self, result: FitResult, lines: NDArray[np.int64] | None = None
+    ) -> NDArray[np.float64] | None:
+        """Return the standard deviation of the ln|H| that a fit predicts, (n_lines, n_out, n_in) [-].
+
+        √(gᵀ C g) with C the covariance of all that was fitted and g the derivatives of ln|H| (first order;
+        Seber & Wild, Nonlinear Regression, 1989, section 5.1). None for a result that was not fitted, such as
+        the nominal model, or fitted by other means.
+        """
+        lines = np.arange(len(self.data.frequency)) if lines is None else lines
+        every = replace(self.data, mask=np.ones_like(self.data.mask), weight=np.ones_like(self.data.weight))
+        starts = [{p.name: p.value for p in e.parameters()} for e in result.effects]
+        function = replace(self, data=every).function(result.effects, starts, lines)
+        x, C = function.moved_to(result), result.solution.covariance
+        if C.shape != (len(x), len(x)):
+            return None
+        _, J = function(x, True)
+        assert J is not None
+        variance = np.einsum("im,ij,jm->m", J.real, C, J.real, optimize=True)
+        return np.sqrt(np.maximum(variance, 0.0)).reshape(function.keep.shape)
+
     def nominal(self) -> FitResult:
         """Return the model as it was given, unfitted."""
         n = len(self.nuisances)

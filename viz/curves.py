@@ -40,6 +40,7 @@ def plot_frf(
     floor: ArrayLike | None = None,
     held_out: Sequence[Band] = (),
     title: str = "",
+    deviations: Mapping[str, ArrayLike] | None = None,
 ) -> Figure:
     """Plot amplitude and phase of measured FRFs and of models.
 
@@ -58,6 +59,9 @@ def plot_frf(
         Bands that were kept from the fit, shaded [Hz].
     title : str
         Heading.
+    deviations : mapping of str to array_like, optional
+        Standard deviation of ln|H| of some models, by label, of the shape of their H [-]; 95 % of what they
+        allow is shaded.
     """
     models = {label: model.as_kind(measured.kind) for label, model in (models or {}).items()}
     pairs = _pairs(measured, pairs, 4)
@@ -85,6 +89,20 @@ def plot_frf(
             for n, (label, model) in enumerate(models.items()):
                 colour, line = style.model_style(label, n)
                 part = model.select([output], [input_]).H[:, 0, 0]
+                if deviations is not None and label in deviations:
+                    o, p = model.outputs.index(output), model.inputs.index(input_)
+                    wide = np.exp(1.96 * np.asarray(deviations[label], dtype=float)[:, o, p])
+                    size = np.abs(part)
+                    top.fill_between(
+                        model.frequency,
+                        size / wide,
+                        size * wide,
+                        color=colour,
+                        alpha=0.25,
+                        linewidth=0,
+                        zorder=1.5,
+                        label=f"{label}, 95 %",
+                    )
                 _amplitude_phase(
                     top,
                     low,
