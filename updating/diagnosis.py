@@ -25,7 +25,7 @@ from updating.fit import LEVEL_FLOOR, FitData, FitProblem, FitResult, prepare, s
 from updating.gates import Gates, check_gates
 from updating.measurement import Measurement, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
-from updating.screening import Grid, screen
+from updating.screening import N_BEST, N_BEST_DEEP, Grid, screen
 from updating.separation import Decisive, Proposal, next_measurements, what_decides
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
@@ -41,11 +41,10 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
+RIGHT_MARGIN = 1.6
+"""A model counts as right up to this multiple of the level that noise and the mesh leave."""
 FLOOR_MARGIN = 2.5
-"""A model counts as right up to this multiple of the level that noise and the mesh leave.
-
-Damping that differs from mode to mode and sections off by a per cent leave up to twice that.
-"""
+"""Up to this multiple of it, little enough is left for a search of weak effects."""
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
 ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.1, 1.05
@@ -448,9 +447,8 @@ def diagnose(
 
     findings: list[Finding] = []
     rounds: list[tuple[Ranked, ...]] = []
-    grids: dict[str, Grid] = {}
     current = null
-    limit = max(FLOOR_MARGIN * floor, model_error)
+    limit = max(RIGHT_MARGIN * floor, model_error)
     levels = () if gates.linear else force_levels(problem, measurements, faults)
     nonlinear = _amplitude_candidates(model, kinds, exclude, measurements[0]) if levels else ()
     if not gates.linear and not levels:
@@ -464,67 +462,23 @@ def diagnose(
             finding, current, ranked = found
             findings, rounds = [finding], [ranked]
             steps.append(_step(f"{_label(finding.effect)} added", current))
-    while len(findings) < MAX_EFFECTS and not any(f.effect.amplitude_dependent for f in findings):
-        taken = {f.effect.name for f in findings}
-        open_ = [
-            e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
-        ]
-        part = _part(say, len(rounds))
-        grids = {e.name: grids.get(e.name) or Grid.of(problem, e) for e in open_}
-        settled = current.level < limit
-        ranked, best = _round(problem, current, open_, grids, settled, part)
-        rounds.append(ranked)
-        if best is None:
-            break
-        # The candidate's fit may have found better nuisance parameters; the model without it
-        # deserves them too.
-        again = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=_believed(best))
-        if again.solution.cost < current.solution.cost - 0.1:
-            current = again
-            steps[-1] = _step(steps[-1].label, current)
-        factors = (STEP_LEVEL, STEP_LEVEL)
-        if settled:
-            factors = (
-                _weak(problem, best.effects[-1]) if model_error == 0 else (ACCEPT_SETTLED, ACCEPT_SETTLED)
-            )
-        if not _falls(current, best, factors):
-            break
-        say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
-        attached = _attached(problem, best.effects)
-        best = _polish(attached, best)
-        if attached is not problem:  # the position has moved: once more where it is now
-            problem = _attached(attached, best.effects)
-            best = _polish(problem, best)
-            grids = {}
-        findings = [
-            *(
-                replace(f, effect=e, parameters=_parameters(e, best))
-                for e, f in zip(best.effects, findings, strict=False)
-            ),
-            Finding(
-                best.effects[-1], _parameters(best.effects[-1], best), *_explained(problem, ranked, current)
-            ),
-        ]
-        current = best
-        steps.append(_step(f"{_label(best.effects[-1])} added", best))
-    before = findings
-    at_floor = model_error == 0 and current.level < FLOOR_MARGIN * floor
     if not any(f.effect.amplitude_dependent for f in findings):
-        findings, current = _without_idle(problem, findings, current, at_floor)
-    if len(findings) < len(before):
-        left = {f.effect.name for f in findings}
-        kept = [k for k, f in enumerate(before) if f.effect.name in left]
-        rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
-        names = " and ".join(_label(f.effect) for f in findings)
-        steps = [*steps[:2], *([_step(f"{names} added", current)] if findings else [])]
+        begin = _Search(problem, (), (), tuple(steps), current)
+        settled = FLOOR_MARGIN * floor
+        told = (max(settled, model_error), settled if model_error == 0 else 0.0)
+        most_left = _most_left(null, model_error)
+        search = _search(begin, candidates, told, N_BEST, _between(say, 0.05, 0.9))
+        if search.current.level > max(limit, most_left):
+            deeper = _search(begin, candidates, told, N_BEST_DEEP, _between(say, 0.5, 0.9))
+            if deeper.current.level < search.current.level:
+                search = deeper
+        problem, current = search.problem, search.current
+        findings, rounds, steps = list(search.findings), list(search.rounds), list(search.steps)
     if nonlinear and not any(f.effect.amplitude_dependent for f in findings):
         found = _amplitude_round(problem, levels, current, nonlinear, _between(say, 0.9, 0.98))
         if found is not None:
             finding, current, ranked = found
-            linear = [
-                replace(f, effect=e, parameters=_parameters(e, current))
-                for e, f in zip(current.effects, findings, strict=False)
-            ]
+            linear = _at_values_of(current, findings)
             findings = [*linear, finding]
             rounds = [*rounds[: len(linear)], ranked, *rounds[len(linear) :]]
             steps.append(_step(f"{_label(finding.effect)} added", current))
@@ -536,18 +490,12 @@ def diagnose(
         problem, current, late = find_faults(problem, current)
         if late:
             faults = (*faults, *late)
-            findings = [
-                replace(f, effect=e, parameters=_parameters(e, current))
-                for e, f in zip(current.effects, findings, strict=True)
-            ]
+            findings = _at_values_of(current, findings)
             steps[-1] = _step(steps[-1].label, current)
     if faults and not depends:
         label = steps[-1].label
         problem, current, faults = settle_faults(problem, current, faults)
-        findings = [
-            replace(f, effect=e, parameters=_parameters(e, current))
-            for e, f in zip(current.effects, findings, strict=True)
-        ]
+        findings = _at_values_of(current, findings)
         null = problem.assessed(replace(null, level=np.nan))
         steps = [_step(s.label, problem.assessed(replace(s.result, level=np.nan))) for s in steps[:-1]]
         steps.append(_step(label, current))
@@ -557,7 +505,7 @@ def diagnose(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
             "read weak findings with care"
         )
-    most_left = MOST_LEFT**0.5 * null.level if model_error > 0 else 0.0
+    most_left = _most_left(null, model_error)
     verdict, reason = _verdict(null, current, (limit, most_left), findings, faults, rounds)
     if depends:
         before_all, after_all = (
@@ -619,6 +567,94 @@ def _amplitude_round(
     return Finding(best.effect, ranked[0].parameters, twins, rival, decisive), best.result, ranked
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """How far the search for effects has come."""
+
+    problem: FitProblem
+    findings: tuple[Finding, ...]
+    rounds: tuple[tuple[Ranked, ...], ...]
+    steps: tuple[Step, ...]
+    current: FitResult
+
+
+def _search(
+    begin: _Search,
+    candidates: Sequence[Effect],
+    limits: tuple[float, float],
+    n_best: int,
+    say: Progress,
+) -> _Search:
+    """Add effects while they pay, and drop those that the others have made idle.
+
+    ``limits`` are the levels from which on only weak effects are looked for, and from which on they count. The
+    ``n_best`` best candidates by each measure are fitted.
+    """
+    problem, current = begin.problem, begin.current
+    findings: list[Finding] = []
+    rounds: list[tuple[Ranked, ...]] = []
+    steps = list(begin.steps)
+    grids: dict[str, Grid] = {}
+    limit, weak_limit = limits
+    while len(findings) < MAX_EFFECTS:
+        taken = {f.effect.name for f in findings}
+        open_ = [
+            e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
+        ]
+        part = _part(say, len(rounds))
+        grids = {e.name: grids.get(e.name) or Grid.of(problem, e) for e in open_}
+        settled = current.level < limit
+        ranked, best = _round(problem, current, open_, grids, settled, n_best, part)
+        rounds.append(ranked)
+        if best is None:
+            break
+        # The candidate's fit may have found better nuisance parameters; the model without it
+        # deserves them too.
+        again = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=_believed(best))
+        if again.solution.cost < current.solution.cost - 0.1:
+            current = again
+            steps[-1] = _step(steps[-1].label, current)
+        factors = (STEP_LEVEL, STEP_LEVEL)
+        if settled:
+            factors = _weak(problem, best.effects[-1]) if weak_limit else (ACCEPT_SETTLED, ACCEPT_SETTLED)
+        if not _falls(current, best, factors):
+            break
+        say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
+        attached = _attached(problem, best.effects)
+        best = _polish(attached, best)
+        if attached is not problem:  # the position has moved: once more where it is now
+            problem = _attached(attached, best.effects)
+            best = _polish(problem, best)
+            grids = {}
+        explained = _explained(problem, ranked, current)
+        last = best.effects[-1]
+        findings = [*_at_values_of(best, findings), Finding(last, _parameters(last, best), *explained)]
+        current = best
+        steps.append(_step(f"{_label(last)} added", best))
+    before = findings
+    findings, current = _without_idle(problem, findings, current, current.level < weak_limit)
+    if len(findings) < len(before):
+        left = {f.effect.name for f in findings}
+        kept = [k for k, f in enumerate(before) if f.effect.name in left]
+        rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
+        names = " and ".join(_label(f.effect) for f in findings)
+        steps = [*steps[: len(begin.steps)], *([_step(f"{names} added", current)] if findings else [])]
+    return _Search(problem, tuple(findings), tuple(rounds), tuple(steps), current)
+
+
+def _at_values_of(fit: FitResult, findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings with the values that a fit gives their effects, which are its first."""
+    return [
+        replace(f, effect=e, parameters=_parameters(e, fit))
+        for e, f in zip(fit.effects, findings, strict=False)
+    ]
+
+
+def _most_left(null: FitResult, model_error: float) -> float:
+    """Return the level up to which effects are believed though more is left than a right model leaves."""
+    return MOST_LEFT**0.5 * null.level if model_error > 0 else 0.0
+
+
 def _part(say: Progress, n: int) -> Progress:
     """Return progress of round n as a part of the whole, whose length is not known before."""
     return lambda text, done: say(text, (n + done) / (n + 2))
@@ -646,6 +682,7 @@ def _round(
     candidates: Sequence[Effect],
     grids: dict[str, Grid],
     settled: bool,
+    n_best: int,
     say: Progress,
 ) -> tuple[tuple[Ranked, ...], FitResult | None]:
     """Look at every candidate, fit the promising quickly and the best of them fully.
@@ -658,7 +695,8 @@ def _round(
         return (), None
     have = list(current.effects)
     have_start = [_values(e) for e in have]
-    chosen = screen(problem, current, [grids[e.name] for e in candidates], settled, _between(say, 0.0, 0.3))
+    look = [grids[e.name] for e in candidates]
+    chosen = screen(problem, current, look, settled, n_best, _between(say, 0.0, 0.3))
     if not chosen:
         return (), None
     stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]

@@ -29,6 +29,8 @@ MOST_VALUES, MOST_VALUES_WEAK = 700, 5000
 
 N_BEST = 5
 """So many of the best by each of the measures go on."""
+N_BEST_DEEP = 15
+"""So many where nothing was found that explains the data, before that is said."""
 N_BEST_WEAK = 8
 """So many go on where the model is right already."""
 WEAKER = 0.1
@@ -132,6 +134,7 @@ def screen(
     current: FitResult,
     grids: Sequence[Grid],
     settled: bool,
+    n_best: int,
     say: Callable[[str, float], None],
 ) -> tuple[Screened, ...]:
     """Choose the candidates that deserve a fit.
@@ -153,6 +156,8 @@ def screen(
     grids : sequence of Grid
     settled : bool
         Whether the model is right but for noise.
+    n_best : int
+        How many go on by each measure where it is not.
     say : callable
         Called with a text and the fraction done.
     """
@@ -169,7 +174,7 @@ def screen(
     rank = np.argsort(np.argsort(best, axis=0), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):
-        if rank[i].min() >= N_BEST:
+        if rank[i].min() >= n_best:
             break
         if not np.isfinite(best[i]).any():
             continue
