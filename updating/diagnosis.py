@@ -587,7 +587,7 @@ def _search(
 ) -> _Search:
     """Add effects while they pay, and drop those that the others have made idle.
 
-    ``limits`` are the levels from which on only weak effects are looked for, and from which on they count. The
+    ``limits`` are the levels from which on only weak effects are looked for, and from which they count. The
     ``n_best`` best candidates by each measure are fitted.
     """
     problem, current = begin.problem, begin.current
