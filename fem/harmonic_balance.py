@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 _GRID = np.geomspace(1e-4, 1e4, 97)
 """Amplitudes at which a solution is looked for, in multiples of that without the element."""
 _BISECTIONS = 40
+_LEAST = 1e-100
+"""Least amplitude, for forces that do not move the element: one whose square is not 0 [m or rad]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -152,7 +154,7 @@ def solve_steady(
         k = element.stiffness_at(a)
         q = k / (1 + k * part.g[:, None])
         return Steady(part.H - part.c[:, :, None] * (q * part.h)[:, None, :], a, part, element, q)
-    free = np.maximum(force * np.abs(part.h), 1e-300)
+    free = np.maximum(force * np.abs(part.h), _LEAST)
 
     def excess(a: Floats) -> Floats:
         """Return a |1 + k(a) g| - F |h| over F |h|, for a (…, n_freq, n_in)."""

@@ -275,6 +275,7 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
     held = held_out_bands(result)
     spread = d.deviation(steps[-1])
     bands = None if spread is None else {names.get(steps[-1], what): spread}
+    shaded = "shaded, what the standard deviations of the last one's parameters allow (95 %)."
     sigma = np.abs(measured.H) * np.broadcast_to(d.problem.data.noise, measured.H.shape)
     chosen = telling_pairs(result)
     for start in range(0, len(chosen), 2):
@@ -289,8 +290,8 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
                 p,
                 DPI,
             ),
-            f"Amplitude and phase of the FRFs {listed}, measured and computed ({', '.join(models)}); "
-            "shaded, what the standard deviations of the last one's parameters allow (95 %).",
+            f"Amplitude and phase of the FRFs {listed}, measured and computed ({', '.join(models)})"
+            + ("." if bands is None else f"; {shaded}"),
             f"Response / force: {listed}.",
         )
     for k, finding in enumerate(d.findings):

@@ -57,7 +57,9 @@ class AmplitudeFit:
 def force_levels(
     problem: FitProblem, measurements: Sequence[Measurement], faults: Sequence[Fault] = ()
 ) -> tuple[FitData, ...]:
-    """Return the data of all measurements at the problem's lines, if each states its force and there are two.
+    """Return the data at the problem's lines of all measurements that state their force, if two differ.
+
+    Those of other lines or channels, and those without a value that counts, are left out.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ def force_levels(
         What has been set right in the problem's data.
     """
     data = [problem.data, *(at_level(problem, m, faults) for m in measurements[1:])]
-    levels = tuple(d for d in data if d is not None and d.measurement.force_level)
+    levels = tuple(d for d in data if d is not None and d.measurement.force_level and d.mask.any())
     different = len({d.measurement.force_level for d in levels}) > 1
     return levels if different and levels[0] is problem.data else ()
 

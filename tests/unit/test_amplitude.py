@@ -109,6 +109,22 @@ def test_slopes_are_differences(kind):
         assert abs(by_own[i] - near).max() <= abs(far - near).max() + rounding
 
 
+@pytest.mark.parametrize("kind", ELEMENTS)
+def test_a_force_that_does_not_move_the_joint_knows_nothing_of_it(kind):
+    """Where h is 0 for one force, H' = H for it, whatever k is."""
+    *_, part = chain(np.array([0.35, 0.8]))
+    h = part.h.copy()
+    h[:, 1] = 0.0
+    part = replace(part, h=h)
+    steady = solve_steady(ELEMENTS[kind], 1.0, part)
+    np.testing.assert_allclose(steady.H[:, :, 1], part.H[:, :, 1], rtol=1e-12)
+    assert not np.allclose(steady.H[:, :, 0], part.H[:, :, 0], rtol=1e-3)
+    _, by_own = steady.slopes(
+        np.zeros((0, 2, 4, 3), dtype=complex), tuple(p.name for p in ELEMENTS[kind].parameters())
+    )
+    assert not by_own[..., 1].any()
+
+
 def test_friction_that_holds_is_a_rigid_joint():
     """Below F π/4 |g|/|h| nothing slides: δ = 0, as of a spring without bound."""
     omega = np.array([0.2, 0.3])
@@ -150,6 +166,7 @@ def test_what_depends_on_amplitude_is_found_from_two_force_levels(kind):
         assert abs(p.value - values[p.name]) < 3 * p.std + 0.05 * values[p.name]
     assert "over the 2 force levels" in found.reason
     assert found.frf(-1).H.shape == rig.measurements[0].frf.H.shape
+    assert found.deviation(-1) is None  # the first order of a linear model says nothing of it
 
 
 def test_of_a_joint_that_moves_harmonically_the_cubic_spring_is_found_as_it_is():
@@ -238,6 +255,8 @@ def test_a_study_finds_it_from_its_files_and_writes_a_study_that_can_be_read(tmp
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "Gates first" in report
     assert "joint cubic" in report
+    assert "measured and computed" in report
+    assert "shaded, what the standard deviations" not in report
     again = load_study(tmp_path / "out" / "found.toml").model.effect("known joint_cubic:bolt.z")
     assert isinstance(again, JointCubic)
     assert again.cubic == pytest.approx(finding.parameters[0].value)
