@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fem.frf import FRF, FRFKind, compute_frf
 from fem.io import UFF_SUFFIXES, read_csv, read_npz, read_uff
+from fem.io.arrays import named_arrays
 from fem.io.uff_types import Function
 from fem.model import Model
 from fem.system import assemble
@@ -146,6 +147,12 @@ def _repeats(t: Table, folder: Path, kind: str | None, notes: list[str], first: 
             t.refuse(
                 "repeats", f"{file} has other lines, channels or another kind of FRF than the first file"
             )
+        if any(np.array_equal(a.H, b.H) for known in (first, *out) for a, b in zip(frfs, known, strict=True)):
+            t.refuse(
+                "repeats",
+                f"{file} has the same values as another file of this measurement, which would make it free "
+                "of noise; a repeat is measured by itself",
+            )
         out.append(frfs)
     return out
 
@@ -159,7 +166,9 @@ def _coherence(
         return [_coherence_in(functions, frf) for frf in frfs]
     path = _existing(t, "coherence", folder, file)
     if path.suffix.lower() in UFF_SUFFIXES:
-        found = [_coherence_in(read_uff(path, FRFKind.ACCELERANCE).functions, frf) for frf in frfs]
+        with t.at("coherence"):
+            others = read_uff(path, FRFKind.ACCELERANCE).functions
+        found = [_coherence_in(others, frf) for frf in frfs]
     elif path.suffix.lower() == ".npz":
         with t.at("coherence"):
             found = [_coherence_array(path, frf) for frf in frfs]
@@ -190,16 +199,16 @@ def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64
 
 def _coherence_array(path: Path, frf: FRF) -> NDArray[np.float64] | None:
     """Read ``frequency``, ``coherence`` and, where channels differ, ``outputs`` and ``inputs``."""
-    with np.load(path, allow_pickle=False) as arrays:
-        missing = [key for key in ("frequency", "coherence") if key not in arrays]
-        if missing:
-            msg = f"{path.name} has no array '{missing[0]}'; frequency and coherence are needed"
-            raise ValueError(msg)
-        f, values = np.asarray(arrays["frequency"], dtype=float), np.asarray(arrays["coherence"], dtype=float)
-        names = [
-            [str(x) for x in np.atleast_1d(arrays[key])] if key in arrays else list(getattr(frf, key))
-            for key in ("outputs", "inputs")
-        ]
+    arrays = named_arrays(path)
+    missing = [key for key in ("frequency", "coherence") if key not in arrays]
+    if missing:
+        msg = f"{path.name} has no array '{missing[0]}'; frequency and coherence are needed"
+        raise ValueError(msg)
+    f, values = np.asarray(arrays["frequency"], dtype=float), np.asarray(arrays["coherence"], dtype=float)
+    names = [
+        [str(x) for x in np.atleast_1d(arrays[key])] if key in arrays else list(getattr(frf, key))
+        for key in ("outputs", "inputs")
+    ]
     if values.shape != (f.size, *(len(n) for n in names)):
         msg = (
             f"{path.name}: coherence has shape {values.shape} for {f.size} frequencies, {len(names[0])} "

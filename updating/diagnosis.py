@@ -21,9 +21,17 @@ from fem.system import assemble
 from updating.amplitude import combined_levels, force_levels, search_amplitude
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.faults import Fault, find_faults, settle_faults
-from updating.fit import LEVEL_FLOOR, FitData, FitProblem, FitResult, prepare, sensor_vectors
+from updating.fit import (
+    LEVEL_FLOOR,
+    NOISE_LIMIT,
+    FitData,
+    FitProblem,
+    FitResult,
+    prepare,
+    sensor_vectors,
+)
 from updating.gates import Gates, check_gates
-from updating.measurement import Measurement, instruments_on, with_sensor_masses
+from updating.measurement import Measurement, MeasurementError, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 from updating.screening import N_BEST, N_BEST_DEEP, Grid, screen
 from updating.separation import Decisive, Proposal, next_measurements, what_decides
@@ -284,6 +292,11 @@ def build_problem(
         Frequencies that count [Hz].
     n_lines : int
         At most this many lines are fitted.
+
+    Raises
+    ------
+    MeasurementError
+        If no value of the FRFs is left to compare.
     """
     model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
     frf = measurement.frf.select(band=band) if band else measurement.frf
@@ -317,6 +330,14 @@ def build_problem(
     )
     nominal, _, _ = engine.evaluate(values, np.exp(curve.hats(start) @ np.log(curve.nominal)), gradient=False)
     data = prepare(measurement, nominal, band)
+    counted = data.frequency[data.mask.any(axis=(1, 2)) & ~data.held_out]
+    if not counted.size:
+        msg = (
+            f"no FRF of '{measurement.name}' can be compared: every value is 0, small beside the others, or "
+            f"uncertain by more than {100 * NOISE_LIMIT:.0f} % (from {measurement.noise_source})"
+        )
+        raise MeasurementError(msg)
+    stages = stages[stages >= counted[0]]
     return FitProblem(reduced, data, tuple(nuisances), curve, (), stages, max(k, 1), n_lines)
 
 

@@ -68,7 +68,7 @@ class FitData:
         Receptances.
     mask : ndarray of bool (n_freq, n_out, n_in)
         Values that count: not those of FRFs that are zero by symmetry, nor those with noise above
-        ``NOISE_LIMIT``.
+        ``NOISE_LIMIT``, nor those that are exactly 0, which nothing was measured at.
     weight : ndarray (n_freq, n_out, n_in)
         Weight of each residual, 1 where the noise is small beside ``MODEL_ERROR``.
     noise : ndarray (n_freq, n_out, n_in)
@@ -141,7 +141,7 @@ def prepare(
         mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
     kept = measurement.with_frf(frf)
     noise = _noise_of(kept)
-    mask = mask & (noise < NOISE_LIMIT)
+    mask = mask & (noise < NOISE_LIMIT) & (H != 0)
     mask = mask & (mask.mean(axis=0) > LEAST_HEARD)
     weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + noise**2) * mask
     block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
@@ -378,8 +378,10 @@ class FitProblem:
 
         √(gᵀ C g) with C the covariance of all that was fitted and g the derivatives of ln|H| (first order;
         Seber & Wild, Nonlinear Regression, 1989, section 5.1). None for a result that was not fitted, such as
-        the nominal model, or fitted by other means.
+        the nominal model, and for one with an effect that depends on amplitude.
         """
+        if any(e.amplitude_dependent for e in result.effects):
+            return None
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         every = replace(self.data, mask=np.ones_like(self.data.mask), weight=np.ones_like(self.data.weight))
         starts = [{p.name: p.value for p in e.parameters()} for e in result.effects]

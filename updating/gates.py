@@ -221,18 +221,18 @@ def _checks(
         fine = gates.discretisation_db < max(gates.noise_db, LEAST_DIFFERENCE_DB)
         out.append(Check("mesh", PASSED if fine else FAILED, mesh if fine else f"{mesh}: refine the mesh"))
     out.append(_fault_check(gates, faults))
-    out.append(_reciprocity_check(problem, gates))
+    out.append(reciprocity_check(problem, gates))
     out.append(_level_check(gates, others))
     return tuple(out)
 
 
 def _fault_check(gates: Gates, faults: Sequence[Fault]) -> Check:
+    if faults:  # of forces also where sensors are too few to check one another
+        names = ", ".join(dict.fromkeys(f.sensor for f in faults))
+        return Check("sensors and forces", FAILED, f"{len(faults)} fault(s) were set right, at {names}")
     if len(gates.sensors) < 3:
         few = f"{len(gates.sensors)} sensors cannot check one another; three are needed"
         return Check("sensors and forces", NOT_RUN, few)
-    if faults:
-        names = ", ".join(dict.fromkeys(f.sensor for f in faults))
-        return Check("sensors and forces", FAILED, f"{len(faults)} fault(s) were set right, at {names}")
     agree = (
         "each sensor reads what the others say of the motion at its place; largest over median misfit "
         f"{gates.misfit_ratio:.2g} ({gates.worst_sensor})"
@@ -240,7 +240,8 @@ def _fault_check(gates: Gates, faults: Sequence[Fault]) -> Check:
     return Check("sensors and forces", PASSED, agree)
 
 
-def _reciprocity_check(problem: FitProblem, gates: Gates) -> Check:
+def reciprocity_check(problem: FitProblem, gates: Gates) -> Check:
+    """Return the gate of reciprocity in words: of its pairs the worst, one that fails if any does."""
     pairs = gates.reciprocity
     if not pairs:
         n = len(problem.data.measurement.excitations)
@@ -250,7 +251,7 @@ def _reciprocity_check(problem: FitProblem, gates: Gates) -> Check:
             else "no two excitations both have a sensor at their place and in their direction"
         )
         return Check("reciprocity", NOT_RUN, f"{why}; H_jk = H_kj needs forces at two sensors")
-    worst = max(pairs, key=lambda r: r.error_db / max(r.noise_db, 1e-12))
+    worst = max(pairs, key=lambda r: (r.violated, r.error_db / max(r.noise_db, 1e-12)))
     found = (
         f"{worst.first} and {worst.second} differ by {worst.error_db:.2g} dB from one direction to the "
         f"other; noise explains {worst.noise_db:.2g} dB"

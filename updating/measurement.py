@@ -86,6 +86,10 @@ class Measurement:
                     "they must agree"
                 )
                 raise MeasurementError(msg)
+        if self.scatter is not None and (self.scatter < 0).any():
+            low = np.nanmin(self.scatter)
+            msg = f"the scatter of '{self.name}' goes down to {low:.3g}; a standard deviation is not negative"
+            raise MeasurementError(msg)
         if self.averages is not None and self.averages < 1:
             msg = f"'{self.name}' has {self.averages} averages; at least 1 is needed"
             raise MeasurementError(msg)

@@ -52,7 +52,8 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
         return np.stack([np.interp(lines, centres, column) for column in flat.T], axis=1).reshape(H.shape)
 
     proportional = smoothed(d) ** 2
-    small = np.argsort(size, axis=0)[: max(SMALLEST, n_freq // 20)]
+    # Where it is exactly 0, nothing was measured.
+    small = np.argsort(np.where(size > 0, size, np.inf), axis=0)[: max(SMALLEST, n_freq // 20)]
     difference = np.abs(_fourth_difference(H)) ** 2
     both = np.median(np.take_along_axis(difference, small, axis=0), axis=0) / (2 * np.log(2))
     part = np.median(np.take_along_axis(proportional * size**2, small, axis=0), axis=0)

@@ -64,7 +64,7 @@ def read_npz(path: str | os.PathLike[str], kind: FRFKind | str | None = None) ->
     TableError
         If a key is missing or the arrays do not make an FRF.
     """
-    arrays, name = _arrays(path), Path(path).name
+    arrays, name = named_arrays(path), Path(path).name
     frequency, H = (_required(arrays, key, name, "frequency and H") for key in ("frequency", "H"))
     given = str(arrays["kind"]) if "kind" in arrays else kind
     if given is None:
@@ -100,7 +100,7 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
     TableError
         If a key is missing or the shapes do not fit the frequencies and labels.
     """
-    arrays, name = _arrays(path), Path(path).name
+    arrays, name = named_arrays(path), Path(path).name
     frequency, shapes = (
         _required(arrays, key, name, "frequency and shapes") for key in ("frequency", "shapes")
     )
@@ -122,7 +122,14 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
     return Modes(frequency, shapes, zeta, labels, int(arrays.get("n_rigid", 0)))
 
 
-def _arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
+def named_arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
+    """Read all arrays of an ``.npz`` file.
+
+    Raises
+    ------
+    TableError
+        If it is no archive of named arrays.
+    """
     name = Path(path).name
     with Path(path).open("rb") as file:
         try:

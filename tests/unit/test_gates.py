@@ -12,6 +12,9 @@ from study.config import load_study
 from study.table import StudyError
 from tests.hidden.cases import make_case
 from updating import build_problem, check_gates
+from updating.amplitude import force_levels
+from updating.faults import Fault
+from updating.gates import Reciprocity, reciprocity_check
 from updating.measurement import MeasurementError, at_values_of
 
 AVERAGES = 25
@@ -46,6 +49,8 @@ def test_noise_of_a_measurement_follows_its_lines_and_channels(sound):
         replace(m, coherence=coherence * 1.5)
     with pytest.raises(MeasurementError, match="shape"):
         replace(m, coherence=coherence[1:])
+    with pytest.raises(MeasurementError, match="a standard deviation is not negative"):
+        replace(m, scatter=np.full(frf.H.shape, -0.02))
 
 
 def test_noise_from_coherence_weighs_the_fit_and_is_named_by_the_gate(sound):
@@ -61,6 +66,49 @@ def test_noise_from_coherence_weighs_the_fit_and_is_named_by_the_gate(sound):
     np.testing.assert_allclose(problem.data.noise[:, 0], np.sqrt(0.001 / (2 * AVERAGES * 0.999)))
     gate = check_gates(problem, problem.fit()).checks[0]
     assert "the coherence over 25 averages" in gate.found
+    noise = replace(m, coherence=np.full(coherence.shape, 0.2))
+    with pytest.raises(MeasurementError, match=r"no FRF .* uncertain by more than 20 % .* 25 averages"):
+        build_problem(sound.model, noise, sound.nuisances)
+
+
+def test_lines_of_zeros_and_of_noise_alone_are_left_out_of_the_fit(sound):
+    """The first 40 lines tell nothing: what is fitted to the others must be what all lines say."""
+    frf, m = sound.measurement.frf, sound.measurement
+    nothing, unknown = np.array(frf.H), np.full(frf.H.shape, np.nan)
+    nothing[:40], unknown[:40] = 0.0, 1.0
+    whole = build_problem(sound.model, m, sound.nuisances).fit()
+    for data in (m.with_frf(replace(frf, H=nothing)), replace(m, scatter=unknown)):
+        problem = build_problem(sound.model, data, sound.nuisances)
+        assert not problem.data.mask[:40].any()
+        assert (problem.stages > frf.frequency[40]).all()
+        fit = problem.fit()
+        assert fit.level < 1.2 * whole.level
+        for ref, value in fit.values.items():
+            assert abs(value - whole.values[ref]) < 2 * whole.std[ref]
+
+
+def test_what_the_gates_say_of_forces_and_of_reciprocity_is_what_failed(sound):
+    frf = sound.measurement.frf
+    m = sound.measurement.with_frf(frf.select(outputs=frf.outputs[:2]))
+    problem = build_problem(sound.model, m, sound.nuisances)
+    faults = (Fault("excitation_sign", frf.inputs[0], -1.0, 0.0),)
+    gates = check_gates(problem, problem.fit(), faults=faults)
+    said = {c.name: c for c in gates.checks}["sensors and forces"]
+    assert said.outcome == "failed"
+    assert frf.inputs[0] in said.found
+    # A difference of 0.1 dB is no fault, though it is 10 times its noise; one of 2 dB is at 4 times.
+    pairs = (Reciprocity("a", "b", 0.1, 0.01), Reciprocity("c", "d", 2.0, 0.5))
+    check = reciprocity_check(problem, replace(gates, reciprocity=pairs))
+    assert check.outcome == "failed"
+    assert "c and d" in check.found
+
+
+def test_a_force_level_without_a_value_that_counts_is_no_level(sound):
+    first = replace(sound.measurement, force_level=1.0)
+    noise = replace(first, force_level=2.0, scatter=np.ones(first.frf.H.shape))
+    problem = build_problem(sound.model, first, sound.nuisances)
+    assert force_levels(problem, [first, noise]) == ()
+    assert len(force_levels(problem, [first, replace(first, force_level=2.0)])) == 2
 
 
 def test_equal_levels_pass_and_a_resonance_that_moves_by_two_per_cent_fails(sound):
@@ -181,12 +229,18 @@ def test_a_study_reads_coherence_from_arrays_and_repeats_from_files(tmp_path):
         ('coherence = "high.npz"\naverages = 3\n', "0 to 1 is allowed"),
         ('repeats = ["d.uff"]\n', "other lines, channels or another kind"),
         ('repeats = ["none.uff"]\n', "there is no file"),
+        ('repeats = ["a.uff"]\n', "a repeat is measured by itself"),
+        ('repeats = ["b.uff", "b.uff"]\n', "a repeat is measured by itself"),
+        ('coherence = "cut.uff"\naverages = 3\n', r"measurements\[1\]\.coherence: .*no end"),
+        ('coherence = "cut.npz"\naverages = 3\n', r"measurements\[1\]\.coherence: .*cannot be read as .npz"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_with_its_place(tmp_path, keys, message):
     path, (frf, *_) = written(tmp_path, keys)
     write_uff(tmp_path / "d.uff", frf.select(lines=np.arange(30)))
     np.savez(tmp_path / "bad.npz", frequency=frf.frequency, coherence=np.ones((60, 3, 1)))
+    (tmp_path / "cut.uff").write_text("    -1\n    58\n", encoding="ascii")
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "bad.npz").read_bytes()[:300])
     np.savez(tmp_path / "high.npz", frequency=frf.frequency, coherence=np.full((60, 2, 1), 1.2))
     with pytest.raises(StudyError, match=message):
         load_study(path)
