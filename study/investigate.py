@@ -43,7 +43,8 @@ def compare(options: Options, progress: Progress) -> None:
         f"{problem.data.noise_db:.2f} dB",
         f"{'sensor':{width}}  {'all dB':>7}  {head}  {'least FRAC':>10}",
         *(
-            f"{name:{width}}  {total:7.2f}  {'  '.join(f'{db:11.2f}' for db in row)}  {frac:10.3f}"
+            f"{name:{width}}  {_cell(total, 7)}  {'  '.join(_cell(db, 11) for db in row)}  "
+            f"{_cell(frac, 10, 3)}"
             for name, total, row, frac in zip(
                 c.outputs, c.by_sensor(), c.by_band(), result.least_frac(c), strict=True
             )
@@ -79,7 +80,7 @@ def locate(options: Options, progress: Progress) -> None:
         f"{'sensor':{width}}  {'all dB':>7}  {head}",
         *(
             f"{where.sensors[i]:{width}}  {where.by_sensor_db[i]:7.2f}  "
-            f"{'  '.join(f'{db:11.2f}' for db in where.by_band_db[i])}"
+            f"{'  '.join(_cell(db, 11) for db in where.by_band_db[i])}"
             for i in order
         ),
         "",
@@ -179,6 +180,11 @@ def _staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None 
 
 def _width(names: Iterable[str]) -> int:
     return max([len(n) for n in names] + [21])
+
+
+def _cell(value: float, width: int, digits: int = 2) -> str:
+    """Return a number for a table, a dash where there is none."""
+    return f"{value:{width}.{digits}f}" if np.isfinite(value) else f"{'-':>{width}}"
 
 
 def _band_names(bands: np.ndarray) -> list[str]:

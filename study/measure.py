@@ -146,8 +146,14 @@ def _test_points(path: Path) -> tuple[list[str], np.ndarray]:
             msg = f"{path}: it has no points (dataset 15 or 2411)"
             raise StudyError(msg)
         return [str(int(k)) for k in points.labels], points.coordinates
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        rows = [row for row in csv.reader(file) if row and any(cell.strip() for cell in row)]
+    suffixes = ", ".join(UFF_SUFFIXES)
+    allowed = f"a table of names and three coordinates, or a universal file ({suffixes}), is needed"
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = [row for row in csv.reader(file) if row and any(cell.strip() for cell in row)]
+    except (UnicodeDecodeError, csv.Error) as reason:
+        msg = f"{path}: it is no text in UTF-8; {allowed}"
+        raise StudyError(msg) from reason
     names, xyz = [], []
     for k, row in enumerate(rows):
         try:
@@ -156,13 +162,13 @@ def _test_points(path: Path) -> tuple[list[str], np.ndarray]:
             if k == 0:
                 continue  # a heading
             values = []
-        if len(values) != 3:
-            msg = f"{path}: row {k + 1} is {', '.join(row)}; a name and three coordinates are needed"
+        if len(values) != 3 or not np.isfinite(values).all():
+            msg = f"{path}: row {k + 1} is {', '.join(row)}; {allowed}"
             raise StudyError(msg)
         names.append(row[0].strip())
         xyz.append(values)
     if not xyz:
-        msg = f"{path}: it has no points; rows of a name and three coordinates are needed"
+        msg = f"{path}: it has no points; {allowed}"
         raise StudyError(msg)
     return names, np.array(xyz)
 

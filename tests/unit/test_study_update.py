@@ -340,9 +340,15 @@ def test_geometry_in_other_axes_is_matched_and_drawn(bracket, tmp_path, capsys):
     np.testing.assert_allclose(found, places, atol=1e-5)
     assert data["points"][1]["member"] == "post"
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    table.write_text("A,1,2\n", encoding="utf-8")
-    assert main(words) == 2
-    assert "three coordinates are needed" in capsys.readouterr().err
+    for bad, said in (
+        (b"A,1,2\n", "row 1 is A, 1, 2; a table of names and three coordinates"),
+        (b"A,0,0,0\nB,0,0,nan\nC,0,1,0\n", "row 2 is B, 0, 0, nan"),
+        (b"$MeshFormat\n4.1 0 8\n", "or a universal file (.uff, .unv"),
+        (b"PK\x03\x04\xff\xfe", "it is no text in UTF-8"),
+    ):
+        table.write_bytes(bad)
+        assert main(words) == 2
+        assert said in capsys.readouterr().err
 
 
 def test_modes_of_a_universal_file_belong_to_nodes(bracket, tmp_path):
