@@ -55,6 +55,8 @@ FLOOR_MARGIN = 2.5
 """Up to this multiple of it, little enough is left for a search of weak effects."""
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
+PLAIN_LEVEL = 2.0
+"""Where the form is right and the level falls by more than this, that on held-out lines need but not rise."""
 ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.1, 1.05
 """The two factors where the caller says, besides, that the form is right: then weak effects count."""
 ACCEPT_WEAK_DAMPING = 1.3
@@ -486,11 +488,12 @@ def diagnose(
     if not any(f.effect.amplitude_dependent for f in findings):
         begin = _Search(problem, (), (), tuple(steps), current)
         settled = FLOOR_MARGIN * floor
-        told = (max(settled, model_error), settled if model_error == 0 else 0.0)
-        most_left = _most_left(null, model_error)
-        search = _search(begin, candidates, told, N_BEST, _between(say, 0.05, 0.9))
-        if search.current.level > max(limit, most_left):
-            deeper = _search(begin, candidates, told, N_BEST_DEEP, _between(say, 0.5, 0.9))
+        weak = settled if model_error == 0 else 0.0
+        told = _between(say, 0.05, 0.9)
+        search = _search(begin, candidates, (max(settled, model_error), weak), N_BEST, told)
+        if search.current.level > max(limit, _most_left(null, model_error)):
+            told = _between(say, 0.5, 0.9)
+            deeper = _search(begin, candidates, (limit, weak), N_BEST_DEEP, told)
             if deeper.current.level < search.current.level:
                 search = deeper
         problem, current = search.problem, search.current
@@ -638,7 +641,7 @@ def _search(
         factors = (STEP_LEVEL, STEP_LEVEL)
         if settled:
             factors = _weak(problem, best.effects[-1]) if weak_limit else (ACCEPT_SETTLED, ACCEPT_SETTLED)
-        if not _falls(current, best, factors):
+        if not _falls(current, best, factors, weak_limit > 0):
             break
         say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
         attached = _attached(problem, best.effects)
@@ -653,7 +656,7 @@ def _search(
         current = best
         steps.append(_step(f"{_label(last)} added", best))
     before = findings
-    findings, current = _without_idle(problem, findings, current, current.level < weak_limit)
+    findings, current = _without_idle(problem, findings, current, weak_limit)
     if len(findings) < len(before):
         left = {f.effect.name for f in findings}
         kept = [k for k, f in enumerate(before) if f.effect.name in left]
@@ -803,11 +806,11 @@ def _weak(problem: FitProblem, effect: Effect) -> tuple[float, float]:
 
 
 def _without_idle(
-    problem: FitProblem, findings: list[Finding], current: FitResult, at_floor: bool
+    problem: FitProblem, findings: list[Finding], current: FitResult, weak_limit: float
 ) -> tuple[list[Finding], FitResult]:
     """Drop effects without which the fit is nearly as good.
 
-    ``at_floor`` says that with all of them nothing is left but noise and the error of the mesh.
+    Up to the level ``weak_limit``, which is 0 unless the model's form is right, weak effects stay.
     """
     for finding in list(findings):
         name = finding.effect.name
@@ -815,8 +818,8 @@ def _without_idle(
         effects = [e for e in current.effects if e.name != name]
         less = problem.fit(effects, [_values(e) for e in effects], x_from=current)
         usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
-        factors = _weak(problem, finding.effect) if at_floor else usual
-        if not _falls(less, current, factors):
+        factors = _weak(problem, finding.effect) if current.level < weak_limit else usual
+        if not _falls(less, current, factors, weak_limit > 0):
             findings = [
                 replace(f, effect=e, parameters=_parameters(e, less))
                 for f, e in zip(rest, less.effects, strict=True)
@@ -879,9 +882,17 @@ def _similarity(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
     return float(abs(np.vdot(a, b).real) / norm) if norm > 0 else 0.0
 
 
-def _falls(before: FitResult, after: FitResult, factors: tuple[float, float]) -> bool:
-    """Whether the levels on fitted and on held-out lines fall by more than two factors."""
+def _falls(
+    before: FitResult, after: FitResult, factors: tuple[float, float], form_right: bool = False
+) -> bool:
+    """Whether the levels on fitted and on held-out lines fall by more than two factors.
+
+    Where the model's form is right held-out lines need not fall if the others fall by ``PLAIN_LEVEL``: a
+    narrow resonance may lie between them.
+    """
     fitted, held_out = factors
+    if form_right and before.level > max(PLAIN_LEVEL, fitted) * after.level:
+        held_out = 1.0
     return before.held_out_level > held_out * after.held_out_level and before.level > fitted * after.level
 
 
