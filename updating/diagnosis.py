@@ -460,17 +460,13 @@ def diagnose(
     mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     nominal = problem.nominal()
-    steps = [_step("nominal model", nominal)]
     say("fitting the uncertain parameters", 0.03)
     null = problem.fit()
     problem, null, faults = find_faults(problem, null)
-    steps.append(_step("uncertain parameters fitted", null))
+    steps = _step("nominal model", nominal), _step("uncertain parameters fitted", null)
     gates = check_gates(problem, null, measurements[1:], mesh_db, faults)
     notes = list(gates.notes)
 
-    findings: list[Finding] = []
-    rounds: list[tuple[Ranked, ...]] = []
-    current = null
     limit = max(RIGHT_MARGIN * floor, model_error)
     levels = () if gates.linear else force_levels(problem, measurements, faults)
     nonlinear = _amplitude_candidates(model, kinds, exclude, measurements[0]) if levels else ()
@@ -479,50 +475,23 @@ def diagnose(
             "what depends on amplitude is searched for only where each measurement states its force_level, "
             "and two differ"
         )
+    search = _Search(problem, (), (), steps, null)
     if nonlinear:
-        found = _amplitude_round(problem, levels, current, nonlinear, _between(say, 0.05, 0.2))
-        if found is not None and found[1].level <= limit:
-            finding, current, ranked = found
-            findings, rounds = [finding], [ranked]
-            steps.append(_step(f"{_label(finding.effect)} added", current))
-    if not any(f.effect.amplitude_dependent for f in findings):
-        begin = _Search(problem, (), (), tuple(steps), current)
-        settled = FLOOR_MARGIN * floor
-        weak = settled if model_error == 0 else 0.0
-        told = _between(say, 0.05, 0.9)
-        search = _search(begin, candidates, (max(settled, model_error), weak), N_BEST, told)
-        if search.current.level > max(limit, _most_left(null, model_error)):
-            told = _between(say, 0.5, 0.9)
-            deeper = _search(begin, candidates, (limit, weak), N_BEST_DEEP, told)
-            if deeper.current.level < search.current.level:
-                search = deeper
-        problem, current = search.problem, search.current
-        findings, rounds, steps = list(search.findings), list(search.rounds), list(search.steps)
-    if nonlinear and not any(f.effect.amplitude_dependent for f in findings):
-        found = _amplitude_round(problem, levels, current, nonlinear, _between(say, 0.9, 0.98))
-        if found is not None:
-            finding, current, ranked = found
-            linear = _at_values_of(current, findings)
-            findings = [*linear, finding]
-            rounds = [*rounds[: len(linear)], ranked, *rounds[len(linear) :]]
-            steps.append(_step(f"{_label(finding.effect)} added", current))
+        alone = _amplitude_added(search, levels, nonlinear, _between(say, 0.05, 0.2))
+        search = alone if alone.current.level <= limit else search
+    if not search.depends_on_amplitude:
+        search = _linear_added(search, candidates, floor, model_error, _between(say, 0.05, 0.9))
+        if nonlinear:
+            search = _amplitude_added(search, levels, nonlinear, _between(say, 0.9, 0.98))
     say("checking", 0.98)
-    depends = any(f.effect.amplitude_dependent for f in findings)
-    if (
-        findings and current.level < limit and not depends
-    ):  # small faults show only where the physics is right
-        problem, current, late = find_faults(problem, current)
-        if late:
-            faults = (*faults, *late)
-            findings = _at_values_of(current, findings)
-            steps[-1] = _step(steps[-1].label, current)
-    if faults and not depends:
-        label = steps[-1].label
-        problem, current, faults = settle_faults(problem, current, faults)
-        findings = _at_values_of(current, findings)
-        null = problem.assessed(replace(null, level=np.nan))
-        steps = [_step(s.label, problem.assessed(replace(s.result, level=np.nan))) for s in steps[:-1]]
-        steps.append(_step(label, current))
+    depends = search.depends_on_amplitude
+    if not depends:
+        search, faults = _with_faults_settled(search, faults, limit)
+        if search.problem.data is not problem.data:
+            null = search.problem.assessed(replace(null, level=np.nan))
+    problem, current, findings, rounds, steps = (
+        search.problem, search.current, search.findings, search.rounds, search.steps,
+    )  # fmt: skip
     basis_db = basis_error(problem, current)
     if basis_db > BASIS_LIMIT_DB:
         notes.append(
@@ -542,13 +511,13 @@ def diagnose(
         reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
     if verdict == UNEXPLAINED:
-        findings, current, steps = [], null, steps[:2]
+        findings, current, steps = (), null, steps[:2]
     model_fitted = model.with_values(
         {ref: v for ref, v in current.values.items() if ref[0] in {e.name for e in model.effects}}
     ).with_effect(*current.effects)
     return Diagnosis(
-        verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db, mesh_db,
-        basis_db, limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
+        verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, mesh_db, basis_db,
+        limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
     )  # fmt: skip
 
 
@@ -600,6 +569,68 @@ class _Search:
     rounds: tuple[tuple[Ranked, ...], ...]
     steps: tuple[Step, ...]
     current: FitResult
+
+    @property
+    def depends_on_amplitude(self) -> bool:
+        """Whether an effect was found that does."""
+        return any(f.effect.amplitude_dependent for f in self.findings)
+
+
+def _amplitude_added(
+    search: _Search,
+    levels: tuple[FitData, ...],
+    candidates: Sequence[AmplitudeDependent],
+    say: Progress,
+) -> _Search:
+    """Return a search with a nonlinear joint beside the effects that it has found; as it is, if none pays."""
+    found = _amplitude_round(search.problem, levels, search.current, candidates, say)
+    if found is None:
+        return search
+    finding, current, ranked = found
+    linear = _at_values_of(current, search.findings)
+    n = len(linear)
+    return replace(
+        search,
+        findings=(*linear, finding),
+        rounds=(*search.rounds[:n], ranked, *search.rounds[n:]),
+        steps=(*search.steps, _step(f"{_label(finding.effect)} added", current)),
+        current=current,
+    )
+
+
+def _linear_added(
+    begin: _Search, candidates: Sequence[Effect], floor: float, model_error: float, say: Progress
+) -> _Search:
+    """Search for effects; once more among more of the candidates before what is left is called unexplained.
+
+    ``floor`` is the level that noise and the mesh leave.
+    """
+    settled, limit = FLOOR_MARGIN * floor, max(RIGHT_MARGIN * floor, model_error)
+    weak = settled if model_error == 0 else 0.0
+    search = _search(begin, candidates, (max(settled, model_error), weak), N_BEST, say)
+    if search.current.level > max(limit, _most_left(begin.current, model_error)):
+        deeper = _search(begin, candidates, (limit, weak), N_BEST_DEEP, _between(say, 0.53, 1.0))
+        if deeper.current.level < search.current.level:
+            return deeper
+    return search
+
+
+def _with_faults_settled(
+    search: _Search, faults: tuple[Fault, ...], limit: float
+) -> tuple[_Search, tuple[Fault, ...]]:
+    """Look for faults once more where the physics is right, and withdraw those that it has explained."""
+    problem, current, findings, steps = search.problem, search.current, search.findings, search.steps
+    if findings and current.level < limit:  # small faults show only there
+        problem, current, late = find_faults(problem, current)
+        if late:
+            faults = (*faults, *late)
+            steps = (*steps[:-1], _step(steps[-1].label, current))
+    if faults:
+        problem, current, faults = settle_faults(problem, current, faults)
+        before = [_step(s.label, problem.assessed(replace(s.result, level=np.nan))) for s in steps[:-1]]
+        steps = (*before, _step(steps[-1].label, current))
+    findings = tuple(_at_values_of(current, findings))
+    return replace(search, problem=problem, current=current, findings=findings, steps=steps), faults
 
 
 def _search(
