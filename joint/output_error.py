@@ -381,6 +381,7 @@ class _Problem:
         # parameters of one kind share their factor, so that few sums over lines serve all of them
         rows = np.vstack([factors, np.ones((m, count))])
         shared, kind = np.unique(rows, axis=0, return_inverse=True)
+        kind = kind.ravel()  # NumPy 2.0 gives it a second axis
         column = np.append(which, n_matrices + np.arange(m))
         H = np.empty((count, *self.measured.shape[1:]), dtype=complex)
         values = self.measured.shape[1] * self.measured.shape[2]

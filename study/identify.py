@@ -589,7 +589,7 @@ def _fit_stage(
     left = []
     for b in np.unique(bands[mask.any(axis=(1, 2))]):
         use = mask & (bands == b)[:, None, None]
-        left.append((float(frequency[bands == b][-1]), float(levels[b] * np.median((plain / size)[use]))))
+        left.append((float(frequency[bands == b][-1]), float(levels[b] * np.median(plain[use] / size[use]))))
     fitted, _ = parts.evaluate(parts.standard(found.part_values))
     return Stage(found, H, tuple(left), start, fitted, problem.data.H[at])
 

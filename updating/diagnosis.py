@@ -30,7 +30,7 @@ from updating.fit import (
     prepare,
     sensor_vectors,
 )
-from updating.gates import Gates, check_gates
+from updating.gates import Gates, check_gates, with_last_faults
 from updating.measurement import Measurement, MeasurementError, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 from updating.screening import N_BEST, N_BEST_DEEP, Grid, screen
@@ -486,7 +486,9 @@ def diagnose(
     say("checking", 0.98)
     depends = search.depends_on_amplitude
     if not depends:
+        first = faults
         search, faults = _with_faults_settled(search, faults, limit)
+        gates = with_last_faults(gates, first, faults)
         if search.problem.data is not problem.data:
             null = search.problem.assessed(replace(null, level=np.nan))
     problem, current, findings, rounds, steps = (

@@ -220,16 +220,39 @@ def _checks(
         mesh = f"halving every element changes the FRFs by {gates.discretisation_db:.2f} dB: noise to a fit"
         fine = gates.discretisation_db < max(gates.noise_db, LEAST_DIFFERENCE_DB)
         out.append(Check("mesh", PASSED if fine else FAILED, mesh if fine else f"{mesh}: refine the mesh"))
-    out.append(_fault_check(gates, faults))
+    out.append(_fault_check(gates, faults, ()))
     out.append(reciprocity_check(problem, gates))
     out.append(_level_check(gates, others))
     return tuple(out)
 
 
-def _fault_check(gates: Gates, faults: Sequence[Fault]) -> Check:
+def with_last_faults(gates: Gates, first: Sequence[Fault], last: Sequence[Fault]) -> Gates:
+    """Return gates that say what became of the faults when effects were found.
+
+    Parameters
+    ----------
+    gates : Gates
+    first : sequence of Fault
+        What was set right before the search.
+    last : sequence of Fault
+        What stayed after it, or came to light.
+    """
+    stay = {(f.kind, f.sensor) for f in last}
+    check = _fault_check(gates, last, [f for f in first if (f.kind, f.sensor) not in stay])
+    return replace(gates, checks=tuple(check if c.name == check.name else c for c in gates.checks))
+
+
+def _fault_check(gates: Gates, faults: Sequence[Fault], withdrawn: Sequence[Fault]) -> Check:
+    taken_back = ""
+    if withdrawn:
+        names = ", ".join(dict.fromkeys(f.sensor for f in withdrawn))
+        taken_back = f"what looked like a fault of {names} is explained by what was found"
     if faults:  # of forces also where sensors are too few to check one another
         names = ", ".join(dict.fromkeys(f.sensor for f in faults))
-        return Check("sensors and forces", FAILED, f"{len(faults)} fault(s) were set right, at {names}")
+        said = f"{len(faults)} fault(s) were set right, at {names}"
+        return Check("sensors and forces", FAILED, f"{said}; {taken_back}" if taken_back else said)
+    if withdrawn:
+        return Check("sensors and forces", PASSED, taken_back)
     if len(gates.sensors) < 3:
         few = f"{len(gates.sensors)} sensors cannot check one another; three are needed"
         return Check("sensors and forces", NOT_RUN, few)

@@ -14,7 +14,7 @@ from tests.hidden.cases import make_case
 from updating import build_problem, check_gates
 from updating.amplitude import force_levels
 from updating.faults import Fault
-from updating.gates import Reciprocity, reciprocity_check
+from updating.gates import Reciprocity, reciprocity_check, with_last_faults
 from updating.measurement import MeasurementError, at_values_of
 
 AVERAGES = 25
@@ -96,6 +96,15 @@ def test_what_the_gates_say_of_forces_and_of_reciprocity_is_what_failed(sound):
     said = {c.name: c for c in gates.checks}["sensors and forces"]
     assert said.outcome == "failed"
     assert frf.inputs[0] in said.found
+    gain = Fault("sensor_gain", frf.outputs[1], 1.2, 0.01)
+    for last, outcome, found in (
+        ((gain,), "failed", f"1 fault(s) were set right, at {gain.sensor}; what looked like a fault of"),
+        ((), "passed", f"what looked like a fault of {frf.inputs[0]} is explained by what was found"),
+    ):
+        after = {c.name: c for c in with_last_faults(gates, faults, last).checks}
+        assert [*after] == [c.name for c in gates.checks]
+        assert after["sensors and forces"].outcome == outcome
+        assert found in after["sensors and forces"].found
     # A difference of 0.1 dB is no fault, though it is 10 times its noise; one of 2 dB is at 4 times.
     pairs = (Reciprocity("a", "b", 0.1, 0.01), Reciprocity("c", "d", 2.0, 0.5))
     check = reciprocity_check(problem, replace(gates, reciprocity=pairs))
