@@ -32,6 +32,9 @@ __all__ = [
 
 Band = tuple[float, float]
 
+_WIDEST = 20.0
+"""Bands are drawn no wider than this, which is beyond all axes, either way [nepers]."""
+
 
 def plot_frf(
     measured: FRF,
@@ -91,7 +94,8 @@ def plot_frf(
                 part = model.select([output], [input_]).H[:, 0, 0]
                 if deviations is not None and label in deviations:
                     o, p = model.outputs.index(output), model.inputs.index(input_)
-                    wide = np.exp(1.96 * np.asarray(deviations[label], dtype=float)[:, o, p])
+                    spread = 1.96 * np.asarray(deviations[label], dtype=float)[:, o, p]
+                    wide = np.exp(np.minimum(spread, _WIDEST))
                     size = np.abs(part)
                     top.fill_between(
                         model.frequency,

@@ -1,0 +1,58 @@
+"""What the deviations of all that was fitted allow of the FRFs, and how it is drawn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.hidden.cases import make_case
+from updating import build_problem
+from viz.curves import plot_frf
+
+STEP = 1e-5
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    case = make_case(5)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    return problem, problem.fit()
+
+
+def test_bands_are_the_covariance_by_central_differences(fitted):
+    """Over h = 1e-5 of ln θ they miss by (h/ζ)²/6, 1e-6, and by rounding: 1e-12 at antiresonances, over h."""
+    problem, fit = fitted
+    lines = np.arange(0, len(problem.data.frequency), 17)
+    variables = problem.function((), (), lines).variables
+    columns = []
+    for v in variables:
+        x = v.to_x(fit.values[v.ref])
+        both = [replace(fit, values={**fit.values, v.ref: v.to_value(x + s)}) for s in (STEP, -STEP)]
+        columns.append(both)
+    for k in range(len(fit.zeta)):
+        turn = np.exp(STEP * np.eye(len(fit.zeta))[k])
+        columns.append([replace(fit, zeta=fit.zeta * turn), replace(fit, zeta=fit.zeta / turn)])
+    size = [[np.log(np.abs(problem.receptance(r, lines))) for r in both] for both in columns]
+    J = np.array([(ahead - behind) / (2 * STEP) for ahead, behind in size])
+    expected = np.sqrt(np.einsum("ifop,ij,jfop->fop", J, fit.solution.covariance, J))
+    found = problem.deviation(fit, lines)
+    assert found is not None
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-7)
+    assert problem.deviation(problem.nominal()) is None
+
+
+def test_bands_are_drawn_also_where_next_to_nothing_is_known(fitted):
+    """±1.96 σ in the logarithm; a σ of a thousand nepers has no number, and is drawn beyond the axes."""
+    problem, fit = fitted
+    model, pair = problem.frf(fit), (problem.measured.outputs[0], problem.measured.inputs[0])
+    sigma = np.full(model.H.shape, 0.1)
+    sigma[-1] = 1e3
+    figure = plot_frf(problem.measured, {"fitted": model}, [pair], deviations={"fitted": sigma})
+    top = figure.axes[0]
+    (band,) = (c for c in top.collections if c.get_label() == "fitted, 95 %")
+    y = band.get_paths()[0].vertices[:, 1]
+    size = np.abs(model.select([pair[0]], [pair[1]]).H[0, 0, 0])
+    assert np.isfinite(y).all()
+    for expected in (size * np.exp(0.196), size * np.exp(-0.196)):
+        assert np.abs(y / expected - 1).min() < 1e-12
+    assert top.get_ylim()[1] < 1e4 * np.abs(problem.measured.H).max()
