@@ -82,6 +82,8 @@ MAX_EFFECTS = 3
 """At most this many effects are added."""
 MOST_SEPARATED = 3
 """For so many twins the next measurement is worked out."""
+AS_GOOD_ALONE = 1.2
+"""One effect is preferred to several if its level is no more than this factor above theirs."""
 AS_GOOD = 3.0
 """Optima whose negative log posterior is no more than this above the best count as possible values."""
 BASIS_LIMIT_DB = 0.5
@@ -370,12 +372,6 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     return rms_db(ratio), problem.level(ratio, lines)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Candidate:
-    effect: Effect
-    start: dict[str, float]
-
-
 def propose(
     model: Model,
     kinds: Sequence[str] | None = None,
@@ -603,13 +599,20 @@ def _amplitude_added(
 def _linear_added(
     begin: _Search, candidates: Sequence[Effect], floor: float, model_error: float, say: Progress
 ) -> _Search:
-    """Search for effects; once more among more of the candidates before what is left is called unexplained.
+    """Search for effects.
+
+    Once more among more of the candidates before what is left is called unexplained, and for one effect that
+    does alone what several do together.
 
     ``floor`` is the level that noise and the mesh leave.
     """
     settled, limit = FLOOR_MARGIN * floor, max(RIGHT_MARGIN * floor, model_error)
     weak = settled if model_error == 0 else 0.0
     search = _search(begin, candidates, (max(settled, model_error), weak), N_BEST, say)
+    if len(search.findings) > 1:
+        alone = _search(begin, candidates, (limit, weak), N_BEST_DEEP, _between(say, 0.53, 1.0), most=1)
+        if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
+            search = alone
     if search.current.level > max(limit, _most_left(begin.current, model_error)):
         deeper = _search(begin, candidates, (limit, weak), N_BEST_DEEP, _between(say, 0.53, 1.0))
         if deeper.current.level < search.current.level:
@@ -641,11 +644,12 @@ def _search(
     limits: tuple[float, float],
     n_best: int,
     say: Progress,
+    most: int = MAX_EFFECTS,
 ) -> _Search:
     """Add effects while they pay, and drop those that the others have made idle.
 
     ``limits`` are the levels from which on only weak effects are looked for, and from which they count. The
-    ``n_best`` best candidates by each measure are fitted.
+    ``n_best`` best candidates by each measure are fitted, and ``most`` effects added.
     """
     problem, current = begin.problem, begin.current
     findings: list[Finding] = []
@@ -653,7 +657,7 @@ def _search(
     steps = list(begin.steps)
     grids: dict[str, Grid] = {}
     limit, weak_limit = limits
-    while len(findings) < MAX_EFFECTS:
+    while len(findings) < most:
         taken = {f.effect.name for f in findings}
         open_ = [
             e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
