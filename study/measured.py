@@ -457,8 +457,9 @@ def check_units(
             log = np.log10(np.abs(m.frf.H[pick])) - np.log10(np.abs(frf.H))
         log = np.where(np.isfinite(log), log, np.nan).reshape(pick.size, -1)
         log = log[:, np.isfinite(log).mean(axis=0) > 0.5]
-        if log.size:
-            _judge(r, m.frf.kind, frequency[pick], np.nanmedian(log, axis=1), notes)
+        some = np.isfinite(log).any(axis=1)
+        if some.sum() >= 8:
+            _judge(r, m.frf.kind, frequency[pick][some], np.nanmedian(log[some], axis=1), notes)
 
 
 def _judge(

@@ -74,6 +74,8 @@ N_LINES = 160
 """At most this many lines are fitted."""
 FINALS_SETTLED = 3
 """So many are fitted fully where the model is right already."""
+LEAST_LINES = 10
+"""Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
 QUICK_LINES = 50
 """Lines of a quick fit."""
 MOST_REFINED = 6
@@ -300,10 +302,17 @@ def build_problem(
     Raises
     ------
     MeasurementError
-        If no value of the FRFs is left to compare.
+        If there are fewer than ``LEAST_LINES`` lines, or no value of the FRFs is left to compare.
     """
     model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
     frf = measurement.frf.select(band=band) if band else measurement.frf
+    n_usable = int((frf.frequency > 0).sum())
+    if n_usable < LEAST_LINES:
+        msg = (
+            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
+            "needed to compare a model with it"
+        )
+        raise MeasurementError(msg)
     highest = float(frf.frequency[-1])
     undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
     reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=MODE_MARGIN)

@@ -151,12 +151,13 @@ def prepare(
 def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
     """Return the relative noise that is known from coherence or repeats, or else that of the data.
 
-    It is kept between a millionth and 10, so that weights and ratios stay finite.
+    What is known is kept between a millionth and 10, and what is infinite, as where H is 0, is 10, so that
+    weights and ratios stay finite.
     """
     noise, known = relative_noise(measurement.frf.H), measurement.noise
     if known is not None:
         noise = np.where(np.isnan(known), noise, known)
-    return np.clip(noise, 1e-6, 10.0) if known is not None else noise
+    return np.clip(noise, 1e-6, 10.0) if known is not None else np.where(np.isfinite(noise), noise, 10.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -437,8 +438,13 @@ class FitProblem:
         )
 
     def level(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64] | NDArray[np.bool_]) -> float:
-        """Return the robust residual level of log ratios at some lines, amplitude and phase [nepers]."""
+        """Return the robust residual level of log ratios at some lines, amplitude and phase [nepers].
+
+        NaN if none of them counts.
+        """
         r = np.abs(self.data.weight[lines] * ratio)
+        if np.isnan(r).all():
+            return float("nan")
         return float(np.sqrt(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1))))
 
     def log_ratio(self, result: FitResult) -> NDArray[np.complex128]:

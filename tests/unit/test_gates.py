@@ -69,6 +69,9 @@ def test_noise_from_coherence_weighs_the_fit_and_is_named_by_the_gate(sound):
     noise = replace(m, coherence=np.full(coherence.shape, 0.2))
     with pytest.raises(MeasurementError, match=r"no FRF .* uncertain by more than 20 % .* 25 averages"):
         build_problem(sound.model, noise, sound.nuisances)
+    few = m.with_frf(m.frf.select(lines=np.arange(0, 90, 10)))
+    with pytest.raises(MeasurementError, match=r"has 9 line\(s\) .* at least 10 are needed"):
+        build_problem(sound.model, few, sound.nuisances)
 
 
 def test_lines_of_zeros_and_of_noise_alone_are_left_out_of_the_fit(sound):
@@ -81,8 +84,10 @@ def test_lines_of_zeros_and_of_noise_alone_are_left_out_of_the_fit(sound):
         problem = build_problem(sound.model, data, sound.nuisances)
         assert not problem.data.mask[:40].any()
         assert (problem.stages > frf.frequency[40]).all()
+        assert np.isfinite(problem.data.noise).all()
         fit = problem.fit()
         assert fit.level < 1.2 * whole.level
+        assert np.isfinite(check_gates(problem, fit).cross_misfit).all()
         for ref, value in fit.values.items():
             assert abs(value - whole.values[ref]) < 2 * whole.std[ref]
 
