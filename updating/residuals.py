@@ -586,7 +586,9 @@ def frf_data(
         msg = f"no line lies in the band; the data cover {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz"
         raise ModelError(msg)
     frf, seen = frf.select(lines=keep), seen[keep]
-    given = relative_noise(frf.H) if noise is None else np.asarray(noise, dtype=float)
+    if noise is None:
+        noise = np.minimum(relative_noise(frf.H), 1.0)  # infinite where H is 0, which is masked below
+    given = np.asarray(noise, dtype=float)
     if given.ndim == 3 and len(given) == len(keep):
         given = given[keep]
     try:

@@ -160,6 +160,7 @@ def plot_frf_error(
     rows, cols = (np.array(k) for k in zip(*index, strict=True))
     H = measured.H[:, rows, cols]
     power = _moving(np.sum(np.abs(H) ** 2, axis=1), smooth)
+    power = np.where(power > 0, power, np.nan)  # no curve where nothing was measured
     with style.look():
         figure = style.new_figure(height=2.9)
         ax = figure.add_subplot()
@@ -181,10 +182,10 @@ def plot_frf_error(
             )
             colour, line = style.model_style(label, n)
             ax.plot(measured.frequency, error, color=colour, linestyle=line, label=label, linewidth=1.2)
-            span += [np.percentile(error, 1), error.max()]
+            span += [np.nanpercentile(error, 1), np.nanmax(error)]
         low, high = (min(span), max(span)) if span else (-60.0, 0.0)
         if floor is not None:
-            low = min(low, float(np.median(noise)) - 3)
+            low = min(low, float(np.nanmedian(noise)) - 3)
         ax.set_ylim(low - 4, high + 4)
         ax.set_xlim(measured.frequency[0], measured.frequency[-1])
         ax.set_xlabel("frequency [Hz]")

@@ -1,4 +1,4 @@
-"""What the deviations of all that was fitted allow of the FRFs, and how it is drawn."""
+"""What the deviations of all that was fitted allow of the FRFs, and how it and the error are drawn."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from tests.hidden.cases import make_case
 from updating import build_problem
-from viz.curves import plot_frf
+from viz.curves import plot_frf, plot_frf_error
 
 STEP = 1e-5
 
@@ -56,3 +56,16 @@ def test_bands_are_drawn_also_where_next_to_nothing_is_known(fitted):
     for expected in (size * np.exp(0.196), size * np.exp(-0.196)):
         assert np.abs(y / expected - 1).min() < 1e-12
     assert top.get_ylim()[1] < 1e4 * np.abs(problem.measured.H).max()
+
+
+def test_an_error_has_no_curve_where_nothing_was_measured(fitted):
+    problem, fit = fitted
+    H = np.array(problem.measured.H)
+    H[:40] = 0.0
+    measured, model = replace(problem.measured, H=H), problem.frf(fit)
+    figure = plot_frf_error(measured, {"fitted": model}, floor=0.01 * np.abs(H))
+    (curve,) = (c for c in figure.axes[0].lines if c.get_label() == "fitted")
+    y = np.asarray(curve.get_ydata())
+    assert np.isnan(y[:40]).all()
+    off, size = (np.sum(np.abs(x[40:]) ** 2, axis=(1, 2)) for x in (model.H - H, H))
+    np.testing.assert_allclose(y[40:], 10 * np.log10(off / size), rtol=1e-9)

@@ -324,6 +324,17 @@ def test_bounds_hold_and_are_said():
     assert "at its bound" in result.table()
 
 
+def test_lines_of_zeros_are_left_out_of_what_is_fitted():
+    """They have no estimated noise, and count as little as a symmetry's zeros."""
+    model = beam(8, effects=(fix(0),)).with_damping(fem.Damping.modal(0.01))
+    lines, places = np.arange(5.0, 200.0, 1.0), [(1, "z"), (5, "z")]
+    H = noisy(frfs_of(model, places, places[:1], lines).H, 0.01)
+    H[20:60] = 0.0
+    data = frf_data(model, H, lines=lines, outputs=places, inputs=places[:1])
+    assert not data.mask[20:60].any()
+    assert data.mask[60:].all()
+
+
 def test_a_prior_that_the_data_contradict_is_let_go_and_pulls_at_nothing():
     """One member 60 % softer than a prior of 2 % has it; the others as their priors say.
 
