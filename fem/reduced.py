@@ -167,13 +167,14 @@ class ReducedModel:
         )
         T = self.basis.T
         if len(dofs) > LOCAL_LIMIT:
-            n = self.model.n_dof
+            n, T = len(dofs), T[dofs]
+            at = [np.searchsorted(dofs, c.dofs) for c in contributions]
             parts = [tuple(_part(X, imaginary) for X in (c.static, c.M, c.C, c.D)) for c in contributions]
-            static = tuple(Contribution(c.dofs, *X) for c, X in zip(contributions, parts, strict=True))
+            static = tuple(Contribution(own, *X) for own, X in zip(at, parts, strict=True))
             full = sum_contributions(static, n)
             laws = [
-                (factor, sum_contributions((Contribution(c.dofs, X),), n)[0])
-                for c in contributions
+                (factor, sum_contributions((Contribution(own, X),), n)[0])
+                for c, own in zip(contributions, at, strict=True)
                 if c.law is not None
                 for factor, X in _law_parts(c, imaginary)
             ]
@@ -530,6 +531,12 @@ class LocalChanges:
     zeta: NDArray[np.float64]
     _places: dict[bytes, Any] = field(default_factory=dict, repr=False)
 
+    def fields(self) -> "Fields":
+        """Return the responses at all DOFs of the full model: slopes are had from them without projecting."""
+        modes = self.engine.reduced.basis.T[:, self.engine._active] @ self.state.V
+        factors = self.engine._factors(self.state)
+        return Fields(_times(modes, self.Xo), _times(modes, self.Xi), self.engine.omega, factors)
+
     def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128]]:
         """Return the receptances with each of some effects added, one at a time.
 
@@ -635,6 +642,46 @@ class LocalChanges:
         P = directions[:, energy > _ENERGY * energy[-1]]
         onto: Any = np.linalg.solve(C, inverse)
         return motions @ C @ P, P.T @ onto
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fields:
+    """Responses at all DOFs to unit forces at outputs and inputs.
+
+    Attributes
+    ----------
+    outputs, inputs : ndarray (n_dof, n_out, n_freq), (n_dof, n_in, n_freq)
+    omega : ndarray (n_freq,)
+        Angular frequencies [rad/s].
+    factors : dict
+        What K, M, C and D are multiplied by in Z, each (n_freq,).
+    """
+
+    outputs: NDArray[np.complex128]
+    inputs: NDArray[np.complex128]
+    omega: NDArray[np.float64]
+    factors: dict[str, NDArray[Any]]
+
+    def slope(self, contributions: Sequence[Contribution]) -> NDArray[np.complex128]:
+        """Return -Hₒ ΔZ Hᵢ of element matrices ΔZ, the change of the receptances for a little of them."""
+        n_freq, n_out, n_in = len(self.omega), self.outputs.shape[1], self.inputs.shape[1]
+        out = np.zeros((n_freq, n_out, n_in), dtype=np.complex128)
+        for c in contributions:
+            moved = self.inputs[c.dofs]
+            b, m = c.dofs.shape
+            matrices = zip("KMCD", (c.static, c.M, c.C, c.D), strict=True)
+            parts: list[tuple[Any, Any]] = [(self.factors[key], X) for key, X in matrices]
+            if c.law is not None:
+                parts += _law_parts(c, imaginary=False)
+            force = np.zeros_like(moved)
+            for factor, X in parts:
+                if X is None or not X.any():
+                    continue
+                value: Any = factor(self.omega) if callable(factor) else factor
+                force += value * (X @ moved.reshape(b, m, -1)).reshape(moved.shape)
+            left = self.outputs[c.dofs].reshape(b * m, n_out, n_freq).transpose(2, 1, 0)
+            out -= left @ force.reshape(b * m, n_in, n_freq).transpose(2, 0, 1)
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -364,19 +364,13 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     lines = problem.lines_up_to(np.inf, n_lines)
     f = problem.data.frequency[lines]
     zeta = np.exp(problem.damping.hats(f) @ np.log(problem.damping.nominal))
+    highest = float(problem.data.frequency[-1])
+    forces = attachment_forces(fine_model, m)
+    fine = reduce_model(fine_model, forces, highest, margin=MODE_MARGIN, releasable=False)
     H = []
-    for each in (model, fine_model):
-        reduced = reduce_model(
-            each,
-            attachment_forces(each, m),
-            float(problem.data.frequency[-1]),
-            margin=MODE_MARGIN,
-            releasable=False,
-        )
-        engine = ParametricFRF(
-            reduced, sensor_vectors(each, m.sensors), sensor_vectors(each, m.excitations), f, ()
-        )
-        H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
+    for reduced in (problem.reduced, fine):
+        vectors = (sensor_vectors(reduced.model, part) for part in (m.sensors, m.excitations))
+        H.append(ParametricFRF(reduced, *vectors, f, ()).evaluate(np.zeros(0), zeta, gradient=False)[0])
     ratio: Any = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan")) * 16 / 15
     return rms_db(ratio), problem.level(ratio, lines)
 

@@ -12,13 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
-from fem.reduced import LocalChanges, ParametricFRF
+from fem.reduced import Fields, LocalChanges, ParametricFRF
 from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
 N_WHOLE, N_LOW = 44, 24
 """Lines of the whole band, and of the low one, at which candidates are looked at."""
 N_SETTLED = 110
 """Lines of the whole band where the model is right already and what is left to find is weak."""
+
+MOST_CANDIDATES = 1500
+"""Of more candidates than this only a short list is looked at."""
+N_LISTED = 60
+"""So many of the best by each measure are on it."""
+N_WHOLE_LIST, N_LOW_LIST = 18, 8
+"""Lines of the whole band, and of the low one, for the short list."""
+MOST_PLACES = 4
+"""At most so many of a candidate's places, for the short list."""
 
 VISIBLE = 1e-3
 """Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
@@ -161,9 +170,11 @@ def screen(
     say : callable
         Called with a text and the fraction done.
     """
+    bases = (current,) if settled else (current, problem.at_nominal(current))
+    if len(grids) > MOST_CANDIDATES:
+        grids = [grids[i] for i in shortlist(problem, bases, grids, say)]
     if settled:
         return _screen_weak(problem, current, grids, say)
-    bases = (current, problem.at_nominal(current))
     levels = [np.full((6, len(g.points)), np.inf) for g in grids]
     for b, base in enumerate(bases):
         look = _Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
@@ -185,6 +196,39 @@ def screen(
                 points.append(k)
         out.append(Screened(grids[i].effect, tuple(grids[i].points[k] for k in points[:2])))
     return tuple(out)
+
+
+def shortlist(
+    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], say: Callable[[str, float], None]
+) -> list[int]:
+    """Return which of very many candidates deserve a look on their grids, by what a little of each would do.
+
+    The change of the FRFs in proportion to a candidate is taken from the responses at all DOFs and the
+    candidate's element matrices, so that none is projected. For each base they are ranked by the level that
+    the best strength would leave, on the whole band without what nuisance parameters explain and on the low
+    band; the ``N_LISTED`` best of each go on, and all that release a constraint.
+    """
+    looks = [_Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_WEAK) for base in bases]
+    responses = [look.fields() for look in looks]
+    levels = np.full((2 * len(looks), len(grids)), np.inf)
+    model = problem.reduced.model
+    for i, grid in enumerate(grids):
+        if grid.effect.released():
+            continue
+        if i % 100 == 0:
+            say(f"listing {grid.effect.name}", i / len(grids))
+        points = grid.weak_points[::2]  # those nearly absent
+        step = max(1, -(-len(points) // MOST_PLACES))
+        for point, most in points[(step - 1) // 2 :: step]:
+            contributions = grid.effect.with_values(**point).contribute(model)
+            for b, (look, every) in enumerate(zip(looks, responses, strict=True)):
+                two = look.linear(every.slope(contributions), most, grid.one_sided())
+                levels[2 * b : 2 * b + 2, i] = np.minimum(levels[2 * b : 2 * b + 2, i], two)
+    listed = {i for i, grid in enumerate(grids) if grid.effect.released()}
+    for row in levels:
+        best = np.argsort(row, kind="stable")[:N_LISTED]
+        listed |= {int(i) for i in best if np.isfinite(row[i])}
+    return sorted(listed)
 
 
 def _screen_weak(
@@ -281,6 +325,30 @@ class _Look:
         factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
         visible = np.abs(factor[:, None] * change).max(axis=1, initial=0.0) >= VISIBLE
         return np.where(visible, _level(r[0] + factor[:, None] * change), np.inf), factor
+
+    def fields(self) -> Fields:
+        """Return the responses at all DOFs at the lines."""
+        return self._local(()).fields()
+
+    def linear(self, slope: NDArray[np.complex128], most: float, one_sided: bool) -> Floats:
+        """Return the level that the best multiple of a change of the receptances leaves, (2,).
+
+        On the whole band without what nuisances explain, and on the low band; infinite if it is invisible.
+        """
+        H = self._local(()).H.ravel()[self.at]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            d = self.weight * slope.ravel()[self.at] / H
+        d = np.where(np.isfinite(d), d, 0.0)
+        both: Any = np.stack([self._residuals([self._local(()).H])[0], d]).astype(complex)
+        out = []
+        for now, change in (self._adapted(both[:, self.whole]), both[:, ~self.whole]):
+            w = 1 / np.sqrt(1 + np.abs(now) ** 2 / ROBUST**2)
+            size = float(w @ np.abs(change) ** 2)
+            best = -float(w @ (change.conj() * now).real) / size if size > 0 else 0.0
+            factor = float(np.clip(best, 0.0 if one_sided else -most, most))
+            visible = np.abs(factor * change).max(initial=0.0) >= VISIBLE
+            out.append(float(_level((now + factor * change)[None])[0]) if visible else np.inf)
+        return np.array(out)
 
     def _residuals(self, H: Sequence[Complexes]) -> Complexes:
         """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""

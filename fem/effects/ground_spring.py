@@ -72,6 +72,7 @@ class GroundSpring(Effect):
         rigid = [j for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)]
         other_sides = {j.point2 for j in rigid}
         supports = {s.point for s in model.of_kind(Support)}
+        reference = {d: typical_stiffness(model, d) for d in DIRECTIONS}
         out: list[Effect] = []
         for point, place, label in fastening_places(model):
             if point in grounded or point in other_sides:
@@ -81,7 +82,7 @@ class GroundSpring(Effect):
                     out.append(
                         cls(
                             name=f"ground_spring:{label}.{d}", point=point, place=place, direction=d,
-                            stiffness=0.0, reference=typical_stiffness(model, d),
+                            stiffness=0.0, reference=reference[d],
                         )
                     )  # fmt: skip
         return tuple(out)
