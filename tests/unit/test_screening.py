@@ -1,0 +1,83 @@
+"""The first looks at candidates: what a little of an effect does, and who is on the short list."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.hidden.cases import make_case
+from updating import screening
+from updating.diagnosis import build_problem, propose
+from updating.screening import Grid, screen
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    case = make_case(0)  # a member is heavier
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    return case, problem, problem.fit(), propose(case.model, test=case.measurement)
+
+
+def silent(text, done):
+    pass
+
+
+def test_slopes_from_the_responses_at_all_dofs_are_those_of_small_changes(prepared):
+    _, problem, null, candidates = prepared
+    look = screening._Look.of(problem, null, 12, 6, 10**6)
+    local, fields = look._local(()), look.fields()
+    kinds = set()
+    for effect in candidates:
+        if effect.released() or effect.kind in kinds:
+            continue
+        kinds.add(effect.kind)
+        grid = Grid.of(problem, effect)
+        little = effect.with_values(**grid.scaled(grid.points[0], 1e-4))
+        slope = fields.slope(little.contribute(problem.reduced.model))
+        (H,) = local.with_terms([problem.reduced.value_of(little)])
+        change = H - local.H
+        # a change that is ε of what resonates is curved by ε; the strongest of these points are 10² of it
+        assert np.abs(slope - change).max() < 0.03 * np.abs(change).max(), effect.name
+    assert len(kinds) > 15
+
+
+def test_a_point_is_scaled_between_absent_and_itself(prepared):
+    _, problem, _, candidates = prepared
+    for effect in candidates:
+        grid = Grid.of(problem, effect)
+        for point in (grid.points[0], grid.points[-1]):
+            first = effect.with_values(**point).parameters()[0]
+            same = grid.scaled(point, 1.0)
+            assert same == pytest.approx(point)
+            gone = grid.scaled(point, 0.0)[first.name]
+            assert gone == pytest.approx(min(first.absent, first.upper), rel=1e-9, abs=1e-12) or gone > 1e10
+
+
+@pytest.mark.parametrize("settled", [False, True])
+def test_the_short_list_has_the_right_candidate(prepared, monkeypatch, settled):
+    case, problem, null, candidates = prepared
+    monkeypatch.setattr(screening, "MOST_CANDIDATES", 10)
+    monkeypatch.setattr(screening, "N_LISTED", 5)
+    grids = [Grid.of(problem, e) for e in candidates]
+    listed = screening.shortlist(problem, (null, problem.at_nominal(null)), grids, silent)
+    assert len(listed) < 0.6 * len(grids)
+    chosen = screen(problem, null, grids, settled, 5, silent)
+    names = {(c.effect.kind, c.effect.where) for c in chosen}
+    assert (case.hidden.kind, case.hidden.where) in names
+
+
+def test_a_weak_effect_leads_by_its_score(prepared):
+    # the same heavier member, a twentieth of it, in data of the fitted model itself with 1 % of noise
+    case, problem, _, candidates = prepared
+    grid = Grid.of(problem, case.hidden)
+    weak = case.hidden.with_values(**grid.scaled({"change": case.hidden.change}, 0.05))
+    nominal = problem.nominal()
+    with_it = replace(nominal, effects=(weak,))
+    rng = np.random.default_rng(0)
+    H = problem.receptance(with_it)
+    H = H * (1 + 0.01 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2))
+    problem = replace(problem, data=replace(problem.data, H=H))
+    null = problem.fit()
+    grids = [Grid.of(problem, e) for e in candidates]
+    first, *_ = screen(problem, null, grids, True, 5, silent)
+    assert (first.effect.kind, first.effect.where) == (weak.kind, weak.where)
