@@ -500,7 +500,7 @@ def diagnose(
             "read weak findings with care"
         )
     most_left = _most_left(null, model_error)
-    verdict, reason = _verdict(null, current, (limit, most_left), findings, faults, rounds)
+    verdict, reason = _verdict(null, current, (limit, most_left), findings, faults)
     if depends:
         before_all, after_all = (
             combined_levels(problem, levels, fit)[0] * DB_PER_NEPER for fit in (steps[-2].result, current)
@@ -512,7 +512,7 @@ def diagnose(
         reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
     if verdict == UNEXPLAINED:
-        findings, current, steps = (), null, steps[:2]
+        findings, current, steps = (), steps[1].result, steps[:2]
     model_fitted = model.with_values(
         {ref: v for ref, v in current.values.items() if ref[0] in {e.name for e in model.effects}}
     ).with_effect(*current.effects)
@@ -964,7 +964,6 @@ def _verdict(
     limits: tuple[float, float],
     findings: Sequence[Finding],
     faults: Sequence[Fault],
-    rounds: Sequence[tuple[Ranked, ...]],
 ) -> tuple[str, str]:
     """Return the verdict and why, from the levels up to which a model is right and effects are believed."""
     limit, most_left = limits
@@ -990,10 +989,9 @@ def _verdict(
                 f"residual level {level} dB",
             )
         return NOTHING, f"no candidate improves the fitted model, whose residual level is {level} dB"
-    tried = len(rounds[0]) if rounds else 0
     return (
         UNEXPLAINED,
-        f"the residual level stays at {level} dB, and none of {tried} candidates lowers it enough",
+        f"the residual level stays at {level} dB, and none of the candidates lowers it enough",
     )
 
 
