@@ -369,8 +369,9 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     fine = reduce_model(fine_model, forces, highest, margin=MODE_MARGIN, releasable=False)
     H = []
     for reduced in (problem.reduced, fine):
-        vectors = (sensor_vectors(reduced.model, part) for part in (m.sensors, m.excitations))
-        H.append(ParametricFRF(reduced, *vectors, f, ()).evaluate(np.zeros(0), zeta, gradient=False)[0])
+        outputs, inputs = (sensor_vectors(reduced.model, part) for part in (m.sensors, m.excitations))
+        engine = ParametricFRF(reduced, outputs, inputs, f, ())
+        H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
     ratio: Any = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan")) * 16 / 15
     return rms_db(ratio), problem.level(ratio, lines)
 
