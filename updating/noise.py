@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 MEDIAN_OF_NORMAL = 0.6745
 """Median absolute value of a standard normal variable."""
 
+WHITE = 1.6
+"""Fourth and sixth differences of white noise have the same mean square within this factor."""
+
 SMALLEST = 8
 """At least so many lines show the noise that is added to the response; five in a hundred of many."""
 
-_STENCIL = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_STENCILS = {4: (1.0, -4.0, 6.0, -4.0, 1.0), 6: (1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0)}
 
 
 def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.float64]:
@@ -20,8 +23,8 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     Two kinds of noise are told apart. What is in proportion to the response: an FRF is smooth between its
     resonances, so fourth differences of ln|H| over neighbouring lines are noise; their median absolute value
     over a window does not see the few lines at resonances and antiresonances. And what is added to it, the
-    same at all lines of an FRF: it shows where the response is small, in fourth differences of H itself,
-    which crosses zero smoothly at an antiresonance.
+    same at all lines of an FRF: it shows where the response is small, in fourth and sixth differences of H
+    itself, which crosses zero smoothly at an antiresonance.
 
     Parameters
     ----------
@@ -41,7 +44,7 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     size = np.abs(H)
     with np.errstate(divide="ignore"):
         amplitude = np.log(np.maximum(size, 1e-300))
-    d = np.abs(_fourth_difference(amplitude)) / MEDIAN_OF_NORMAL
+    d = np.abs(_difference(amplitude, 4)) / MEDIAN_OF_NORMAL
     half = min(window, n_freq) // 2
     centres = np.arange(0, n_freq, max(1, half // 2))
 
@@ -54,8 +57,14 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     proportional = smoothed(d) ** 2
     # Where it is exactly 0, nothing was measured.
     small = np.argsort(np.where(size > 0, size, np.inf), axis=0)[: max(SMALLEST, n_freq // 20)]
-    difference = np.abs(_fourth_difference(H)) ** 2
-    both = np.median(np.take_along_axis(difference, small, axis=0), axis=0) / (2 * np.log(2))
+    # Differences of both orders of white noise have the same size; not so of what is sampled coarsely.
+    both, higher = (
+        np.median(np.take_along_axis(np.abs(_difference(H, order)) ** 2, small, axis=0), axis=0)
+        / (2 * np.log(2))
+        for order in _STENCILS
+    )
+    white = (higher < WHITE * both) & (both < WHITE * higher)
+    both = np.where(white, both, 0.0)
     part = np.median(np.take_along_axis(proportional * size**2, small, axis=0), axis=0)
     added = np.where(size > 0, np.maximum(both - part, 0.0) / np.where(size > 0, size, 1.0) ** 2, np.inf)
     added = np.where((both > part) | (size > 0), added, 0.0)
@@ -63,11 +72,11 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     return np.sqrt(np.maximum(proportional - smoothed(added), 0.0) + added)
 
 
-def _fourth_difference(x: NDArray[Any]) -> NDArray[Any]:
-    """Return fourth differences along the first axis, scaled to pass white noise on with its variance."""
-    n = len(x)
-    d = sum(c * x[i : n - 4 + i] for i, c in enumerate(_STENCIL)) / np.sqrt((_STENCIL**2).sum())
-    return np.concatenate([d[:1], d[:1], d, d[-1:], d[-1:]])
+def _difference(x: NDArray[Any], order: int) -> NDArray[Any]:
+    """Return differences along the first axis, scaled to pass white noise on with its variance."""
+    stencil, n = np.array(_STENCILS[order]), len(x)
+    d = sum(c * x[i : n - order + i] for i, c in enumerate(stencil)) / np.sqrt((stencil**2).sum())
+    return np.concatenate([d[:1]] * (order // 2) + [d] + [d[-1:]] * (order // 2))
 
 
 def noise_from_coherence(coherence: NDArray[np.float64], n_averages: int) -> NDArray[np.float64]:
