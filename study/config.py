@@ -43,6 +43,7 @@ from study.parts import (
 )
 from study.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from study.table import Source, StudyError, Table, suggest
+from updating.diagnosis import EXPLAINED_LEVEL
 from updating.measurement import Measurement, Sensor, with_sensor_masses
 from updating.parameters import Nuisance
 from updating.unknowns import Unknown
@@ -82,6 +83,8 @@ class Study:
         Kinds that are left out.
     band : (float, float) or None
         Band of comparison and fit; None for that of the measurements [Hz].
+    model_error : float
+        Residual level up to which a model of beams counts as right [neper].
     n_lines : int or None
         Number of frequency lines to fit; None for the program's choice.
     held_out : tuple of str
@@ -115,6 +118,7 @@ class Study:
     kinds: tuple[str, ...] | None
     exclude: tuple[str, ...]
     band: tuple[float, float] | None
+    model_error: float
     n_lines: int | None
     held_out: tuple[str, ...]
     held_out_sensors: tuple[str, ...]
@@ -253,6 +257,7 @@ class _Reader:
 
         fit = top.table("fit")
         band, n_lines = read_band(fit), fit.whole("lines", None, 8)
+        model_error = fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper")
         held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
         fit.finish()
         top_line = top_frequency(raw, band)
@@ -321,6 +326,7 @@ class _Reader:
             kinds,
             exclude,
             band,
+            model_error,
             n_lines,
             held_out,
             held_out_sensors,

@@ -133,6 +133,7 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
         kinds=study.kinds,
         exclude=study.exclude,
         n_lines=study.n_lines or N_LINES,
+        model_error=study.model_error,
         progress=say,
     )
 

@@ -208,6 +208,7 @@ def test_study(tmp_path, capsys, old, new, words):
         ("[uncertain.joint.J]\nkx = 1", ["uncertain.joint.J: unknown key"]),
         ("[fit]\nband = [100, 10]", ["fit.band", "two rising frequencies"]),
         ('[fit]\nheld_out = ["x"]', ["fit.held_out", "no excitation or sensor 'x'"]),
+        ("[fit]\nmodel_error = -1", ["fit.model_error", "-1"]),
         ('[fit]\nheld_out = ["sensor x"]', ["fit.held_out", "no sensor 'x'"]),
         ("[frequency]\nstart = 100\nstop = 10", ["frequency.start", "not below"]),
         ('[[masses]]\npoint = "B"', ["masses[1]: 'mass' is missing"]),
