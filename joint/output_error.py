@@ -180,6 +180,7 @@ def fit_joint(
     determined: float = 0.5,
     positive: bool | str = False,
     prior: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    part_start: npt.ArrayLike | None = None,
 ) -> JointFit:
     """Fit a joint's parameters to the receptances of the assembly by maximum likelihood: output error.
 
@@ -231,6 +232,8 @@ def fit_joint(
         What is known of θ before: mean and standard deviation, that of the logarithm for parameters that stay
         positive; infinite where nothing is. A wide one keeps a parameter that the data do not determine from
         drifting away.
+    part_start : (m,) array_like, optional
+        x from which to start, in prior standard deviations from the models' values [-]; 0 unless given.
 
     Returns
     -------
@@ -263,7 +266,7 @@ def fit_joint(
     )
     weight = np.where(seen, 1 / _noise(measured, noise, measured), 0.0)
     begin = form.starts(start, lines)
-    n, m = len(form.names), len(parts.names)
+    n = len(form.names)
     if not np.isfinite(begin[0]).all():
         name = form.names[int(np.argmin(np.isfinite(begin[0])))]
         msg = f"start has no finite value of {name}; only a viscoelastic law's own parameters may be NaN"
@@ -271,6 +274,11 @@ def fit_joint(
     if 2 * int(seen.sum()) < n:
         msg = f"{int(seen.sum())} complex values cannot determine {n} parameters"
         raise IdentificationError(msg)
+    m = len(parts.names)
+    x = np.zeros(m) if part_start is None else np.asarray(part_start, dtype=float)
+    if x.shape != (m,) or not np.isfinite(x).all():
+        msg = f"part_start has shape {x.shape}; ({m},) finite values are needed"
+        raise ValueError(msg)
     problem = _Problem(form, parts, lines, measured, weight)
     signed = form.positive | (form.semidefinite & (begin[0] > 0))
     if isinstance(positive, str):
@@ -289,7 +297,7 @@ def fit_joint(
     counts = [max(1, min(lines.size, round(part * lines.size))) for part in stages]
     tried = []
     for theta in begin:
-        first = problem.state(theta, np.zeros(m), lines.size, False)
+        first = problem.state(theta, x, lines.size, False)
         points = [first]
         if len(begin) > 1 or first.cost > FAR * seen.sum():
             rough = replace(problem, positive=signed).rough(first, lines.size)

@@ -519,6 +519,12 @@ def estimate(
     return Estimate(task, tuple(stages), refused, prior, prior_std)
 
 
+WALK = (1.2, 1.05, 1.0125)
+"""Factors of ever finer steps along one stiffness [-]."""
+
+HELD = 1e-4
+"""Standard deviation of a stiffness that is held while all else is fitted, of itself [-]."""
+
 SEARCHES = 6
 """Times stiffnesses are searched anew beside what was fitted."""
 
@@ -554,26 +560,30 @@ def _fit_stage(
     plain = np.maximum(plain, 1e-6 * np.sqrt((size**2).mean(axis=0)))
     levels, less = np.ones(bands.max() + 1), np.ones(mask.shape)
     rounds = searches = 0
+    searching = not before and form.linear
     while True:
-        noise = plain * levels[bands][:, None, None] * less * spread
-        fits = [
-            fit_joint(
-                form, parts, frequency, H, theta, noise=noise, positive="K", prior=_vague(task, form, theta),
-                tolerance=1e-5 if accuracy else 1e-6,
-            )
-            for _, theta in tried
-        ]  # fmt: skip
-        best = int(np.argmin([fit.chi2 for fit in fits]))
-        found, start = fits[best], tried[best][0]
-        tried = [(start, found.values)]
-        if not before and form.linear and searches < SEARCHES:
+        fit = partial(
+            fit_joint, form, parts, frequency, H, noise=plain * levels[bands][:, None, None] * less * spread,
+            positive="K", tolerance=1e-5 if accuracy else 1e-6,
+        )  # fmt: skip
+        fits = [fit(theta, prior=_vague(task, form, theta)) for _, theta in tried]
+        best = int(np.argmin([each.chi2 for each in fits]))
+        found = fits[best]
+        tried = [(tried[best][0], found.values)]
+        if searching:
             # what is uncertain beside the joint hides a better place from a search, until it is fitted
             now, _ = parts.evaluate(parts.standard(found.part_values))
             again = _searched(task, form, found.values, partial(_distance, form, now, H))
             searches += 1
-            if (again != found.values).any():
+            if searches <= SEARCHES and (again != found.values).any():
                 tried.append(("a search over six decades", again))
                 continue
+            searching = False
+            walked = _walked(task, form, found, fit, parts.standard)
+            if walked is not found:
+                x = parts.standard(walked.part_values)
+                found = fit(walked.values, prior=_vague(task, form, walked.values), part_start=x)
+                tried = [("a walk along each stiffness", found.values)]
         rounds += 1
         if not accuracy or rounds == ROUNDS:
             break
@@ -591,7 +601,7 @@ def _fit_stage(
         use = mask & (bands == b)[:, None, None]
         left.append((float(frequency[bands == b][-1]), float(levels[b] * np.median(plain[use] / size[use]))))
     fitted, _ = parts.evaluate(parts.standard(found.part_values))
-    return Stage(found, H, tuple(left), start, fitted, problem.data.H[at])
+    return Stage(found, H, tuple(left), tried[0][0], fitted, problem.data.H[at])
 
 
 def _bands(problem: FitProblem, frequency: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -664,6 +674,40 @@ def _searched(
             break
         best, theta = size, points[nearest]
     return theta
+
+
+def _walked(
+    task: Task,
+    form: JointForm,
+    found: JointFit,
+    fit: Callable[..., JointFit],
+    standard: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+) -> JointFit:
+    """Return the best fit along one stiffness after another, all else fitted at each of its values.
+
+    The cost has a small minimum wherever a resonance of the model lies between two lines, and descent ends
+    there. Steps from one to the next, and then finer ones, see the valley that they lie in.
+    """
+    best = found
+    for step in WALK:
+        for d in task.directions:
+            i, begin = form.names.index(f"{form.terms[0].kind} {d} {d}"), best
+            for factor in (1 / step, step):
+                at, missed = begin, 0
+                while missed < (2 if step == WALK[0] else 1):
+                    theta = at.values.copy()
+                    theta[i] *= factor
+                    mean, std = _vague(task, form, theta)
+                    mean[i], std[i] = theta[i], HELD
+                    at = fit(
+                        theta, prior=(mean, std), part_start=standard(at.part_values), stages=(1.0,),
+                        max_iterations=4,
+                    )  # fmt: skip
+                    if at.chi2 < 0.99 * best.chi2:
+                        best, missed = at, 0
+                    else:
+                        missed += 2 if at.chi2 > 2 * best.chi2 else 1
+    return best
 
 
 def _starts(
