@@ -2,14 +2,19 @@
 
 import hashlib
 import json
+import os
+import signal
+import threading
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager, suppress
 from functools import lru_cache
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -179,11 +184,11 @@ def validate(
     by_task = {(r["set"], r["index"]): r for r in read_records(file, settings)}
     open_ = [t for t in tasks if t not in by_task]
     begun, done = time.perf_counter(), len(tasks) - len(open_)
-    with file.open("a", encoding="utf-8") as out:
+    with file.open("a", encoding="utf-8") as out, closing(_records(settings, open_, processes)) as records:
         if not by_task and file.stat().st_size == 0:
             out.write(json.dumps({"settings": settings.as_dict()}) + "\n")
             out.flush()
-        for n, record in enumerate(_records(settings, open_, processes), start=1):
+        for n, record in enumerate(records, start=1):
             out.write(json.dumps(_plain(record), ensure_ascii=False) + "\n")
             out.flush()
             by_task[record["set"], record["index"]] = record
@@ -192,7 +197,7 @@ def validate(
     return [by_task[t] for t in tasks]
 
 
-def _records(settings: Settings, tasks: Sequence[Task], processes: int) -> Iterator[Record]:
+def _records(settings: Settings, tasks: Sequence[Task], processes: int) -> Generator[Record]:
     if processes <= 1:
         for task in tasks:
             yield run_case(settings, task)
@@ -201,7 +206,7 @@ def _records(settings: Settings, tasks: Sequence[Task], processes: int) -> Itera
     while waiting:
         running: dict[Future[Record], Task] = {}
         try:
-            with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+            with _workers(processes) as pool:
                 while waiting or running:
                     while waiting and len(running) < processes:
                         task = waiting.pop(0)
@@ -215,9 +220,37 @@ def _records(settings: Settings, tasks: Sequence[Task], processes: int) -> Itera
                 yield _alone(settings, task)
 
 
+@contextmanager
+def _workers(n: int) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of processes that end when this one ends, however it ends, or the block is left early.
+
+    Each holds one end of a pipe and ends when the other end, which this process alone holds, is closed.
+    """
+    context = get_context("spawn")
+    watched, held = context.Pipe(duplex=False)
+    with watched, held, ProcessPoolExecutor(n, context, _end_with, (watched,)) as pool:
+        try:
+            yield pool
+        except BaseException:  # leaving the pool waits for its processes, so they must end first
+            held.close()
+            raise
+
+
+def _end_with(watched: Connection) -> None:
+    """Let this process end when the other end of a pipe is closed, and not by Ctrl-C."""
+
+    def watch() -> None:
+        with suppress(EOFError, OSError):
+            watched.recv_bytes()  # nothing is ever sent
+        os._exit(1)
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=watch, daemon=True).start()
+
+
 def _alone(settings: Settings, task: Task) -> Record:
     try:
-        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        with _workers(1) as pool:
             return pool.submit(run_case, settings, task).result()
     except BrokenProcessPool:
         return {

@@ -1,8 +1,15 @@
 """Cases drawn from a seed, how a diagnosis is judged, and the runner; with diagnoses made by hand."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -366,6 +373,59 @@ def test_the_command_writes_its_tables(tmp_path, monkeypatch, capsys):
     assert "| single | right effect and place first | 2 of 2 |" in capsys.readouterr().out
     assert json.loads((folder / "table.json").read_text())["settings"]["seed"] == 3
     assert (folder / "table.md").read_text().startswith("# Validation with seed 3")
+
+
+STOPPED = """
+import sys, time
+from pathlib import Path
+from study.validation import run
+
+def case(settings, task):
+    if task[1]:
+        Path(sys.argv[1], task[0]).touch()
+        time.sleep(600)
+    return {"case": f"{task[0]}:{task[1]}", "set": task[0], "index": task[1], "outcome": "", "seconds": 0.0}
+
+if __name__ == "__main__":
+    from study.cli import main
+    run.run_case = case
+    sys.exit(main(["validate", "--seed", "3", "--small", "--cases", "9", "--sets", "single,null",
+                   "--processes", "2", "--out", sys.argv[1]]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send these signals to another process")
+@pytest.mark.parametrize(
+    ("name", "to_all", "code"),
+    [("SIGTERM", False, -15), ("SIGINT", False, 1), ("SIGINT", True, 1)],
+    ids=["terminated", "interrupted", "Ctrl-C"],
+)
+def test_a_run_that_is_stopped_leaves_no_processes_and_its_records(name, to_all, code, tmp_path):
+    program, file = tmp_path / "program.py", tmp_path / "out" / "cases.jsonl"
+    program.write_text(STOPPED)
+    run = subprocess.Popen(
+        [sys.executable, str(program), str(file.parent)],
+        env=os.environ | {"PYTHONPATH": str(Path(runner.__file__).parents[2])},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        until = time.monotonic() + 60
+        while not all((file.parent / name).exists() for name in ("single", "null")):  # both workers sleep
+            assert run.poll() is None, run.communicate()[1]
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        (os.killpg if to_all else os.kill)(run.pid, getattr(signal, name))
+        # All of its processes hold this pipe: it ends when the last of them has ended, not after 600 s.
+        _, said = run.communicate(timeout=30)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(run.pid, signal.SIGKILL)
+        run.communicate()
+    assert run.returncode == code
+    assert "Traceback" not in said
+    assert {r["case"] for r in runner.read_records(file, SETTINGS)} == {"single:0", "null:0"}
 
 
 @pytest.mark.slow
