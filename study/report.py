@@ -456,10 +456,11 @@ def _search(result: RunResult, album: Album) -> Markup:
         return Markup()
     parts = [
         paragraph(
-            "Each round fits every candidate together with the uncertain parameters, quickly at first, "
-            "the best fully. The best is accepted if the residual level falls enough, on the "
-            "lines of the fit "
-            "and on held-out lines; then the search is repeated with it."
+            "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
+            "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
+            "best of these fully. The best is accepted if the residual level falls enough, on the lines of "
+            "the fit and on held-out lines; then the search is repeated with it. Those that were fitted are "
+            "listed."
         )
     ]
     for k, ranked in enumerate(d.rounds):
