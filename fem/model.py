@@ -252,11 +252,16 @@ class Effect(ABC):
             Gives the stiffness that the rest of the structure opposes to a unit violation of a constraint,
             by its key [N/m, N·m/rad].
         """
-        return ({p.name: p.value for p in self.parameters()},)
+        return (parameter_values(self),)
 
     def locations(self, model: "Model") -> NDArray[np.float64]:
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))
+
+
+def parameter_values(effect: Effect) -> dict[str, float]:
+    """Return the present values of an effect's parameters by name."""
+    return {p.name: p.value for p in effect.parameters()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

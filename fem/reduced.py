@@ -15,7 +15,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.basis import Basis, reduced_basis
-from fem.model import Contribution, Effect, Model, ParameterRef
+from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
 from fem.system import System, assemble, sum_contributions
 
 LOCAL_LIMIT = 60
@@ -832,4 +832,4 @@ def values_of(
 ) -> NDArray[np.float64]:
     """Return the present values of parameters of a model's effects or of candidates."""
     effects: Mapping[str, Effect] = {e.name: e for e in (*model.effects, *candidates)}
-    return np.array([{p.name: p.value for p in effects[n].parameters()}[q] for n, q in refs], dtype=float)
+    return np.array([parameter_values(effects[n])[q] for n, q in refs], dtype=float)

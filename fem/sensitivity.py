@@ -12,7 +12,7 @@ import scipy.linalg as sla
 from numpy.typing import ArrayLike, NDArray
 
 from fem.frf import FRF, FRFError, FRFKind, Selection, dof_vectors
-from fem.model import Array, Contribution, Law, Model, ModelError, ParameterRef
+from fem.model import Array, Contribution, Law, Model, ModelError, ParameterRef, parameter_values
 from fem.modes import Eigenpairs, Modes, solve_eigenpairs
 from fem.receptance import LOCAL_DAMPING, locals_of
 from fem.reduced import ParametricFRF, reduce_model
@@ -620,7 +620,7 @@ def _local_forces(n_dof: int, derivatives: Sequence[tuple[MatrixDerivative, ...]
 def _effect_value(model: Model, ref: ParameterRef) -> float:
     """Return the present value of a parameter; raise an error if there is none that is finite."""
     name, parameter = ref
-    values = {p.name: p.value for p in model.effect(name).parameters()}
+    values = parameter_values(model.effect(name))
     if parameter not in values:
         msg = f"effect '{name}' has no parameter '{parameter}'; it has {', '.join(values) or 'none'}"
         raise ModelError(msg)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.harmonic_balance import Receptances, solve_steady
-from fem.model import Effect
+from fem.model import Effect, parameter_values
 from fem.reduced import ParametricFRF
 from updating.correlation import log_ratio
 from updating.faults import Fault
@@ -126,7 +126,7 @@ class _Function:
 
     @property
     def start(self) -> Floats:
-        values = {p.name: p.value for p in self.at.element.parameters()}
+        values = parameter_values(self.at.element)
         return np.concatenate([self.rest.start, [v.to_x(values[v.ref[1]]) for v in self.own]])
 
     def element(self, x: Floats) -> AmplitudeDependent:
@@ -184,9 +184,9 @@ def _function(
     element: AmplitudeDependent,
     lines: NDArray[np.int64],
 ) -> _Function:
-    starts = [{p.name: p.value for p in e.parameters()} for e in linear]
+    starts = [parameter_values(e) for e in linear]
     rest = problem.function(linear, starts, lines)
-    own = effect_variables([element], [{p.name: p.value for p in element.parameters()}])
+    own = effect_variables([element], [parameter_values(element)])
     return _Function(_AtJoint(problem, tuple(linear), element, lines), levels, rest, own)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Model
+from fem.model import Model, parameter_values
 from fem.reduced import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.fit import LEVEL_FLOOR, FitProblem, FitResult
@@ -245,7 +245,7 @@ class _Prediction:
         H, dH, _ = engine.evaluate(values, zeta, gradient=slopes)
         if dH is None:
             return H, None
-        starts = [{q.name: q.value for q in e.parameters()} for e in fit.effects]
+        starts = [parameter_values(e) for e in fit.effects]
         function = p.function(fit.effects, starts, np.zeros(0, dtype=np.int64))
         slope_of = {v.ref: v.slope(v.to_x(fit.values[v.ref])) for v in function.variables}
         scale = np.array([slope_of[r] for r in refs])

@@ -10,7 +10,7 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.effects.frame import Frame
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.frf import compute_frf
-from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix
+from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
 from fem.modes import solve_modes
 from fem.properties import Material
 from fem.sensitivity import differentiate_frf, differentiate_modes
@@ -217,9 +217,9 @@ def check_values(model, effect):
         assert p.lower <= p.value <= p.upper, f"{p.name} starts outside its bounds"
         assert p.unit, f"{p.name} has no unit"
     changed = generic(effect)
-    same = effect.with_values(**{p.name: p.value for p in effect.parameters()})
+    same = effect.with_values(**parameter_values(effect))
     np.testing.assert_array_equal(matrices(same, model), matrices(effect, model))
-    back = changed.with_values(**{p.name: p.value for p in effect.parameters()})
+    back = changed.with_values(**parameter_values(effect))
     np.testing.assert_array_equal(matrices(back, model), matrices(effect, model))
     assert all(a.value != b.value for a, b in zip(changed.parameters(), effect.parameters(), strict=True))
     assert changed.name == effect.name
@@ -297,7 +297,7 @@ def changed(model, effect):
 def stepped(model, effect, ref, of):
     """Return what a function makes of effects and model, summed, with a complex step of one parameter."""
     total = sum(of(e, model) for e in model.effects if e is not effect)
-    (value,) = (p.value for p in effect.parameters() if p.name == ref)
+    value = parameter_values(effect)[ref]
     return total + of(effect.with_values(**{ref: value + 1e-200j}), model)
 
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from fem.model import parameter_values
 from tests.hidden.cases import make_case
 from updating import EFFECT, diagnose
 from updating.diagnosis import BASIS_LIMIT_DB
@@ -21,6 +22,6 @@ def test_an_effect_of_a_joint_is_found_beside_its_rivals(kind, seed, rivals):
     first = found.findings[0]
     assert first.effect.name == case.hidden.name
     assert found.basis_db < BASIS_LIMIT_DB
-    truth = {p.name: p.value for p in case.hidden.parameters()}
+    truth = parameter_values(case.hidden)
     for p in first.parameters:
         assert p.value == pytest.approx(truth[p.name], rel=0.1, abs=5 * p.std)

@@ -5,6 +5,7 @@ import pytest
 
 from fem.effects import candidate_kinds
 from fem.frf import FRF
+from fem.model import parameter_values
 from fem.system import sum_contributions
 from study import StudyError, load_study
 from study.effects import effect_table
@@ -62,7 +63,7 @@ def test_every_kind_comes_back_from_a_study_file(tmp_path):
     assert set(first) == set(candidate_kinds())
     changed = []
     for effect in first.values():
-        values = {p.name: p.value for p in effect.parameters()}
+        values = parameter_values(effect)
         for p in effect.parameters():
             size = abs(p.value) or 0.01 * min(p.upper, 1.0)
             values[p.name] = float(np.clip(p.value + 0.1234567890123 * size, p.lower, p.upper))
