@@ -5,15 +5,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.ground_spring import GroundSpring
-from fem.effects.places import typical_mass
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, dofs_of
+from fem.effects.places import OnPoint, typical_mass
+from fem.model import DIRECTIONS, Contribution, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class GroundDamper(Effect):
+class GroundDamper(OnPoint):
     """A dashpot to the ground in one global direction at one point: iωc.
 
     A spring with a dashpot beside it is this and ``ground_spring``. Where the model holds the point,
@@ -21,10 +20,6 @@ class GroundDamper(Effect):
 
     Attributes
     ----------
-    point : int
-        Point of the mesh.
-    place : str
-        What is there, in words.
     direction : str
         One of x, y, z.
     damping : float
@@ -34,16 +29,8 @@ class GroundDamper(Effect):
     """
 
     kind: ClassVar[str] = "ground_damper"
-    point: int
-    place: str
-    direction: str
     damping: Any
     reference: float
-
-    @property
-    def where(self) -> str:
-        """Place and direction."""
-        return f"{self.place}, {self.direction}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the dashpot's constant."""
@@ -52,8 +39,7 @@ class GroundDamper(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return c on the one DOF."""
-        dof = dofs_of(self.point)[[DIRECTIONS.index(self.direction)]]
-        return (Contribution(dof[None], C=np.full((1, 1, 1), self.damping)),)
+        return (Contribution(self.dof, C=np.full((1, 1, 1), self.damping)),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Dashpots that take a member's momentum in a second to ten microseconds."""
@@ -72,7 +58,3 @@ class GroundDamper(Effect):
             for e in springs
             if e.direction in DIRECTIONS[:3]
         )  # fmt: skip
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the point."""
-        return model.mesh.points[[self.point]]

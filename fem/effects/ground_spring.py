@@ -5,27 +5,20 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair, joint_unit
-from fem.effects.places import fastening_places, held_directions, typical_stiffness
+from fem.effects.places import OnPoint, fastening_places, held_directions, typical_stiffness
 from fem.effects.support import Support
-from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter, dofs_of
+from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class GroundSpring(Effect):
+class GroundSpring(OnPoint):
     """A spring to the ground in one global direction at one point.
 
     Attributes
     ----------
-    point : int
-        Point of the mesh.
-    place : str
-        What is there, in words.
-    direction : str
-        One of x, y, z, rx, ry, rz.
     stiffness : float
         [N/m or N·m/rad].
     reference : float
@@ -33,16 +26,8 @@ class GroundSpring(Effect):
     """
 
     kind: ClassVar[str] = "ground_spring"
-    point: int
-    place: str
-    direction: str
     stiffness: Any
     reference: float
-
-    @property
-    def where(self) -> str:
-        """Place and direction."""
-        return f"{self.place}, {self.direction}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the stiffness."""
@@ -51,8 +36,7 @@ class GroundSpring(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return k on the one DOF."""
-        dof = dofs_of(self.point)[[DIRECTIONS.index(self.direction)]]
-        return (Contribution(dof[None], np.full((1, 1, 1), self.stiffness)),)
+        return (Contribution(self.dof, np.full((1, 1, 1), self.stiffness)),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a soft suspension, 10⁻³ of a member's stiffness, to a support."""
@@ -96,7 +80,3 @@ class GroundSpring(Effect):
             if np.abs(d).max() > 1 - 1e-6
         }
         return tuple(e for e in cls.propose(model) if (e.point, e.direction) not in driven)  # type: ignore[attr-defined]
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the point."""
-        return model.mesh.points[[self.point]]

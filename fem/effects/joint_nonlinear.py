@@ -98,12 +98,6 @@ class JointCubic(AmplitudeDependent):
 
     Attributes
     ----------
-    joint, direction : str
-        Name of a joint and a direction in which it moves.
-    amplitude : float
-        a, amplitude of the relative motion [m or rad].
-    reference : float
-        The joint's stiffness in the direction, which sets the scale [N/m or N·m/rad].
     cubic : float
         k₃, negative for softening [N/m³ or N·m/rad³].
     """
@@ -151,12 +145,6 @@ class JointGap(AmplitudeDependent):
 
     Attributes
     ----------
-    joint, direction : str
-        Name of a joint and a direction in which it moves.
-    amplitude : float
-        a, amplitude of the relative motion [m or rad].
-    reference : float
-        The joint's stiffness in the direction, which sets the scale [N/m or N·m/rad].
     stiffness : float
         k, beyond the gap [N/m or N·m/rad].
     gap : float
@@ -224,12 +212,6 @@ class JointFriction(AmplitudeDependent):
 
     Attributes
     ----------
-    joint, direction : str
-        Name of a joint and a direction in which it moves.
-    amplitude : float
-        a, amplitude of the relative motion [m or rad].
-    reference : float
-        The joint's stiffness in the direction, which sets the scale [N/m or N·m/rad].
     force : float
         F, force of sliding friction [N or N·m].
     """

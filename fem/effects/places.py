@@ -1,4 +1,4 @@
-"""What effects share: joints and members that they sit on, and where members are welded or end freely."""
+"""What effects share: joints, members and points that they sit on, where members are welded or end freely."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
 from fem.effects.superelement import Superelement
-from fem.model import DIRECTIONS, Array, Effect, Model, ModelError
+from fem.model import DIRECTIONS, Array, Effect, Model, ModelError, dofs_of
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -76,6 +76,39 @@ class OnMember(Effect):
         """Return the middle of the member."""
         mesh = model.mesh
         return mesh.point_at(mesh.locate(self.member, mesh.member_length(self.member) / 2))[None]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OnPoint(Effect):
+    """An effect on one point of the mesh in one global direction.
+
+    Attributes
+    ----------
+    point : int
+        Point of the mesh.
+    place : str
+        What is there, in words.
+    direction : str
+        One of x, y, z, rx, ry, rz.
+    """
+
+    point: int
+    place: str
+    direction: str
+
+    @property
+    def where(self) -> str:
+        """Place and direction."""
+        return f"{self.place}, {self.direction}"
+
+    @property
+    def dof(self) -> NDArray[np.int64]:
+        """Number of the one DOF, shape (1, 1)."""
+        return dofs_of(self.point)[[DIRECTIONS.index(self.direction)]][None]
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the point."""
+        return model.mesh.points[[self.point]]
 
 
 def frame_of(model: Model) -> Frame:
