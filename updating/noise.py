@@ -66,8 +66,8 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     white = (higher < WHITE * both) & (both < WHITE * higher)
     both = np.where(white, both, 0.0)
     part = np.median(np.take_along_axis(proportional * size**2, small, axis=0), axis=0)
-    added = np.where(size > 0, np.maximum(both - part, 0.0) / np.where(size > 0, size, 1.0) ** 2, np.inf)
-    added = np.where((both > part) | (size > 0), added, 0.0)
+    excess = np.broadcast_to(np.maximum(both - part, 0.0), H.shape)
+    added = np.divide(excess, size**2, out=np.where(excess > 0, np.inf, 0.0), where=size > 0)
     # At the lines where the window's median lies, the two together are what was seen there.
     return np.sqrt(np.maximum(proportional - smoothed(added), 0.0) + added)
 
