@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.frf import FRF, FRFError
+from updating.shape_correlation import refuse_gaps
 
 DB_PER_NEPER = 20 / np.log(10)
+
+_AXES = ("line", "output", "input")
 
 _NAN = complex(np.nan, np.nan)
 """No number in both parts; complex("nan") has the imaginary part 0, which would count as a phase."""
@@ -152,7 +155,7 @@ def fdac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
         If the numbers of outputs or inputs differ.
     """
     x, a = _columns(np.asarray(H_x), np.asarray(H_a))
-    _no_gaps(H_x=x, H_a=a)
+    refuse_gaps(_AXES, H_x=x, H_a=a)
     if x.shape[1:] != a.shape[1:]:
         msg = f"the FRFs have shapes {x.shape} and {a.shape}; FDAC needs the same outputs and inputs in both"
         raise ValueError(msg)
@@ -165,20 +168,8 @@ def _same_shape(H_x: ArrayLike, H_a: ArrayLike) -> tuple[NDArray[Any], NDArray[A
     if x.shape != a.shape or x.ndim == 0:
         msg = f"the FRFs have shapes {x.shape} and {a.shape}; they must be the same, (n_freq, n_out, n_in)"
         raise ValueError(msg)
-    _no_gaps(H_x=x, H_a=a)
+    refuse_gaps(_AXES, H_x=x, H_a=a)
     return x, a
-
-
-def _no_gaps(**data: NDArray[Any]) -> None:
-    """Refuse values that are not finite: a sum over them would not be a number."""
-    for name, H in data.items():
-        bad = np.argwhere(~np.isfinite(H))
-        if len(bad):
-            msg = (
-                f"{len(bad)} value(s) of {name} are not finite numbers, the first at "
-                f"{tuple(bad[0].tolist())} from 0; leave such lines out of both"
-            )
-            raise ValueError(msg)
 
 
 def _columns(*data: NDArray[Any]) -> tuple[NDArray[Any], ...]:

@@ -1,5 +1,6 @@
 """How alike shapes are: MAC and its relatives over the DOFs, over the modes, with mass, and of subspaces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -376,15 +377,34 @@ def _shapes(phi_x: ArrayLike, phi_a: ArrayLike) -> tuple[Array, Array]:
     if x.shape[0] != a.shape[0]:
         msg = f"the shapes have {x.shape[0]} and {a.shape[0]} DOFs; MAC needs the same DOFs in both"
         raise ValueError(msg)
-    for name, p in (("phi_x", x), ("phi_a", a)):
-        bad = np.argwhere(~np.isfinite(p))
+    refuse_gaps(("DOF", "mode"), phi_x=x, phi_a=a)
+    return x, a
+
+
+def refuse_gaps(axes: Sequence[str], **data: NDArray[Any]) -> None:
+    """Refuse values that are not finite: a sum over them would not be a number.
+
+    Parameters
+    ----------
+    axes : sequence of str
+        What the axes are, for the message.
+    **data : ndarray
+        By name.
+
+    Raises
+    ------
+    ValueError
+        If there are such values.
+    """
+    for name, values in data.items():
+        bad = np.argwhere(~np.isfinite(values))
         if len(bad):
+            at = ", ".join(f"{axis} {k}" for axis, k in zip(axes, bad[0], strict=False))
             msg = (
-                f"{len(bad)} entries of {name} are not finite numbers, the first at DOF {bad[0][0]}, mode "
-                f"{bad[0][1]}, from 0; leave such DOFs out of both"
+                f"{len(bad)} value(s) of {name} are not finite numbers, the first at {at}, from 0; leave "
+                f"such {axes[0]}s out of both"
             )
             raise ValueError(msg)
-    return x, a
 
 
 def _pairs(phi_x: ArrayLike, phi_a: ArrayLike) -> tuple[Array, Array]:
