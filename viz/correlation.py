@@ -194,22 +194,9 @@ def plot_agreement(
         If numbers differ.
     """
     v = np.array(values, dtype=float, ndmin=2)
-    if v.shape != (len(rows), len(columns)):
-        msg = f"the values have shape {v.shape} for {len(rows)} rows and {len(columns)} columns"
-        raise ValueError(msg)
     with style.look():
-        figure = style.new_figure(
-            float(np.clip(2.2 + 0.5 * v.shape[1], 3.4, style.WIDTH)),
-            float(np.clip(1.2 + 0.24 * len(v), 2.2, 9)),
-        )
-        ax = figure.add_subplot()
-        _matrix(figure, ax, v, label)
-        ax.set_yticks(range(len(rows)), rows, fontsize=7.5)
-        ax.set_xticks(
-            range(len(columns)), columns, fontsize=7.5, rotation=40, ha="right", rotation_mode="anchor"
-        )
-        if title:
-            ax.set_title(title)
+        height = float(np.clip(1.2 + 0.24 * len(v), 2.2, 9))
+        figure, _ = _named_matrix(v, rows, columns, label, title, least_width=3.4, height=height)
     return figure
 
 
@@ -241,16 +228,9 @@ def plot_orthogonality(
         If numbers differ.
     """
     v = np.abs(np.array(values, ndmin=2))
-    if v.shape != (len(labels[0]), len(labels[1])):
-        msg = f"the values have shape {v.shape} for {len(labels[0])} and {len(labels[1])} labels"
-        raise ValueError(msg)
     with style.look():
-        figure = style.new_figure(
-            float(np.clip(2.2 + 0.5 * v.shape[1], 3.6, style.WIDTH)),
-            float(np.clip(1.4 + 0.3 * len(v), 2.4, 9)),
-        )
-        ax = figure.add_subplot()
-        _matrix(figure, ax, v, "size of φᵀMφ [-]")
+        height = float(np.clip(1.4 + 0.3 * len(v), 2.4, 9))
+        figure, ax = _named_matrix(v, *labels, "size of φᵀMφ [-]", title, least_width=3.6, height=height)
         on = np.eye(*v.shape, dtype=bool)
         for i, j in np.argwhere(np.where(on, v < 1 - limit, v > limit)):
             ax.add_patch(
@@ -258,14 +238,8 @@ def plot_orthogonality(
                     (j - 0.48, i - 0.48), 0.96, 0.96, fill=False, edgecolor=style.VERMILION, linewidth=1.6
                 )
             )
-        ax.set_yticks(range(len(v)), labels[0], fontsize=7.5)
-        ax.set_xticks(
-            range(v.shape[1]), labels[1], fontsize=7.5, rotation=40, ha="right", rotation_mode="anchor"
-        )
         ax.set_ylabel(names[0])
         ax.set_xlabel(names[1])
-        if title:
-            ax.set_title(title)
     return figure
 
 
@@ -452,6 +426,30 @@ def plot_geometry_match(
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+def _named_matrix(
+    values: NDArray[np.float64],
+    rows: Sequence[str],
+    columns: Sequence[str],
+    label: str,
+    title: str,
+    *,
+    least_width: float,
+    height: float,
+) -> tuple[Figure, Axes]:
+    """Draw a matrix on a figure of its own, which is as wide as its columns need."""
+    if values.shape != (len(rows), len(columns)):
+        msg = f"the values have shape {values.shape} for {len(rows)} rows and {len(columns)} columns"
+        raise ValueError(msg)
+    figure = style.new_figure(float(np.clip(2.2 + 0.5 * len(columns), least_width, style.WIDTH)), height)
+    ax = figure.add_subplot()
+    _matrix(figure, ax, values, label)
+    ax.set_yticks(range(len(rows)), rows, fontsize=7.5)
+    ax.set_xticks(range(len(columns)), columns, fontsize=7.5, rotation=40, ha="right", rotation_mode="anchor")
+    if title:
+        ax.set_title(title)
+    return figure, ax
 
 
 def _matrix(figure: Figure, ax: Axes, values: NDArray[np.float64], label: str) -> None:

@@ -125,7 +125,7 @@ def test_orthogonality_frames_what_is_above_its_limit():
     boxes = [p for p in figure.axes[0].patches if isinstance(p, Rectangle)]
     framed = {(round(p.get_x() + 0.48), round(p.get_y() + 0.48)) for p in boxes}
     assert framed == {(2, 0), (1, 1)}  # column, row: 0.22 beside a pair, and a pair of 0.85
-    with pytest.raises(ValueError, match="2 and 2 labels"):
+    with pytest.raises(ValueError, match="2 rows and 2 columns"):
         pictures.plot_orthogonality(values, (["a", "b"], ["c", "d"]))
 
 
