@@ -207,13 +207,22 @@ class ReducedModel:
         return self.project(effect.contribute(self.model))
 
     def values_of(self, effect: Effect, points: Sequence[dict[str, float]]) -> tuple[_Term, ...]:
-        """Project an effect at several points of its parameters; once, if they but multiply it."""
-        p, *others = effect.parameters()
-        if others or not p.linear or p.absent != 0 or not all(point[p.name] for point in points):
-            return tuple(self.value_of(effect.with_values(**point)) for point in points)
-        first = points[0][p.name]
-        term = self.value_of(effect.with_values(**points[0]))
-        return tuple(term.times(point[p.name] / first) for point in points)
+        """Project an effect at several points of its parameters; once for those that but multiply it."""
+        p, *rest = effect.parameters()
+        multiplies = p.linear and p.absent == 0 and not any(q.linear for q in rest)
+        known: dict[tuple[float, ...], tuple[float, _Term]] = {}
+        terms = []
+        for point in points:
+            first = point[p.name]
+            others = tuple(v for name, v in point.items() if name != p.name)
+            if not multiplies or not first:
+                terms.append(self.value_of(effect.with_values(**point)))
+                continue
+            if others not in known:
+                known[others] = first, self.value_of(effect.with_values(**point))
+            begin, term = known[others]
+            terms.append(term if first == begin else term.times(first / begin))
+        return tuple(terms)
 
     def derivative_of(self, effect: Effect, parameter: str, value: float) -> _Term:
         """Project an effect's derivative with respect to a parameter, by a complex step."""
@@ -300,6 +309,8 @@ class ParametricFRF:
         Effects that are added to the model.
     release : sequence of (str, str)
         Keys of constraints that are released besides those that the candidates release.
+    projected : bool
+        Whether outputs and inputs are combinations of the basis's columns already, (r + p, n).
     """
 
     def __init__(
@@ -311,6 +322,8 @@ class ParametricFRF:
         refs: Sequence[ParameterRef],
         candidates: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
+        *,
+        projected: bool = False,
     ) -> None:
         basis = reduced.basis
         self.reduced = reduced
@@ -321,8 +334,8 @@ class ParametricFRF:
         columns = [basis.n_main + i for i, key in enumerate(basis.keys) if key in released]
         self._active = np.concatenate([np.arange(basis.n_main), np.array(columns, dtype=np.int64)])
         n = len(self._active)
-        self._out = (basis.T.T @ outputs)[self._active]
-        self._in = (basis.T.T @ inputs)[self._active]
+        ends = (outputs, inputs) if projected else (basis.T.T @ outputs, basis.T.T @ inputs)
+        self._out, self._in = (X[self._active] for X in ends)
 
         effects = {e.name: e for e in (*reduced.model.effects, *candidates)}
         wanted: dict[str, list[int]] = {}

@@ -227,10 +227,42 @@ class FitProblem:
     @property
     def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Sensors and excitations as combinations of DOFs."""
-        m = self.data.measurement
-        return sensor_vectors(self.reduced.model, m.sensors), sensor_vectors(
-            self.reduced.model, m.excitations
-        )
+        outputs, inputs, *_ = self._ends
+        return outputs, inputs
+
+    @property
+    def _ends(self) -> tuple[NDArray[np.float64], ...]:
+        """Sensors and excitations as combinations of DOFs, and of the basis's columns (computed once)."""
+        ends = self.data.measurement.sensors, self.data.measurement.excitations
+        key = ("ends", *map(id, ends))
+        if key not in self.reduced.remembered:
+            full = [sensor_vectors(self.reduced.model, each) for each in ends]
+            on_basis = [self.reduced.basis.T.T @ X for X in full]
+            self.reduced.remembered[key] = ends, (*full, *on_basis)  # ends kept, so that no id is used again
+        return self.reduced.remembered[key][1]
+
+    def engine(
+        self,
+        frequency: NDArray[np.float64],
+        refs: Sequence[ParameterRef] = (),
+        effects: Sequence[Effect] = (),
+        release: Sequence[tuple[str, str]] = (),
+    ) -> ParametricFRF:
+        """Return the sensors' receptances as a function of parameters.
+
+        Parameters
+        ----------
+        frequency : ndarray (n_freq,)
+            Frequencies [Hz].
+        refs : sequence of (effect, parameter)
+            The parameters that vary.
+        effects : sequence of Effect
+            Candidates that are added to the model.
+        release : sequence of (str, str)
+            Keys of constraints that are released besides those that the candidates release.
+        """
+        *_, outputs, inputs = self._ends
+        return ParametricFRF(self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True)
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""
@@ -340,10 +372,9 @@ class FitProblem:
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         if any(e.amplitude_dependent for e in result.effects):
             return self.steady(result, lines).H * result.gains[:, None]
-        outputs, inputs = self.vectors
         f = self.data.frequency[lines]
         refs = list(result.values)
-        engine = ParametricFRF(self.reduced, outputs, inputs, f, refs, result.effects)
+        engine = self.engine(f, refs, result.effects)
         zeta = np.exp(self.damping.hats(f) @ np.log(result.zeta))
         H, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         return H * result.gains[:, None]
@@ -498,7 +529,7 @@ class FitFunction:
         if not self._made:
             p = self.problem
             f, measured = p.data.frequency[self.lines], p.data.H[self.lines]
-            engine = ParametricFRF(p.reduced, *p.vectors, f, [v.ref for v in self.variables], self.effects)
+            engine = p.engine(f, [v.ref for v in self.variables], self.effects)
             safe = np.where(self.keep & (measured != 0), measured, 1.0)
             self._made.update(engine=engine, hats=p.damping.hats(f), safe=safe)
         return self._made["engine"], self._made["hats"], self._made["safe"]

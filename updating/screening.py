@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
-from fem.reduced import Fields, LocalChanges, ParametricFRF
+from fem.reduced import Fields, LocalChanges
 from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
 N_WHOLE, N_LOW = 44, 24
@@ -62,7 +62,7 @@ class Grid:
 
     effect: Effect
     points: tuple[dict[str, float], ...]
-    _terms: dict[bool, tuple] = field(default_factory=dict, repr=False)
+    _made: dict[str, tuple] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, problem: FitProblem, effect: Effect) -> "Grid":
@@ -77,6 +77,11 @@ class Grid:
         coupling of motions that symmetry keeps apart, the first shows what follows. With each stands by how
         much it can be multiplied before it is beyond the strongest point.
         """
+        if "weak points" not in self._made:
+            self._made["weak points"] = self._weak_points()
+        return self._made["weak points"]
+
+    def _weak_points(self) -> tuple[tuple[dict[str, float], float], ...]:
         first = self.effect.parameters()[0].name
         alike: dict[tuple, list[dict[str, float]]] = {}
         for point in self.points:
@@ -90,10 +95,11 @@ class Grid:
 
     def terms(self, problem: FitProblem, weak: bool) -> tuple:
         """Return what the effect adds to the reduced matrices at each point or weak point (computed once)."""
-        if weak not in self._terms:
+        key = "weak" if weak else "all"
+        if key not in self._made:
             points = [p for p, _ in self.weak_points] if weak else self.points
-            self._terms[weak] = problem.reduced.values_of(self.effect, points)
-        return self._terms[weak]
+            self._made[key] = problem.reduced.values_of(self.effect, points)
+        return self._made[key]
 
     def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
         """Return a point with its first parameter at a multiple of the distance from where it is absent.
@@ -253,7 +259,7 @@ class _Look:
     """A model with all but the candidates fixed, at a few lines.
 
     Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
-    (n_lines, n_out, n_in), ``measured``, ``weight`` and ``gain`` what belongs to each, and ``whole`` tells
+    (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each, and ``whole`` tells
     which of them stand for the whole band. ``slopes`` (n, m) and ``back`` (n, m) hold the weighted slopes of
     the nuisance parameters for these, and what takes a residual to their change; real and imaginary parts
     stand side by side.
@@ -265,11 +271,10 @@ class _Look:
     at: NDArray[np.int64]
     measured: Complexes
     weight: Floats
-    gain: Floats
     whole: NDArray[np.bool_]
     slopes: Floats
     back: Floats
-    _solved: dict[tuple[tuple[str, str], ...], LocalChanges]
+    _solved: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, problem: FitProblem, base: FitResult, n_whole: int, n_low: int, most: int) -> "_Look":
@@ -292,21 +297,18 @@ class _Look:
         back: Any = np.linalg.solve(A, weighted)
 
         data, lines = problem.data, np.concatenate([whole, low])
-        shape = data.mask[lines].shape
         n_first = int(np.prod(data.mask[whole].shape))
         flat = np.flatnonzero(data.mask[lines])
         low_at = flat[flat >= n_first]
         at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
-        gain = np.broadcast_to(base.gains[:, None], shape).ravel()[at]
         measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
-        return cls(problem, base, lines, at, measured, w, gain, at < n_first, slopes, back, {})
+        return cls(problem, base, lines, at, measured, w, at < n_first, slopes, back)
 
     def levels(self, grid: Grid) -> Floats:
         """Return the level on the whole band, on the low one, and with nuisances adapted, (3, n_points)."""
         H = self._local(grid.effect.released()).with_terms(grid.terms(self.problem, False))
-        now, *r = self._residuals([self._local(()).H, *H])
-        r = np.array(r)
-        if np.abs(r - now).max(initial=0.0) < VISIBLE:
+        r = self._residuals(H)
+        if np.abs(r - self._now()).max(initial=0.0) < VISIBLE:
             return np.full((3, len(r)), np.inf)
         first = r[:, self.whole]
         return np.stack([_level(first), _level(r[:, ~self.whole]), _level(self._adapted(first))])
@@ -314,17 +316,10 @@ class _Look:
     def scores(self, grid: Grid) -> tuple[Floats, Floats]:
         """Return the level that the best strength of each weak point would leave, and its multiple."""
         H = self._local(grid.effect.released()).with_terms(grid.terms(self.problem, True))
-        now = self._local(()).H
-        r = self._adapted(self._residuals([now, *H]))
-        change = r[1:] - r[0]
-        weight = 1 / np.sqrt(1 + np.abs(r[0]) ** 2 / ROBUST**2)
-        size = (weight * np.abs(change) ** 2).sum(axis=1)
-        slope = (weight * (change.conj() * r[0]).real).sum(axis=1)
+        now = self._adapted(self._now()[None])[0]
+        change = self._adapted(self._residuals(H)) - now
         most = np.array([m for _, m in grid.weak_points])
-        least = 0.0 * most if grid.one_sided() else -most
-        factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
-        visible = np.abs(factor[:, None] * change).max(axis=1, initial=0.0) >= VISIBLE
-        return np.where(visible, _level(r[0] + factor[:, None] * change), np.inf), factor
+        return _best_multiples(now, change, most, grid.one_sided())
 
     def fields(self) -> Fields:
         """Return the responses at all DOFs at the lines."""
@@ -338,26 +333,24 @@ class _Look:
         H = self._local(()).H.ravel()[self.at]
         with np.errstate(divide="ignore", invalid="ignore"):
             d = self.weight * slope.ravel()[self.at] / H
-        d = np.where(np.isfinite(d), d, 0.0)
-        both: Any = np.stack([self._residuals([self._local(()).H])[0], d]).astype(complex)
-        out = []
-        for now, change in (self._adapted(both[:, self.whole]), both[:, ~self.whole]):
-            w = 1 / np.sqrt(1 + np.abs(now) ** 2 / ROBUST**2)
-            size = float(w @ np.abs(change) ** 2)
-            best = -float(w @ (change.conj() * now).real) / size if size > 0 else 0.0
-            factor = float(np.clip(best, 0.0 if one_sided else -most, most))
-            visible = np.abs(factor * change).max(initial=0.0) >= VISIBLE
-            out.append(float(_level((now + factor * change)[None])[0]) if visible else np.inf)
-        return np.array(out)
+        both: Any = np.stack([self._now(), np.where(np.isfinite(d), d, 0.0)])
+        bands = self._adapted(both[:, self.whole]), both[:, ~self.whole]
+        return np.array(
+            [_best_multiples(now, change[None], np.array([most]), one_sided)[0][0] for now, change in bands]
+        )
+
+    def _now(self) -> Complexes:
+        """Return the weighted residuals (m,) of the model without a candidate (computed once)."""
+        if "now" not in self._solved:
+            self._solved["now"] = self._residuals([self._local(()).H])[0]
+        return self._solved["now"]
 
     def _residuals(self, H: Sequence[Complexes]) -> Complexes:
         """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
         computed = np.stack([each.ravel()[self.at] for each in H])
         with np.errstate(divide="ignore", invalid="ignore"):
-            r: Any = self.weight * np.log(
-                computed * (self.gain / np.where(self.measured != 0, self.measured, 1.0))
-            )
-        return np.where(np.isfinite(r) & (self.measured != 0), r, 0.0)
+            r: Any = self.weight * np.log(computed / self.measured)
+        return np.where(np.isfinite(r), r, 0.0)
 
     def _adapted(self, r: Complexes) -> Complexes:
         """Return residuals without what a small change of the nuisance parameters explains."""
@@ -371,10 +364,27 @@ class _Look:
         if released not in self._solved:
             p, base = self.problem, self.base
             f, refs = p.data.frequency[self.lines], list(base.values)
-            engine = ParametricFRF(p.reduced, *p.vectors, f, refs, base.effects, release=released)
+            engine = p.engine(f, refs, base.effects, released)
             zeta = np.exp(p.damping.hats(f) @ np.log(base.zeta))
             self._solved[released] = engine.local(np.array([base.values[r] for r in refs]), zeta)
         return self._solved[released]
+
+
+def _best_multiples(
+    now: Complexes, change: Complexes, most: Floats, one_sided: bool
+) -> tuple[Floats, Floats]:
+    """Return the levels (n,) that the best multiples of changes (n, m) of residuals (m,) leave, and these.
+
+    Within ± ``most`` (n,), or from 0 to it; the level is infinite where the change is invisible.
+    """
+    weight = 1 / np.sqrt(1 + np.abs(now) ** 2 / ROBUST**2)
+    size = (weight * np.abs(change) ** 2).sum(axis=1)
+    slope = (weight * (change.conj() * now).real).sum(axis=1)
+    least = 0.0 * most if one_sided else -most
+    factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
+    moved = factor[:, None] * change
+    visible = np.abs(moved).max(axis=1, initial=0.0) >= VISIBLE
+    return np.where(visible, _level(now + moved), np.inf), factor
 
 
 def _some(n: int, most: int) -> NDArray[np.int64]:
