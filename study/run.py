@@ -196,10 +196,8 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
     out = {}
     for label, (outputs, inputs) in parts.items():
         data = prepare(whole.with_frf(whole.frf.select(outputs, inputs)), None, study.band)
-        problem = replace(d.problem, data=corrected(data, d.faults), gains=())
-        out[label] = tuple(
-            rms_db(problem.log_ratio(replace(step.result, gains=np.ones(len(outputs))))) for step in d.steps
-        )
+        problem = replace(d.problem, data=corrected(data, d.faults))
+        out[label] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
     return out
 
 

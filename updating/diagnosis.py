@@ -351,7 +351,7 @@ def build_problem(
         )
         raise MeasurementError(msg)
     stages = stages[stages >= counted[0]]
-    return FitProblem(reduced, data, tuple(nuisances), curve, (), stages, max(k, 1), n_lines)
+    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines)
 
 
 def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:
@@ -1015,7 +1015,7 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> flo
     lines = problem.lines_up_to(np.inf, n_lines)
     f = problem.data.frequency[lines]
     zeta = np.exp(problem.damping.hats(f) @ np.log(result.zeta))
-    reduced = problem.receptance(result, lines) / result.gains[:, None]
+    reduced = problem.receptance(result, lines)
     ratio = []
     backend = None if system.reciprocal else "superlu"
     for k, omega in enumerate(2 * np.pi * f):

@@ -1,6 +1,6 @@
 """Fits of a reduced model to measured FRFs.
 
-What is fitted are nuisance parameters, the damping curve, sensor gains and candidate effects.
+What is fitted are nuisance parameters, the damping curve and candidate effects.
 """
 
 from collections.abc import Mapping, Sequence
@@ -95,10 +95,6 @@ class FitData:
         """Residual level that noise alone leaves, amplitude and phase [nepers]."""
         return float(np.sqrt((2 * (self.weight * self.noise)[self.mask] ** 2).mean()))
 
-    def corrected(self, gains: NDArray[np.float64]) -> "FitData":
-        """Return data divided by sensor gains (n_out,)."""
-        return replace(self, H=self.H / gains[None, :, None])
-
 
 def prepare(
     measurement: Measurement,
@@ -173,8 +169,6 @@ class FitResult:
         Linearised standard deviations.
     zeta : ndarray (n_knots,)
         Damping ratios at the curve's knots [-].
-    gains : ndarray (n_out,)
-        Sensor gains [-].
     effects : tuple of Effect
         The added effects at their fitted values.
     fit_db, held_out_db : float
@@ -187,7 +181,6 @@ class FitResult:
     values: Mapping[ParameterRef, float]
     std: Mapping[ParameterRef, float]
     zeta: NDArray[np.float64]
-    gains: NDArray[np.float64]
     effects: tuple[Effect, ...]
     fit_db: float
     held_out_db: float
@@ -205,8 +198,6 @@ class FitProblem:
     data : FitData
     nuisances : tuple of Nuisance
     damping : DampingCurve
-    gains : tuple of int
-        Sensors whose gain is fitted too, as rows of the FRFs.
     stages : ndarray
         Upper ends of the bands of the frequency continuation, rising; the last is the whole band [Hz].
     n_modes : int
@@ -219,7 +210,6 @@ class FitProblem:
     data: FitData
     nuisances: tuple[Nuisance, ...]
     damping: DampingCurve
-    gains: tuple[int, ...] = ()
     stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     n_modes: int = 10
     n_lines: int = 160
@@ -343,7 +333,6 @@ class FitProblem:
                 [float(v.prior or 0.0) for v in nuisance],
                 [v.to_x(start_of[v.ref]) for v in extra],
                 np.log(self.damping.nominal),
-                np.zeros(len(self.gains)),
             ]
         )
         return FitFunction(self, tuple(effects), (*nuisance, *extra), start, lines)
@@ -371,13 +360,13 @@ class FitProblem:
         """Return the fitted model's receptances as the sensors would read them, at some or all lines."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         if any(e.amplitude_dependent for e in result.effects):
-            return self.steady(result, lines).H * result.gains[:, None]
+            return self.steady(result, lines).H
         f = self.data.frequency[lines]
         refs = list(result.values)
         engine = self.engine(f, refs, result.effects)
         zeta = np.exp(self.damping.hats(f) @ np.log(result.zeta))
         H, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
-        return H * result.gains[:, None]
+        return H
 
     def vectors_with(self, element: AmplitudeDependent) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return sensors and excitations, each with the motion that an element acts on as the last."""
@@ -432,25 +421,13 @@ class FitProblem:
         variables = nuisance_variables(self.reduced.model, self.nuisances)
         empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
         values = {v.ref: v.to_value(v.prior or 0.0) for v in variables}
-        n_out = len(self.data.measurement.sensors)
-        return self.assessed(
-            FitResult(
-                empty,
-                values,
-                dict.fromkeys(values, 0.0),
-                self.damping.nominal,
-                np.ones(n_out),
-                (),
-                np.nan,
-                np.nan,
-                np.nan,
-            )
-        )
+        zero = dict.fromkeys(values, 0.0)
+        return self.assessed(FitResult(empty, values, zero, self.damping.nominal, (), *3 * (np.nan,)))
 
     def at_nominal(self, result: FitResult) -> FitResult:
         """Return a result with the nuisance parameters of the model back at their nominal values.
 
-        Damping and gains stay.
+        Damping stays.
         """
         own = {e.name for e in self.reduced.model.effects}
         nominal = self.reduced.model.values()
@@ -501,8 +478,8 @@ class FitProblem:
 class FitFunction:
     """Residuals of a fit at some lines, as a function of all that varies.
 
-    x holds the variables (nuisance parameters, then those of the effects), ln ζ at the damping curve's knots,
-    and ln of the gains that are fitted.
+    x holds the variables (nuisance parameters, then those of the effects) and ln ζ at the damping curve's
+    knots.
 
     Attributes
     ----------
@@ -540,39 +517,27 @@ class FitFunction:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
         p, keep, weight = self.problem, self.keep, self.problem.data.weight[self.lines]
         engine, hats, safe = self._once()
-        n_par, n_damping = len(self.variables), len(p.damping.knots)
+        n_par = len(self.variables)
         values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])
-        zeta = np.exp(hats @ x[n_par : n_par + n_damping])
+        zeta = np.exp(hats @ x[n_par:])
         H, dH, dH_dzeta = engine.evaluate(values, zeta, gradient)
-        gain = np.ones(H.shape[1])
-        gain[list(p.gains)] = np.exp(x[n_par + n_damping :])
-        H = H * gain[:, None]
         r = np.nan_to_num(weight * log_ratio(H, safe), nan=0.0)[keep]
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
-        per = np.where(H != 0, weight * gain[:, None] / np.where(H != 0, H, 1.0), 0.0)
+        per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)
         J = np.empty((len(x), r.size), dtype=complex)
         for k, v in enumerate(self.variables):
             J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
         base = dH_dzeta * per
-        for k in range(n_damping):
+        for k in range(hats.shape[1]):
             J[n_par + k] = ((zeta * hats[:, k])[:, None, None] * base)[keep]
-        for k, i in enumerate(p.gains):
-            column = np.zeros(H.shape)
-            column[:, i] = weight[:, i]
-            J[n_par + n_damping + k] = column[keep]
         return r, J
 
     def prior(self) -> Prior:
         """Return what is known of x beforehand."""
         p, none = self.problem, np.inf
-        n_damping, n_gain = len(p.damping.knots), len(p.gains)
-        means = [[v.prior or 0.0 for v in self.variables], np.log(p.damping.nominal), np.zeros(n_gain)]
-        stds = [
-            [v.std or none for v in self.variables],
-            np.full(n_damping, p.damping.std),
-            np.full(n_gain, none),
-        ]
+        means = [[v.prior or 0.0 for v in self.variables], np.log(p.damping.nominal)]
+        stds = [[v.std or none for v in self.variables], np.full(len(p.damping.knots), p.damping.std)]
         return Prior(np.concatenate(means), np.concatenate(stds))
 
     def moved_to(self, result: "FitResult") -> NDArray[np.float64]:
@@ -581,9 +546,7 @@ class FitFunction:
         for k, v in enumerate(self.variables):
             if v.prior is not None and v.ref in result.values:
                 x[k] = v.to_x(result.values[v.ref])
-        n_damping = len(result.zeta)
-        x[n_par : n_par + n_damping] = np.log(result.zeta)
-        x[n_par + n_damping :] = np.log(result.gains[list(self.problem.gains)])
+        x[n_par:] = np.log(result.zeta)
         return x
 
     def n_independent(self, stage: float = np.inf) -> float:
@@ -598,7 +561,6 @@ class FitFunction:
             [
                 np.array([v.bounds() for v in self.variables]).reshape(-1, 2),
                 np.tile([np.log(1e-5), np.log(0.3)], (len(p.damping.knots), 1)),
-                np.tile([-3.0, 3.0], (len(p.gains), 1)),
             ]
         )
 
@@ -620,18 +582,16 @@ class FitFunction:
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values with standard deviations; its errors are not assessed."""
-        x, n_par, n_damping = solution.x, len(self.variables), len(self.problem.damping.knots)
+        x, n_par = solution.x, len(self.variables)
         values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)}
         sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
         known = zip(self.variables, x[:n_par], sd[:n_par], strict=True)
         std = {v.ref: abs(v.slope(xi)) * deviation for v, xi, deviation in known}
-        gains = np.ones(len(self.problem.data.measurement.sensors))
-        gains[list(self.problem.gains)] = np.exp(x[n_par + n_damping :])
         fitted = tuple(
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )
-        zeta, level = np.exp(x[n_par : n_par + n_damping]), float(np.sqrt(solution.misfit))
-        return FitResult(solution, values, std, zeta, gains, fitted, np.nan, np.nan, level)
+        zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
+        return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level)
 
 
 def _rms(ratio: NDArray[np.complex128]) -> float:
