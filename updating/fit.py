@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
 from fem.harmonic_balance import Receptances, Steady, solve_steady
-from fem.model import Effect, Model, ParameterRef
+from fem.model import Effect, Model, ParameterRef, parameter_values
 from fem.reduced import ParametricFRF, ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.measurement import Measurement, MeasurementError, Sensor, sensor_point
@@ -405,7 +405,7 @@ class FitProblem:
             return None
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         every = replace(self.data, mask=np.ones_like(self.data.mask), weight=np.ones_like(self.data.weight))
-        starts = [{p.name: p.value for p in e.parameters()} for e in result.effects]
+        starts = [parameter_values(e) for e in result.effects]
         function = replace(self, data=every).function(result.effects, starts, lines)
         x, C = function.moved_to(result), result.solution.covariance
         if C.shape != (len(x), len(x)):
@@ -515,7 +515,7 @@ class FitFunction:
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
-        p, keep, weight = self.problem, self.keep, self.problem.data.weight[self.lines]
+        keep, weight = self.keep, self.problem.data.weight[self.lines]
         engine, hats, safe = self._once()
         n_par = len(self.variables)
         values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect
+from fem.model import Effect, parameter_values
 from fem.reduced import Fields, LocalChanges
 from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
@@ -280,7 +280,7 @@ class _Look:
     def of(cls, problem: FitProblem, base: FitResult, n_whole: int, n_low: int, most: int) -> "_Look":
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
-        function = problem.function(base.effects, [_values(e) for e in base.effects], whole)
+        function = problem.function(base.effects, [parameter_values(e) for e in base.effects], whole)
         r, J = function(function.moved_to(base), True)
         assert J is not None
         some = _some(len(r), most)
@@ -390,10 +390,6 @@ def _best_multiples(
 def _some(n: int, most: int) -> NDArray[np.int64]:
     """Return at most so many of n positions, scattered: a fixed step might miss whole channels."""
     return np.sort(np.random.default_rng(0).permutation(n)[:most])
-
-
-def _values(effect: Effect) -> dict[str, float]:
-    return {p.name: p.value for p in effect.parameters()}
 
 
 def _level(r: Complexes) -> Floats:
