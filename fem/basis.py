@@ -48,7 +48,19 @@ class Basis:
     def extended(self, system: System, forces: NDArray[np.float64]) -> "Basis":
         """Return the basis with the responses to more forces (n_dof, k), as far as it lacks them."""
         load = np.asarray(system.Q.T @ forces)
-        more = _without(system, self.V, self.factor.solve(load))
+        return self._with(system, self.factor.solve(load))
+
+    def with_shapes(self, system: System, shapes: NDArray[np.float64]) -> "Basis":
+        """Return the basis with more motions (n_dof, k), which may violate releasable constraints."""
+        held = {c.key: c for c in system.model.constraints()}
+        violated = [held[key] for key in self.keys]
+        amount = np.array([c.coefficients @ shapes[c.dofs] for c in violated]).reshape(-1, shapes.shape[1])
+        meets_all = shapes - self.T[:, self.n_main :] @ amount
+        return self._with(system, np.asarray(system.Q.T @ meets_all))
+
+    def _with(self, system: System, vectors: NDArray[np.float64]) -> "Basis":
+        """Return the basis with more vectors (n_free, k) on the independent coordinates."""
+        more = _without(system, self.V, vectors)
         if not more.shape[1]:
             return self
         V = _orthonormal(system, [self.V, more])

@@ -228,6 +228,14 @@ class Effect(ABC):
         """
         return ()
 
+    def refers_to(self, model: "Model") -> tuple[ParameterRef, ...]:
+        """Return the parameters of other effects on which its matrices depend.
+
+        A crack takes its element's stiffness in part, an eccentric joint moves the joint's springs: when
+        these change, so does what the effect contributes.
+        """
+        return ()
+
     @classmethod
     def propose(cls, model: "Model") -> tuple["Effect", ...]:
         """Return candidates of this kind for a model, each at a value from which an estimation may start."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fem.basis import Basis, reduced_basis
 from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
+from fem.modes import solve_eigenpairs
 from fem.system import System, assemble, sum_contributions
 
 LOCAL_LIMIT = 60
@@ -142,6 +143,23 @@ class ReducedModel:
         basis = self.basis.extended(self.system, np.hstack(columns))
         return self if basis is self.basis else ReducedModel(self.model, basis, self.system)
 
+    def with_modes_of(self, model: Model, max_frequency: float) -> "ReducedModel":
+        """Return the model with the modes of another one in its basis: with effects and values as found.
+
+        Modes of the model without an effect that acts on a whole member converge slowly to those with it.
+
+        Parameters
+        ----------
+        model : Model
+            On the same mesh, without internal coordinates of its own.
+        max_frequency : float
+            Modes are taken up to there [Hz].
+        """
+        system = assemble(model, reciprocal=False)
+        shapes = np.asarray(system.Q @ solve_eigenpairs(system, max_frequency=max_frequency).vectors)
+        basis = self.basis.with_shapes(self.system, shapes)
+        return self if basis is self.basis else ReducedModel(self.model, basis, self.system)
+
     def residual_flexibility(self, dofs: NDArray[np.int64]) -> NDArray[np.float64] | None:
         """Return the static flexibility at some DOFs that the basis lacks, (m, m) [m/N, …].
 
@@ -202,9 +220,9 @@ class ReducedModel:
         laws = tuple((f, X) for f, X in laws if X is not None)
         return _Term(T[dofs], summed(static), M, C, D, laws, dofs)
 
-    def value_of(self, effect: Effect) -> _Term:
-        """Project an effect at its present values."""
-        return self.project(effect.contribute(self.model))
+    def value_of(self, effect: Effect, model: Model | None = None) -> _Term:
+        """Project an effect at its present values, on the nominal model or on one with other values."""
+        return self.project(effect.contribute(model or self.model))
 
     def values_of(self, effect: Effect, points: Sequence[dict[str, float]]) -> tuple[_Term, ...]:
         """Project an effect at several points of its parameters; once for those that but multiply it."""
@@ -224,11 +242,16 @@ class ReducedModel:
             terms.append(term if first == begin else term.times(first / begin))
         return tuple(terms)
 
-    def derivative_of(self, effect: Effect, parameter: str, value: float) -> _Term:
-        """Project an effect's derivative with respect to a parameter, by a complex step."""
-        return self.project(
-            effect.with_values(**{parameter: value + 1j * _STEP}).contribute(self.model), True
-        )
+    def derivative_of(
+        self, effect: Effect, parameter: str, value: float, model: Model | None = None
+    ) -> _Term:
+        """Project an effect's derivative with respect to a parameter of its own, by a complex step."""
+        step = {parameter: value + 1j * _STEP}
+        return self.project(effect.with_values(**step).contribute(model or self.model), True)
+
+    def foreign_derivative_of(self, effect: Effect, ref: ParameterRef, value: float, model: Model) -> _Term:
+        """Project an effect's derivative with respect to a parameter of an effect that it refers to."""
+        return self.project(effect.contribute(model.with_values({ref: value + 1j * _STEP})), True)
 
     def base(self) -> dict[str, _Term]:
         """Return the projection of each effect of the model at nominal values (computed once)."""
@@ -346,12 +369,15 @@ class ParametricFRF:
         self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum().items()}
         self._fixed["laws"] = [(f(self.omega), X[ix]) for f, X in reduced.base_laws()]
         self._linear: list[tuple[int, float, _Term]] = []
-        self._nonlinear: list[tuple[Effect, list[int]]] = []
+        self._nonlinear: list[tuple[Effect, list[int], list[int]]] = []
+        self._foreign: set[int] = set()
         for name, effect in effects.items():
             rows = wanted.get(name, [])
             known = {p.name: p for p in effect.parameters()}
             free = [known[self.refs[i][1]] for i in rows]
-            linear = all(p.linear for p in free)
+            known_refs = effect.refers_to(reduced.model)
+            foreign = [i for i, ref in enumerate(self.refs) if ref in known_refs]
+            linear = all(p.linear for p in free) and not foreign
             if name in candidate_names and linear:
                 self._add_fixed(reduced.value_of(effect), 1.0)
             if linear:
@@ -365,7 +391,8 @@ class ParametricFRF:
             else:
                 if name not in candidate_names:
                     self._add_fixed(reduced.base()[name], -1.0)
-                self._nonlinear.append((effect, rows))
+                self._nonlinear.append((effect, rows, foreign))
+                self._foreign |= set(foreign)
         self._n = n
         self._damped = None if self._nonlinear else self._damped_range()
         # A step that is tried without derivatives is often asked for them next.
@@ -399,21 +426,27 @@ class ParametricFRF:
 
     def _matrices(
         self, values: NDArray[np.float64], gradient: bool
-    ) -> tuple[dict[str, Any], dict[int, _Term]]:
+    ) -> tuple[dict[str, Any], list[tuple[int, _Term]]]:
         total = dict(self._fixed)
-        slopes: dict[int, _Term] = {}
+        slopes: list[tuple[int, _Term]] = []
+        model = self.reduced.model
+        if self._foreign:
+            model = model.with_values({self.refs[i]: float(values[i]) for i in self._foreign})
         for i, start, term in self._linear:
             self._add(total, term, values[i] - start)
-            slopes[i] = term
-        for effect, rows in self._nonlinear:
+            slopes.append((i, term))
+        for effect, rows, foreign in self._nonlinear:
             now = effect.with_values(**{self.refs[i][1]: float(values[i]) for i in rows})
-            term = self._restrict(self.reduced.value_of(now))
-            self._add(total, term, 1.0)
-            if gradient:
-                for i in rows:
-                    slopes[i] = self._restrict(
-                        self.reduced.derivative_of(now, self.refs[i][1], float(values[i]))
-                    )
+            on = model if foreign else self.reduced.model
+            self._add(total, self._restrict(self.reduced.value_of(now, on)), 1.0)
+            if not gradient:
+                continue
+            for i in rows:
+                term = self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), on)
+                slopes.append((i, self._restrict(term)))
+            for i in foreign:
+                term = self.reduced.foreign_derivative_of(now, self.refs[i], float(values[i]), on)
+                slopes.append((i, self._restrict(term)))
         return total, slopes
 
     def evaluate(
@@ -455,7 +488,7 @@ class ParametricFRF:
         Xot = np.ascontiguousarray(Xo.transpose(2, 1, 0))
         whole: list[tuple[int, NDArray[Any], NDArray[Any]]] = []
         local: dict[bytes, list[tuple[int, _Term]]] = {}
-        for i, term in slopes.items():
+        for i, term in slopes:
             if term.L is None:
                 whole += [(i, factor, X) for factor, X in term.parts(factors, self.omega)]
             else:

@@ -180,7 +180,8 @@ class MatrixDerivative:
 def differentiate_matrices(model: Model, ref: ParameterRef) -> tuple[MatrixDerivative, ...]:
     """Return the derivatives of the element matrices with respect to one parameter.
 
-    A complex step of 10⁻²⁰⁰ through the effect's contribution. Elements that do not change are left out.
+    A complex step of 10⁻²⁰⁰ through the contributions of the effect and of those that refer to it. Elements
+    that do not change are left out.
 
     Parameters
     ----------
@@ -194,8 +195,14 @@ def differentiate_matrices(model: Model, ref: ParameterRef) -> tuple[MatrixDeriv
         For an effect or parameter that the model does not have, or a value that is not finite.
     """
     effect, value = model.effect(ref[0]), _effect_value(model, ref)
+    changed = effect.with_values(**{ref[1]: value + 1j * _STEP})
+    parts = list(changed.contribute(model))
+    others = [e for e in model.effects if ref in e.refers_to(model)]
+    if others:
+        stepped = model.with_values({ref: value + 1j * _STEP})
+        parts += [part for e in others for part in e.contribute(stepped)]
     out = []
-    for part in effect.with_values(**{ref[1]: value + 1j * _STEP}).contribute(model):
+    for part in parts:
         slopes = [None if X is None else np.imag(X) / _STEP for X in (part.static, part.M, part.C, part.D)]
         moving = part.law is not None
         changed = np.full(len(part.dofs), moving)

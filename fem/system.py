@@ -167,6 +167,12 @@ def reassemble(system: System, model: Model) -> System:
         gone, new = ([e for e in m.effects if not isinstance(e, Frame)] for m in (was, model))
         scale |= change.scale
         lines = change.batches
+    else:
+        changed = {e.name for e in (*gone, *new)}
+        gone, new = (
+            [e for e in m.effects if id(e) not in kept or any(name in changed for name, _ in e.refers_to(m))]
+            for m in (was, model)
+        )
     before = [c for e in gone for c in e.contribute(was)]
     after = [c for e in new for c in e.contribute(model)]
     left_out = _left_out(model, system.Q)

@@ -88,6 +88,12 @@ AS_GOOD_ALONE = 1.2
 """One effect is preferred to several if its level is no more than this factor above theirs."""
 AS_GOOD = 3.0
 """Optima whose negative log posterior is no more than this above the best count as possible values."""
+BASIS_SHARE = 0.03
+"""Error of the reduced basis, in parts of the residual level, above which the found model's modes join it."""
+BASIS_REACH = (1.2, 2.0)
+"""They are taken up to these multiples of the highest frequency, one after the other if need be."""
+BASIS_LINES = 12
+"""Lines at which that error is checked."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
@@ -514,9 +520,7 @@ def diagnose(
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
     if verdict == UNEXPLAINED:
         findings, current, steps = (), steps[1].result, steps[:2]
-    model_fitted = model.with_values(
-        {ref: v for ref, v in current.values.items() if ref[0] in {e.name for e in model.effects}}
-    ).with_effect(*current.effects)
+    model_fitted = _fitted(model, current)
     return Diagnosis(
         verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, mesh_db, basis_db,
         limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
@@ -620,8 +624,31 @@ def _linear_added(
     if search.current.level > max(limit, _most_left(begin.current, model_error)):
         deeper = _search(begin, candidates, (limit, weak), N_BEST_DEEP, _between(say, 0.53, 1.0))
         if deeper.current.level < search.current.level:
-            return deeper
-    return search
+            search = deeper
+    return _on_own_basis(search)
+
+
+def _on_own_basis(search: _Search) -> _Search:
+    """Fit what was found once more on a basis with its own modes, if that of the search is not good enough.
+
+    The search's basis has the nominal model's modes and the responses to forces at the effects' places. Where
+    an effect changes a whole member, they converge slowly to the modes with it. The noise of thousands of
+    values averages out in a parameter, and an error of the basis does not: it must be much smaller.
+    """
+    problem, current = search.problem, search.current
+    for reach in BASIS_REACH if search.findings else ():
+        allowed = BASIS_SHARE * max(current.level, LEVEL_FLOOR) * DB_PER_NEPER / np.sqrt(2)
+        if basis_error(problem, current, BASIS_LINES) <= allowed:
+            break
+        up_to = reach * float(problem.data.frequency[-1])
+        reduced = problem.reduced.with_modes_of(_fitted(problem.reduced.model, current), up_to)
+        problem = _attached(replace(problem, reduced=reduced), current.effects)
+        current = _polish(problem, current)
+    if current is search.current:
+        return search
+    findings = tuple(_at_values_of(current, search.findings))
+    steps = (*search.steps[:-1], _step(search.steps[-1].label, current))
+    return replace(search, problem=problem, current=current, findings=findings, steps=steps)
 
 
 def _with_faults_settled(
@@ -996,6 +1023,13 @@ def _verdict(
     )
 
 
+def _fitted(model: Model, result: FitResult) -> Model:
+    """Return the full model with the values and the effects of a fit."""
+    own = {e.name for e in model.effects}
+    values = {ref: v for ref, v in result.values.items() if ref[0] in own}
+    return model.with_values(values).with_effect(*result.effects)
+
+
 def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> float:
     """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB].
 
@@ -1006,11 +1040,7 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> flo
     values = {ref: v for ref, v in result.values.items() if ref[0] not in gone}
     result = replace(result, effects=effects, values=values)
     model = problem.reduced.model
-    own = {e.name for e in model.effects}
-    full = model.with_values({r: v for r, v in result.values.items() if r[0] in own}).with_effect(
-        *result.effects
-    )
-    system = assemble(full, reciprocal=False)
+    system = assemble(_fitted(model, result), reciprocal=False)
     outputs, inputs = problem.vectors
     lines = problem.lines_up_to(np.inf, n_lines)
     f = problem.data.frequency[lines]

@@ -36,7 +36,7 @@ class Solution:
     misfit : float
         Robust mean square of the weighted residuals.
     covariance : ndarray (n, n)
-        Linearised covariance of x.
+        Linearised covariance of x; the bounds count as uniform densities.
     n_iterations : int
     converged : bool
         False if the iterations ran out first.
@@ -160,5 +160,9 @@ def solve_robust(
         if iteration < max_iterations:
             r, J = residual(x, True)
             assert J is not None
+    # What the data leave open is as uncertain as its bounds are wide, those of a uniform density; an inverse
+    # that leaves such directions out would call them certain.
+    wide = np.isfinite(hi - lo) & (hi > lo) & (weight == 0)
+    A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
     covariance: Any = np.linalg.pinv(A, hermitian=True)
     return Solution(x, cost, float(misfit @ size / len(r)), covariance, iteration, converged)

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame, nominal
-from fem.effects.places import OnMember, bending_stiffness, frame_of, is_bar, welded_ends
-from fem.model import Contribution, Effect, Model, Parameter
+from fem.effects.frame import Frame
+from fem.effects.places import OnMember, bending_stiffness, frame_of, is_bar, material_of, welded_ends
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _WORDS = {"rx": "torsion", "ry": "bending about local y", "rz": "bending about local z"}
 
@@ -57,8 +57,12 @@ class Crack(OnMember):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the loss of one element's stiffness."""
-        frame = nominal(frame_of(model))
+        frame = frame_of(model)
         return (frame.cut(model, self.member, self.position, self.direction, self.compliance),)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of the member."""
+        return material_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 1 to 100 % of the member's length, at eleven places along it."""
@@ -130,9 +134,13 @@ class EndRelease(OnMember):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the loss of the end element's stiffness."""
-        frame = nominal(frame_of(model))
+        frame = frame_of(model)
         position = 0.0 if self.end == 1 else model.mesh.member_length(self.member)
         return (frame.cut(model, self.member, position, self.direction, self.compliance),)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of the member."""
+        return material_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 0.3 % of the member's length to nearly a hinge."""

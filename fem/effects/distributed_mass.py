@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.effects.places import OnMember, frame_of, member_mass
-from fem.model import Contribution, Effect, Model, Parameter
+from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -66,6 +66,10 @@ class DistributedMass(OnMember):
         )
         assert unit.M is not None
         return (Contribution(unit.dofs, M=self.mass * unit.M),)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of a member on springs."""
+        return stiffness_of_sprung(model, self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Give the member a tenth and four tenths of its own mass, on a quarter and on half of its length."""
@@ -136,6 +140,10 @@ class FluidAddedMass(OnMember):
         unit = frame_of(model).mass_matrix(model, self.member, 0.0, length, weights)
         assert unit.M is not None
         return (Contribution(unit.dofs, M=self.mass * unit.M),)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of a member on springs."""
+        return stiffness_of_sprung(model, self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 2 % to three times the member's own mass."""

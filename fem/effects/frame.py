@@ -688,18 +688,34 @@ def nominal(frame: Frame) -> Frame:
     return replace(frame, values={}) if frame.values else frame
 
 
-@lru_cache(maxsize=8)
+class _Same:
+    """An object that equals itself alone, and can be a key."""
+
+    def __init__(self, held: Any) -> None:
+        self.held = held
+
+    def __hash__(self) -> int:
+        return id(self.held)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.held is self.held
+
+
 def _layout(frame: Frame, mesh: Mesh) -> _Layout:
-    """Return what each line is made of, kept for the last few frames and meshes."""
+    """Return what each line is made of, whatever the values of moduli and densities."""
+    return _layout_of(_Same(frame.members), mesh)
+
+
+@lru_cache(maxsize=8)
+def _layout_of(members: _Same, mesh: Mesh) -> _Layout:
+    """Return the same, kept for the last few frames and meshes."""
+    made_of: Mapping[str, MemberProperties] = members.held
     names = list(mesh.members)
     try:
-        of_member = [frame.members[name] for name in names]
+        of_member = [made_of[name] for name in names]
     except KeyError:
-        missing = next(name for name in names if name not in frame.members)
-        msg = (
-            f"member '{missing}' of the mesh has no material and section; given are "
-            f"{', '.join(frame.members)}"
-        )
+        missing = next(name for name in names if name not in made_of)
+        msg = f"member '{missing}' of the mesh has no material and section; given are {', '.join(made_of)}"
         raise ModelError(msg) from None
     different = list({id(p): p for p in of_member}.values())
     number = {id(p): i for i, p in enumerate(different)}
@@ -857,10 +873,19 @@ def _place(
     return R, end, span, span - zone.sum(axis=1)
 
 
-@lru_cache(maxsize=256)
 def member_contribution(frame: Frame, model: Model, member: str) -> tuple[Contribution, ...]:
-    """Return one member's stiffness, mass and structural damping, kept for the last few hundred members."""
+    """Return one member's stiffness, mass and structural damping.
+
+    Those of nominal frames are kept for the last few hundred members; other values are asked for once.
+    """
+    return (_contribution if frame.values else _kept_contribution)(frame, model, member)
+
+
+def _contribution(frame: Frame, model: Model, member: str) -> tuple[Contribution, ...]:
     return frame.contribution_of(model, model.mesh.members[member])
+
+
+_kept_contribution = lru_cache(maxsize=256)(_contribution)
 
 
 @lru_cache(maxsize=256)

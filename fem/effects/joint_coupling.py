@@ -9,7 +9,7 @@ import numpy as np
 
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -55,8 +55,12 @@ class JointCoupling(OnJoint):
         joint = self.of(model)
         dofs, a = self.strain(model, self.first)
         _, b = self.strain(model, self.second)
-        K = self.coupling * self.scale * (np.outer(a, b) + np.outer(b, a))
+        K = self.coupling * _scale(joint, self.first, self.second) * (np.outer(a, b) + np.outer(b, a))
         return (Contribution(dofs[None], K[None], D=(joint.eta * K)[None] if joint.eta else None),)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the joint's stiffnesses in the two directions and its loss factor."""
+        return tuple((self.joint, name) for name in (f"k{self.first}", f"k{self.second}", "eta"))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Eight values within the bounds."""
@@ -81,9 +85,10 @@ class JointCoupling(OnJoint):
         )
 
 
-def _scale(joint: Joint, first: str, second: str) -> float:
+def _scale(joint: Joint, first: str, second: str) -> Any:
+    """Return √(k_ii k_jj), complex for derivatives [N/m, N, N·m/rad]."""
     k = np.diag(joint.K)
-    return float(np.sqrt(k[DIRECTIONS.index(first)] * k[DIRECTIONS.index(second)]))
+    return np.sqrt(k[DIRECTIONS.index(first)] * k[DIRECTIONS.index(second)])
 
 
 def _bounds(joint: Joint, first: str, second: str) -> tuple[float, float]:

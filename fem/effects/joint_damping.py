@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.joint import Joint, joint_unit
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
+from fem.effects.places import parameters_of
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -114,6 +115,10 @@ class JointStructuralDamping(Effect):
         assert isinstance(joint, Joint)
         dofs, B = joint.relative(model)
         return (Contribution(dofs[None], D=(self.loss_factor * (B.T @ joint.K @ B))[None]),)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the joint's parameters."""
+        return parameters_of(model.effect(self.joint))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """One to a hundred per cent."""

@@ -8,8 +8,19 @@ import numpy as np
 
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint
-from fem.effects.places import OnJoint, frame_of
-from fem.model import DIRECTIONS, Array, Contribution, Effect, Model, Parameter, dofs_of, lever_matrix, skew
+from fem.effects.places import OnJoint, frame_of, parameters_of
+from fem.model import (
+    DIRECTIONS,
+    Array,
+    Contribution,
+    Effect,
+    Model,
+    Parameter,
+    ParameterRef,
+    dofs_of,
+    lever_matrix,
+    skew,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -63,6 +74,10 @@ class JointOffset(OnJoint):
                 T = np.kron(np.eye(2), joint.axes) @ lever_matrix(joint.location - model.mesh.points[point])
                 parts.append(Contribution(dofs_of(point)[None], M=moved(joint.M / len(sides), T)))
         return tuple(parts)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the joint's parameters."""
+        return parameters_of(self.of(model))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a tenth of the section to three times its size, either way."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.joint import Joint, joint_unit
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -73,6 +73,10 @@ class JointStiffness(Effect):
         return (
             tuple((name, f"k{self.direction}") for name in self.joints) if np.isfinite(self.assumed) else ()
         )
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the joints' loss factors."""
+        return tuple((name, "eta") for name in self.joints)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Return values from three decades softer to two stiffer than assumed.

@@ -10,7 +10,7 @@ import numpy as np
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.places import OnJoint
 from fem.laws import Maxwell, SpringPot
-from fem.model import DIRECTIONS, Contribution, Effect, Law, Model, Parameter
+from fem.model import DIRECTIONS, Contribution, Effect, Law, Model, Parameter, ParameterRef
 
 _REFERENCE = 100.0
 """Frequency at which a spring-pot's strength is meant [Hz]."""
@@ -41,10 +41,15 @@ class _JointViscoelastic(OnJoint):
 
     def _parts(self, model: Model, share: Any, law: Law) -> tuple[Contribution, ...]:
         dofs, b = self.strain(model, self.direction)
-        k = self.stiffness if self.rigid else self.assumed
+        i = DIRECTIONS.index(self.direction)
+        k = self.stiffness if self.rigid else self.of(model).K[i, i]
         K = k * np.outer(b, b)
         beside = Contribution(dofs[None], (share * K)[None], law=law)
         return (Contribution(dofs[None], K[None]), beside) if self.rigid else (beside,)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the joint's stiffness in the direction, where it has one."""
+        return () if self.rigid else ((self.joint, f"k{self.direction}"),)
 
     def released(self) -> tuple[tuple[str, str], ...]:
         """Return the joint's constraint in the direction, where it is rigid."""

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from fem.effects.frame import Frame, member_contribution, nominal
-from fem.effects.places import OnMember, frame_of
-from fem.model import Contribution, Effect, Model, Parameter
+from fem.effects.frame import Frame, member_contribution
+from fem.effects.places import OnMember, frame_of, material_of
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -31,8 +31,12 @@ class MemberDamping(OnMember):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return η K of the member."""
-        parts = member_contribution(nominal(frame_of(model)), model, self.member)
+        parts = member_contribution(frame_of(model), model, self.member)
         return tuple(Contribution(c.dofs, D=self.loss_factor * c.K) for c in parts if c.K is not None)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of the member."""
+        return material_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 0.3 to 30 %."""

@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.effects.frame import Frame, SectionChange, member_contribution, nominal
-from fem.effects.places import OnMember, frame_of, is_bar
-from fem.model import Array, Contribution, Effect, Model, Parameter
+from fem.effects.frame import Frame, SectionChange, member_contribution
+from fem.effects.places import OnMember, frame_of, is_bar, material_of
+from fem.model import Array, Contribution, Effect, Model, Parameter, ParameterRef
 
 
 def changed_member(
@@ -18,7 +18,7 @@ def changed_member(
 
     ``instead_of`` gives the sections that the model has; those of its frame unless given.
     """
-    frame = nominal(frame_of(model))
+    frame = frame_of(model)
     rows = model.mesh.members[member]
     new = frame.contribution_of(model, rows, change)
     old = (
@@ -82,6 +82,10 @@ class MemberSection(OnMember):
             model, self.member, SectionChange(A=f, Iy=cube, Iz=one, Ip=polar, J=f**4 / polar)
         )
 
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus and density of the member."""
+        return material_of(model, self.member, "E", "rho")
+
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 30 % thinner to 40 % thicker."""
         return tuple({"change": c} for c in (-0.3, -0.15, -0.06, -0.02, 0.02, 0.06, 0.15, 0.4))
@@ -126,6 +130,10 @@ class MemberTorsion(OnMember):
         """Return the change of the member's K and D."""
         parts = changed_member(model, self.member, SectionChange(J=1 + self.change))
         return tuple(Contribution(c.dofs, c.K, D=c.D) for c in parts if c.K is not None)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of the member."""
+        return material_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a quarter of J to five times as much."""
@@ -176,6 +184,10 @@ class MemberShear(OnMember):
             for s in (self.share, 0.0 if self.euler else 1.0)
         )
         return changed_member(model, self.member, here, there)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus and density of the member."""
+        return material_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From the theory's to twenty times as much."""

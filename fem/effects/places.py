@@ -11,7 +11,7 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
 from fem.effects.superelement import Superelement
-from fem.model import DIRECTIONS, Array, Effect, Model, ModelError, dofs_of
+from fem.model import DIRECTIONS, Array, Effect, Model, ModelError, ParameterRef, dofs_of
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -109,6 +109,24 @@ class OnPoint(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the point."""
         return model.mesh.points[[self.point]]
+
+
+def parameters_of(effect: Effect) -> tuple[ParameterRef, ...]:
+    """Return the parameters of an effect, each with its name."""
+    return tuple((effect.name, p.name) for p in effect.parameters())
+
+
+def material_of(model: Model, member: str, *quantities: str) -> tuple[ParameterRef, ...]:
+    """Return the parameters of a member's material: Young's modulus ``"E"``, density ``"rho"``."""
+    frame = frame_of(model)
+    material = frame.members[member].material.name
+    return tuple((frame.name, f"{q}:{material}") for q in quantities)
+
+
+def stiffness_of_sprung(model: Model, member: str) -> tuple[ParameterRef, ...]:
+    """Return Young's modulus of a member with ends on springs: it says how much of a motion these take."""
+    k = frame_of(model).members[member].end_stiffness
+    return material_of(model, member, "E") if ((k > 0) & np.isfinite(k)).any() else ()
 
 
 def frame_of(model: Model) -> Frame:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.model import Contribution, Effect, Model, Parameter
+from fem.effects.places import stiffness_of_sprung
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -46,6 +47,10 @@ class Preload(Effect):
         """Return the geometric stiffness."""
         (frame,) = model.of_kind(Frame)
         return (frame.geometric_stiffness(model, self.member, self.tension),)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of a member on springs."""
+        return stiffness_of_sprung(model, self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Compression up to the buckling load pinned, tension up to a hundred times that."""

@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame, nominal
+from fem.effects.frame import Frame
 from fem.effects.joint import PointPair
-from fem.effects.places import frame_of, is_bar, member_ends, n_lines_at
-from fem.model import Contribution, Effect, Model, Parameter
+from fem.effects.places import frame_of, is_bar, material_of, member_ends, n_lines_at
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01
 """Part of its flexibility that a zone keeps: its length is overestimated by that much."""
@@ -53,8 +53,12 @@ class RigidEndZone(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what the zones gain in stiffness."""
-        frame = nominal(frame_of(model))
+        frame = frame_of(model)
         return tuple(frame.stiffened_end(model, m, end, self.length, _FLEXIBILITY) for m, end in self.ends)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's moduli of the members."""
+        return tuple(dict.fromkeys(ref for m, _ in self.ends for ref in material_of(model, m, "E")))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 2 to 80 % of the longest."""

@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame, nominal
-from fem.model import Contribution, Effect, Model, Parameter
+from fem.effects.frame import Frame
+from fem.effects.places import material_of
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -23,7 +24,7 @@ class StiffnessLoss(Effect):
     position : float
         Middle of the stretch, arc length from the member's first end [m].
     loss : float
-        Lost fraction of all nominal stiffnesses of the stretch [-].
+        Lost fraction of all stiffnesses of the stretch [-].
     width : float
         Length of the stretch [m].
     length : float
@@ -54,12 +55,16 @@ class StiffnessLoss(Effect):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the lost strain energy of the stretch."""
         (frame,) = model.of_kind(Frame)
-        part = nominal(frame).strain_energy_matrix(
+        part = frame.strain_energy_matrix(
             model, self.member, self.position - self.width / 2, self.position + self.width / 2
         )
         return (
             Contribution(part.dofs, -self.loss * part.K, D=None if part.D is None else -self.loss * part.D),
         )
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of the member."""
+        return material_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Losses of 10 to 90 % at ten places along the member."""

@@ -56,6 +56,9 @@ TURNED = {"preload", "prestress", "rotor"}
 BRAKED = {"mass_damping"}
 """Kinds that brake a rigid body."""
 
+OF_ALL = {"mass_damping", "stiffness_damping"}
+"""Kinds that are formed of all other effects, in a fit of those at nominal values."""
+
 DIFFERENCES = {"member_section", "member_shear", "member_torsion"}
 """Kinds that are what other sections add."""
 
@@ -246,8 +249,21 @@ def check_starts(model, effect):
             assert known[name].lower <= value <= known[name].upper, f"{name} = {value} is outside its bounds"
 
 
+def check_references(model, effect):
+    # What a fit varies beside the effect may change its matrices too; then it has to say so.
+    if effect.kind in OF_ALL:
+        return
+    effect = generic(effect)
+    for other in model.effects:
+        for p in other.parameters():
+            ref = (other.name, p.name)
+            changed = model.with_values({ref: p.value * (1 + 1e-200j) if p.value else 1e-200j})
+            if np.imag(matrices(effect, changed)).any():
+                assert ref in effect.refers_to(model), f"does not say that it depends on {ref}"
+
+
 CHECKS = (check_absent, check_symmetry, check_rigid_motion, check_derivatives, check_linear)
-CHECKS += (check_values, check_place, check_starts)
+CHECKS += (check_values, check_place, check_starts, check_references)
 
 
 @pytest.mark.parametrize(("model", "effect"), CASES)
@@ -454,6 +470,9 @@ class Planted(Effect):
             K = K + np.outer(b, b)
         if self.fault == "nonlinear":
             K = K * abs(np.real(self.k))
+        if self.fault == "references":
+            (frame,) = model.of_kind(Frame)
+            K = K * frame.parameters()[0].value
         if self.fault == "derivative":
             K = np.real(self.k) * np.outer(b, b) + 0.9j * np.imag(self.k) * np.outer(b, b)
         return (Contribution(dofs_of([0, 1]).reshape(1, 12), K[None]),)
@@ -476,6 +495,7 @@ class Planted(Effect):
         ("derivative", check_derivatives),
         ("place", check_place),
         ("starts", check_starts),
+        ("references", check_references),
     ],
 )
 def test_the_contract_notices(fault, check):

@@ -12,7 +12,13 @@ from fem.effects import (
     StiffnessLoss,
     SupportFlexibility,
 )
+from fem.effects.crack import Crack
 from fem.effects.joint import Joint
+from fem.effects.joint_coupling import JointCoupling
+from fem.effects.joint_offset import JointOffset
+from fem.effects.joint_viscoelastic import JointZener
+from fem.effects.member_damping import MemberDamping
+from fem.effects.member_section import MemberSection, MemberTorsion
 from fem.effects.support import Support
 from fem.frf import compute_frf, dof_vectors
 from fem.model import Damping
@@ -144,6 +150,80 @@ def test_a_crack_that_no_force_foresaw_is_underrated():
     nodes = np.unique(effect.contribute(model)[0].dofs // 6)
     np.testing.assert_allclose(shift(nodes), 1.0, atol=1e-3)
     assert shift(()).min() < 0.9
+
+
+REFERRING = {
+    "torsion": lambda: MemberTorsion(name="c", member="lower", change=1.2),
+    "thickness": lambda: MemberSection(name="c", member="lower", direction="z", change=0.1),
+    "release": lambda: Crack(
+        name="c", member="lower", position=0.33, compliance=2e-3, direction="ry", length=0.8, reference=1e-2
+    ),
+    "stretch": lambda: StiffnessLoss(
+        name="c", member="lower", position=0.25, loss=0.5, width=0.08, length=0.8
+    ),
+    "loss": lambda: MemberDamping(name="c", member="lower", loss_factor=0.05),
+    "offset": lambda: JointOffset(name="c", joint="bolt", direction="z", offset=0.02, reach=0.02),
+    "coupling": lambda: JointCoupling(
+        name="c", joint="bolt", first="x", second="ry", coupling=0.4, scale=1.0
+    ),
+    "joint D": lambda: JointStructuralDamping(name="c", joint="bolt", loss_factor=0.3),
+    "zener": lambda: JointZener(name="c", joint="bolt", direction="ry", assumed=3e3, ratio=2.0, tau=1e-3),
+}
+
+
+@pytest.mark.parametrize("name", REFERRING)
+def test_candidates_follow_what_they_refer_to(name):
+    # An effect on a member or joint whose stiffness is fitted too is an effect on the fitted one: a crack's
+    # compliance, an offset, a loss factor would otherwise be off by as much as that stiffness.
+    model, effect = cross_beam(0.1), REFERRING[name]()
+    refs = [("frame", "E:steel"), ("frame", "rho:steel"), ("bolt", "kry"), ("bolt", "kx")]
+    refs += [("c", p.name) for p in effect.parameters()]
+    points = range(model.mesh.n_points)  # the basis spans everything
+    e = engine(model, refs, [effect], points=points)
+    x = values_of(model, refs, [effect])
+    x[:4] *= [1.1, 0.95, 0.8, 1.2]
+    zeta = np.full(FREQUENCY.size, 0.01)
+    fitted = model.with_values(dict(zip(refs[:4], x[:4], strict=True))).with_effect(effect)
+    H, dH, _ = e.evaluate(x, zeta)
+    assert misfit(H, direct(fitted, 0.01)) < ACCURACY
+    for i, value in enumerate(x):
+        step = 1e-4 * value * np.eye(len(x))[i]
+        near, far = (
+            (e.evaluate(x + k * step, zeta, False)[0] - e.evaluate(x - k * step, zeta, False)[0])
+            / (2e-4 * k * value)
+            for k in (1, 2)
+        )
+        # as in the test of gradients above
+        bound = abs(far - near).max() + 1e-10 * abs(H).max() / (1e-4 * value)
+        assert abs(dH[i] - near).max() <= bound
+
+
+@pytest.mark.parametrize("kind", ["member", "joint"])
+def test_modes_that_join_the_basis_are_exact(kind):
+    # Rayleigh-Ritz finds a mode to rounding, 1e-16 of the highest eigenvalue, whose shape is in the basis.
+    if kind == "member":
+        model = cross_beam(0.1)
+        effect = MemberTorsion(name="c", member="lower", change=3.0)
+    else:  # a constraint of the model is replaced by a spring
+        model = portal()
+        effect = JointStiffness(name="c", joints=("corner0",), direction="ry", stiffness=1e3, assumed=np.inf)
+    found = model.with_effect(effect)
+    exact = solve_modes(assemble(found), 20).frequency
+    free = slice(6 if kind == "member" else 0, (exact < 1000.0).sum())  # 0 Hz are the root of rounding
+    exact = exact[free]
+
+    def error(reduced):
+        nothing = np.zeros((model.n_dof, 0))
+        e = ParametricFRF(reduced, nothing, nothing, np.ones(1), [], [effect])
+        total, _ = e._matrices(np.zeros(0), False)
+        lam = np.sort(np.linalg.eigvals(np.linalg.solve(total["M"], total["K"])).real)
+        f = np.sqrt(np.maximum(lam, 0.0))[free] / (2 * np.pi)
+        return (abs(f - exact) / exact).max()
+
+    before = reduce_model(model, dof_vectors(model, IN)[0], 500.0)
+    after = before.with_modes_of(found, 1000.0)
+    assert error(before) > 1e-5
+    assert error(after) < 1e-8
 
 
 @pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e12])

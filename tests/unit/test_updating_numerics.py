@@ -224,6 +224,20 @@ def test_priors_hold_what_the_data_do_not_say():
     assert A.shape[1] == 3
 
 
+def test_what_the_data_leave_open_is_as_uncertain_as_the_bounds_are_wide():
+    # Only x0 + x1 is seen. Across it the deviation is that of uniform densities, of variance w²/12 each for
+    # a width w, given their sum: x0 - x1 has w²/6, and x0 and x1 each a quarter of that.
+    def blind(x, jacobian):
+        r = 1e2 * np.array([x[0] + x[1], x[0] + x[1] - 0.02], dtype=complex)
+        return r, np.full((2, 2), 1e2 + 0j) if jacobian else None
+
+    width = 5.0
+    bounds = (np.full(2, -2.0), np.full(2, 3.0))
+    result = solve(blind, 2, x0=np.array([0.5, 0.1]), bounds=bounds)
+    np.testing.assert_allclose(np.diag(result.covariance), width**2 / 24, rtol=1e-3)
+    np.testing.assert_allclose(result.covariance[0, 1], -(width**2) / 24, rtol=1e-3)
+
+
 def test_bounds_are_kept_and_the_rest_is_best_within_them():
     residual, A, b, truth = linear_problem()
     k = int(np.argmax(abs(truth)))
