@@ -613,7 +613,7 @@ def _gyroscopic(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None
         _on(draft, name, x),
         (1e-4, 1.0),
         lambda frame, a: frame.with_attached(Attached(Cut(name, x), C=a * C)),
-        lambda a: {"momentum": a * unit},
+        lambda a: {"momentum": -a * unit},  # the moment of a rotor is dθ/dt × h, so that C = -h S(axis)
     )
 
 

@@ -1,4 +1,7 @@
-"""Every hidden kind against the candidate that should find it: with true parameters it does the same."""
+"""Every hidden kind against the candidate that should find it: with true parameters it does the same.
+
+Moduli, densities and joints of the truth are not the nominal ones, and the model has them as they are.
+"""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -8,6 +11,7 @@ import pytest
 
 import fem
 from fem.effects import candidate_kinds
+from fem.model import DIRECTIONS
 from fem.system import assemble
 from study.validation.frames import build_model, constant_loss, draw_draft, sensors_of
 from study.validation.hidden import EFFECTS, KINDS, draw_hidden
@@ -17,23 +21,39 @@ from updating.diagnosis import propose
 from updating.measurement import Measurement
 
 ETA = 0.02
+STIFFER, LIGHTER, JOINTS = 1.15, 0.9, (1.3, 0.8, 1.2, 0.75, 1.3, 0.8)
+"""Truth in parts of nominal: E, density, and the stiffnesses of joints."""
 FAMILY = {"joint": "cross", "support": "angle", "end": "bracket", "rigid": "bracket"}
 NOT_BY_VALUE = ("stiffness_loss",)  # the truth's stretch is not exactly a tenth of the member
 
 
 @lru_cache
 def frame(family, number):
-    """Return a test, its truth without deviations but with one loss factor, and the model."""
+    """Return a test, its truth, which deviates and has one loss factor, and the model with its values."""
     draft = draw_draft(np.random.default_rng([9, number]), family, small=True)
     law = constant_loss(ETA)
     truth = replace(
         draft.frame,
-        members={n: replace(m, loss=ETA) for n, m in draft.frame.members.items()},
-        joints=tuple(replace(j, law=law) for j in draft.frame.joints),
+        members={
+            n: replace(m, E=STIFFER * m.E, rho=LIGHTER * m.rho, loss=ETA)
+            for n, m in draft.frame.members.items()
+        },
+        joints=tuple(replace(j, K=j.K * np.diag(JOINTS), law=law) for j in draft.frame.joints),
         attached=tuple(replace(a, law=law) for a in draft.frame.attached),
     )
     model = build_model(draft.frame, draft.materials, draft.sensors, 40)
-    return draft, truth, model.with_damping(fem.Damping.structural(ETA))
+    materials = set(draft.materials.values())
+    nominal, values = model.values(), {}
+    for name in materials:
+        values["frame", f"E:{name}"] = STIFFER * nominal["frame", f"E:{name}"]
+        values["frame", f"rho:{name}"] = LIGHTER * nominal["frame", f"rho:{name}"]
+    for j in truth.joints:
+        values |= {
+            (j.name, f"k{d}"): float(k)
+            for d, k, rigid in zip(DIRECTIONS, np.diag(j.K), j.rigid, strict=True)
+            if not rigid
+        }
+    return draft, truth, model.with_values(values).with_damping(fem.Damping.structural(ETA))
 
 
 def rows(model, draft, readings):
@@ -82,7 +102,7 @@ def test_the_right_candidate_with_the_true_parameters_does_what_the_hidden_effec
             continue
         effect = candidate.with_values(**{n: values[n] for n in names})
         if same_place(effect, model, hidden.place):
-            system = assemble(model.with_effect(effect))
+            system = assemble(model.with_effect(effect), reciprocal=False)
             parts = [rows(model, draft, group) for group in (draft.sensors, draft.drives)]
             left.append(level(fem.compute_frf(system, f, *parts, "receptance", method="direct").H, H, heard))
     # What is left is the mesh, a loss factor that the model gives to added springs too, and the two sides of
