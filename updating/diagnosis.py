@@ -57,8 +57,9 @@ ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
 PLAIN_LEVEL = 2.0
 """Where the form is right and the level falls by more than this, that on held-out lines need but not rise."""
-ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.1, 1.05
-"""The two factors where the caller says, besides, that the form is right: then weak effects count."""
+ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.07, 1.0
+"""Where the caller says, besides, that the form is right, weak effects count: the factor over all lines
+together, and that on held-out lines."""
 ACCEPT_WEAK_DAMPING = 1.3
 """Both factors there for an effect that only damps, as the curve of modal damping is no exact model."""
 MOST_LEFT = 0.5
@@ -70,10 +71,16 @@ TWIN_SHARE = 0.9
 """A candidate that brings more than this share of the best one's reduction of ln level is its twin."""
 MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
+MESH_SHARE = 0.1
+"""Elements are cut where the level that the mesh leaves is more than this share of the noise's."""
+MOST_SPLITS = 4
+"""Into so many at most."""
 N_LINES = 160
 """At most this many lines are fitted."""
 FINALS_SETTLED = 3
 """So many are fitted fully where the model is right already."""
+N_LINES_WEAK = 480
+"""So many where weak effects are looked for: few lines see a narrow resonance or its absence."""
 LEAST_LINES = 10
 """Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
 QUICK_LINES = 50
@@ -382,6 +389,12 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     return rms_db(ratio), problem.level(ratio, lines)
 
 
+def _splits(mesh_level: float, noise_level: float) -> int:
+    """Return into how many to cut each element, so that the mesh's error is small beside the noise."""
+    too_large = mesh_level / (MESH_SHARE * noise_level)
+    return min(MOST_SPLITS, int(np.ceil(too_large**0.25))) if too_large > 1 else 1
+
+
 def propose(
     model: Model,
     kinds: Sequence[str] | None = None,
@@ -464,6 +477,20 @@ def diagnose(
         model, measurements[0], nuisances, damping_std=damping_std, band=band, n_lines=n_lines
     )
     mesh_db, mesh_level = discretisation_error(problem)
+    notes: list[str] = []
+    n = _splits(mesh_level, max(problem.data.noise_level, model_error, LEVEL_FLOOR))
+    if n > 1:
+        notes.append(
+            f"each element was cut into {n}: the mesh's error was {mesh_db:.2g} dB, not small beside the "
+            f"noise of {problem.data.noise_db:.2g} dB"
+        )
+        say(f"cutting each element into {n}", 0.01)
+        model = model.with_mesh(model.mesh.split(n))
+        candidates = propose(model, kinds, exclude, measurements[0])
+        problem = build_problem(
+            model, measurements[0], nuisances, damping_std=damping_std, band=band, n_lines=n_lines
+        )
+        mesh_db, mesh_level = mesh_db / n**4, mesh_level / n**4
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     nominal = problem.nominal()
     say("fitting the uncertain parameters", 0.03)
@@ -471,7 +498,7 @@ def diagnose(
     problem, null, faults = find_faults(problem, null)
     steps = _step("nominal model", nominal), _step("uncertain parameters fitted", null)
     gates = check_gates(problem, null, measurements[1:], mesh_db, faults)
-    notes = list(gates.notes)
+    notes += gates.notes
 
     limit = max(RIGHT_MARGIN * floor, model_error)
     levels = () if gates.linear else force_levels(problem, measurements, faults)
@@ -696,6 +723,11 @@ def _search(
         part = _part(say, len(rounds))
         grids = {e.name: grids.get(e.name) or Grid.of(problem, e) for e in open_}
         settled = current.level < limit
+        if settled and weak_limit and problem.n_lines < N_LINES_WEAK:
+            problem = replace(problem, n_lines=N_LINES_WEAK)
+            current = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=current)
+            findings = _at_values_of(current, findings)
+            steps[-1] = _step(steps[-1].label, current)
         ranked, best = _round(problem, current, open_, grids, settled, n_best, part)
         rounds.append(ranked)
         if best is None:
@@ -810,7 +842,7 @@ def _round(
         tried[option.effect.name], on[option.effect.name] = fits, mine
     for fits in tried.values():
         fits.sort(key=lambda f: f.level)
-    names = sorted(tried, key=lambda n: tried[n][0].level)
+    names = sorted(tried, key=lambda n: _score(problem, tried[n][0]))
     near = [n for n in names if tried[n][0].level < 1.8 * tried[names[0]][0].level]
     finalists = names[: int(np.clip(len(near), 3, MOST_REFINED))]
     if settled:
@@ -955,13 +987,21 @@ def _falls(
 ) -> bool:
     """Whether the levels on fitted and on held-out lines fall by more than two factors.
 
-    Where the model's form is right held-out lines need not fall if the others fall by ``PLAIN_LEVEL``: a
-    narrow resonance may lie between them.
+    Where the model's form is right the first counts for all lines together, as chance gains little there,
+    and held-out lines need not fall if the fitted ones fall by ``PLAIN_LEVEL``: a narrow resonance may lie
+    between them.
     """
-    fitted, held_out = factors
-    if form_right and before.level > max(PLAIN_LEVEL, fitted) * after.level:
+    whole, held_out = factors
+    if not form_right:
+        return before.held_out_level > held_out * after.held_out_level and before.level > whole * after.level
+    if before.level > max(PLAIN_LEVEL, whole) * after.level:
         held_out = 1.0
-    return before.held_out_level > held_out * after.held_out_level and before.level > fitted * after.level
+    return before.held_out_level > held_out * after.held_out_level and _level(before) > whole * _level(after)
+
+
+def _level(fit: FitResult) -> float:
+    """Return the level over fitted and held-out lines, of which there are a third as many."""
+    return float(np.sqrt(0.75 * fit.level**2 + 0.25 * fit.held_out_level**2))
 
 
 def _explained(
