@@ -417,7 +417,7 @@ def _errors(r: Ranked) -> list[str]:
 
 def _nothing_found(result: RunResult) -> list[Markup]:
     d = result.diagnosis
-    best, tried = words.best_of(d.rounds), len(d.rounds[0]) if d.rounds else 0
+    best, looked_at = words.best_of(d.rounds), len(d.candidates)
     gained = (
         f" The best, {words.ranked_label(best)} ({words.parameters_text(best.parameters)}), lowers the "
         f"residual level from {d.steps[-1].level * DB_PER_NEPER:.2f} to {best.level * DB_PER_NEPER:.2f} "
@@ -425,7 +425,7 @@ def _nothing_found(result: RunResult) -> list[Markup]:
         if best
         else ""
     )
-    kinds = sorted({r.kind.replace("_", " ") for r in (d.rounds[0] if d.rounds else ())})
+    kinds = sorted({e.kind.replace("_", " ") for e in d.candidates})
     text = {
         NOTHING: (
             "Nothing that these data can show. This does not prove that the model is right where no mode "
@@ -440,9 +440,9 @@ def _nothing_found(result: RunResult) -> list[Markup]:
     return [
         paragraph(text),
         paragraph(
-            f"{tried} candidates were tried: {', '.join(kinds)}.{gained}"
-            if tried
-            else "No candidates were tried."
+            f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
+            if looked_at
+            else "There were no candidates."
         ),
     ]
 

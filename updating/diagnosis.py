@@ -214,7 +214,7 @@ class Diagnosis:
     steps : tuple of Step
         From the nominal model over fitted nuisances to each added effect.
     rounds : tuple of tuple of Ranked
-        For each round of the forward selection, all candidates, best first.
+        For each round of the forward selection, the candidates that were fitted, best first.
     noise_db, discretisation_db, basis_db : float
         Noise of the measurement, error of the mesh, and error of the reduced basis [dB].
     limit : float
@@ -228,6 +228,8 @@ class Diagnosis:
     seconds : float
     gates : Gates or None
         What was checked of the measurement before effects were searched for.
+    candidates : tuple of Effect
+        All that were looked at.
     """
 
     verdict: str
@@ -245,6 +247,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     seconds: float
     gates: Gates | None = None
+    candidates: tuple[Effect, ...] = ()
 
     @property
     def noise_floor_db(self) -> float:
@@ -490,7 +493,7 @@ def diagnose(
         problem = build_problem(
             model, measurements[0], nuisances, damping_std=damping_std, band=band, n_lines=n_lines
         )
-        mesh_db, mesh_level = mesh_db / n**4, mesh_level / n**4
+        mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     nominal = problem.nominal()
     say("fitting the uncertain parameters", 0.03)
@@ -551,6 +554,7 @@ def diagnose(
     return Diagnosis(
         verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, mesh_db, basis_db,
         limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
+        (*candidates, *nonlinear),
     )  # fmt: skip
 
 

@@ -39,6 +39,21 @@ def test_nothing_is_found_where_nothing_is_hidden():
     assert (found.verdict, found.findings, found.faults) == (NOTHING, (), ())
 
 
+def test_elements_are_cut_where_the_mesh_leaves_more_than_a_tenth_of_the_noise():
+    case = make_case(5)
+    alone = ["member_density"]
+    coarse = run(case, kinds=alone, model_error=0.0)
+    assert coarse.problem.reduced.model.n_dof > case.model.n_dof
+    assert coarse.notes[0].startswith("each element was cut into 2: the mesh's error was")
+    assert coarse.discretisation_db < 0.1 * coarse.noise_db
+    # as long as a model of beams need not be right to more than 0.3 neper, the mesh is good enough
+    as_given = run(case, kinds=alone)
+    assert as_given.problem.reduced.model.n_dof == case.model.n_dof
+    # cut in two: bending converges with the fourth power, shear with the second
+    assert 4 * coarse.discretisation_db < as_given.discretisation_db
+    assert {e.kind for e in as_given.candidates} == set(alone)
+
+
 def test_a_mass_is_placed_between_the_sensors():
     case = make_case(15)
     (finding,) = run(case, kinds=["point_mass", "stiffness_loss", "member_density"]).findings
