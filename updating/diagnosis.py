@@ -732,7 +732,8 @@ def _search(
             current = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=current)
             findings = _at_values_of(current, findings)
             steps[-1] = _step(steps[-1].label, current)
-        ranked, best = _round(problem, current, open_, grids, settled, n_best, part)
+        pays = partial(_pays, problem, settled, weak_limit > 0)
+        ranked, best = _round(problem, current, open_, grids, settled, n_best, pays, part)
         rounds.append(ranked)
         if best is None:
             break
@@ -742,10 +743,7 @@ def _search(
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
             steps[-1] = _step(steps[-1].label, current)
-        factors = (STEP_LEVEL, STEP_LEVEL)
-        if settled:
-            factors = _weak(problem, best.effects[-1]) if weak_limit else (ACCEPT_SETTLED, ACCEPT_SETTLED)
-        if not _falls(current, best, factors, weak_limit > 0):
+        if not pays(current, best):
             break
         say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
         attached = _attached(problem, best.effects)
@@ -811,13 +809,15 @@ def _round(
     grids: dict[str, Grid],
     settled: bool,
     n_best: int,
+    pays: Callable[[FitResult, FitResult], bool],
     say: Progress,
 ) -> tuple[tuple[Ranked, ...], FitResult | None]:
     """Look at every candidate, fit the promising quickly and the best of them fully.
 
     While the model is ``settled``, that is right but for noise, fits start from its parameters; before, they
     start from the nominal ones as well, because parameters that were fitted without an effect are off.
-    Returns those that were fitted, best first, and the best fit.
+    Returns those that were fitted, best first, and the best fit. The best of those that pay comes before a
+    better one that does not: it may have found its gain where the lines of the fit are, and nowhere else.
     """
     if not candidates:
         return (), None
@@ -862,7 +862,8 @@ def _round(
         if not settled:
             options.append(mine.fit([*have, effect], starts, assess=False))
         final[name] = mine.assessed(min(options, key=lambda r: r.solution.cost))
-    best_name = min(final, key=lambda n: _score(problem, final[n]))
+    order = sorted(final, key=lambda n: _score(problem, final[n]))
+    best_name = next((n for n in order if pays(current, final[n])), order[0])
     best = final[best_name]
     shift = _change(on[best_name], best, current)
     ranked = []
@@ -876,7 +877,7 @@ def _round(
                 fit,
             )
         )  # fmt: skip
-    ranked.sort(key=lambda r: (not r.refined, _score(problem, r.result)))
+    ranked.sort(key=lambda r: (not r.refined, r.name != best_name, _score(problem, r.result)))
     return tuple(ranked), best
 
 
@@ -984,6 +985,14 @@ def _change(problem: FitProblem, fit: FitResult, base: FitResult) -> NDArray[np.
 def _similarity(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
     norm = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(abs(np.vdot(a, b).real) / norm) if norm > 0 else 0.0
+
+
+def _pays(problem: FitProblem, settled: bool, form_right: bool, before: FitResult, after: FitResult) -> bool:
+    """Whether a fit with one more effect is enough better than that without."""
+    factors = (STEP_LEVEL, STEP_LEVEL)
+    if settled:
+        factors = _weak(problem, after.effects[-1]) if form_right else (ACCEPT_SETTLED, ACCEPT_SETTLED)
+    return _falls(before, after, factors, form_right)
 
 
 def _falls(

@@ -65,7 +65,8 @@ class JointCoupling(OnJoint):
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Eight values within the bounds."""
         low, high = self.bounds
-        return tuple({"coupling": f * (high if f > 0 else -low)} for f in (-0.9, -0.6, -0.3, 0.3, 0.6, 0.9))
+        shares = (0.05, 0.15, 0.4, 0.85)
+        return tuple({"coupling": f * reach} for reach in (low, high) for f in shares)
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
