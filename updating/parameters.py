@@ -31,9 +31,10 @@ class Nuisance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DampingCurve:
-    """The modal damping ratio as a smooth function of frequency: a product of powers between knots.
+    """The modal damping ratio as a smooth function of frequency: a power of it between knots.
 
-    ζ(f) = exp(Σ z_k B_k(f)), B_k the hat functions of the knots.
+    ζ(f) = exp(Σ z_k B_k(f)), B_k the hat functions of the knots over ln f; constant outside. Damping in
+    proportion to mass or stiffness is a power of f, 1/f or f, and so followed exactly.
 
     Attributes
     ----------
@@ -51,7 +52,8 @@ class DampingCurve:
 
     def hats(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return B, shape (n_freq, n_knots)."""
-        return np.stack([np.interp(frequency, self.knots, row) for row in np.eye(len(self.knots))], axis=1)
+        at, knots = np.log(np.maximum(frequency, 1e-9 * self.knots[0])), np.log(self.knots)
+        return np.stack([np.interp(at, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,6 +10,7 @@ from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.noise import relative_noise
+from updating.parameters import DampingCurve
 from updating.solve import Prior, solve_robust
 
 modest = settings(max_examples=40, derandomize=True, deadline=None)
@@ -305,3 +306,16 @@ def test_a_measurement_needs_its_sensors():
     assert part.sensors == (b,)
     with pytest.raises(MeasurementError, match="the FRF's responses are a, b, the sensors' names b, a"):
         Measurement(frf, (b, a), (f,))
+
+
+# --------------------------------------------------------------------------------------------- damping
+
+
+def test_damping_in_proportion_to_mass_or_stiffness_is_followed_between_knots():
+    f = np.array([0.0, 20.0, 70.0, 300.0, 900.0, 2000.0])
+    for power in (-1, 0, 1):  # ζ = α/2ω + βω/2
+        knots = np.array([20.0, 250.0, 2000.0])
+        curve = DampingCurve(knots, 1e-4 * knots**power, 0.5)
+        zeta = np.exp(curve.hats(f) @ np.log(curve.nominal))
+        np.testing.assert_allclose(zeta[1:], 1e-4 * f[1:] ** power, rtol=1e-12)
+        assert zeta[0] == pytest.approx(curve.nominal[0])  # constant outside
