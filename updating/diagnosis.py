@@ -1,7 +1,7 @@
 """From a model and measured FRFs to the effect that is missing."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,7 +14,7 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint, PointPair
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
-from fem.model import Effect, Model
+from fem.model import Effect, Model, parameter_values
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
 from fem.system import assemble
@@ -647,13 +647,15 @@ def _linear_added(
     """
     settled, limit = FLOOR_MARGIN * floor, max(RIGHT_MARGIN * floor, model_error)
     weak = settled if model_error == 0 else 0.0
-    search = _search(begin, candidates, (max(settled, model_error), weak), N_BEST, say)
+    grids = {e.name: Grid.of(begin.problem, e) for e in candidates}
+    search = _search(begin, candidates, grids, (max(settled, model_error), weak), N_BEST, say)
+    later = _between(say, 0.53, 1.0)
     if len(search.findings) > 1:
-        alone = _search(begin, candidates, (limit, weak), N_BEST_DEEP, _between(say, 0.53, 1.0), most=1)
+        alone = _search(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later, most=1)
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
             search = alone
     if search.current.level > max(limit, _most_left(begin.current, model_error)):
-        deeper = _search(begin, candidates, (limit, weak), N_BEST_DEEP, _between(say, 0.53, 1.0))
+        deeper = _search(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later)
         if deeper.current.level < search.current.level:
             search = deeper
     return _on_own_basis(search)
@@ -703,6 +705,7 @@ def _with_faults_settled(
 def _search(
     begin: _Search,
     candidates: Sequence[Effect],
+    grids: Mapping[str, Grid],
     limits: tuple[float, float],
     n_best: int,
     say: Progress,
@@ -710,14 +713,14 @@ def _search(
 ) -> _Search:
     """Add effects while they pay, and drop those that the others have made idle.
 
-    ``limits`` are the levels from which on only weak effects are looked for, and from which they count. The
-    ``n_best`` best candidates by each measure are fitted, and ``most`` effects added.
+    ``grids`` are those of the candidates on the problem to begin with; ``limits`` are the levels from which
+    on only weak effects are looked for, and from which they count. The ``n_best`` best candidates by each
+    measure are fitted, and ``most`` effects added.
     """
     problem, current = begin.problem, begin.current
     findings: list[Finding] = []
     rounds: list[tuple[Ranked, ...]] = []
     steps = list(begin.steps)
-    grids: dict[str, Grid] = {}
     limit, weak_limit = limits
     while len(findings) < most:
         taken = {f.effect.name for f in findings}
@@ -725,11 +728,13 @@ def _search(
             e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
         ]
         part = _part(say, len(rounds))
-        grids = {e.name: grids.get(e.name) or Grid.of(problem, e) for e in open_}
+        grids = grids or {e.name: Grid.of(problem, e) for e in open_}
         settled = current.level < limit
         if settled and weak_limit and problem.n_lines < N_LINES_WEAK:
             problem = replace(problem, n_lines=N_LINES_WEAK)
-            current = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=current)
+            current = problem.fit(
+                current.effects, [parameter_values(e) for e in current.effects], x_from=current
+            )
             findings = _at_values_of(current, findings)
             steps[-1] = _step(steps[-1].label, current)
         pays = partial(_pays, problem, settled, weak_limit > 0)
@@ -739,7 +744,9 @@ def _search(
             break
         # The candidate's fit may have found better nuisance parameters; the model without it
         # deserves them too.
-        again = problem.fit(current.effects, [_values(e) for e in current.effects], x_from=_believed(best))
+        again = problem.fit(
+            current.effects, [parameter_values(e) for e in current.effects], x_from=_believed(best)
+        )
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
             steps[-1] = _step(steps[-1].label, current)
@@ -806,7 +813,7 @@ def _round(
     problem: FitProblem,
     current: FitResult,
     candidates: Sequence[Effect],
-    grids: dict[str, Grid],
+    grids: Mapping[str, Grid],
     settled: bool,
     n_best: int,
     pays: Callable[[FitResult, FitResult], bool],
@@ -822,7 +829,7 @@ def _round(
     if not candidates:
         return (), None
     have = list(current.effects)
-    have_start = [_values(e) for e in have]
+    have_start = [parameter_values(e) for e in have]
     look = [grids[e.name] for e in candidates]
     chosen = screen(problem, current, look, settled, n_best, _between(say, 0.0, 0.3))
     if not chosen:
@@ -856,7 +863,7 @@ def _round(
         quickly = tried[name][0]
         effect = quickly.effects[-1]
         say(f"fitting {_label(effect)}", 0.6 + 0.4 * i / len(finalists))
-        starts = [*have_start, _values(effect)]
+        starts = [*have_start, parameter_values(effect)]
         mine = on[name] = _attached(problem, [effect])
         options = [mine.fit([*have, effect], starts, stages=[mine.stages[-1]], x_from=quickly, assess=False)]
         if not settled:
@@ -921,7 +928,7 @@ def _without_idle(
         name = finding.effect.name
         rest = [f for f in findings if f.effect.name != name]
         effects = [e for e in current.effects if e.name != name]
-        less = problem.fit(effects, [_values(e) for e in effects], x_from=current)
+        less = problem.fit(effects, [parameter_values(e) for e in effects], x_from=current)
         usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         factors = _weak(problem, finding.effect) if current.level < weak_limit else usual
         if not _falls(less, current, factors, weak_limit > 0):
@@ -931,10 +938,6 @@ def _without_idle(
             ]
             current = less
     return findings, current
-
-
-def _values(effect: Effect) -> dict[str, float]:
-    return {p.name: p.value for p in effect.parameters()}
 
 
 def _attached(problem: FitProblem, effects: Sequence[Effect]) -> FitProblem:
@@ -961,10 +964,12 @@ def _polish(problem: FitProblem, best: FitResult) -> FitResult:
     """
     *have, last = best.effects
     first = last.parameters()[0]
-    tried = [problem.fit(best.effects, [_values(e) for e in best.effects], x_from=best, assess=False)]
+    tried = [
+        problem.fit(best.effects, [parameter_values(e) for e in best.effects], x_from=best, assess=False)
+    ]
     for factor in (0.6, 0.8, 1.25, 1.7):
         value = float(np.clip(factor * first.value, first.lower, first.upper))
-        starts = [*map(_values, have), {**_values(last), first.name: value}]
+        starts = [*map(parameter_values, have), {**parameter_values(last), first.name: value}]
         tried.append(
             problem.fit(best.effects, starts, stages=[problem.stages[-1]], x_from=best, assess=False)
         )
