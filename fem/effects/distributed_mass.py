@@ -72,12 +72,12 @@ class DistributedMass(OnMember):
         return stiffness_of_sprung(model, self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Give the member a tenth and four tenths of its own mass, on a quarter and on half of its length."""
+        """Give the member 3, 10 and 40 % of its own mass, on a quarter and on half of its length."""
         return tuple(
             {"mass": f * self.reference, "position": x * self.length, "width": w * self.length}
             for w, places in ((0.25, (0.125, 0.375, 0.625, 0.875)), (0.5, (0.25, 0.75)))
             for x in places
-            for f in (0.1, 0.4)
+            for f in (0.03, 0.1, 0.4)
         )
 
     @classmethod
@@ -146,8 +146,8 @@ class FluidAddedMass(OnMember):
         return stiffness_of_sprung(model, self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """From 2 % to three times the member's own mass."""
-        return tuple({"mass": f * self.reference} for f in (0.02, 0.07, 0.2, 0.5, 1.0, 3.0))
+        """From 0.7 % to three times the member's own mass."""
+        return tuple({"mass": f * self.reference} for f in (0.007, 0.02, 0.07, 0.2, 0.5, 1.0, 3.0))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -63,9 +63,9 @@ class JointCoupling(OnJoint):
         return tuple((self.joint, name) for name in (f"k{self.first}", f"k{self.second}", "eta"))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Eight values within the bounds."""
+        """Ten values within the bounds."""
         low, high = self.bounds
-        shares = (0.05, 0.15, 0.4, 0.85)
+        shares = (0.015, 0.06, 0.2, 0.5, 0.9)
         return tuple({"coupling": f * reach} for reach in (low, high) for f in shares)
 
     @classmethod

@@ -53,8 +53,8 @@ class JointMass(_JointBody):
         return self._shared(model, self.mass * np.diag([1.0, 1, 1, 0, 0, 0]))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """From 0.3 to 30 % of a member's mass."""
-        return tuple({"mass": f * self.reference} for f in (0.003, 0.01, 0.03, 0.1, 0.3))
+        """From 0.1 to 30 % of a member's mass."""
+        return tuple({"mass": f * self.reference} for f in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
@@ -89,8 +89,8 @@ class JointInertia(_JointBody):
         return self._shared(model, self.inertia * np.diag([0.0, 0, 0, 1, 1, 1]))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """From 10⁻⁵ to 10⁻² of a member's m L²."""
-        return tuple({"inertia": f * self.reference} for f in (1e-5, 1e-4, 1e-3, 1e-2))
+        """From 10⁻⁶ to 10⁻² of a member's m L²."""
+        return tuple({"inertia": float(f * self.reference)} for f in np.geomspace(1e-6, 1e-2, 9))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -80,8 +80,8 @@ class JointOffset(OnJoint):
         return parameters_of(self.of(model))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """From a tenth of the section to three times its size, either way."""
-        return tuple({"offset": f * self.reach} for f in (-3, -1, -0.4, -0.1, 0.1, 0.4, 1, 3))
+        """From 2 % of the section's size to three times as much, either way."""
+        return tuple({"offset": f * self.reach} for f in (-3, -1, -0.4, -0.1, -0.02, 0.02, 0.1, 0.4, 1, 3))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -31,7 +31,8 @@ class _MemberChange(Effect):
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From half less to twice as much."""
-        return tuple({"change": c} for c in (-0.5, -0.25, -0.1, -0.03, 0.03, 0.1, 0.25, 0.6, 1.0))
+        down, up = (-0.5, -0.25, -0.1, -0.03, -0.01), (0.01, 0.03, 0.1, 0.25, 0.6, 1.0)
+        return tuple({"change": c} for c in (*down, *up))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -88,7 +88,7 @@ class MemberSection(OnMember):
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 30 % thinner to 40 % thicker."""
-        return tuple({"change": c} for c in (-0.3, -0.15, -0.06, -0.02, 0.02, 0.06, 0.15, 0.4))
+        return tuple({"change": c} for c in (-0.3, -0.1, -0.03, -0.01, -0.003, 0.003, 0.01, 0.03, 0.1, 0.4))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
@@ -137,7 +137,7 @@ class MemberTorsion(OnMember):
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a quarter of J to five times as much."""
-        return tuple({"change": c} for c in (-0.75, -0.5, -0.25, -0.1, 0.1, 0.3, 1.0, 4.0))
+        return tuple({"change": c} for c in (-0.75, -0.5, -0.25, -0.1, -0.03, 0.03, 0.1, 0.3, 1.0, 4.0))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
@@ -190,8 +190,9 @@ class MemberShear(OnMember):
         return material_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """From the theory's to twenty times as much."""
-        shares = (0.5, 1.0, 2.0, 5.0, 20.0) if self.euler else (0.2, 0.6, 1.6, 3.0, 6.0, 20.0)
+        """From a tenth of the theory's, or near the model's, to twenty times as much."""
+        near = (0.2, 0.6, 0.9, 1.15, 1.6, 3.0, 6.0, 20.0)
+        shares = (0.1, 0.5, 1.0, 2.0, 5.0, 20.0) if self.euler else near
         return tuple({"share": s} for s in shares)
 
     @classmethod

@@ -55,7 +55,8 @@ class Preload(Effect):
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Compression up to the buckling load pinned, tension up to a hundred times that."""
         return tuple(
-            {"tension": f * self.buckling} for f in (-0.9, -0.3, -0.1, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+            {"tension": f * self.buckling}
+            for f in (-0.9, -0.3, -0.1, -0.03, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
         )
 
     @classmethod

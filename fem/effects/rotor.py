@@ -67,10 +67,10 @@ class Rotor(Effect):
         return (Contribution(dofs_of([self.point])[:, 3:], C=C[None]),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Either way, over four decades and a half."""
+        """Either way, over five decades and a half."""
         return tuple(
             {"momentum": float(s * f * self.reference)}
-            for f in np.geomspace(0.01, 300.0, 10)
+            for f in np.geomspace(0.001, 300.0, 12)
             for s in (-1, 1)
         )
 

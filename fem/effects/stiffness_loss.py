@@ -67,11 +67,11 @@ class StiffnessLoss(Effect):
         return material_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Losses of 10 to 90 % at ten places along the member."""
+        """Losses of 3 to 90 % at ten places along the member."""
         return tuple(
             {"loss": f, "position": float(x * self.length)}
             for x in np.linspace(0.06, 0.94, 10)
-            for f in (0.1, 0.3, 0.6, 0.9)
+            for f in (0.03, 0.1, 0.3, 0.6, 0.9)
         )
 
     @classmethod

@@ -41,6 +41,17 @@ def test_slopes_from_the_responses_at_all_dofs_are_those_of_small_changes(prepar
     assert len(kinds) > 15
 
 
+def test_each_grid_begins_where_the_effect_is_hardly_seen(prepared):
+    """Or else a weaker one passes unseen: all points of the grid are worse than nothing."""
+    _, problem, _, candidates = prepared
+    look = screening._Look.of(problem, problem.nominal(), 44, 24, 700)
+    for effect in candidates:
+        grid = Grid.of(problem, effect)
+        r = look._residuals(look._local(effect.released()).with_terms(grid.terms(problem, False)))
+        change = screening._level(look._adapted((r - look._now())[:, look.whole]))
+        assert change.min() < 0.1, effect.name  # 0.9 dB beside what uncertain parameters imitate
+
+
 def test_a_point_is_scaled_between_absent_and_itself(prepared):
     _, problem, _, candidates = prepared
     for effect in candidates:
@@ -79,5 +90,7 @@ def test_a_weak_effect_leads_by_its_score(prepared):
     problem = replace(problem, data=replace(problem.data, H=H))
     null = problem.fit()
     grids = [Grid.of(problem, e) for e in candidates]
-    first, *_ = screen(problem, null, grids, True, 5, silent)
-    assert (first.effect.kind, first.effect.where) == (weak.kind, weak.where)
+    first, second, *_ = screen(problem, null, grids, True, 5, silent)
+    # with the material's density uncertain, a little more in one of two members is a little less in the other
+    assert {first.effect.kind, second.effect.kind} == {weak.kind}
+    assert weak.where in (first.effect.where, second.effect.where)
