@@ -137,7 +137,7 @@ class MemberTorsion(OnMember):
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a quarter of J to five times as much."""
-        return tuple({"change": c} for c in (-0.75, -0.5, -0.25, -0.1, -0.03, 0.03, 0.1, 0.3, 1.0, 4.0))
+        return tuple({"change": c} for c in (-0.75, -0.5, -0.2, -0.06, -0.015, 0.015, 0.06, 0.25, 1.0, 4.0))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -54,10 +54,9 @@ class Preload(Effect):
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Compression up to the buckling load pinned, tension up to a hundred times that."""
-        return tuple(
-            {"tension": f * self.buckling}
-            for f in (-0.9, -0.3, -0.1, -0.03, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-        )
+        down = (-0.9, -0.3, -0.1, -0.03, -0.01, -0.003)
+        up = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+        return tuple({"tension": f * self.buckling} for f in (*down, *up))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
