@@ -14,7 +14,7 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint, PointPair
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
-from fem.model import Effect, Model, parameter_values
+from fem.model import Effect, Model, Parameter, parameter_values
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
 from fem.system import assemble
@@ -55,13 +55,14 @@ FLOOR_MARGIN = 2.5
 """Up to this multiple of it, little enough is left for a search of weak effects."""
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
-PLAIN_LEVEL = 2.0
-"""Where the form is right and the level falls by more than this, that on held-out lines need but not rise."""
-ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.07, 1.0
+PLAIN_LEVEL, PLAIN_HELD_OUT = 2.0, 0.9
+"""Where the form is right and the level falls by more than the first factor, that on held-out lines need only
+fall by more than the second, that is, not rise by more than chance can do."""
+ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.07, 0.95
 """Where the caller says, besides, that the form is right, weak effects count: the factor over all lines
 together, and that on held-out lines."""
 ACCEPT_WEAK_DAMPING = 1.3
-"""Both factors there for an effect that only damps, as the curve of modal damping is no exact model."""
+"""Both factors there for an effect that also damps, as the curve of modal damping is no exact model."""
 MOST_LEFT = 0.5
 """Effects that leave more than a right model are believed if they bring the level's square below this share.
 
@@ -911,10 +912,18 @@ def _score(problem: FitProblem, fit: FitResult) -> float:
 
 def _weak(problem: FitProblem, effect: Effect) -> tuple[float, float]:
     """Return the factors by which the levels must fall with a weak effect."""
-    term = problem.reduced.value_of(effect)
-    if term.laws or any(X is not None and X.any() for X in (term.K, term.M)):
-        return ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
-    return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
+    if any(_damps(problem, effect, p) for p in effect.parameters()):
+        return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
+    return ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
+
+
+def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:
+    """Whether a parameter changes damping alone, or a law of stiffness and damping."""
+    term = problem.reduced.derivative_of(effect, p.name, p.value)
+    if term.laws:
+        return True
+    present = {key for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()}
+    return bool(present) and present <= {"C", "D"}
 
 
 def _without_idle(
@@ -1006,14 +1015,14 @@ def _falls(
     """Whether the levels on fitted and on held-out lines fall by more than two factors.
 
     Where the model's form is right the first counts for all lines together, as chance gains little there,
-    and held-out lines need not fall if the fitted ones fall by ``PLAIN_LEVEL``: a narrow resonance may lie
-    between them.
+    and held-out lines need only fall by ``PLAIN_HELD_OUT`` if the fitted ones fall by ``PLAIN_LEVEL``: a
+    narrow resonance may lie between them.
     """
     whole, held_out = factors
     if not form_right:
         return before.held_out_level > held_out * after.held_out_level and before.level > whole * after.level
     if before.level > max(PLAIN_LEVEL, whole) * after.level:
-        held_out = 1.0
+        held_out = PLAIN_HELD_OUT
     return before.held_out_level > held_out * after.held_out_level and _level(before) > whole * _level(after)
 
 

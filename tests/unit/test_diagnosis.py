@@ -11,7 +11,7 @@ import pytest
 from fem import FRF
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
-from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, diagnose
+from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, diagnose, diagnosis
 from updating.diagnosis import BASIS_SHARE
 
 
@@ -134,3 +134,24 @@ def test_a_whole_members_torsion_lies_within_its_interval():
     assert abs(change.value - truth) < 1.96 * change.std
     assert change.value == pytest.approx(truth, rel=0.01)
     assert found.basis_db < BASIS_SHARE * found.noise_db
+
+
+def test_effects_with_a_parameter_of_damping_must_gain_more():
+    """What is not in the curve of modal damping would be taken for a soft support with much of it."""
+    case = make_case(1)
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    damps = {
+        e.kind: any(diagnosis._damps(problem, e, p) for p in e.parameters())
+        for e in diagnosis.propose(case.model, test=case.measurement)
+    }
+    stiff = ("member_density", "member_stiffness", "joint_stiffness", "point_mass", "crack", "rigid_end_zone")
+    assert not any(damps[kind] for kind in stiff if kind in damps)
+    loose = (
+        "joint_viscous_damping",
+        "joint_structural_damping",
+        "joint_zener",
+        "member_damping",
+        "foundation",
+    )
+    assert all(damps[kind] for kind in loose if kind in damps)
+    assert {"member_damping", "member_stiffness"} <= damps.keys()
