@@ -635,6 +635,33 @@ def confirm_faults(problem: FitProblem, faults: Sequence[Fault], result: FitResu
     return tuple(kept)
 
 
+def combined(faults: Sequence[Fault]) -> tuple[Fault, ...]:
+    """Return faults with those of one kind at one sensor as one: delays added, gains and signs multiplied.
+
+    What was taken for a fault before an effect was found, and back again after it, ends up as nothing. Faults
+    of sensors with swapped labels stay as they are, for there the order counts.
+    """
+    swapped = {name for f in faults if f.kind.endswith("swap") for name in (f.sensor, f.other)}
+    out: dict[tuple[str, ...], Fault] = {}
+    for k, fault in enumerate(faults):
+        added, multiplied = fault.kind.endswith("delay"), fault.kind.endswith(("gain", "sign"))
+        if fault.sensor in swapped or not (added or multiplied):
+            out[fault.kind, fault.sensor, str(k)] = fault
+            continue
+        key = fault.kind, fault.sensor
+        if key not in out:
+            out[key] = fault
+            continue
+        first = out[key]
+        if added:
+            value, std = first.value + fault.value, np.hypot(first.std, fault.std)
+        else:
+            value = first.value * fault.value
+            std = abs(value) * np.hypot(first.std / first.value, fault.std / fault.value)
+        out[key] = replace(fault, value=value, std=float(std))
+    return tuple(f for f in out.values() if not (f.kind.endswith("sign") and f.value == 1))
+
+
 def settle_faults(
     problem: FitProblem, result: FitResult, faults: Sequence[Fault]
 ) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
@@ -660,6 +687,8 @@ def settle_faults(
     faults : tuple of Fault
     """
     as_read = uncorrected(problem.data, faults)
+    faults = combined(faults)
+    problem = replace(problem, data=corrected(as_read, faults))
     left = confirm_faults(problem, faults, result)
 
     def fitted(kept: Sequence[Fault]) -> tuple[FitProblem, FitResult]:

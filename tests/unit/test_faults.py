@@ -17,7 +17,7 @@ from updating import (
     settle_faults,
 )
 from updating.cross_prediction import Field, cross_predict
-from updating.faults import Fault, corrected, uncorrected
+from updating.faults import Fault, combined, corrected, uncorrected
 
 
 def changed(case, change):
@@ -205,6 +205,30 @@ def test_a_fault_that_is_withdrawn_leaves_the_data_as_they_were_read(lap):
     assert result.level < before.level
     # As good as where nothing was wrong, but for the gain's error: at most 1 % of one sensor in twelve.
     assert result.level < 1.01 * prepared(lap)[1].level
+
+
+def test_two_faults_that_cancel_are_none(lap):
+    """A delay that was taken for a fault before an effect was found, and taken back after it."""
+    names = lap.measurement.frf.outputs
+    problem, null = prepared(lap)
+    there, back = (Fault("sensor_delay", names[3], value, 2e-7, "s") for value in (2e-5, -2e-5))
+    settled, result, left = settle_faults(problem, null, (there, back))
+    assert left == ()
+    np.testing.assert_allclose(settled.data.H, problem.data.H, rtol=1e-9)
+    assert result.level == pytest.approx(null.level, rel=1e-3)
+
+
+def test_faults_of_one_kind_at_one_sensor_are_one():
+    gain = Fault("sensor_gain", "a", 1.2, 0.012)
+    more = Fault("sensor_gain", "a", 1.1, 0.011)
+    sign = Fault("sensor_sign", "b", -1.0, 0.0)
+    tilts = tuple(Fault("sensor_tilt", "c", 0.1, 0.01, "rad", direction=d) for d in ((1, 0, 0), (0, 1, 0)))
+    (one, *rest) = combined((gain, sign, *tilts, more, sign))
+    assert one.value == pytest.approx(1.32)
+    assert one.std == pytest.approx(1.32 * 0.01 * np.sqrt(2))
+    assert tuple(rest) == tilts
+    swap = Fault("sensor_swap", "a", 0.0, 0.0, other="b")
+    assert combined((gain, swap, more)) == (gain, swap, more)
 
 
 def test_gates_see_reciprocity_force_levels_and_the_worst_sensor(lap):
