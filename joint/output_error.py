@@ -266,7 +266,7 @@ def fit_joint(
     )
     weight = np.where(seen, 1 / _noise(measured, noise, measured), 0.0)
     begin = form.starts(start, lines)
-    n = len(form.names)
+    n, m = len(form.names), len(parts.names)
     if not np.isfinite(begin[0]).all():
         name = form.names[int(np.argmin(np.isfinite(begin[0])))]
         msg = f"start has no finite value of {name}; only a viscoelastic law's own parameters may be NaN"
@@ -274,7 +274,6 @@ def fit_joint(
     if 2 * int(seen.sum()) < n:
         msg = f"{int(seen.sum())} complex values cannot determine {n} parameters"
         raise IdentificationError(msg)
-    m = len(parts.names)
     x = np.zeros(m) if part_start is None else np.asarray(part_start, dtype=float)
     if x.shape != (m,) or not np.isfinite(x).all():
         msg = f"part_start has shape {x.shape}; ({m},) finite values are needed"

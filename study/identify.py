@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -688,25 +689,26 @@ def _walked(
     The cost has a small minimum wherever a resonance of the model lies between two lines, and descent ends
     there. Steps from one to the next, and then finer ones, see the valley that they lie in.
     """
+
+    def moved(at: JointFit, i: int, factor: float) -> JointFit:
+        theta = at.values.copy()
+        theta[i] *= factor
+        mean, std = _vague(task, form, theta)
+        mean[i], std[i] = theta[i], HELD
+        start = standard(at.part_values)
+        return fit(theta, prior=(mean, std), part_start=start, stages=(1.0,), max_iterations=4)
+
     best = found
-    for step in WALK:
-        for d in task.directions:
-            i, begin = form.names.index(f"{form.terms[0].kind} {d} {d}"), best
-            for factor in (1 / step, step):
-                at, missed = begin, 0
-                while missed < (2 if step == WALK[0] else 1):
-                    theta = at.values.copy()
-                    theta[i] *= factor
-                    mean, std = _vague(task, form, theta)
-                    mean[i], std[i] = theta[i], HELD
-                    at = fit(
-                        theta, prior=(mean, std), part_start=standard(at.part_values), stages=(1.0,),
-                        max_iterations=4,
-                    )  # fmt: skip
-                    if at.chi2 < 0.99 * best.chi2:
-                        best, missed = at, 0
-                    else:
-                        missed += 2 if at.chi2 > 2 * best.chi2 else 1
+    for step, d in product(WALK, task.directions):
+        i, begin = form.names.index(f"{form.terms[0].kind} {d} {d}"), best
+        for factor in (1 / step, step):
+            at, missed = begin, 0
+            while missed < (2 if step == WALK[0] else 1):
+                at = moved(at, i, factor)
+                if at.chi2 < 0.99 * best.chi2:
+                    best, missed = at, 0
+                else:
+                    missed += 2 if at.chi2 > 2 * best.chi2 else 1
     return best
 
 

@@ -477,9 +477,11 @@ def diagnose(
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
     candidates = propose(model, kinds, exclude, measurements[0])
-    problem = build_problem(
-        model, measurements[0], nuisances, damping_std=damping_std, band=band, n_lines=n_lines
-    )
+    build = partial(
+        build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,
+        n_lines=n_lines,
+    )  # fmt: skip
+    problem = build(model)
     mesh_db, mesh_level = discretisation_error(problem)
     notes: list[str] = []
     n = _splits(mesh_level, max(problem.data.noise_level, model_error, LEVEL_FLOOR))
@@ -491,9 +493,7 @@ def diagnose(
         say(f"cutting each element into {n}", 0.01)
         model = model.with_mesh(model.mesh.split(n))
         candidates = propose(model, kinds, exclude, measurements[0])
-        problem = build_problem(
-            model, measurements[0], nuisances, damping_std=damping_std, band=band, n_lines=n_lines
-        )
+        problem = build(model)
         mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     nominal = problem.nominal()
@@ -733,9 +733,7 @@ def _search(
         settled = current.level < limit
         if settled and weak_limit and problem.n_lines < N_LINES_WEAK:
             problem = replace(problem, n_lines=N_LINES_WEAK)
-            current = problem.fit(
-                current.effects, [parameter_values(e) for e in current.effects], x_from=current
-            )
+            current = problem.refit(current)
             findings = _at_values_of(current, findings)
             steps[-1] = _step(steps[-1].label, current)
         pays = partial(_pays, problem, settled, weak_limit > 0)
@@ -745,9 +743,7 @@ def _search(
             break
         # The candidate's fit may have found better nuisance parameters; the model without it
         # deserves them too.
-        again = problem.fit(
-            current.effects, [parameter_values(e) for e in current.effects], x_from=_believed(best)
-        )
+        again = problem.refit(current, _believed(best))
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
             steps[-1] = _step(steps[-1].label, current)
@@ -936,8 +932,8 @@ def _without_idle(
     for finding in list(findings):
         name = finding.effect.name
         rest = [f for f in findings if f.effect.name != name]
-        effects = [e for e in current.effects if e.name != name]
-        less = problem.fit(effects, [parameter_values(e) for e in effects], x_from=current)
+        effects = tuple(e for e in current.effects if e.name != name)
+        less = problem.refit(replace(current, effects=effects))
         usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         factors = _weak(problem, finding.effect) if current.level < weak_limit else usual
         if not _falls(less, current, factors, weak_limit > 0):
@@ -973,9 +969,7 @@ def _polish(problem: FitProblem, best: FitResult) -> FitResult:
     """
     *have, last = best.effects
     first = last.parameters()[0]
-    tried = [
-        problem.fit(best.effects, [parameter_values(e) for e in best.effects], x_from=best, assess=False)
-    ]
+    tried = [problem.refit(best, assess=False)]
     for factor in (0.6, 0.8, 1.25, 1.7):
         value = float(np.clip(factor * first.value, first.lower, first.upper))
         starts = [*map(parameter_values, have), {**parameter_values(last), first.name: value}]

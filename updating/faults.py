@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.model import Model, parameter_values
+from fem.model import Model
 from updating.cross_prediction import CrossPrediction, Field, cross_predict, less_certain, rival_predictions
 from updating.fit import FitData, FitProblem, FitResult
 from updating.measurement import Sensor
@@ -598,10 +598,7 @@ def _likeliest(
 
 def _again(problem: FitProblem, result: FitResult) -> FitResult:
     """Fit again after a correction: from the nominal start, or from where the effects were."""
-    if not result.effects:
-        return problem.fit()
-    starts = [parameter_values(e) for e in result.effects]
-    return problem.fit(result.effects, starts, x_from=result)
+    return problem.refit(result) if result.effects else problem.fit()
 
 
 def confirm_faults(problem: FitProblem, faults: Sequence[Fault], result: FitResult) -> tuple[Fault, ...]:

@@ -310,6 +310,21 @@ class FitProblem:
         assert result is not None
         return self.assessed(result) if assess else result
 
+    def refit(self, result: FitResult, x_from: FitResult | None = None, *, assess: bool = True) -> FitResult:
+        """Fit what a result holds once more, from where it is.
+
+        Parameters
+        ----------
+        result : FitResult
+            Its effects are fitted, from their values.
+        x_from : FitResult, optional
+            Start nuisance parameters and damping there rather than at the result's.
+        assess : bool
+            Whether to compute the errors on all lines too.
+        """
+        starts = [parameter_values(e) for e in result.effects]
+        return self.fit(result.effects, starts, x_from=x_from or result, assess=assess)
+
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
     ) -> "FitFunction":

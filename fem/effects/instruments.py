@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.effects.places import typical_mass, typical_stiffness
+from fem.effects.places import AtPoint, typical_mass, typical_stiffness
 from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of
 
 
@@ -114,7 +114,7 @@ class DriverMass(_InstrumentMass):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Stinger(Effect):
+class Stinger(AtPoint):
     """The stiffness that a stinger adds where it is attached, along it or alike across it.
 
     K = k d dᵀ along the excitation's direction d, k (I - d dᵀ) across. Across acts whatever the force cell
@@ -124,8 +124,6 @@ class Stinger(Effect):
 
     Attributes
     ----------
-    point : int
-        Point of the mesh.
     place : str
         What is there, in words.
     axis : tuple of float
@@ -139,7 +137,6 @@ class Stinger(Effect):
     """
 
     kind: ClassVar[str] = "stinger"
-    point: int
     place: str
     axis: tuple[float, float, float]
     across: bool
@@ -184,10 +181,6 @@ class Stinger(Effect):
                     )
                 )  # fmt: skip
         return tuple(out)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the point."""
-        return model.mesh.points[[self.point]]
 
 
 def place_name(model: Model, point: int) -> str:

@@ -79,20 +79,34 @@ class OnMember(Effect):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class OnPoint(Effect):
-    """An effect on one point of the mesh in one global direction.
+class AtPoint(Effect):
+    """An effect at one point of the mesh.
 
     Attributes
     ----------
     point : int
         Point of the mesh.
+    """
+
+    point: int
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the point."""
+        return model.mesh.points[[self.point]]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OnPoint(AtPoint):
+    """An effect on one point of the mesh in one global direction.
+
+    Attributes
+    ----------
     place : str
         What is there, in words.
     direction : str
         One of x, y, z, rx, ry, rz.
     """
 
-    point: int
     place: str
     direction: str
 
@@ -105,10 +119,6 @@ class OnPoint(Effect):
     def dof(self) -> NDArray[np.int64]:
         """Number of the one DOF, shape (1, 1)."""
         return dofs_of(self.point)[[DIRECTIONS.index(self.direction)]][None]
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the point."""
-        return model.mesh.points[[self.point]]
 
 
 def parameters_of(effect: Effect) -> tuple[ParameterRef, ...]:

@@ -11,17 +11,18 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint
 from fem.effects.places import (
+    AtPoint,
     fastening_places,
     frame_of,
     held_directions,
     typical_length,
     typical_mass,
 )
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, dofs_of, skew
+from fem.model import DIRECTIONS, Contribution, Model, Parameter, dofs_of, skew
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Rotor(Effect):
+class Rotor(AtPoint):
     """The angular momentum of a rotor at a point: C = -h S(axis) on the point's rotations.
 
     A rotor of angular momentum h about the axis n resists the rate of turn dθ/dt with dθ/dt × h n (Euler's
@@ -31,8 +32,6 @@ class Rotor(Effect):
 
     Attributes
     ----------
-    point : int
-        Point of the mesh.
     axis : tuple of float
         Axis of rotation, a unit vector, global.
     momentum : float
@@ -45,7 +44,6 @@ class Rotor(Effect):
 
     kind: ClassVar[str] = "rotor"
     reciprocal: ClassVar[bool] = False
-    point: int
     axis: tuple[float, float, float]
     momentum: Any
     place: str = ""
@@ -96,10 +94,6 @@ class Rotor(Effect):
                     )
                 )  # fmt: skip
         return tuple(out)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the point."""
-        return model.mesh.points[[self.point]]
 
 
 def _places(model: Model) -> Iterator[tuple[int, str, str]]:

@@ -155,3 +155,45 @@ def test_effects_with_a_parameter_of_damping_must_gain_more():
     )
     assert all(damps[kind] for kind in loose if kind in damps)
     assert {"member_damping", "member_stiffness"} <= damps.keys()
+
+
+def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
+    case = make_case(0)  # a member is heavier
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    null = problem.fit()
+    kinds = ("member_density", "member_stiffness", "point_mass")
+    candidates = diagnosis.propose(case.model, kinds)
+    grids = {e.name: diagnosis.Grid.of(problem, e) for e in candidates}
+
+    def ranked(pays):
+        order, best = diagnosis._round(
+            problem, null, candidates, grids, False, 5, pays, lambda text, done: None
+        )
+        assert order[0].result is best
+        return [r.kind for r in order if r.refined]
+
+    freely = ranked(lambda before, after: True)
+    assert freely[0] == "member_density"
+    other = ranked(lambda before, after: after.effects[-1].kind != "member_density")
+    assert other[0] == next(kind for kind in freely if kind != "member_density")
+    assert ranked(lambda before, after: False) == freely
+
+
+@pytest.mark.parametrize(
+    ("after", "falls"),
+    [
+        ((0.9, 0.9), True),
+        ((0.99, 0.7), True),  # on all lines together by 1.08
+        ((0.99, 0.9), False),
+        ((0.9, 1.1), False),  # held-out lines worse than by chance
+        ((0.45, 1.1), True),  # all in one narrow resonance
+        ((0.45, 1.2), False),
+    ],
+)
+def test_weak_effects_count_on_all_lines_together(after, falls):
+    case = make_case(0)
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    one = replace(problem.nominal(), level=1.0, held_out_level=1.0)
+    less = replace(one, level=after[0], held_out_level=after[1])
+    weak = diagnosis.ACCEPT_WEAK, diagnosis.ACCEPT_WEAK_HELD_OUT
+    assert diagnosis._falls(one, less, weak, form_right=True) is falls
