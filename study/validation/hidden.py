@@ -52,6 +52,8 @@ class Place:
         Whether an effect at a corner must be of the very member.
     sensors : tuple of str
         Of faults.
+    turns : tuple of (str, str)
+        Members and local directions of which one must agree, as one rotation at a corner has several names.
     """
 
     words: str
@@ -64,6 +66,7 @@ class Place:
     pair: tuple[str, ...] = ()
     of_member: bool = False
     sensors: tuple[str, ...] = ()
+    turns: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -429,13 +432,26 @@ def _end_release(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | Non
     name, x = shared[int(rng.integers(len(shared)))]
     m, d = draft.frame.members[name], int(rng.choice([4, 5]))
     k = 4 * _bending(m)[d - 4] / m.length
+    # Where two members meet, the bending of one may be the torsion of the other.
+    corner = m.place(x)
+    meeting = [
+        n
+        for n, o in draft.frame.members.items()
+        if n == name or min(np.linalg.norm(corner - p) for p in (o.first, o.second)) < 1e-6
+    ]
+    turns = [
+        (n, DIRECTIONS[3 + i])
+        for n in (meeting if len(meeting) == 2 else [name])
+        for i, axis in enumerate(draft.frame.members[n].axes)
+        if abs(axis @ m.axes[d - 3]) > 1 - 1e-6
+    ]
     return Hidden(
         "",
         replace(
             _on(draft, name, x),
             words=f"member {name}, {'first' if x == 0 else 'second'} end",
-            direction=DIRECTIONS[d],
-            of_member=ends[tuple(np.round(m.place(x), 6))] > 2,
+            turns=tuple(turns),
+            of_member=len(meeting) > 2,
         ),
         (0.01, 1e4),
         lambda frame, a: frame.with_member(name, springs=(EndSpring(x, d, k / a),)),

@@ -49,6 +49,8 @@ def same_place(effect: Effect, model: Model, place: Place) -> bool:
         and direction.lstrip("+-") != place.direction
     ):
         return False
+    if place.turns and (getattr(effect, "member", None), direction) not in place.turns:
+        return False
     pair = (getattr(effect, "first", None), getattr(effect, "second", None))
     if place.pair and set(pair) != set(place.pair):
         return False
