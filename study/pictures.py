@@ -15,7 +15,7 @@ from study.modal import ModePair, modes_of, most_changed, pair_modes
 from study.offscreen import can_draw
 from study.result import RunResult
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import EFFECT, FAULT, NOTHING, STEP_LEVEL, Ranked
+from updating.diagnosis import EFFECT, FAULT, NOTHING, Ranked
 from viz import curves, style
 from viz.style import save
 
@@ -188,7 +188,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
             accepted=accepted,
             xlabel="residual level, amplitude and phase [dB]",
         )
-        _mark_limit(figure.axes[0], baseline / STEP_LEVEL)
+        _mark_limit(figure.axes[0], ranked[0].asked * DB_PER_NEPER)
         save(figure, path, DPI)
 
     album.add(
@@ -197,7 +197,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
         f"Round {k + 1}: residual level that each of {len(ranked)} candidates leaves; {outcome}.",
         f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
         "uncertain "
-        f"parameters; {outcome}. A candidate must reach the dotted line to be accepted.",
+        f"parameters; {outcome}. The best must reach the dotted line to be accepted.",
     )
 
 

@@ -1,7 +1,7 @@
 """From a model and measured FRFs to the effect that is missing."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint, PointPair
+from fem.effects.joint_damping import JointsDamping
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
 from fem.model import Effect, Model, Parameter, parameter_values
@@ -33,7 +34,7 @@ from updating.fit import (
 from updating.gates import Gates, check_gates, with_last_faults
 from updating.measurement import Measurement, MeasurementError, instruments_on, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
-from updating.screening import N_BEST, N_BEST_DEEP, Grid, screen
+from updating.screening import N_BEST, N_BEST_DEEP, Grid, rivals, screen
 from updating.separation import Decisive, Proposal, next_measurements, what_decides
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
@@ -49,7 +50,7 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
-RIGHT_MARGIN = 1.6
+RIGHT_MARGIN = 1.35
 """A model counts as right up to this multiple of the level that noise and the mesh leave."""
 FLOOR_MARGIN = 2.5
 """Up to this multiple of it, little enough is left for a search of weak effects."""
@@ -63,6 +64,8 @@ ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.07, 0.95
 together, and that on held-out lines."""
 ACCEPT_WEAK_DAMPING = 1.3
 """Both factors there for an effect that also damps, as the curve of modal damping is no exact model."""
+DAMPING_MARGIN = 1.1
+"""Of two candidates, the level of one that also damps counts as so much higher."""
 MOST_LEFT = 0.5
 """Effects that leave more than a right model are believed if they bring the level's square below this share.
 
@@ -76,16 +79,29 @@ MESH_SHARE = 0.1
 """Elements are cut where the level that the mesh leaves is more than this share of the noise's."""
 MOST_SPLITS = 4
 """Into so many at most."""
+NOMINAL_RATIO = 5e-3
+"""Damping ratio of a model that has none [-]."""
 N_LINES = 160
 """At most this many lines are fitted."""
 FINALS_SETTLED = 3
 """So many are fitted fully where the model is right already."""
+N_RIVALS = 4
+"""So many candidates at the place of an accepted one are fitted from where its fit ended."""
+SAME_PLACE = 0.1
+"""Places no farther apart than this share of the structure's size count as one there."""
 N_LINES_WEAK = 480
 """So many where weak effects are looked for: few lines see a narrow resonance or its absence."""
 LEAST_LINES = 10
 """Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
+FIRST_STAGE, STAGE_GROWTH, STAGE_LINES = 2, 1.5, 20
+"""A fit in fine stages begins with so many modes, takes so many times more from stage to stage, and has so
+many lines at least."""
+N_FINE = 2
+"""So many of the best candidates are fitted in fine stages as long as much is unexplained."""
 QUICK_LINES = 50
 """Lines of a quick fit."""
+QUICK_REACH = 3.0
+"""Candidates whose first one ends above so many times the best have no second."""
 MOST_REFINED = 6
 """At most this many candidates are fitted fully in a round."""
 MAX_EFFECTS = 3
@@ -136,6 +152,8 @@ class Ranked:
         Correlation of what it does to the FRFs with what the best candidate does [-].
     refined : bool
         False if only the quick screening fit was made.
+    asked : float
+        Level that it had to reach to be accepted [nepers].
     result : FitResult
         The fit.
     """
@@ -149,6 +167,7 @@ class Ranked:
     held_out_db: float
     similarity: float
     refined: bool
+    asked: float
     result: FitResult
 
 
@@ -343,7 +362,7 @@ def build_problem(
     ratio = model.damping.ratio_at(knots)
     no_other = not (model.damping.alpha or model.damping.beta or model.damping.loss_factor)
     curve = DampingCurve(
-        knots, np.maximum(ratio, 5e-3 if no_other and not ratio.any() else 1e-5), damping_std
+        knots, np.maximum(ratio, NOMINAL_RATIO if no_other and not ratio.any() else 1e-5), damping_std
     )
     k = len(modes)
     low = modes[4] * 1.1 if k > 8 else highest
@@ -368,7 +387,11 @@ def build_problem(
         )
         raise MeasurementError(msg)
     stages = stages[stages >= counted[0]]
-    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines)
+    ends = np.unique(np.round(FIRST_STAGE * STAGE_GROWTH ** np.arange(40)).astype(int))
+    fine = np.array([*(np.sqrt(modes[n - 1] * modes[n]) for n in ends[ends < k]), highest])
+    enough = np.searchsorted(counted, fine, "right") >= STAGE_LINES
+    enough[-1] = True
+    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine[enough])
 
 
 def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:
@@ -391,6 +414,29 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
         H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
     ratio: Any = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan")) * 16 / 15
     return rms_db(ratio), problem.level(ratio, lines)
+
+
+def _with_joints_damping(
+    model: Model, measurement: Measurement, nuisances: Sequence[Nuisance], damping_std: float
+) -> tuple[Model, tuple[Nuisance, ...]]:
+    """Return a model whose joints may be damped otherwise than its members, and what is uncertain in it.
+
+    The difference of the loss factors is known to be small beside what both have, by ``damping_std``.
+    """
+    nuisances = tuple(nuisances)
+    if not any(joint.elastic for joint in model.of_kind(Joint)):
+        return model, nuisances
+    f = measurement.frf.frequency[measurement.frf.frequency > 0]
+    middle = float(np.sqrt(f[0] * f[-1]))
+    d = model.damping
+    loss = d.loss_factor + 2 * float(d.ratio_at(np.array([middle]))[0]) + 2 * np.pi * middle * d.beta
+    std = damping_std * (loss or 2 * NOMINAL_RATIO)
+    there = model.of_kind(JointsDamping)  # as in the model that a diagnosis returns
+    own = JointsDamping(name="damping of joints", structural=0.0, viscous=0.0, frequency=middle)
+    own = there[0] if there else own
+    given = {n.effect for n in nuisances}
+    more = (Nuisance(own.name, p.name, std) for p in own.parameters() if own.name not in given)
+    return model if there else model.with_effect(own), (*nuisances, *more)
 
 
 def _splits(mesh_level: float, noise_level: float) -> int:
@@ -477,6 +523,7 @@ def diagnose(
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
     candidates = propose(model, kinds, exclude, measurements[0])
+    model, nuisances = _with_joints_damping(model, measurements[0], nuisances, damping_std)
     build = partial(
         build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,
         n_lines=n_lines,
@@ -498,7 +545,7 @@ def diagnose(
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     nominal = problem.nominal()
     say("fitting the uncertain parameters", 0.03)
-    null = problem.fit()
+    null = min(problem.fit(), problem.fit(stages=problem.fine_stages), key=lambda r: r.solution.cost)
     problem, null, faults = find_faults(problem, null)
     steps = _step("nominal model", nominal), _step("uncertain parameters fitted", null)
     gates = check_gates(problem, null, measurements[1:], mesh_db, faults)
@@ -586,7 +633,8 @@ def _amplitude_round(
         Ranked(
             f.effect.name, f.effect.kind, f.effect.where, _parameters(f.effect, f.result), f.level,
             f.result.fit_db, f.result.held_out_db,
-            _similarity(shift, _change(problem, f.result, current)), True, f.result,
+            _similarity(shift, _change(problem, f.result, current)), True, without[0] / ACCEPT_LEVEL,
+            f.result,
         )
         for f in fits
     )  # fmt: skip
@@ -736,8 +784,8 @@ def _search(
             current = problem.refit(current)
             findings = _at_values_of(current, findings)
             steps[-1] = _step(steps[-1].label, current)
-        pays = partial(_pays, problem, settled, weak_limit > 0)
-        ranked, best = _round(problem, current, open_, grids, settled, n_best, pays, part)
+        rule = _Rule(problem, limit, settled, current, weak_limit > 0)
+        ranked, best = _round(rule, open_, grids, n_best, part)
         rounds.append(ranked)
         if best is None:
             break
@@ -747,7 +795,8 @@ def _search(
         if again.solution.cost < current.solution.cost - 0.1:
             current = again
             steps[-1] = _step(steps[-1].label, current)
-        if not pays(current, best):
+        rule = replace(rule, before=current)
+        if not rule.pays(best):
             break
         say(f"checking {_label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
         attached = _attached(problem, best.effects)
@@ -756,7 +805,10 @@ def _search(
             problem = _attached(attached, best.effects)
             best = _polish(problem, best)
             grids = {}
-        explained = _explained(problem, ranked, current)
+        reduced = problem.reduced
+        problem, rounds[-1], best = _against_rivals(problem, rule, ranked, best, open_, grids)
+        grids = grids if problem.reduced is reduced else {}
+        explained = _explained(problem, rounds[-1], current)
         last = best.effects[-1]
         findings = [*_at_values_of(best, findings), Finding(last, _parameters(last, best), *explained)]
         current = best
@@ -806,25 +858,62 @@ def _released(findings: Sequence[Finding]) -> set[tuple[str, str]]:
     return {key for f in findings for key in f.effect.released()}
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rule:
+    """When one more effect pays.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    limit : float
+        Level from which on the model is settled, that is right but for noise [nepers].
+    settled : bool
+        Whether it was so when the round began.
+    before : FitResult
+        The model without it.
+    form_right : bool
+        Whether the caller says that nothing but noise and the mesh may be left.
+    """
+
+    problem: FitProblem
+    limit: float
+    settled: bool
+    before: FitResult
+    form_right: bool
+
+    def factors(self, effect: Effect) -> tuple[float, float]:
+        """Return by how much the levels on fitted and on held-out lines must fall with an effect."""
+        if not self.settled:
+            return STEP_LEVEL, STEP_LEVEL
+        return _weak(self.problem, effect) if self.form_right else (ACCEPT_SETTLED, ACCEPT_SETTLED)
+
+    def pays(self, after: FitResult) -> bool:
+        """Whether a fit with one more effect is enough better than that without."""
+        return _falls(self.before, after, self.factors(after.effects[-1]), self.form_right)
+
+    def ranked(self, fit: FitResult, similarity: float, refined: bool) -> Ranked:
+        """Return a candidate's fit as an entry of the ranking."""
+        effect = fit.effects[-1]
+        return Ranked(
+            effect.name, effect.kind, effect.where, _parameters(effect, fit), fit.level, fit.fit_db,
+            fit.held_out_db, similarity, refined, self.before.level / self.factors(effect)[0], fit,
+        )  # fmt: skip
+
+
 def _round(
-    problem: FitProblem,
-    current: FitResult,
-    candidates: Sequence[Effect],
-    grids: Mapping[str, Grid],
-    settled: bool,
-    n_best: int,
-    pays: Callable[[FitResult, FitResult], bool],
-    say: Progress,
+    rule: _Rule, candidates: Sequence[Effect], grids: Mapping[str, Grid], n_best: int, say: Progress
 ) -> tuple[tuple[Ranked, ...], FitResult | None]:
     """Look at every candidate, fit the promising quickly and the best of them fully.
 
-    While the model is ``settled``, that is right but for noise, fits start from its parameters; before, they
-    start from the nominal ones as well, because parameters that were fitted without an effect are off.
+    While the model is settled fits start from its parameters; before, they start from the nominal ones as
+    well, because parameters that were fitted without an effect are off. As long as the best leave more than a
+    settled model does, they are fitted in fine stages too.
     Returns those that were fitted, best first, and the best fit. The best of those that pay comes before a
     better one that does not: it may have found its gain where the lines of the fit are, and nowhere else.
     """
     if not candidates:
         return (), None
+    problem, current, settled = rule.problem, rule.before, rule.settled
     have = list(current.effects)
     have_start = [parameter_values(e) for e in have]
     look = [grids[e.name] for e in candidates]
@@ -834,20 +923,24 @@ def _round(
     stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
     tried: dict[str, list[FitResult]] = {}
     on: dict[str, FitProblem] = {}
+    quick = {"n_lines": problem.n_lines if settled else QUICK_LINES, "max_iterations": 6, "assess": False}
     for i, option in enumerate(chosen):
-        say(f"screening {_label(option.effect)}", 0.3 + 0.3 * i / len(chosen))
-        effects, fits = [*have, option.effect], []
+        say(f"screening {_label(option.effect)}", 0.3 + 0.2 * i / len(chosen))
+        name, starts = option.effect.name, [*have_start, option.starts[0]]
         places = [option.effect.with_values(**start) for start in option.starts]
-        mine = replace(problem, reduced=problem.reduced.with_forces_of(places))
-        lines = problem.n_lines if settled else QUICK_LINES
-        quick_fit = partial(mine.fit, n_lines=lines, max_iterations=6, assess=False)
-        for start in option.starts:
+        on[name] = replace(problem, reduced=problem.reduced.with_forces_of(places))
+        begin: dict[str, Any] = {"stages": stages[-1:], "x_from": current} if settled else {"stages": stages}
+        tried[name] = [on[name].fit([*have, option.effect], starts, **begin, **quick)]
+    reach = QUICK_REACH * min(fits[0].level for fits in tried.values())
+    for option in () if settled else chosen:
+        name, effects = option.effect.name, [*have, option.effect]
+        if tried[name][0].level > reach:
+            continue
+        say(f"screening {_label(option.effect)}", 0.5)
+        for k, start in enumerate(option.starts):
             starts = [*have_start, start]
-            if not settled:
-                fits.append(quick_fit(effects, starts, stages=stages))
-            if settled or start is option.starts[0]:
-                fits.append(quick_fit(effects, starts, stages=stages[-1:], x_from=current))
-        tried[option.effect.name], on[option.effect.name] = fits, mine
+            begin = {"stages": stages} if k else {"stages": stages[-1:], "x_from": current}
+            tried[name].append(on[name].fit(effects, starts, **begin, **quick))
     for fits in tried.values():
         fits.sort(key=lambda f: f.level)
     names = sorted(tried, key=lambda n: _score(problem, tried[n][0]))
@@ -866,23 +959,66 @@ def _round(
         if not settled:
             options.append(mine.fit([*have, effect], starts, assess=False))
         final[name] = mine.assessed(min(options, key=lambda r: r.solution.cost))
+    leading = sorted(final, key=lambda n: _score(problem, final[n]))[:N_FINE]
+    if not settled and final[leading[0]].level > rule.limit:
+        for name in leading:
+            starts = [*have_start, parameter_values(tried[name][0].effects[-1])]
+            fine = on[name].fit([*have, final[name].effects[-1]], starts, stages=problem.fine_stages)
+            final[name] = min(final[name], fine, key=lambda r: r.solution.cost)
     order = sorted(final, key=lambda n: _score(problem, final[n]))
-    best_name = next((n for n in order if pays(current, final[n])), order[0])
+    best_name = next((n for n in order if rule.pays(final[n])), order[0])
     best = final[best_name]
     shift = _change(on[best_name], best, current)
     ranked = []
     for name in names:
         fit = final.get(name) or on[name].assessed(tried[name][0])
-        effect = fit.effects[-1]
-        ranked.append(
-            Ranked(
-                name, effect.kind, effect.where, _parameters(effect, fit), fit.level, fit.fit_db,
-                fit.held_out_db, _similarity(shift, _change(on[name], fit, current)), name in final,
-                fit,
-            )
-        )  # fmt: skip
-    ranked.sort(key=lambda r: (not r.refined, r.name != best_name, _score(problem, r.result)))
-    return tuple(ranked), best
+        similarity = _similarity(shift, _change(on[name], fit, current))
+        ranked.append(rule.ranked(fit, similarity, name in final))
+    return _in_order(problem, ranked, best_name), best
+
+
+def _against_rivals(
+    problem: FitProblem,
+    rule: _Rule,
+    ranked: tuple[Ranked, ...],
+    best: FitResult,
+    candidates: Sequence[Effect],
+    grids: Mapping[str, Grid],
+) -> tuple[FitProblem, tuple[Ranked, ...], FitResult]:
+    """Let the other candidates at the place of an accepted one take its turn, and keep the best.
+
+    They are fitted from where its fit ended: without an effect, or with the nominal ones, the uncertain
+    parameters are off, and what acts much alike, such as a crack beside a support and the support's own
+    flexibility, then comes out in an order of chance.
+    """
+    model, winner = problem.reduced.model, best.effects[-1]
+    reach = SAME_PLACE * model.mesh.size
+    others = [grids.get(e.name) or Grid.of(problem, e) for e in candidates if e.name != winner.name]
+    near = [part for grid in others if (part := grid.near(model, winner.locations(model), reach))]
+    shift = _change(problem, best, rule.before)
+    entries = {r.name: r for r in ranked}
+    entries[winner.name] = rule.ranked(best, 1.0, True)
+    chosen_problem, chosen = problem, best
+    for option in rivals(problem, best, near, N_RIVALS):
+        mine = _attached(problem, [*best.effects, option.effect.with_values(**option.starts[0])])
+        effects = [*best.effects[:-1], option.effect]
+        starts = [*map(parameter_values, best.effects[:-1]), option.starts[0]]
+        fit = mine.fit(effects, starts, stages=[mine.stages[-1]], x_from=best)
+        name = option.effect.name
+        known = entries.get(name)
+        if known is None or not known.refined or _score(problem, fit) < _score(problem, known.result):
+            entries[name] = rule.ranked(fit, _similarity(shift, _change(mine, fit, rule.before)), True)
+        if _score(problem, fit) < _score(problem, chosen):
+            chosen_problem, chosen = mine, fit
+    if chosen is not best:
+        chosen = _polish(chosen_problem, chosen)
+        entries[chosen.effects[-1].name] = rule.ranked(chosen, 1.0, True)
+    return chosen_problem, _in_order(problem, entries.values(), chosen.effects[-1].name), chosen
+
+
+def _in_order(problem: FitProblem, ranked: Iterable[Ranked], best: str) -> tuple[Ranked, ...]:
+    """Return candidates with the named one first, those fitted fully before the others, then by score."""
+    return tuple(sorted(ranked, key=lambda r: (not r.refined, r.name != best, _score(problem, r.result))))
 
 
 def _believed(fit: FitResult) -> FitResult:
@@ -898,12 +1034,16 @@ def _score(problem: FitProblem, fit: FitResult) -> float:
     """Return what candidates are ranked by: n ln level + ½ k ln n, with k parameters of the last effect.
 
     Schwarz's criterion (Ann. Stat. 6, 1978) for an unknown error level, with as many independent data n as
-    the fits count, so that an effect with more parameters must earn them.
+    the fits count, so that an effect with more parameters must earn them. The level of one that also damps
+    counts ``DAMPING_MARGIN`` times.
     """
     n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
-    return n * float(np.log(np.hypot(fit.level, LEVEL_FLOOR))) + 0.5 * len(
-        fit.effects[-1].parameters()
-    ) * float(np.log(n))
+    effect = fit.effects[-1]
+    parameters = effect.parameters()
+    level = np.hypot(fit.level, LEVEL_FLOOR)
+    if any(_damps(problem, effect, p) for p in parameters):
+        level *= DAMPING_MARGIN
+    return float(n * np.log(level) + 0.5 * len(parameters) * np.log(n))
 
 
 def _weak(problem: FitProblem, effect: Effect) -> tuple[float, float]:
@@ -993,14 +1133,6 @@ def _change(problem: FitProblem, fit: FitResult, base: FitResult) -> NDArray[np.
 def _similarity(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
     norm = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(abs(np.vdot(a, b).real) / norm) if norm > 0 else 0.0
-
-
-def _pays(problem: FitProblem, settled: bool, form_right: bool, before: FitResult, after: FitResult) -> bool:
-    """Whether a fit with one more effect is enough better than that without."""
-    factors = (STEP_LEVEL, STEP_LEVEL)
-    if settled:
-        factors = _weak(problem, after.effects[-1]) if form_right else (ACCEPT_SETTLED, ACCEPT_SETTLED)
-    return _falls(before, after, factors, form_right)
 
 
 def _falls(

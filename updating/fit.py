@@ -3,7 +3,7 @@
 What is fitted are nuisance parameters, the damping curve and candidate effects.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -204,6 +204,8 @@ class FitProblem:
         Elastic modes in the band.
     n_lines : int
         At most this many lines are fitted.
+    fine_stages : ndarray
+        More stages, for a fit that has ended in a minimum far from the data [Hz].
     """
 
     reduced: ReducedModel
@@ -213,6 +215,7 @@ class FitProblem:
     stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     n_modes: int = 10
     n_lines: int = 160
+    fine_stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
 
     @property
     def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -275,7 +278,7 @@ class FitProblem:
         effects: Sequence[Effect] = (),
         starts: Sequence[dict[str, float]] = (),
         *,
-        stages: Sequence[float] | None = None,
+        stages: Iterable[float] | None = None,
         n_lines: int | None = None,
         max_iterations: int = 14,
         x_from: FitResult | None = None,
@@ -289,7 +292,7 @@ class FitProblem:
             Candidates to add to the model.
         starts : sequence of dict
             For each of them the parameter values to start from.
-        stages : sequence of float, optional
+        stages : iterable of float, optional
             Other stages of the continuation [Hz].
         n_lines : int, optional
         max_iterations : int

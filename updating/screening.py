@@ -5,13 +5,13 @@ the grid costs what its few DOFs cost.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, parameter_values
+from fem.model import Effect, Model, parameter_values
 from fem.reduced import Fields, LocalChanges
 from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
@@ -100,6 +100,27 @@ class Grid:
             points = [p for p, _ in self.weak_points] if weak else self.points
             self._made[key] = problem.reduced.values_of(self.effect, points)
         return self._made[key]
+
+    def near(self, model: Model, places: Floats, reach: float) -> "Grid | None":
+        """Return the points of the grid at which the effect sits near one of some places; None without any.
+
+        Parameters
+        ----------
+        model : Model
+        places : ndarray (n, 3)
+            Points [m].
+        reach : float
+            Largest distance [m].
+        """
+
+        def is_near(effect: Effect) -> bool:
+            marks = effect.locations(model)
+            return bool((np.linalg.norm(marks[:, None] - places, axis=2) <= reach).any())
+
+        if not any(p.name == "position" for p in self.effect.parameters()):
+            return self if is_near(self.effect) else None
+        points = tuple(p for p in self.points if is_near(self.effect.with_values(**p)))
+        return Grid(self.effect, points) if points else None
 
     def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
         """Return a point with its first parameter at a multiple of the distance from where it is absent.
@@ -204,6 +225,24 @@ def screen(
     return tuple(out)
 
 
+def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
+    """Choose the candidates that come nearest to what the last effect of a fit does.
+
+    Each takes its place while everything else stays as it was fitted with it.
+    """
+    name = best.effects[-1].name
+    values = {ref: v for ref, v in best.values.items() if ref[0] != name}
+    without = replace(best, effects=best.effects[:-1], values=values)
+    look = _Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
+    found = []
+    for i, grid in enumerate(grids):
+        levels = look.levels(grid).min(axis=0)
+        k = int(np.argmin(levels))
+        if np.isfinite(levels[k]):
+            found.append((float(levels[k]), i, k))
+    return tuple(Screened(grids[i].effect, (grids[i].points[k],)) for _, i, k in sorted(found)[:n_best])
+
+
 def shortlist(
     problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], say: Callable[[str, float], None]
 ) -> list[int]:
@@ -305,13 +344,17 @@ class _Look:
         return cls(problem, base, lines, at, measured, w, at < n_first, slopes, back)
 
     def levels(self, grid: Grid) -> Floats:
-        """Return the level on the whole band, on the low one, and with nuisances adapted, (3, n_points)."""
+        """Return the level on the whole band, on the low one if it has lines, and with nuisances adapted.
+
+        Shape (3 or 2, n_points).
+        """
         H = self._local(grid.effect.released()).with_terms(grid.terms(self.problem, False))
         r = self._residuals(H)
+        first, low = r[:, self.whole], r[:, ~self.whole]
+        bands = [first, low, self._adapted(first)] if low.size else [first, self._adapted(first)]
         if np.abs(r - self._now()).max(initial=0.0) < VISIBLE:
-            return np.full((3, len(r)), np.inf)
-        first = r[:, self.whole]
-        return np.stack([_level(first), _level(r[:, ~self.whole]), _level(self._adapted(first))])
+            return np.full((len(bands), len(r)), np.inf)
+        return np.stack([_level(each) for each in bands])
 
     def scores(self, grid: Grid) -> tuple[Floats, Floats]:
         """Return the level that the best strength of each weak point would leave, and its multiple."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import fem
 from fem import FRF
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
@@ -166,17 +167,20 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
     grids = {e.name: diagnosis.Grid.of(problem, e) for e in candidates}
 
     def ranked(pays):
-        order, best = diagnosis._round(
-            problem, null, candidates, grids, False, 5, pays, lambda text, done: None
-        )
+        class Rule(diagnosis._Rule):
+            def pays(self, after):
+                return pays(after.effects[-1].kind)
+
+        rule = Rule(problem, 0.0, False, null, True)
+        order, best = diagnosis._round(rule, candidates, grids, 5, lambda text, done: None)
         assert order[0].result is best
         return [r.kind for r in order if r.refined]
 
-    freely = ranked(lambda before, after: True)
+    freely = ranked(lambda kind: True)
     assert freely[0] == "member_density"
-    other = ranked(lambda before, after: after.effects[-1].kind != "member_density")
+    other = ranked(lambda kind: kind != "member_density")
     assert other[0] == next(kind for kind in freely if kind != "member_density")
-    assert ranked(lambda before, after: False) == freely
+    assert ranked(lambda kind: False) == freely
 
 
 @pytest.mark.parametrize(
@@ -197,3 +201,61 @@ def test_weak_effects_count_on_all_lines_together(after, falls):
     less = replace(one, level=after[0], held_out_level=after[1])
     weak = diagnosis.ACCEPT_WEAK, diagnosis.ACCEPT_WEAK_HELD_OUT
     assert diagnosis._falls(one, less, weak, form_right=True) is falls
+
+
+def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise():
+    case = draw_case(Settings(911), "null", 1)  # members 0.3 to 2.5 % over the band, the joint 0.4 %
+    alike = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    assert alike.fit().level > 2 * alike.data.noise_level
+    model, nuisances = diagnosis._with_joints_damping(case.model, case.measurement, case.nuisances, 0.5)
+    problem = diagnosis.build_problem(model, case.measurement, nuisances)
+    fit = problem.fit()
+    assert fit.level < 1.2 * problem.data.noise_level
+    assert fit.values["damping of joints", "viscous"] < 0
+    # what a diagnosis returns is diagnosed again
+    again, same = diagnosis._with_joints_damping(model, case.measurement, nuisances, 0.5)
+    assert again is model
+    assert same == nuisances
+    assert diagnosis._with_joints_damping(model, case.measurement, case.nuisances, 0.5)[1] == nuisances
+
+
+def test_a_frame_without_elastic_joints_has_no_damping_of_joints():
+    case = make_case(0)
+    stiff = case.model.without_effect(*(j.name for j in case.model.of_kind(fem.Joint)))
+    model, nuisances = diagnosis._with_joints_damping(stiff, case.measurement, case.nuisances, 0.5)
+    assert model is stiff
+    assert nuisances == case.nuisances
+
+
+def test_a_fit_that_ends_far_from_the_data_reaches_them_in_fine_stages():
+    case = draw_case(Settings(909), "single", 0)  # a rotary inertia
+    (hidden,) = case.implants
+    truth = hidden.hidden.values(hidden.amplitude)
+    (effect,) = (e for e in diagnosis.propose(case.model, ["point_inertia"]) if e.member == "beam")
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    problem = diagnosis._attached(problem, [effect.with_values(**truth)])
+    assert problem.fit([effect], [truth]).level > 0.3
+    assert problem.fit([effect], [truth], stages=problem.fine_stages).level < 0.06
+
+
+def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
+    case = make_case(3, "portal", "support_flexibility")
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    candidates = diagnosis.propose(case.model, ["support_flexibility", "crack", "point_mass"])
+    grids = {e.name: diagnosis.Grid.of(problem, e) for e in candidates}
+    null = problem.fit()
+    rule = diagnosis._Rule(problem, 0.0, False, null, True)
+    corner = case.hidden.locations(case.model)[0]
+    cracks = [
+        (grid.effect, near.points)
+        for grid in grids.values()
+        if grid.effect.kind == "crack"
+        if (near := grid.near(case.model, corner[None], 0.1 * case.model.mesh.size))
+    ]
+    fits = [problem.fit([effect], [points[len(points) // 2]]) for effect, points in cracks]
+    taken = min(fits, key=lambda f: f.level)
+    _, ranked, best = diagnosis._against_rivals(problem, rule, (), taken, candidates, grids)
+    assert (best.effects[-1].kind, best.effects[-1].where) == (case.hidden.kind, case.hidden.where)
+    assert ranked[0].name == best.effects[-1].name
+    assert ranked[0].asked == null.level / diagnosis.STEP_LEVEL
+    assert taken.effects[-1].kind == "crack"
