@@ -355,7 +355,7 @@ def build_problem(
     modes = elastic_frequencies(reduced, highest)
     # A suspension's modes below the band have no lines: they are neither knots nor stages.
     modes = modes[modes >= frf.frequency[0]]
-    n_knots = int(np.clip(len(modes) // 4, 1, 8))
+    n_knots = int(np.clip(len(modes) // 2, 1, 8))
     knots = (
         np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
     )
