@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from study.config import Study
 from study.modal import ModePair
 from updating.correlation import Comparison
-from updating.diagnosis import Diagnosis, EffectParameter, Finding, Ranked, Step
+from updating.diagnosis import JOINTS_DAMPING, Diagnosis, EffectParameter, Finding, Ranked, Step
 from updating.faults import Fault
 from updating.localisation import Localisation
 
@@ -54,8 +54,10 @@ class Uncertain:
 
     @property
     def words(self) -> str:
-        """Return its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
+        """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
         effect, _, parameter = self.name.partition(".")
+        if effect == JOINTS_DAMPING:
+            return f"{parameter} {effect}, beyond the members'"
         if not parameter or " " in effect:
             return self.name
         key, _, of = parameter.partition(":")

@@ -79,6 +79,8 @@ MESH_SHARE = 0.1
 """Elements are cut where the level that the mesh leaves is more than this share of the noise's."""
 MOST_SPLITS = 4
 """Into so many at most."""
+JOINTS_DAMPING = "damping of joints"
+"""Name of the effect by which the joints' damping differs from the members'."""
 NOMINAL_RATIO = 5e-3
 """Damping ratio of a model that has none [-]."""
 N_LINES = 160
@@ -432,7 +434,7 @@ def _with_joints_damping(
     loss = d.loss_factor + 2 * float(d.ratio_at(np.array([middle]))[0]) + 2 * np.pi * middle * d.beta
     std = damping_std * (loss or 2 * NOMINAL_RATIO)
     there = model.of_kind(JointsDamping)  # as in the model that a diagnosis returns
-    own = JointsDamping(name="damping of joints", structural=0.0, viscous=0.0, frequency=middle)
+    own = JointsDamping(name=JOINTS_DAMPING, structural=0.0, viscous=0.0, frequency=middle)
     own = there[0] if there else own
     given = {n.effect for n in nuisances}
     more = (Nuisance(own.name, p.name, std) for p in own.parameters() if own.name not in given)

@@ -12,7 +12,9 @@ from study import load_study, run, words
 from study.page import Markup, esc, table, tag
 from study.pictures import Album, draw_all
 from study.report import report_html, thresholds
+from study.result import Uncertain
 from tests.small_frame import write_study
+from updating.diagnosis import JOINTS_DAMPING
 from updating.faults import Fault
 
 VOID = {"meta", "link", "img", "br", "hr"}
@@ -242,3 +244,17 @@ def test_the_structure_is_drawn(found, tmp_path):
     assert whole.failures == []
     assert {"structure", "misfit-fitted", "misfit-final", "mode-1", "mode-changed"} <= set(whole.pictures)
     Reader(report_html(found, whole))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("frame.E:steel", "E of steel"),
+        ("frame.rho:steel", "density of steel"),
+        ("J.krx", "krx of J"),
+        ("damping ratio at 43.92 Hz", "damping ratio at 43.92 Hz"),
+        (f"{JOINTS_DAMPING}.viscous", "viscous damping of joints, beyond the members'"),
+    ],
+)
+def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
+    assert Uncertain(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
