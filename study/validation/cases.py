@@ -30,7 +30,7 @@ SETS = ("single", "null", "withheld", "weak", "two", "faults")
 """Sets of cases: one effect; nothing; one whose kind the search may not use; one ten times weaker; two; a
 fault of a sensor."""
 
-SETTINGS_VERSION = 3
+SETTINGS_VERSION = 4
 """Raised whenever the same seed gives other cases than before."""
 
 
@@ -40,6 +40,10 @@ _STEP = 1e-6
 
 _WEAK = 0.02
 """Change of the FRFs up to which an effect counts as weak [nepers]."""
+
+
+FAULT_SEEN = 0.1
+"""Change of what a sensor reads from which its fault can be found, root mean square [nepers]."""
 
 
 class CaseError(ValueError):
@@ -219,10 +223,15 @@ def _implants(
 
 
 def _drawn_fault(rng: Generator, scale: "_Scale", hidden: Hidden) -> Implant | None:
-    """Draw a fault's size; None for a sensor that hears nothing, whose faults nobody could find."""
+    """Draw a fault's size; None where nobody could find it.
+
+    That is for a sensor that hears nothing, and for a fault that hardly changes what it reads, such as a
+    wrong place along a member that moves lengthways there.
+    """
     if not all(scale.hears(name) for name in hidden.place.sensors):
         return None
-    return Implant(hidden, float(rng.uniform(*hidden.bounds)), np.nan)
+    size = float(rng.uniform(*hidden.bounds))
+    return Implant(hidden, size, np.nan) if scale.misreads(hidden, size) else None
 
 
 def _clash(hidden: Hidden, others: Sequence[Implant]) -> bool:
@@ -267,6 +276,16 @@ class _Scale:
         """Whether a sensor reads more than noise on most lines, from one excitation at least."""
         row = [s.name for s in self._draft.sensors].index(sensor)
         return bool((self._heard[:, row].mean(axis=0) > 0.5).any())
+
+    def misreads(self, hidden: Hidden, size: float) -> bool:
+        """Whether a fault changes what its sensors read by ``FAULT_SEEN``, root mean square."""
+        sensors = self._draft.sensors
+        wrong = hidden.readings(sensors, size) if hidden.readings is not None else sensors
+        H = self._truth.frf(self._f, wrong, self._draft.drives)
+        H = hidden.data(self._f, H, size) if hidden.data is not None else H
+        rows = [i for i, s in enumerate(sensors) if s.name in hidden.place.sensors]
+        d = np.abs(log_ratio(H, self._base))[:, rows][self._heard[:, rows]]
+        return bool(np.sqrt((d**2).mean()) >= FAULT_SEEN)
 
     def visible_db(self, frame: TrueFrame) -> float:
         """Return the change that is left [dB]."""

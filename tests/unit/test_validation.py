@@ -98,6 +98,20 @@ def test_faults_change_the_rows_of_their_sensors_alone(kind):
     assert {n for n, m in zip(names, moved, strict=True) if m} == set(hidden.place.sensors)
 
 
+@pytest.mark.parametrize("kind", ["tilt", "position"])
+def test_a_drawn_fault_changes_what_its_sensor_reads_by_a_tenth(kind):
+    settings = replace(SETTINGS, seed=1031)  # 1 and 2 were faults that changed nothing
+    indices = [i for i in range(3 * len(FAULTS)) if kinds_of(settings, "faults", i) == (kind,)]
+    for i in indices:
+        case = draw_case(settings, "faults", i)
+        (implant,) = case.implants
+        frame, f = case.draft.frame, case.draft.frequency[::20]
+        wrong = implant.hidden.readings(case.draft.sensors, implant.amplitude)
+        base, read = (frame.frf(f, sensors, case.draft.drives) for sensors in (case.draft.sensors, wrong))
+        rows = [s.name in implant.hidden.place.sensors for s in case.draft.sensors]
+        assert np.abs(np.log(read[:, rows] / base[:, rows])).max() > 0.1
+
+
 def test_a_case_is_drawn_alike_every_time():
     one, again = draw_case(SETTINGS, "null", 4), draw_case(SETTINGS, "null", 4)
     np.testing.assert_array_equal(one.measurement.frf.H, again.measurement.frf.H)
