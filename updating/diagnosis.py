@@ -50,7 +50,7 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
-RIGHT_MARGIN = 1.35
+RIGHT_MARGIN = 1.25
 """A model counts as right up to this multiple of the level that noise and the mesh leave."""
 FLOOR_MARGIN = 2.5
 """Up to this multiple of it, little enough is left for a search of weak effects."""
@@ -59,10 +59,10 @@ ACCEPT_SETTLED = 1.5
 PLAIN_LEVEL, PLAIN_HELD_OUT = 2.0, 0.9
 """Where the form is right and the level falls by more than the first factor, that on held-out lines need only
 fall by more than the second, that is, not rise by more than chance can do."""
-ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.07, 0.95
+ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.02, 0.95
 """Where the caller says, besides, that the form is right, weak effects count: the factor over all lines
 together, and that on held-out lines."""
-ACCEPT_WEAK_DAMPING = 1.3
+ACCEPT_WEAK_DAMPING = 1.12
 """Both factors there for an effect that also damps, as the curve of modal damping is no exact model."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""

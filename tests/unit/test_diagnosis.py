@@ -188,7 +188,8 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
     [
         ((0.9, 0.9), True),
         ((0.99, 0.7), True),  # on all lines together by 1.08
-        ((0.99, 0.9), False),
+        ((0.99, 0.99), False),  # by 1.01
+        ((0.995, 0.98), False),
         ((0.9, 1.1), False),  # held-out lines worse than by chance
         ((0.45, 1.1), True),  # all in one narrow resonance
         ((0.45, 1.2), False),
