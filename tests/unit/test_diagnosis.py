@@ -228,15 +228,18 @@ def test_a_frame_without_elastic_joints_has_no_damping_of_joints():
     assert nuisances == case.nuisances
 
 
-def test_a_fit_that_ends_far_from_the_data_reaches_them_in_fine_stages():
-    case = draw_case(Settings(909), "single", 0)  # a rotary inertia
-    (hidden,) = case.implants
-    truth = hidden.hidden.values(hidden.amplitude)
-    (effect,) = (e for e in diagnosis.propose(case.model, ["point_inertia"]) if e.member == "beam")
+def test_fine_stages_end_between_modes_and_have_lines():
+    case = make_case(0)
     problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
-    problem = diagnosis._attached(problem, [effect.with_values(**truth)])
-    assert problem.fit([effect], [truth]).level > 0.3
-    assert problem.fit([effect], [truth], stages=problem.fine_stages).level < 0.06
+    frequency, stages = problem.data.frequency, problem.fine_stages
+    modes = diagnosis.elastic_frequencies(problem.reduced, float(frequency[-1]))
+    below = np.searchsorted(modes, stages)
+    assert below[0] == diagnosis.FIRST_STAGE
+    assert stages[-1] == frequency[-1]
+    growth = diagnosis.FIRST_STAGE * diagnosis.STAGE_GROWTH ** np.arange(len(below) - 1)
+    np.testing.assert_allclose(below[:-1], growth, atol=0.5)  # all but the last, which has all lines
+    counted = frequency[problem.data.mask.any(axis=(1, 2)) & ~problem.data.held_out]
+    assert np.searchsorted(counted, stages).min() >= diagnosis.STAGE_LINES
 
 
 def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
