@@ -62,6 +62,8 @@ fall by more than the second, that is, not rise by more than chance can do."""
 ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.02, 0.95
 """Where the caller says, besides, that the form is right, weak effects count: the factor over all lines
 together, and that on held-out lines."""
+ACCEPT_WEAK_BESIDE = 1.05
+"""The first factor for one beside other effects, which may be a little otherwise than they are modelled."""
 ACCEPT_WEAK_DAMPING = 1.12
 """Both factors there for an effect that also damps, as the curve of modal damping is no exact model."""
 DAMPING_MARGIN = 1.1
@@ -887,7 +889,9 @@ class _Rule:
         """Return by how much the levels on fitted and on held-out lines must fall with an effect."""
         if not self.settled:
             return STEP_LEVEL, STEP_LEVEL
-        return _weak(self.problem, effect) if self.form_right else (ACCEPT_SETTLED, ACCEPT_SETTLED)
+        if not self.form_right:
+            return ACCEPT_SETTLED, ACCEPT_SETTLED
+        return _weak(self.problem, effect, beside=bool(self.before.effects))
 
     def pays(self, after: FitResult) -> bool:
         """Whether a fit with one more effect is enough better than that without."""
@@ -1048,11 +1052,11 @@ def _score(problem: FitProblem, fit: FitResult) -> float:
     return float(n * np.log(level) + 0.5 * len(parameters) * np.log(n))
 
 
-def _weak(problem: FitProblem, effect: Effect) -> tuple[float, float]:
-    """Return the factors by which the levels must fall with a weak effect."""
+def _weak(problem: FitProblem, effect: Effect, *, beside: bool) -> tuple[float, float]:
+    """Return the factors by which the levels must fall with a weak effect, alone or beside others."""
     if any(_damps(problem, effect, p) for p in effect.parameters()):
         return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
-    return ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
+    return ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
 
 
 def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:
@@ -1077,7 +1081,8 @@ def _without_idle(
         effects = tuple(e for e in current.effects if e.name != name)
         less = problem.refit(replace(current, effects=effects))
         usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
-        factors = _weak(problem, finding.effect) if current.level < weak_limit else usual
+        weak = current.level < weak_limit
+        factors = _weak(problem, finding.effect, beside=bool(rest)) if weak else usual
         if not _falls(less, current, factors, weak_limit > 0):
             findings = [
                 replace(f, effect=e, parameters=_parameters(e, less))
