@@ -808,7 +808,7 @@ def _search(
         if attached is not problem:  # the position has moved: once more where it is now
             problem = _attached(attached, best.effects)
             best = _polish(problem, best)
-            grids = {}
+            grids = {e.name: Grid.of(problem, e) for e in open_}
         reduced = problem.reduced
         problem, rounds[-1], best = _against_rivals(problem, rule, ranked, best, open_, grids)
         grids = grids if problem.reduced is reduced else {}
@@ -999,8 +999,8 @@ def _against_rivals(
     """
     model, winner = problem.reduced.model, best.effects[-1]
     reach = SAME_PLACE * model.mesh.size
-    others = [grids.get(e.name) or Grid.of(problem, e) for e in candidates if e.name != winner.name]
-    near = [part for grid in others if (part := grid.near(model, winner.locations(model), reach))]
+    others, places = (grids[e.name] for e in candidates if e.name != winner.name), winner.locations(model)
+    near = [part for grid in others if (part := grid.near(model, places, reach))]
     shift = _change(problem, best, rule.before)
     entries = {r.name: r for r in ranked}
     entries[winner.name] = rule.ranked(best, 1.0, True)
