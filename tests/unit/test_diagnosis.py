@@ -263,3 +263,25 @@ def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
     assert ranked[0].name == best.effects[-1].name
     assert ranked[0].asked == null.level / diagnosis.STEP_LEVEL
     assert taken.effects[-1].kind == "crack"
+
+
+def test_what_damps_must_do_more_and_so_must_what_comes_beside_others():
+    case = make_case(0)
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    heavier, damped = (
+        diagnosis.propose(case.model, [kind])[0] for kind in ("member_density", "member_damping")
+    )
+    assert diagnosis._weak(problem, heavier, beside=False)[0] == diagnosis.ACCEPT_WEAK
+    assert diagnosis._weak(problem, heavier, beside=True)[0] == diagnosis.ACCEPT_WEAK_BESIDE
+    for beside in (False, True):
+        assert diagnosis._weak(problem, damped, beside=beside) == (diagnosis.ACCEPT_WEAK_DAMPING,) * 2
+    fit = replace(problem.nominal(), level=0.5)
+    scores = [diagnosis._score(problem, replace(fit, effects=(e,))) for e in (heavier, damped)]
+    n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+    assert scores[1] - scores[0] == pytest.approx(n * np.log(diagnosis.DAMPING_MARGIN))
+
+
+def test_the_damping_curve_has_a_knot_for_every_two_modes():
+    case = draw_case(Settings(911), "null", 3)  # nine modes
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    assert (problem.n_modes, len(problem.damping.knots)) == (9, 4)

@@ -8,13 +8,14 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from study import load_study, run, words
+from study import load_study, pictures, run, words
 from study.page import Markup, esc, table, tag
 from study.pictures import Album, draw_all
 from study.report import report_html, thresholds
 from study.result import Uncertain
 from tests.small_frame import write_study
-from updating.diagnosis import JOINTS_DAMPING
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis import ACCEPT_SETTLED, JOINTS_DAMPING, STEP_LEVEL
 from updating.faults import Fault
 
 VOID = {"meta", "link", "img", "br", "hr"}
@@ -258,3 +259,23 @@ def test_the_structure_is_drawn(found, tmp_path):
 )
 def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
     assert Uncertain(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
+
+
+def test_the_line_of_a_ranking_stands_where_the_best_had_to_come_to(found, tmp_path, monkeypatch):
+    limits = []
+    monkeypatch.setattr(pictures, "_mark_limit", lambda ax, limit: limits.append(limit))
+
+    class Drawn:
+        def add(self, name, draw, alt, caption):
+            draw(tmp_path / f"{name}.png")
+
+    rounds = found.diagnosis.rounds
+    for k, ranked in enumerate(rounds):
+        pictures._draw_ranking(found, k, ranked, Drawn())
+    assert limits == [ranked[0].asked * DB_PER_NEPER for ranked in rounds if ranked]
+    # the first round leaves much unexplained, the last begins with a model that is right
+    first, last = (
+        found.diagnosis.steps[k].level * DB_PER_NEPER / limit
+        for k, limit in ((1, limits[0]), (-1, limits[-1]))
+    )
+    assert (first, last) == pytest.approx((STEP_LEVEL, ACCEPT_SETTLED), rel=0.02)

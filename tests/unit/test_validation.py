@@ -20,7 +20,7 @@ from study.validation import run as runner
 from study.validation.cases import SETS, CaseError, Settings, _Scale, draw_case, kinds_of
 from study.validation.frames import draw_draft, perturbed
 from study.validation.hidden import EFFECTS, FAULTS, KINDS, draw_hidden
-from study.validation.judging import judge
+from study.validation.judging import judge, same_place
 from study.validation.table import as_markdown, interval, summarise
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.diagnosis import propose
@@ -468,3 +468,15 @@ def test_sets_have_their_place_in_the_seed():
     """The order of the sets is part of what a seed means."""
     assert SETS == ("single", "null", "withheld", "weak", "two", "faults")
     assert all(KINDS[k].found_as for k in KINDS)
+
+
+def test_a_soft_corner_goes_by_either_members_name_but_one_axis():
+    case = draw_case(Settings(911), "weak", 1)  # an arm on a post: its bending is the post's torsion
+    place = case.implants[0].hidden.place
+    assert place.turns == (("post", "rx"), ("arm", "rz"))
+    alike = {e.name: same_place(e, case.model, place) for e in propose(case.model, ["end_release"])}
+    assert alike == {
+        "end_release:post.2.rx": True,
+        "end_release:post.2.ry": False,
+        "end_release:post.2.rz": False,
+    }
