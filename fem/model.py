@@ -177,11 +177,15 @@ class Effect(ABC):
         Whether K, M, C and D are symmetric, so that forces and responses may change places.
     amplitude_dependent : bool
         Whether its matrices are those of one amplitude of vibration.
+    connection : bool
+        Whether its stiffness is that of a connection, such as a joint, a mount or a support, and may be
+        damped otherwise than the members'.
     """
 
     kind: ClassVar[str]
     reciprocal: ClassVar[bool] = True
     amplitude_dependent: ClassVar[bool] = False
+    connection: ClassVar[bool] = False
     name: str
 
     @abstractmethod

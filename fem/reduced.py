@@ -44,7 +44,7 @@ class _Term:
 
     L is the identity where it is None. Each of ``laws`` is a factor as a function of ω and a matrix that it
     multiplies: what an element that depends on frequency adds to its static stiffness, which is in K.
-    ``dofs`` are those that the rows of L stand for.
+    ``dofs`` are those that the rows of L stand for. K is damped as connections are if ``connection``.
     """
 
     L: NDArray[np.float64] | None
@@ -54,6 +54,7 @@ class _Term:
     D: NDArray[Any] | None
     laws: tuple[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]], ...] = ()
     dofs: NDArray[np.int64] | None = None
+    connection: bool = False
 
     def times(self, factor: float) -> "_Term":
         """Return all matrices multiplied by a factor."""
@@ -71,7 +72,9 @@ class _Term:
         self, factors: dict[str, NDArray[Any]], omega: NDArray[np.float64]
     ) -> list[tuple[NDArray[Any], NDArray[Any]]]:
         """Return all that is not zero as pairs of a factor at each line and a matrix."""
-        present = [(factors[key], X) for key in "KMCD" if (X := getattr(self, key)) is not None and X.any()]
+        stiffness = factors["connections" if self.connection else "K"]
+        known = ((stiffness, self.K), *((factors[key], getattr(self, key)) for key in "MCD"))
+        present = [(factor, X) for factor, X in known if X is not None and X.any()]
         return present + [(f(omega), X) for f, X in self.laws if X.any()]
 
 
@@ -222,7 +225,7 @@ class ReducedModel:
 
     def value_of(self, effect: Effect, model: Model | None = None) -> _Term:
         """Project an effect at its present values, on the nominal model or on one with other values."""
-        return self.project(effect.contribute(model or self.model))
+        return self._of(effect, effect.contribute(model or self.model))
 
     def values_of(self, effect: Effect, points: Sequence[dict[str, float]]) -> tuple[_Term, ...]:
         """Project an effect at several points of its parameters; once for those that but multiply it."""
@@ -247,11 +250,14 @@ class ReducedModel:
     ) -> _Term:
         """Project an effect's derivative with respect to a parameter of its own, by a complex step."""
         step = {parameter: value + 1j * _STEP}
-        return self.project(effect.with_values(**step).contribute(model or self.model), True)
+        return self._of(effect, effect.with_values(**step).contribute(model or self.model), True)
 
     def foreign_derivative_of(self, effect: Effect, ref: ParameterRef, value: float, model: Model) -> _Term:
         """Project an effect's derivative with respect to a parameter of an effect that it refers to."""
-        return self.project(effect.contribute(model.with_values({ref: value + 1j * _STEP})), True)
+        return self._of(effect, effect.contribute(model.with_values({ref: value + 1j * _STEP})), True)
+
+    def _of(self, effect: Effect, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
+        return replace(self.project(contributions, imaginary), connection=effect.connection)
 
     def base(self) -> dict[str, _Term]:
         """Return the projection of each effect of the model at nominal values (computed once)."""
@@ -260,12 +266,15 @@ class ReducedModel:
         return self._cache["base"]
 
     def base_sum(self) -> dict[str, NDArray[np.float64]]:
-        """Return the sum of all effects' matrices at nominal values (computed once)."""
+        """Return the sum of all effects' matrices at nominal values (computed once).
+
+        ``connections`` is the part of K that belongs to connections.
+        """
         if "sum" not in self._cache:
-            n = self.basis.T.shape[1]
-            self._cache["sum"] = {
-                key: sum((t.dense(key) for t in self.base().values()), np.zeros((n, n))) for key in "KMCD"
-            }
+            zero, terms = np.zeros((self.basis.T.shape[1],) * 2), self.base().values()
+            known = {key: sum((t.dense(key) for t in terms), zero) for key in "KMCD"}
+            known["connections"] = sum((t.dense("K") for t in terms if t.connection), zero)
+            self._cache["sum"] = known
         return self._cache["sum"]
 
     def base_laws(self) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[np.float64]]]:
@@ -394,25 +403,38 @@ class ParametricFRF:
                 self._nonlinear.append((effect, rows, foreign))
                 self._foreign |= set(foreign)
         self._n = n
-        self._damped = None if self._nonlinear else self._damped_range()
+        self._damped: dict[bool, NDArray[np.float64]] = {}
         # A step that is tried without derivatives is often asked for them next.
         self._last: tuple[bytes, _State, NDArray[np.complex128]] | None = None
 
-    def _damped_range(self) -> NDArray[np.float64]:
-        """Return an orthonormal basis (r, k) of what local damping and laws act on at any values."""
+    def _damped_range(self, zeta: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return an orthonormal basis (r, k) of what local damping and laws act on at any values.
+
+        None where it depends on the values.
+        """
+        if self._nonlinear:
+            return None
+        own = zeta.ndim > 1
+        if own in self._damped:
+            return self._damped[own]
         terms = [term for _, _, term in self._linear]
         damping = [self._fixed["C"], self._fixed["D"], *(X for _, X in self._fixed["laws"])]
         damping += [t.dense(key) for t in terms for key in "CD" if getattr(t, key) is not None]
         damping += [t.spread(X) for t in terms for _, X in t.laws]
+        if own:
+            stiff = [t.dense("K") for t in terms if t.connection and t.K is not None]
+            damping += [self._fixed["connections"], *stiff]
         U = _range(damping)
-        return np.zeros((self._n, 0)) if U is None else U
+        self._damped[own] = np.zeros((self._n, 0)) if U is None else U
+        return self._damped[own]
 
     def _restrict(self, term: _Term) -> _Term:
         if term.L is not None:
             return replace(term, L=term.L[:, self._active])
         ix = np.ix_(self._active, self._active)
         K, M, C, D = (None if X is None else X[ix] for X in (term.K, term.M, term.C, term.D))
-        return _Term(None, K, M, C, D, tuple((f, X[ix]) for f, X in term.laws))
+        laws = tuple((f, X[ix]) for f, X in term.laws)
+        return replace(term, K=K, M=M, C=C, D=D, laws=laws)
 
     def _add_fixed(self, term: _Term, factor: float) -> None:
         term = self._restrict(term)
@@ -422,6 +444,8 @@ class ParametricFRF:
         for key in "KMCD":
             if getattr(term, key) is not None:
                 total[key] = total[key] + factor * term.dense(key)
+        if term.connection and term.K is not None:
+            total["connections"] = total["connections"] + factor * term.dense("K")
         total["laws"] = total["laws"] + [(factor * f(self.omega), term.spread(X)) for f, X in term.laws]
 
     def _matrices(
@@ -455,13 +479,14 @@ class ParametricFRF:
         """Compute receptances and derivatives.
 
         Z = K (1 + i (η + 2ζ(ω)) + iωβ) + iD + iωC + iωα M - ω²M, with the model's η, α, β; dH = -Hₒ dZ Hᵢ.
+        The stiffness of connections, a part of K, may have a ζ of its own.
 
         Parameters
         ----------
         values : ndarray (n_par,)
             Values of the parameters ``refs``.
-        zeta : ndarray (n_freq,)
-            Damping ratio at each line [-].
+        zeta : ndarray (n_freq,) or (2, n_freq)
+            Damping ratio at each line, and that of connections if it is another [-].
         gradient : bool
             Whether derivatives are wanted.
 
@@ -469,14 +494,14 @@ class ParametricFRF:
         -------
         H : ndarray (n_freq, n_out, n_in)
         dH : ndarray (n_par, n_freq, n_out, n_in) or None
-        dH_dzeta : ndarray (n_freq, n_out, n_in) or None
+        dH_dzeta : ndarray (n_freq, n_out, n_in) or (2, n_freq, n_out, n_in) or None
             With respect to the damping ratio at that line.
         """
         values = np.asarray(values, dtype=float)
         total, slopes = self._matrices(values, gradient)
         at = values.tobytes() + zeta.tobytes()
         if self._last is None or self._last[0] != at:
-            state = _State.of(self.reduced, total, self.omega, zeta, self._damped)
+            state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta))
             self._last = (at, state, state.solve(self._in))
         _, state, Xi = self._last
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
@@ -496,18 +521,25 @@ class ParametricFRF:
         # Slopes of one kind go through one product: all that act everywhere, and all at the same few DOFs.
         stiff = 2j * state.lam[:, None, None] * Xi
         blocks = [factor * _times(state.V.T @ X @ state.V, Xi) for _, factor, X in whole]
+        if zeta.ndim > 1:
+            own = 2j * state.of_connections(Xi)
+            stiff = np.concatenate([stiff - own, own], axis=1)
         products = Xot @ np.ascontiguousarray(np.concatenate([*blocks, stiff], axis=1).transpose(2, 0, 1))
         n_in = Xi.shape[1]
         for k, (i, _, _) in enumerate(whole):
             dH[i] -= products[:, :, k * n_in : (k + 1) * n_in]
         for group in local.values():
             self._add_local_slopes(dH, group, state, Xo, Xi, factors)
-        return H, dH, -products[:, :, len(whole) * n_in :]
+        by_zeta = -products[:, :, len(whole) * n_in :]
+        return H, dH, by_zeta if zeta.ndim == 1 else np.stack(np.split(by_zeta, 2, axis=2))
 
     def _factors(self, state: "_State") -> dict[str, NDArray[Any]]:
         """Return what K, M, C and D are multiplied by in Z, each (n_freq,)."""
         omega = self.omega
-        return {"K": state.stiffness, "M": state.mass, "C": 1j * omega, "D": np.full(len(omega), 1j)}
+        return {
+            "K": state.stiffness, "connections": state.connections, "M": state.mass, "C": 1j * omega,
+            "D": np.full(len(omega), 1j),
+        }  # fmt: skip
 
     def _add_local_slopes(
         self,
@@ -540,11 +572,11 @@ class ParametricFRF:
         ----------
         values : ndarray (n_par,)
             Values of the parameters ``refs``.
-        zeta : ndarray (n_freq,)
-            Damping ratio at each line [-].
+        zeta : ndarray (n_freq,) or (2, n_freq)
+            Damping ratio at each line, and that of connections if it is another [-].
         """
         total, _ = self._matrices(np.asarray(values, dtype=float), False)
-        state = _State.of(self.reduced, total, self.omega, zeta, self._damped)
+        state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta))
         Xo, Xi = state.solve(self._out, transposed=True), state.solve(self._in)
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
         return LocalChanges(self, state, Xo, Xi, H, total, zeta)
@@ -564,8 +596,8 @@ class LocalChanges:
         Receptances without the effects.
     total : dict
         Reduced matrices without the effects.
-    zeta : ndarray (n_freq,)
-        Damping ratio at each line [-].
+    zeta : ndarray (n_freq,) or (2, n_freq)
+        Damping ratio at each line, and that of connections if it is another [-].
     """
 
     engine: ParametricFRF
@@ -631,8 +663,8 @@ class LocalChanges:
     def _anew(self, term: _Term) -> NDArray[np.complex128]:
         engine, total = self.engine, dict(self.total)
         engine._add(total, term, 1.0)
-        local = engine._damped is not None and term.C is None and term.D is None and not term.laws
-        damped = engine._damped if local else None
+        damps = term.C is not None or term.D is not None or term.laws or term.connection
+        damped = None if damps else engine._damped_range(self.zeta)
         state = _State.of(engine.reduced, total, engine.omega, self.zeta, damped)
         return np.moveaxis(_times((state.V.T @ engine._out).T, state.solve(engine._in)), 2, 0)
 
@@ -700,7 +732,7 @@ class Fields:
     omega : ndarray (n_freq,)
         Angular frequencies [rad/s].
     factors : dict
-        What K, M, C and D are multiplied by in Z, each (n_freq,).
+        What K, that of connections, M, C and D are multiplied by in Z, each (n_freq,).
     """
 
     outputs: NDArray[np.complex128]
@@ -708,14 +740,20 @@ class Fields:
     omega: NDArray[np.float64]
     factors: dict[str, NDArray[Any]]
 
-    def slope(self, contributions: Sequence[Contribution]) -> NDArray[np.complex128]:
-        """Return -Hₒ ΔZ Hᵢ of element matrices ΔZ, the change of the receptances for a little of them."""
+    def slope(
+        self, contributions: Sequence[Contribution], connection: bool = False
+    ) -> NDArray[np.complex128]:
+        """Return -Hₒ ΔZ Hᵢ of element matrices ΔZ, the change of the receptances for a little of them.
+
+        Their stiffness is damped as that of a connection is, or as that of members.
+        """
+        keys = ("connections" if connection else "K", *"MCD")
         n_freq, n_out, n_in = len(self.omega), self.outputs.shape[1], self.inputs.shape[1]
         out = np.zeros((n_freq, n_out, n_in), dtype=np.complex128)
         for c in contributions:
             moved = self.inputs[c.dofs]
             b, m = c.dofs.shape
-            matrices = zip("KMCD", (c.static, c.M, c.C, c.D), strict=True)
+            matrices = zip(keys, (c.static, c.M, c.C, c.D), strict=True)
             parts: list[tuple[Any, Any]] = [(self.factors[key], X) for key, X in matrices]
             if c.law is not None:
                 parts += _law_parts(c, imaginary=False)
@@ -801,10 +839,12 @@ class _State:
     lam: NDArray[np.float64]
     V: NDArray[np.float64]
     stiffness: NDArray[np.complex128]
+    connections: NDArray[np.complex128]
     mass: NDArray[np.complex128]
     inverse: NDArray[np.complex128]
     U: NDArray[np.float64] | None
     correct: NDArray[np.complex128] | None
+    own: NDArray[np.float64] | None = None
 
     @classmethod
     def of(
@@ -816,6 +856,7 @@ class _State:
         damped: NDArray[np.float64] | None,
     ) -> "_State":
         damping = reduced.model.damping
+        zeta, *others = np.atleast_2d(zeta)
         lam, V = sla.eigh(total["K"], total["M"], check_finite=False)
         n_rigid = reduced.basis.n_rigid
         near_zero = np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])
@@ -825,18 +866,27 @@ class _State:
         # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
         # GEMM.
         inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
-        laws = total["laws"]
+        laws, connections = total["laws"], stiffness
+        if others and total["connections"].any():
+            more = 2j * (others[0] - zeta)
+            laws, connections = [*laws, (more, total["connections"])], stiffness + more
         U = _range([total["C"], total["D"], *(X for _, X in laws)]) if damped is None else damped
         if U is None or not U.shape[1]:
-            return cls(lam, V, stiffness, mass, inverse, None, None)
+            return cls(lam, V, stiffness, connections, mass, inverse, None, None)
         C, D = U.T @ total["C"] @ U, U.T @ total["D"] @ U
-        Um = V.T @ U
+        Um, own = V.T @ U, U.T @ total["connections"] @ U if others else None
         S = 1j * (omega[:, None, None] * C + D)
         for factor, X in laws:
             S = S + factor[:, None, None] * (U.T @ X @ U)
         G = np.moveaxis(_times(Um.T, Um[:, :, None] * inverse), 2, 0)
         correct: Any = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
-        return cls(lam, V, stiffness, mass, inverse, Um, correct)
+        return cls(lam, V, stiffness, connections, mass, inverse, Um, correct, own)
+
+    def of_connections(self, X: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return Vᵀ K V X of the connections' part of K, for X (r, n, n_freq)."""
+        if self.U is None or self.own is None:
+            return np.zeros_like(X)
+        return _times(self.U @ self.own, _times(self.U.T, X))
 
     def solve(self, B: NDArray[np.float64], *, transposed: bool = False) -> NDArray[np.complex128]:
         """Return Z⁻¹ B or Z⁻ᵀ B in modal coordinates, (r, n, n_freq), for forces B (r, n).

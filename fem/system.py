@@ -479,6 +479,13 @@ def sum_contributions(contributions: tuple[Contribution, ...], n_dof: int) -> li
     return out
 
 
+def connection_stiffness(system: System) -> sp.csc_array:
+    """Return the part of K that belongs to connections, sparse (n_free, n_free)."""
+    model, Q = system.model, system.Q
+    parts = tuple(c for e in model.effects if e.connection for c in e.contribute(model))
+    return sp.csc_array(Q.T @ sum_contributions(parts, Q.shape[0])[0] @ Q)
+
+
 def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
     """Return an orthonormal basis Q (n_dof, n_free) of the motions that meet all constraints."""
     taken = np.zeros(n_dof, dtype=bool)

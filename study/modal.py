@@ -8,9 +8,10 @@ from scipy.optimize import linear_sum_assignment
 
 from fem.model import Model
 from fem.modes import Modes, solve_eigenpairs
-from fem.system import assemble
+from fem.system import assemble, connection_stiffness
 from updating.correlation import mac
 from updating.diagnosis import Diagnosis
+from updating.parameters import DampingCurve
 
 SAME_SHAPE = 0.5
 """Least MAC of two modes that count as the same one."""
@@ -41,10 +42,12 @@ class ModePair:
     mac: float
 
 
-def damped_modes(model: Model, knots: NDArray[np.float64], ratio: NDArray[np.float64], up_to: float) -> Modes:
+def damped_modes(model: Model, curve: DampingCurve, unknowns: NDArray[np.float64], up_to: float) -> Modes:
     """Compute modes up to a frequency with the damping that a fit uses, a curve and local dampers.
 
-    ζ = ζ_curve(f) + φᵀ D φ / (2 ω²) + φᵀ C φ / (2 ω): the energy that local dampers take from undamped modes.
+    ζ = ζ_m + s (ζ_c - ζ_m) + φᵀ D φ / (2 ω²) + φᵀ C φ / (2 ω), with the curve's ratios of members and of
+    connections, the share s of a mode's strain energy that is in connections, and the energy that local
+    dampers take from undamped modes.
     """
     system = assemble(model, reciprocal=False)  # C that does no work takes no energy either
     pairs = solve_eigenpairs(system, max_frequency=up_to)
@@ -56,8 +59,11 @@ def damped_modes(model: Model, knots: NDArray[np.float64], ratio: NDArray[np.flo
     )
     d = model.damping
     whole = d.loss_factor / 2 + d.alpha / (2 * w) + d.beta * w / 2
-    curve = np.exp(np.interp(omega / (2 * np.pi), knots, np.log(ratio)))
-    zeta = np.where(elastic, curve + local + whole, 0.0)
+    ratio, *others = np.atleast_2d(curve.ratio(w / (2 * np.pi), unknowns))
+    share = np.einsum("ij,ij->j", V, connection_stiffness(system) @ V) / w**2
+    for other in others:
+        ratio = ratio + share * (other - ratio)
+    zeta = np.where(elastic, ratio + local + whole, 0.0)
     return Modes(omega / (2 * np.pi), system.Q @ V, zeta, n_rigid=pairs.n_rigid)
 
 
@@ -67,10 +73,10 @@ def modes_of(d: Diagnosis) -> tuple[Modes, Modes, Modes]:
     with_all = d.model
     without = with_all.without_effect(*(f.effect.name for f in d.findings)) if d.findings else with_all
     zeta = d.steps[-1].result.zeta
-    fitted = damped_modes(with_all, curve.knots, zeta, top)
+    fitted = damped_modes(with_all, curve, zeta, top)
     return (
-        damped_modes(d.problem.reduced.model, curve.knots, curve.nominal, 1.1 * top),
-        fitted if without is with_all else damped_modes(without, curve.knots, zeta, 1.1 * top),
+        damped_modes(d.problem.reduced.model, curve, curve.start, 1.1 * top),
+        fitted if without is with_all else damped_modes(without, curve, zeta, 1.1 * top),
         fitted,
     )
 

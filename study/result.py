@@ -13,13 +13,18 @@ from numpy.typing import NDArray
 from study.config import Study
 from study.modal import ModePair
 from updating.correlation import Comparison
-from updating.diagnosis import JOINTS_DAMPING, Diagnosis, EffectParameter, Finding, Ranked, Step
+from updating.diagnosis import Diagnosis, EffectParameter, Finding, Ranked, Step
 from updating.faults import Fault
 from updating.localisation import Localisation
+from updating.parameters import DampingCurve
 
 SCHEMA = "dovetail-result/1"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
 FOUND = "found.toml"
+CONNECTIONS_LEVEL = "damping of connections over that of members"
+"""How the report calls how much more connections are damped."""
+CONNECTIONS_POWER = "its power of frequency"
+"""How it calls the power of the frequency that their damping goes with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +61,6 @@ class Uncertain:
     def words(self) -> str:
         """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
         effect, _, parameter = self.name.partition(".")
-        if effect == JOINTS_DAMPING:
-            return f"{parameter} {effect}, beyond the members'"
         if not parameter or " " in effect:
             return self.name
         key, _, of = parameter.partition(":")
@@ -143,21 +146,19 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
         )
     curve = problem.damping
     first = len(final.values)
-    sd = np.sqrt(np.maximum(np.diag(final.solution.covariance), 0.0))[first : first + len(curve.knots)]
-    sd = sd if len(sd) == len(curve.knots) else np.full(len(curve.knots), np.nan)
-    for f, nominal, fitted, s in zip(curve.knots, curve.nominal, final.zeta, sd, strict=True):
-        at_bound = abs(np.log(fitted / nominal)) > 3.9 * curve.std
-        out.append(
-            Uncertain(
-                f"damping ratio at {f:.4g} Hz",
-                "-",
-                float(nominal),
-                float(fitted),
-                float(nominal * curve.std),
-                float(fitted * s),
-                bool(at_bound),
-            )
-        )
+    n = len(curve.start)
+    sd = np.sqrt(np.maximum(np.diag(final.solution.covariance), 0.0))[first : first + n]
+    sd = sd if len(sd) == n else np.full(n, np.nan)
+    names = [f"damping ratio at {f:.4g} Hz" for f in curve.knots]
+    if any(e.connection for e in d.model.effects):
+        names += [CONNECTIONS_LEVEL, CONNECTIONS_POWER]
+    for name, nominal, fitted, s in zip(names, curve.start, final.zeta, sd, strict=False):
+        moved = np.log(fitted / nominal)
+        # of the power itself, not of e to it
+        values = (0.0, moved, curve.std, s) if name == CONNECTIONS_POWER else (
+            nominal, fitted, nominal * curve.std, fitted * s
+        )  # fmt: skip
+        out.append(Uncertain(name, "-", *map(float, values), bool(abs(moved) > 3.9 * curve.std)))
     return tuple(out)
 
 
@@ -172,6 +173,12 @@ def program_version() -> str:
 def _fault(f: Fault) -> dict[str, Any]:
     plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
     return plain | ({"other": f.other} if f.other else {})
+
+
+def _damping(curve: DampingCurve, unknowns: NDArray[np.float64]) -> dict[str, Any]:
+    members, *connections = np.atleast_2d(curve.ratio(curve.knots, unknowns))
+    own = {"connections_ratio": connections[0]} if connections else {}
+    return {"frequency_Hz": curve.knots, "ratio": members, **own}
 
 
 def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
@@ -210,7 +217,7 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         ],
         "model": {
             "values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()},
-            "damping": {"frequency_Hz": d.problem.damping.knots, "ratio": last.zeta},
+            "damping": _damping(d.problem.damping, last.zeta),
         },
         "modes": [
             {

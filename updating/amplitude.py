@@ -17,7 +17,7 @@ from fem.model import Effect, parameter_values
 from fem.reduced import ParametricFRF
 from updating.correlation import log_ratio
 from updating.faults import Fault
-from updating.fit import LEVEL_FLOOR, ROBUST, FitData, FitProblem, FitResult
+from updating.fit import LEVEL_FLOOR, ROBUST, FitData, FitProblem, FitResult, by_unknowns
 from updating.gates import at_level
 from updating.measurement import Measurement
 from updating.parameters import effect_variables
@@ -107,8 +107,10 @@ class _AtJoint:
             both = p.vectors_with(self.element)
             self._made["engine"] = ParametricFRF(p.reduced, *both, f, refs, self.effects)
             self._made["hats"] = p.damping.hats(f)
-        ratio = np.exp(self._made["hats"] @ np.log(zeta))
-        return self._made["engine"].evaluate(values, ratio, gradient)
+        return self._made["engine"].evaluate(values, self.ratio(zeta), gradient)
+
+    def ratio(self, zeta: Floats) -> Floats:
+        return np.exp(self._made["hats"] @ np.log(zeta))
 
     @property
     def hats(self) -> Floats:
@@ -138,7 +140,7 @@ class _Function:
     def __call__(self, x: Floats, gradient: bool) -> tuple[Complexes, Complexes | None]:
         at, p = self.at, self.at.problem
         variables = self.rest.variables
-        n_par, n_damping = len(variables), len(p.damping.knots)
+        n_par, n_damping = len(variables), len(p.damping.start)
         values = np.array([v.to_value(xi) for v, xi in zip(variables, x[:n_par], strict=True)])
         zeta = np.exp(x[n_par : n_par + n_damping])
         block, slopes, by_zeta = at.block(values, [v.ref for v in variables], zeta, gradient)
@@ -149,8 +151,7 @@ class _Function:
             assert slopes is not None
             assert by_zeta is not None
             by_x = [v.slope(xi) * s for v, xi, s in zip(variables, x[:n_par], slopes, strict=True)]
-            ratio = np.exp(at.hats @ np.log(zeta))
-            by_x += [(ratio * at.hats[:, k])[:, None, None] * by_zeta for k in range(n_damping)]
+            by_x += [*by_unknowns(at.ratio(zeta), at.hats, by_zeta)]
             changes = np.array(by_x).reshape(len(by_x), *block.shape)
         residuals, jacobians = [], []
         for data in self.levels:

@@ -100,15 +100,20 @@ class Field:
         K, M, C, D = (np.asarray(T.T @ (X @ T)) for X in full)
         lam, V = sla.eigh(K, M, check_finite=False)
         d = model.damping
-        zeta = np.exp(problem.damping.hats(f) @ np.log(result.zeta))
+        zeta = problem.damping.ratio(f, result.zeta)
+        zeta, *connections = np.atleast_2d(zeta)
         diagonal = lam * (1 + 1j * (d.loss_factor + 2 * zeta + omega * d.beta))[:, None]
         diagonal = diagonal + (1j * omega * d.alpha - omega**2)[:, None]
         shapes = T @ V
         force = shapes.T @ problem.vectors[1]
+        springs = [e for e in (*fitted.effects, *result.effects) if e.connection]
+        G: Any = sum_contributions(tuple(c for e in springs for c in e.contribute(model)), model.n_dof)[0]
         mean: Any
-        if C.any() or D.any():
-            C, D = V.T @ C @ V, V.T @ D @ V
+        if C.any() or D.any() or (connections and G.nnz):
+            C, D, G = V.T @ C @ V, V.T @ D @ V, shapes.T @ (G @ shapes)
             Z: Any = 1j * (omega[:, None, None] * C + D)
+            for ratio in connections:
+                Z += 2j * (ratio - zeta)[:, None, None] * G
             r = np.arange(len(lam))
             Z[:, r, r] += diagonal
             mean = np.linalg.solve(Z, np.broadcast_to(force.astype(complex), (len(f), *force.shape)))

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint, PointPair
-from fem.effects.joint_damping import JointsDamping
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
 from fem.model import Effect, Model, Parameter, parameter_values
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
-from fem.system import assemble
+from fem.system import assemble, connection_stiffness
 from updating.amplitude import combined_levels, force_levels, search_amplitude
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.faults import Fault, find_faults, settle_faults
@@ -81,8 +80,6 @@ MESH_SHARE = 0.1
 """Elements are cut where the level that the mesh leaves is more than this share of the noise's."""
 MOST_SPLITS = 4
 """Into so many at most."""
-JOINTS_DAMPING = "damping of joints"
-"""Name of the effect by which the joints' damping differs from the members'."""
 NOMINAL_RATIO = 5e-3
 """Damping ratio of a model that has none [-]."""
 N_LINES = 160
@@ -322,6 +319,7 @@ def build_problem(
     damping_std: float = 0.5,
     band: tuple[float, float] | None = None,
     n_lines: int = N_LINES,
+    connections: bool = False,
 ) -> FitProblem:
     """Reduce a model and prepare the data for fits.
 
@@ -338,6 +336,8 @@ def build_problem(
         Frequencies that count [Hz].
     n_lines : int
         At most this many lines are fitted.
+    connections : bool
+        Whether connections may be damped otherwise than members.
 
     Raises
     ------
@@ -366,8 +366,9 @@ def build_problem(
     ratio = model.damping.ratio_at(knots)
     no_other = not (model.damping.alpha or model.damping.beta or model.damping.loss_factor)
     curve = DampingCurve(
-        knots, np.maximum(ratio, NOMINAL_RATIO if no_other and not ratio.any() else 1e-5), damping_std
-    )
+        knots, np.maximum(ratio, NOMINAL_RATIO if no_other and not ratio.any() else 1e-5), damping_std,
+        connections,
+    )  # fmt: skip
     k = len(modes)
     low = modes[4] * 1.1 if k > 8 else highest
     middle = modes[k // 2] if k > 14 else highest
@@ -381,7 +382,7 @@ def build_problem(
         start,
         (),
     )
-    nominal, _, _ = engine.evaluate(values, np.exp(curve.hats(start) @ np.log(curve.nominal)), gradient=False)
+    nominal, _, _ = engine.evaluate(values, curve.ratio(start, curve.start), gradient=False)
     data = prepare(measurement, nominal, band)
     counted = data.frequency[data.mask.any(axis=(1, 2)) & ~data.held_out]
     if not counted.size:
@@ -407,7 +408,7 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     fine_model = model.with_mesh(model.mesh.split(2))
     lines = problem.lines_up_to(np.inf, n_lines)
     f = problem.data.frequency[lines]
-    zeta = np.exp(problem.damping.hats(f) @ np.log(problem.damping.nominal))
+    zeta = problem.damping.ratio(f, problem.damping.start)
     highest = float(problem.data.frequency[-1])
     forces = attachment_forces(fine_model, m)
     fine = reduce_model(fine_model, forces, highest, margin=MODE_MARGIN, releasable=False)
@@ -418,29 +419,6 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
         H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
     ratio: Any = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan")) * 16 / 15
     return rms_db(ratio), problem.level(ratio, lines)
-
-
-def _with_joints_damping(
-    model: Model, measurement: Measurement, nuisances: Sequence[Nuisance], damping_std: float
-) -> tuple[Model, tuple[Nuisance, ...]]:
-    """Return a model whose joints may be damped otherwise than its members, and what is uncertain in it.
-
-    The difference of the loss factors is known to be small beside what both have, by ``damping_std``.
-    """
-    nuisances = tuple(nuisances)
-    if not any(joint.elastic for joint in model.of_kind(Joint)):
-        return model, nuisances
-    f = measurement.frf.frequency[measurement.frf.frequency > 0]
-    middle = float(np.sqrt(f[0] * f[-1]))
-    d = model.damping
-    loss = d.loss_factor + 2 * float(d.ratio_at(np.array([middle]))[0]) + 2 * np.pi * middle * d.beta
-    std = damping_std * (loss or 2 * NOMINAL_RATIO)
-    there = model.of_kind(JointsDamping)  # as in the model that a diagnosis returns
-    own = JointsDamping(name=JOINTS_DAMPING, structural=0.0, viscous=0.0, frequency=middle)
-    own = there[0] if there else own
-    given = {n.effect for n in nuisances}
-    more = (Nuisance(own.name, p.name, std) for p in own.parameters() if own.name not in given)
-    return model if there else model.with_effect(own), (*nuisances, *more)
 
 
 def _splits(mesh_level: float, noise_level: float) -> int:
@@ -527,10 +505,9 @@ def diagnose(
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
     candidates = propose(model, kinds, exclude, measurements[0])
-    model, nuisances = _with_joints_damping(model, measurements[0], nuisances, damping_std)
     build = partial(
         build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,
-        n_lines=n_lines,
+        n_lines=n_lines, connections=True,
     )  # fmt: skip
     problem = build(model)
     mesh_db, mesh_level = discretisation_error(problem)
@@ -1244,12 +1221,15 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> flo
     outputs, inputs = problem.vectors
     lines = problem.lines_up_to(np.inf, n_lines)
     f = problem.data.frequency[lines]
-    zeta = np.exp(problem.damping.hats(f) @ np.log(result.zeta))
+    zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
+    connections = connection_stiffness(system) if others else None
     reduced = problem.receptance(result, lines)
     ratio = []
     backend = None if system.reciprocal else "superlu"
     for k, omega in enumerate(2 * np.pi * f):
         Z = system.dynamic_stiffness(float(omega)) + 2j * zeta[k] * system.K
+        if connections is not None:
+            Z = Z + 2j * (others[0][k] - zeta[k]) * connections
         direct = outputs.T @ (
             system.Q @ factorise(Z, backend=backend).solve((system.Q.T @ inputs).astype(complex))
         )

@@ -167,8 +167,8 @@ class FitResult:
         Values of all parameters that varied.
     std : mapping of (effect, parameter) to float
         Linearised standard deviations.
-    zeta : ndarray (n_knots,)
-        Damping ratios at the curve's knots [-].
+    zeta : ndarray (n_unknowns,)
+        The damping curve's unknowns: first the ratios at its knots [-].
     effects : tuple of Effect
         The added effects at their fitted values.
     fit_db, held_out_db : float
@@ -350,7 +350,7 @@ class FitProblem:
             [
                 [float(v.prior or 0.0) for v in nuisance],
                 [v.to_x(start_of[v.ref]) for v in extra],
-                np.log(self.damping.nominal),
+                np.log(self.damping.start),
             ]
         )
         return FitFunction(self, tuple(effects), (*nuisance, *extra), start, lines)
@@ -382,7 +382,7 @@ class FitProblem:
         f = self.data.frequency[lines]
         refs = list(result.values)
         engine = self.engine(f, refs, result.effects)
-        zeta = np.exp(self.damping.hats(f) @ np.log(result.zeta))
+        zeta = self.damping.ratio(f, result.zeta)
         H, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         return H
 
@@ -404,7 +404,7 @@ class FitProblem:
         refs = [ref for ref in result.values if ref[0] != element.name]
         f = self.data.frequency[lines]
         engine = ParametricFRF(self.reduced, *self.vectors_with(element), f, refs, linear)
-        zeta = np.exp(self.damping.hats(f) @ np.log(result.zeta))
+        zeta = self.damping.ratio(f, result.zeta)
         block, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         measured = np.where(self.data.mask[lines], self.data.H[lines], 0.0)
         force = self.data.measurement.force_level
@@ -440,7 +440,7 @@ class FitProblem:
         empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
         values = {v.ref: v.to_value(v.prior or 0.0) for v in variables}
         zero = dict.fromkeys(values, 0.0)
-        return self.assessed(FitResult(empty, values, zero, self.damping.nominal, (), *3 * (np.nan,)))
+        return self.assessed(FitResult(empty, values, zero, self.damping.start, (), *3 * (np.nan,)))
 
     def at_nominal(self, result: FitResult) -> FitResult:
         """Return a result with the nuisance parameters of the model back at their nominal values.
@@ -496,8 +496,8 @@ class FitProblem:
 class FitFunction:
     """Residuals of a fit at some lines, as a function of all that varies.
 
-    x holds the variables (nuisance parameters, then those of the effects) and ln ζ at the damping curve's
-    knots.
+    x holds the variables (nuisance parameters, then those of the effects) and the logarithms of the damping
+    curve's unknowns.
 
     Attributes
     ----------
@@ -547,15 +547,15 @@ class FitFunction:
         for k, v in enumerate(self.variables):
             J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
         base = dH_dzeta * per
-        for k in range(hats.shape[1]):
-            J[n_par + k] = ((zeta * hats[:, k])[:, None, None] * base)[keep]
+        J[n_par:] = by_unknowns(zeta, hats, base)[:, keep]
         return r, J
 
     def prior(self) -> Prior:
         """Return what is known of x beforehand."""
         p, none = self.problem, np.inf
-        means = [[v.prior or 0.0 for v in self.variables], np.log(p.damping.nominal)]
-        stds = [[v.std or none for v in self.variables], np.full(len(p.damping.knots), p.damping.std)]
+        start = np.log(p.damping.start)
+        means = [[v.prior or 0.0 for v in self.variables], start]
+        stds = [[v.std or none for v in self.variables], np.full(len(start), p.damping.std)]
         return Prior(np.concatenate(means), np.concatenate(stds))
 
     def moved_to(self, result: "FitResult") -> NDArray[np.float64]:
@@ -578,7 +578,7 @@ class FitFunction:
         return np.vstack(
             [
                 np.array([v.bounds() for v in self.variables]).reshape(-1, 2),
-                np.tile([np.log(1e-5), np.log(0.3)], (len(p.damping.knots), 1)),
+                p.damping.limits,
             ]
         )
 
@@ -610,6 +610,26 @@ class FitFunction:
         )
         zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
         return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level)
+
+
+def by_unknowns(
+    zeta: NDArray[np.float64], hats: NDArray[np.float64], by_zeta: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return derivatives by the logarithms of a damping curve's unknowns from those by ζ at each line.
+
+    Parameters
+    ----------
+    zeta : ndarray (n_freq,) or (2, n_freq)
+        As of :meth:`updating.parameters.DampingCurve.ratio` [-].
+    hats : ndarray (n_freq, n_unknowns) or (2, n_freq, n_unknowns)
+    by_zeta : ndarray (n_freq, n_out, n_in) or (2, n_freq, n_out, n_in)
+
+    Returns
+    -------
+    ndarray (n_unknowns, n_freq, n_out, n_in)
+    """
+    weight = np.moveaxis(zeta[..., None] * hats, -1, 0)[..., None, None]
+    return weight * by_zeta if zeta.ndim == 1 else weight[:, 0] * by_zeta[0] + weight[:, 1] * by_zeta[1]
 
 
 def _rms(ratio: NDArray[np.complex128]) -> float:

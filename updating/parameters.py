@@ -36,6 +36,10 @@ class DampingCurve:
     ζ(f) = exp(Σ z_k B_k(f)), B_k the hat functions of the knots over ln f; constant outside. Damping in
     proportion to mass or stiffness is a power of f, 1/f or f, and so followed exactly.
 
+    Connections may be damped otherwise than members: ζ_c(f) = r ζ̄ (f/f̄)^b, with ζ̄ and f̄ the geometric means
+    of ζ and f at the knots. Then r and b are two more unknowns, behind the ratios at the knots, as r and
+    exp(b).
+
     Attributes
     ----------
     knots : ndarray (n,)
@@ -43,17 +47,46 @@ class DampingCurve:
     nominal : ndarray (n,)
         Nominal ratios at the knots [-].
     std : float
-        Standard deviation of the logarithm at a knot [-].
+        Standard deviation of the logarithm at a knot, of ln r and of b [-].
+    connections : bool
+        Whether connections have a ratio of their own.
     """
 
     knots: NDArray[np.float64]
     nominal: NDArray[np.float64]
     std: float
+    connections: bool = False
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """All unknowns at their nominal values, (n_unknowns,)."""
+        return np.concatenate([self.nominal, np.ones(2 if self.connections else 0)])
+
+    @property
+    def limits(self) -> NDArray[np.float64]:
+        """Bounds of their logarithms, (n_unknowns, 2)."""
+        ratio, other = np.log([[1e-5, 0.3]]), 4 * self.std * np.array([[-1.0, 1.0]])
+        return np.repeat(np.vstack([ratio, other]), [len(self.knots), 2 if self.connections else 0], axis=0)
 
     def hats(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return B, shape (n_freq, n_knots)."""
+        """Return B, by which ln ζ = B ln(unknowns): (n_freq, n_knots), or (2, n_freq, n_knots + 2).
+
+        With connections the second of the two is theirs.
+        """
         at, knots = np.log(np.maximum(frequency, 1e-9 * self.knots[0])), np.log(self.knots)
-        return np.stack([np.interp(at, knots, row) for row in np.eye(len(knots))], axis=1)
+        hats = np.stack([np.interp(at, knots, row) for row in np.eye(len(knots))], axis=1)
+        if not self.connections:
+            return hats
+        out = np.zeros((2, len(at), len(knots) + 2))
+        out[0, :, : len(knots)] = hats
+        out[1, :, : len(knots)] = 1 / len(knots)
+        out[1, :, len(knots)] = 1
+        out[1, :, len(knots) + 1] = at - knots.mean()
+        return out
+
+    def ratio(self, frequency: NDArray[np.float64], unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return ζ at frequencies [Hz], (n_freq,), or with connections that and theirs, (2, n_freq) [-]."""
+        return np.exp(self.hats(frequency) @ np.log(unknowns))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -267,7 +267,7 @@ def shortlist(
         for point, most in points[(step - 1) // 2 :: step]:
             contributions = grid.effect.with_values(**point).contribute(model)
             for b, (look, every) in enumerate(zip(looks, responses, strict=True)):
-                two = look.linear(every.slope(contributions), most, grid.one_sided())
+                two = look.linear(every.slope(contributions, grid.effect.connection), most, grid.one_sided())
                 levels[2 * b : 2 * b + 2, i] = np.minimum(levels[2 * b : 2 * b + 2, i], two)
     listed = {i for i, grid in enumerate(grids) if grid.effect.released()}
     for row in levels:
@@ -408,7 +408,7 @@ class _Look:
             p, base = self.problem, self.base
             f, refs = p.data.frequency[self.lines], list(base.values)
             engine = p.engine(f, refs, base.effects, released)
-            zeta = np.exp(p.damping.hats(f) @ np.log(base.zeta))
+            zeta = p.damping.ratio(f, base.zeta)
             self._solved[released] = engine.local(np.array([base.values[r] for r in refs]), zeta)
         return self._solved[released]
 

@@ -240,7 +240,7 @@ class _Prediction:
     ) -> tuple[Complexes, Complexes | None]:
         p, refs = self.problem, list(fit.values)
         engine = ParametricFRF(p.reduced, outputs, inputs, frequency, refs, fit.effects)
-        zeta = np.exp(p.damping.hats(frequency) @ np.log(fit.zeta))
+        zeta = p.damping.ratio(frequency, fit.zeta)
         values = np.array([fit.values[r] for r in refs])
         H, dH, _ = engine.evaluate(values, zeta, gradient=slopes)
         if dH is None:

@@ -15,6 +15,7 @@ from fem.model import DIRECTIONS, Array, Contribution, Effect, Model, Parameter,
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Foundation(Effect):
+    connection: ClassVar[bool] = True
     supports: tuple[str, ...]
     direction: str
     stiffness: Any

@@ -26,6 +26,7 @@ class GroundSpring(OnPoint):
     """
 
     kind: ClassVar[str] = "ground_spring"
+    connection: ClassVar[bool] = True
     stiffness: Any
     reference: float
 

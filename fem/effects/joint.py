@@ -82,6 +82,7 @@ class PointPair(Effect):
         The element's x, y and z as rows, in global components; all its directions and matrices are in these.
     """
 
+    connection: ClassVar[bool] = True
     point1: int
     point2: int | None = None
     location: NDArray[np.float64]

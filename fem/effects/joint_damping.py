@@ -1,4 +1,4 @@
-"""Damping of joints beyond what the model has: of one direction, of a whole joint, or of all joints alike."""
+"""Damping of joints beyond what the model has: of one direction or of a whole joint."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -136,56 +136,3 @@ class JointStructuralDamping(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the joint."""
         return model.effect(self.joint).locations(model)
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class JointsDamping(Effect):
-    """A loss factor on all stiffnesses of all joints, beyond the model's: i (η + ν f / f0) K.
-
-    It is not proposed. A fit varies it with the damping of everything, because joints are damped otherwise
-    than members: they may have more, or less.
-
-    Attributes
-    ----------
-    structural : float
-        η, the part that does not depend on frequency [-].
-    viscous : float
-        ν, the part in proportion to frequency, at the reference frequency [-].
-    frequency : float
-        f0 [Hz].
-    """
-
-    kind: ClassVar[str] = "joints_damping"
-    structural: Any
-    viscous: Any
-    frequency: float
-
-    @property
-    def where(self) -> str:
-        """All of them."""
-        return "all joints"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Return both parts of the loss factor."""
-        return (
-            Parameter("structural", "-", self.structural, 0.0, -1.0, 1.0, linear=True),
-            Parameter("viscous", "-", self.viscous, 0.0, -1.0, 1.0, linear=True),
-        )
-
-    def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return η Bᵀ K B as structural and ν Bᵀ K B / (2π f0) as viscous damping of each joint."""
-        out = []
-        for joint in model.of_kind(Joint):
-            dofs, B = joint.relative(model)
-            X = (B.T @ joint.K @ B)[None]
-            C = self.viscous / (2 * np.pi * self.frequency) * X
-            out.append(Contribution(dofs[None], C=C, D=self.structural * X))
-        return tuple(out)
-
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """One per cent."""
-        return ({"structural": 0.01}, {"viscous": 0.01})
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the joints."""
-        return np.vstack([joint.locations(model) for joint in model.of_kind(Joint)])

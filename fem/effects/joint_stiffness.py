@@ -33,6 +33,7 @@ class JointStiffness(Effect):
     """
 
     kind: ClassVar[str] = "joint_stiffness"
+    connection: ClassVar[bool] = True
     joints: tuple[str, ...]
     direction: str
     stiffness: Any

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ class OnJoint(Effect):
         Name of the joint.
     """
 
+    connection: ClassVar[bool] = True
     joint: str
 
     @property

@@ -35,6 +35,7 @@ class SideSpring(OnMember):
     """
 
     kind: ClassVar[str] = "side_spring"
+    connection: ClassVar[bool] = True
     direction: str
     position: Any
     stiffness: Any

@@ -27,6 +27,7 @@ class SupportFlexibility(Effect):
     """
 
     kind: ClassVar[str] = "support_flexibility"
+    connection: ClassVar[bool] = True
     supports: tuple[str, ...]
     direction: str
     stiffness: Any

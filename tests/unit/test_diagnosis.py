@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import fem
 from fem import FRF
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
@@ -208,24 +207,11 @@ def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise(
     case = draw_case(Settings(911), "null", 1)  # members 0.3 to 2.5 % over the band, the joint 0.4 %
     alike = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
     assert alike.fit().level > 2 * alike.data.noise_level
-    model, nuisances = diagnosis._with_joints_damping(case.model, case.measurement, case.nuisances, 0.5)
-    problem = diagnosis.build_problem(model, case.measurement, nuisances)
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances, connections=True)
     fit = problem.fit()
     assert fit.level < 1.2 * problem.data.noise_level
-    assert fit.values["damping of joints", "viscous"] < 0
-    # what a diagnosis returns is diagnosed again
-    again, same = diagnosis._with_joints_damping(model, case.measurement, nuisances, 0.5)
-    assert again is model
-    assert same == nuisances
-    assert diagnosis._with_joints_damping(model, case.measurement, case.nuisances, 0.5)[1] == nuisances
-
-
-def test_a_frame_without_elastic_joints_has_no_damping_of_joints():
-    case = make_case(0)
-    stiff = case.model.without_effect(*(j.name for j in case.model.of_kind(fem.Joint)))
-    model, nuisances = diagnosis._with_joints_damping(stiff, case.measurement, case.nuisances, 0.5)
-    assert model is stiff
-    assert nuisances == case.nuisances
+    _, joint = problem.damping.ratio(problem.damping.knots, fit.zeta)
+    np.testing.assert_allclose(np.exp(np.log(joint).mean()), 0.004, rtol=0.15)
 
 
 def test_fine_stages_end_between_modes_and_have_lines():

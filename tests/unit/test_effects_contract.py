@@ -8,7 +8,6 @@ import pytest
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.frame import Frame
-from fem.effects.joint_damping import JointsDamping
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.frf import compute_frf
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
@@ -57,7 +56,7 @@ TURNED = {"preload", "prestress", "rotor"}
 BRAKED = {"mass_damping"}
 """Kinds that brake a rigid body."""
 
-OF_ALL = {"mass_damping", "stiffness_damping", "joints_damping"}
+OF_ALL = {"mass_damping", "stiffness_damping"}
 """Kinds that are formed of all other effects or all joints, in a fit of those at nominal values."""
 
 DIFFERENCES = {"member_section", "member_shear", "member_torsion"}
@@ -80,7 +79,6 @@ def candidates(model, kind):
 NOT_PROPOSED = (
     MassDamping(name="alpha", alpha=1.0),
     StiffnessDamping(name="beta", beta=1e-5),
-    JointsDamping(name="joints", structural=0.01, viscous=-0.002, frequency=100.0),
 )
 """Effects of kinds that a search does not propose, on the crossed beams."""
 

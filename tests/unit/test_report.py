@@ -15,7 +15,7 @@ from study.report import report_html, thresholds
 from study.result import Uncertain
 from tests.small_frame import write_study
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import ACCEPT_SETTLED, JOINTS_DAMPING, STEP_LEVEL
+from updating.diagnosis import ACCEPT_SETTLED, STEP_LEVEL
 from updating.faults import Fault
 
 VOID = {"meta", "link", "img", "br", "hr"}
@@ -254,7 +254,6 @@ def test_the_structure_is_drawn(found, tmp_path):
         ("frame.rho:steel", "density of steel"),
         ("J.krx", "krx of J"),
         ("damping ratio at 43.92 Hz", "damping ratio at 43.92 Hz"),
-        (f"{JOINTS_DAMPING}.viscous", "viscous damping of joints, beyond the members'"),
     ],
 )
 def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
