@@ -678,8 +678,11 @@ def _linear_added(
     settled, limit = FLOOR_MARGIN * floor, max(RIGHT_MARGIN * floor, model_error)
     weak = settled if model_error == 0 else 0.0
     grids = {e.name: Grid.of(begin.problem, e) for e in candidates}
-    search = _search(begin, candidates, grids, (max(settled, model_error), weak), N_BEST, say)
+    full = max(settled, model_error), weak
+    search = _search(begin, candidates, grids, full, N_BEST, say)
     later = _between(say, 0.53, 1.0)
+    if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > limit):
+        search = _exchanged(search, candidates, full, _between(say, 0.5, 0.53))
     if len(search.findings) > 1:
         alone = _search(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later, most=1)
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
@@ -689,6 +692,35 @@ def _linear_added(
         if deeper.current.level < search.current.level:
             search = deeper
     return _on_own_basis(search)
+
+
+def _exchanged(
+    search: _Search, candidates: Sequence[Effect], limits: tuple[float, float], say: Progress
+) -> _Search:
+    """Take away each of several effects but the last, search on beside the others, and keep the best end.
+
+    The first was chosen while the others were missing, and may have stood for some of them.
+    """
+    best = search
+    for i in range(len(search.findings) - 1):
+        findings, rounds = (x[:i] + x[i + 1 :] for x in (search.findings, search.rounds))
+        names = {f.effect.name for f in findings}
+        effects = tuple(e for e in search.current.effects if e.name in names)
+        less = search.problem.refit(replace(search.current, effects=effects))
+        label = " and ".join(_label(e) for e in less.effects)
+        begin = _Search(
+            search.problem, tuple(_at_values_of(less, findings)), rounds[: len(findings)],
+            (*search.steps[:2], _step(f"{label} added", less)), less,
+        )  # fmt: skip
+        again = _search(begin, candidates, {}, limits, N_BEST, say)
+        if _worth(again) < _worth(best):
+            best = again
+    return best
+
+
+def _worth(search: _Search) -> float:
+    """Return the score of all effects of a search together."""
+    return _score(search.problem, search.current, len(search.findings))
 
 
 def _on_own_basis(search: _Search) -> _Search:
@@ -748,9 +780,8 @@ def _search(
     measure are fitted, and ``most`` effects added.
     """
     problem, current = begin.problem, begin.current
-    findings: list[Finding] = []
-    rounds: list[tuple[Ranked, ...]] = []
-    steps = list(begin.steps)
+    findings, rounds, steps = list(begin.findings), list(begin.rounds), list(begin.steps)
+    first = steps[: len(steps) - bool(findings)]
     limit, weak_limit = limits
     while len(findings) < most:
         taken = {f.effect.name for f in findings}
@@ -801,7 +832,7 @@ def _search(
         kept = [k for k, f in enumerate(before) if f.effect.name in left]
         rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
         names = " and ".join(_label(f.effect) for f in findings)
-        steps = [*steps[: len(begin.steps)], *([_step(f"{names} added", current)] if findings else [])]
+        steps = [*first, *([_step(f"{names} added", current)] if findings else [])]
     return _Search(problem, tuple(findings), tuple(rounds), tuple(steps), current)
 
 
@@ -1013,18 +1044,17 @@ def _believed(fit: FitResult) -> FitResult:
     return replace(fit, values={**fit.values, replaced[0]: own[0].value})
 
 
-def _score(problem: FitProblem, fit: FitResult) -> float:
-    """Return what candidates are ranked by: n ln level + ½ k ln n, with k parameters of the last effect.
+def _score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
+    """Return what candidates are ranked by: n ln level + ½ k ln n, with k parameters of the last effects.
 
     Schwarz's criterion (Ann. Stat. 6, 1978) for an unknown error level, with as many independent data n as
     the fits count, so that an effect with more parameters must earn them. The level of one that also damps
     counts ``DAMPING_MARGIN`` times.
     """
     n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
-    effect = fit.effects[-1]
-    parameters = effect.parameters()
+    parameters = [(e, p) for e in fit.effects[len(fit.effects) - n_last :] for p in e.parameters()]
     level = np.hypot(fit.level, LEVEL_FLOOR)
-    if any(_damps(problem, effect, p) for p in parameters):
+    if any(_damps(problem, effect, p) for effect, p in parameters):
         level *= DAMPING_MARGIN
     return float(n * np.log(level) + 0.5 * len(parameters) * np.log(n))
 
