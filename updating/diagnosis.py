@@ -704,9 +704,7 @@ def _exchanged(
     best = search
     for i in range(len(search.findings) - 1):
         findings, rounds = (x[:i] + x[i + 1 :] for x in (search.findings, search.rounds))
-        names = {f.effect.name for f in findings}
-        effects = tuple(e for e in search.current.effects if e.name in names)
-        less = search.problem.refit(replace(search.current, effects=effects))
+        less = search.problem.fit_without(search.current, [search.findings[i].effect.name])
         label = " and ".join(_label(e) for e in less.effects)
         begin = _Search(
             search.problem, tuple(_at_values_of(less, findings)), rounds[: len(findings)],
@@ -1085,8 +1083,7 @@ def _without_idle(
     for finding in list(findings):
         name = finding.effect.name
         rest = [f for f in findings if f.effect.name != name]
-        effects = tuple(e for e in current.effects if e.name != name)
-        less = problem.refit(replace(current, effects=effects))
+        less = problem.fit_without(current, [name])
         usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
         factors = _weak(problem, finding.effect, beside=bool(rest)) if weak else usual
@@ -1117,16 +1114,19 @@ def _attached(problem: FitProblem, effects: Sequence[Effect]) -> FitProblem:
 
 
 def _polish(problem: FitProblem, best: FitResult) -> FitResult:
-    """Fit again from starts around the best.
+    """Fit again from starts around the best, with another value of its first parameter or of a law or width.
 
-    Optima that are as good widen the parameter's standard deviation.
+    Such as a width that reaches beyond a member's end, where the FRFs do not change with it. Optima that are
+    as good widen the first parameter's standard deviation.
     """
     *have, last = best.effects
-    first = last.parameters()[0]
+    first, *others = last.parameters()
     tried = [problem.refit(best, assess=False)]
-    for factor in (0.6, 0.8, 1.25, 1.7):
-        value = float(np.clip(factor * first.value, first.lower, first.upper))
-        starts = [*map(parameter_values, have), {**parameter_values(last), first.name: value}]
+    near = [(first, f) for f in (0.6, 0.8, 1.25, 1.7)]
+    near += [(p, f) for p in others if p.name != "position" for f in (0.6, 1.7)]
+    for p, factor in near:
+        value = float(np.clip(factor * p.value, p.lower, p.upper))
+        starts = [*map(parameter_values, have), {**parameter_values(last), p.name: value}]
         tried.append(
             problem.fit(best.effects, starts, stages=[problem.stages[-1]], x_from=best, assess=False)
         )

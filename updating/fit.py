@@ -314,7 +314,9 @@ class FitProblem:
         return self.assessed(result) if assess else result
 
     def refit(self, result: FitResult, x_from: FitResult | None = None, *, assess: bool = True) -> FitResult:
-        """Fit what a result holds once more, from where it is.
+        """Fit what a result holds once more, from where it is: on the whole band at once.
+
+        A part of the band would not hold what only the rest shows, such as how wide a mass is spread.
 
         Parameters
         ----------
@@ -326,7 +328,21 @@ class FitProblem:
             Whether to compute the errors on all lines too.
         """
         starts = [parameter_values(e) for e in result.effects]
-        return self.fit(result.effects, starts, x_from=x_from or result, assess=assess)
+        whole = [self.stages[-1]]
+        return self.fit(result.effects, starts, stages=whole, x_from=x_from or result, assess=assess)
+
+    def fit_without(self, result: FitResult, effects: Sequence[str]) -> FitResult:
+        """Fit what a result holds but for some effects, from where it is and stage by stage.
+
+        Parameters
+        ----------
+        result : FitResult
+        effects : sequence of str
+            Names of the effects to leave out.
+        """
+        less = replace(result, effects=tuple(e for e in result.effects if e.name not in effects))
+        staged = self.fit(less.effects, [parameter_values(e) for e in less.effects], x_from=result)
+        return min(self.refit(less), staged, key=lambda r: r.solution.cost)
 
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
