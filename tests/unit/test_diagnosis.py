@@ -251,6 +251,51 @@ def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
     assert taken.effects[-1].kind == "crack"
 
 
+def test_what_stood_for_another_effect_gives_way_to_it():
+    case = make_case(0)  # a member is heavier
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    kinds = ("member_density", "point_mass", "joint_stiffness")
+    candidates = diagnosis.propose(case.model, kinds)
+    wrong = [next(e for e in candidates if e.kind == kind) for kind in kinds[1:]]
+    starts = [diagnosis.Grid.of(problem, e).points[0] for e in wrong]
+    null, both = problem.fit(), problem.fit(wrong, starts)
+    findings = tuple(diagnosis.Finding(e, diagnosis._parameters(e, both), ()) for e in both.effects)
+    fits = {"nominal": problem.nominal(), "uncertain": null, "both": both}
+    steps = tuple(diagnosis._step(label, fit) for label, fit in fits.items())
+    search = diagnosis._Search(problem, findings, ((), ()), steps, both)
+    limits = diagnosis.EXPLAINED_LEVEL, 0.0
+    ended = diagnosis._exchanged(search, candidates, limits, lambda text, done: None)
+    (left,) = ended.findings  # and the one beside it has become idle
+    assert (left.effect.kind, left.effect.where) == (case.hidden.kind, case.hidden.where)
+    assert [s.label for s in ended.steps[:2]] == ["nominal", "uncertain"]
+    assert len(ended.steps) == 3
+    assert ended.rounds[0][0].name == left.effect.name
+    # what is right stays
+    assert diagnosis._exchanged(ended, candidates, limits, lambda text, done: None) is ended
+    assert diagnosis._worth(ended) < diagnosis._worth(search)
+
+
+def test_fits_are_repeated_from_where_they_are_on_the_whole_band():
+    # On the lower part of the band a mass spread over 0.3 m and one that reaches to the member's end look
+    # alike, and a fit that begins there ends in the second, 25 % worse.
+    case = draw_case(Settings(911), "two", 3)
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    support, mass = (
+        next(e for e in diagnosis.propose(case.model, [kind]) if e.name == name)
+        for kind, name in (
+            ("support_flexibility", "support_flexibility:S1.z"),
+            ("distributed_mass", "distributed_mass:post"),
+        )
+    )
+    starts = [{"stiffness": 2.7e7}, {"mass": 0.17, "position": 0.393, "width": 0.29}]
+    right = problem.fit([support, mass], starts, stages=problem.stages[-1:])
+    assert problem.refit(right).level == pytest.approx(right.level, rel=1e-3)
+    wide = [starts[0], {"mass": 0.157, "position": 0.411, "width": 0.36}]
+    valley = problem.fit([support, mass], wide, stages=problem.stages[-1:])
+    assert valley.level > 1.1 * right.level
+    assert diagnosis._polish(problem, valley).level < 1.01 * right.level
+
+
 def test_what_damps_must_do_more_and_so_must_what_comes_beside_others():
     case = make_case(0)
     problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
