@@ -153,12 +153,11 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
     if any(e.connection for e in d.model.effects):
         names += [CONNECTIONS_LEVEL, CONNECTIONS_POWER]
     for name, nominal, fitted, s in zip(names, curve.start, final.zeta, sd, strict=False):
-        moved = np.log(fitted / nominal)
-        # of the power itself, not of e to it
-        values = (0.0, moved, curve.std, s) if name == CONNECTIONS_POWER else (
-            nominal, fitted, nominal * curve.std, fitted * s
-        )  # fmt: skip
-        out.append(Uncertain(name, "-", *map(float, values), bool(abs(moved) > 3.9 * curve.std)))
+        moved, known = float(np.log(fitted / nominal)), (nominal, fitted, nominal * curve.std, fitted * s)
+        if name == CONNECTIONS_POWER:  # its unknown is e to it
+            known = 0.0, moved, curve.std, s
+        before, after, prior, std = map(float, known)
+        out.append(Uncertain(name, "-", before, after, prior, std, abs(moved) > 3.9 * curve.std))
     return tuple(out)
 
 

@@ -703,7 +703,8 @@ def _exchanged(
     """
     best = search
     for i in range(len(search.findings) - 1):
-        findings, rounds = (x[:i] + x[i + 1 :] for x in (search.findings, search.rounds))
+        findings = search.findings[:i] + search.findings[i + 1 :]
+        rounds = search.rounds[:i] + search.rounds[i + 1 :]
         less = search.problem.fit_without(search.current, [search.findings[i].effect.name])
         label = " and ".join(_label(e) for e in less.effects)
         begin = _Search(
