@@ -15,7 +15,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.basis import Basis, reduced_basis
-from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, parameter_values
 from fem.modes import solve_eigenpairs
 from fem.system import System, assemble, sum_contributions
 
@@ -60,6 +60,20 @@ class _Term:
         """Return all matrices multiplied by a factor."""
         K, M, C, D = (None if X is None else factor * X for X in (self.K, self.M, self.C, self.D))
         return replace(self, K=K, M=M, C=C, D=D, laws=tuple((f, factor * X) for f, X in self.laws))
+
+    def scaled(self, factors: Mapping[str, float]) -> "_Term":
+        """Return K, M, C and D each multiplied by a factor of its own, laws as they are."""
+        parts = {key: None if (X := getattr(self, key)) is None else f * X for key, f in factors.items()}
+        return replace(self, **parts)
+
+    def plus(self, other: "_Term", factor: float) -> "_Term":
+        """Return the sum with a multiple of a term on the same coordinates, both without laws."""
+
+        def total(key: str) -> NDArray[Any] | None:
+            X, Y = getattr(self, key), getattr(other, key)
+            return X if Y is None else factor * Y if X is None else X + factor * Y
+
+        return replace(self, **{key: total(key) for key in "KMCD"})
 
     def dense(self, key: str) -> Any:
         X = getattr(self, key)
@@ -123,6 +137,7 @@ class ReducedModel:
     basis: Basis
     system: System
     _cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+    _scalings: dict[Any, Any] = field(default_factory=dict, repr=False)
     remembered: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def with_forces_of(self, effects: Sequence[Effect]) -> "ReducedModel":
@@ -143,8 +158,12 @@ class ReducedModel:
             columns.append(block)
         if not columns:
             return self
-        basis = self.basis.extended(self.system, np.hstack(columns))
-        return self if basis is self.basis else ReducedModel(self.model, basis, self.system)
+        return self._on(self.basis.extended(self.system, np.hstack(columns)))
+
+    def _on(self, basis: Basis) -> "ReducedModel":
+        if basis is self.basis:
+            return self
+        return ReducedModel(self.model, basis, self.system, _scalings=self._scalings)
 
     def with_modes_of(self, model: Model, max_frequency: float) -> "ReducedModel":
         """Return the model with the modes of another one in its basis: with effects and values as found.
@@ -160,8 +179,7 @@ class ReducedModel:
         """
         system = assemble(model, reciprocal=False)
         shapes = np.asarray(system.Q @ solve_eigenpairs(system, max_frequency=max_frequency).vectors)
-        basis = self.basis.with_shapes(self.system, shapes)
-        return self if basis is self.basis else ReducedModel(self.model, basis, self.system)
+        return self._on(self.basis.with_shapes(self.system, shapes))
 
     def residual_flexibility(self, dofs: NDArray[np.int64]) -> NDArray[np.float64] | None:
         """Return the static flexibility at some DOFs that the basis lacks, (m, m) [m/N, …].
@@ -256,6 +274,17 @@ class ReducedModel:
         """Project an effect's derivative with respect to a parameter of an effect that it refers to."""
         return self._of(effect, effect.contribute(model.with_values({ref: value + 1j * _STEP})), True)
 
+    def scaling_of(self, effect: Effect, ref: ParameterRef) -> Mapping[str, int] | None:
+        """Return which of an effect's matrices a parameter of another effect but multiplies (computed once).
+
+        1 for those of K, M, C and D that are in proportion to it, as the stiffness of a change of a member is
+        to E, and 0 for those that do not depend on it; None if one does otherwise.
+        """
+        key = (effect.name, ref)
+        if key not in self._scalings:
+            self._scalings[key] = _scaling(effect, self.model, ref)
+        return self._scalings[key]
+
     def _of(self, effect: Effect, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
         return replace(self.project(contributions, imaginary), connection=effect.connection)
 
@@ -325,6 +354,35 @@ def reduce_model(
     return ReducedModel(model, basis, system)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scaled:
+    """An effect whose matrices parameters of other effects but multiply.
+
+    ``own`` are the rows of its own parameters and their values in ``start``, the term there. That and the
+    ``slopes`` by these are None if it is not linear in them. ``foreign`` are the rows of the others, their
+    nominal values and which of K, M, C and D go in proportion (see :meth:`ReducedModel.scaling_of`).
+    """
+
+    effect: Effect
+    own: tuple[tuple[int, float], ...]
+    foreign: tuple[tuple[int, float, Mapping[str, int]], ...]
+    start: _Term | None
+    slopes: list[_Term] | None
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Rows of its own parameters."""
+        return tuple(i for i, _ in self.own)
+
+    def factors(self, values: NDArray[np.float64]) -> dict[str, float]:
+        """Return what K, M, C and D are multiplied by."""
+        out = dict.fromkeys("KMCD", 1.0)
+        for i, nominal, exponents in self.foreign:
+            for key, n in exponents.items():
+                out[key] *= float(values[i]) / nominal if n else 1.0
+        return out
+
+
 class ParametricFRF:
     """Receptances of a reduced model as a function of parameter values.
 
@@ -378,6 +436,7 @@ class ParametricFRF:
         self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum().items()}
         self._fixed["laws"] = [(f(self.omega), X[ix]) for f, X in reduced.base_laws()]
         self._linear: list[tuple[int, float, _Term]] = []
+        self._scaled: list[_Scaled] = []
         self._nonlinear: list[tuple[Effect, list[int], list[int]]] = []
         self._foreign: set[int] = set()
         for name, effect in effects.items():
@@ -397,27 +456,51 @@ class ParametricFRF:
                         else reduced.linear(effect, p.name, p.value)
                     )
                     self._linear.append((i, p.value, self._restrict(term)))
-            else:
-                if name not in candidate_names:
-                    self._add_fixed(reduced.base()[name], -1.0)
-                self._nonlinear.append((effect, rows, foreign))
-                self._foreign |= set(foreign)
+                continue
+            if name not in candidate_names:
+                self._add_fixed(reduced.base()[name], -1.0)
+            scaled = self._as_scaled(effect, rows, free, foreign)
+            if scaled is not None:
+                self._scaled.append(scaled)
+                continue
+            self._nonlinear.append((effect, rows, foreign))
+            self._foreign |= set(foreign)
         self._n = n
         self._damped: dict[bool, NDArray[np.float64]] = {}
         # A step that is tried without derivatives is often asked for them next.
-        self._last: tuple[bytes, _State, NDArray[np.complex128]] | None = None
+        self._last: tuple[bytes, _State, NDArray[np.complex128], list[_Term]] | None = None
+
+    def _as_scaled(
+        self, effect: Effect, rows: Sequence[int], free: Sequence[Parameter], foreign: Sequence[int]
+    ) -> "_Scaled | None":
+        """Return an effect whose matrices parameters of others but multiply; None if they do otherwise."""
+        known, nominal = [], self.reduced.model.values()
+        for i in foreign:
+            exponents = self.reduced.scaling_of(effect, self.refs[i])
+            if exponents is None:
+                return None
+            known.append((i, nominal[self.refs[i]], exponents))
+        own = tuple((i, p.value) for i, p in zip(rows, free, strict=True))
+        start = slopes = None
+        if all(p.linear for p in free):
+            start = self._restrict(self.reduced.value_of(effect))
+            slopes = [self._restrict(self.reduced.derivative_of(effect, p.name, p.value)) for p in free]
+            if not all(np.array_equal(start.dofs, s.dofs) for s in slopes):  # type: ignore[arg-type]
+                start = slopes = None
+        return _Scaled(effect, own, tuple(known), start, slopes)
 
     def _damped_range(self, zeta: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return an orthonormal basis (r, k) of what local damping and laws act on at any values.
 
         None where it depends on the values.
         """
-        if self._nonlinear:
+        if self._nonlinear or any(s.start is None for s in self._scaled):
             return None
         own = zeta.ndim > 1
         if own in self._damped:
             return self._damped[own]
         terms = [term for _, _, term in self._linear]
+        terms += [term for s in self._scaled for term in (s.start, *(s.slopes or ())) if term is not None]
         damping = [self._fixed["C"], self._fixed["D"], *(X for _, X in self._fixed["laws"])]
         damping += [t.dense(key) for t in terms for key in "CD" if getattr(t, key) is not None]
         damping += [t.spread(X) for t in terms for _, X in t.laws]
@@ -448,30 +531,58 @@ class ParametricFRF:
             total["connections"] = total["connections"] + factor * term.dense("K")
         total["laws"] = total["laws"] + [(factor * f(self.omega), term.spread(X)) for f, X in term.laws]
 
-    def _matrices(
-        self, values: NDArray[np.float64], gradient: bool
-    ) -> tuple[dict[str, Any], list[tuple[int, _Term]]]:
-        total = dict(self._fixed)
-        slopes: list[tuple[int, _Term]] = []
+    def _followed(self, values: NDArray[np.float64]) -> Model:
+        """Return the model with the values that effects of other kinds refer to."""
         model = self.reduced.model
-        if self._foreign:
-            model = model.with_values({self.refs[i]: float(values[i]) for i in self._foreign})
+        return model.with_values({self.refs[i]: float(values[i]) for i in self._foreign})
+
+    def _matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[_Term]]:
+        """Return the sums of all matrices, and the terms of ``_scaled`` before they are scaled."""
+        total, alone = dict(self._fixed), []
         for i, start, term in self._linear:
             self._add(total, term, values[i] - start)
-            slopes.append((i, term))
+        for scaled in self._scaled:
+            term = scaled.start
+            if term is None:
+                term = self._restrict(self.reduced.value_of(self._now(scaled.effect, scaled.rows, values)))
+            for (i, begin), slope in zip(scaled.own, scaled.slopes or (), strict=False):
+                term = term.plus(slope, values[i] - begin)
+            self._add(total, term.scaled(scaled.factors(values)), 1.0)
+            alone.append(term)
+        followed = self._followed(values) if self._foreign else self.reduced.model
         for effect, rows, foreign in self._nonlinear:
-            now = effect.with_values(**{self.refs[i][1]: float(values[i]) for i in rows})
-            on = model if foreign else self.reduced.model
+            on = followed if foreign else self.reduced.model
+            now = self._now(effect, rows, values)
             self._add(total, self._restrict(self.reduced.value_of(now, on)), 1.0)
-            if not gradient:
-                continue
+        return total, alone
+
+    def _slopes(self, values: NDArray[np.float64], alone: Sequence[_Term]) -> list[tuple[int, _Term]]:
+        """Return the derivatives of the matrices; ``alone`` is what :meth:`_matrices` gave there."""
+        slopes = [(i, term) for i, _, term in self._linear]
+        for scaled, term in zip(self._scaled, alone, strict=True):
+            factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
+            for k, i in enumerate(scaled.rows):
+                slope = scaled.slopes[k] if scaled.slopes is not None else self._restrict(
+                    self.reduced.derivative_of(now, self.refs[i][1], float(values[i]))
+                )  # fmt: skip
+                slopes.append((i, slope.scaled(factors)))
+            for i, _, exponents in scaled.foreign:
+                by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
+                slopes.append((i, term.scaled(by)))
+        followed = self._followed(values) if self._foreign else self.reduced.model
+        for effect, rows, foreign in self._nonlinear:
+            on = followed if foreign else self.reduced.model
+            now = self._now(effect, rows, values)
             for i in rows:
                 term = self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), on)
                 slopes.append((i, self._restrict(term)))
             for i in foreign:
                 term = self.reduced.foreign_derivative_of(now, self.refs[i], float(values[i]), on)
                 slopes.append((i, self._restrict(term)))
-        return total, slopes
+        return slopes
+
+    def _now(self, effect: Effect, rows: Sequence[int], values: NDArray[np.float64]) -> Effect:
+        return effect.with_values(**{self.refs[i][1]: float(values[i]) for i in rows})
 
     def evaluate(
         self, values: NDArray[np.float64], zeta: NDArray[np.float64], gradient: bool = True
@@ -498,12 +609,12 @@ class ParametricFRF:
             With respect to the damping ratio at that line.
         """
         values = np.asarray(values, dtype=float)
-        total, slopes = self._matrices(values, gradient)
         at = values.tobytes() + zeta.tobytes()
         if self._last is None or self._last[0] != at:
+            total, alone = self._matrices(values)
             state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta))
-            self._last = (at, state, state.solve(self._in))
-        _, state, Xi = self._last
+            self._last = (at, state, state.solve(self._in), alone)
+        _, state, Xi, alone = self._last
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
         if not gradient:
             return H, None, None
@@ -513,7 +624,7 @@ class ParametricFRF:
         Xot = np.ascontiguousarray(Xo.transpose(2, 1, 0))
         whole: list[tuple[int, NDArray[Any], NDArray[Any]]] = []
         local: dict[bytes, list[tuple[int, _Term]]] = {}
-        for i, term in slopes:
+        for i, term in self._slopes(values, alone):
             if term.L is None:
                 whole += [(i, factor, X) for factor, X in term.parts(factors, self.omega)]
             else:
@@ -575,7 +686,7 @@ class ParametricFRF:
         zeta : ndarray (n_freq,) or (2, n_freq)
             Damping ratio at each line, and that of connections if it is another [-].
         """
-        total, _ = self._matrices(np.asarray(values, dtype=float), False)
+        total, _ = self._matrices(np.asarray(values, dtype=float))
         state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta))
         Xo, Xi = state.solve(self._out, transposed=True), state.solve(self._in)
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
@@ -921,6 +1032,46 @@ def _range(matrices: list[NDArray[np.float64]]) -> NDArray[np.float64] | None:
             both += (X + X.T) / (2 * size) + (skew @ skew.T if skew.any() else 0.0)
     eigenvalues, vectors = sla.eigh(both, check_finite=False)
     return vectors[:, np.abs(eigenvalues) > 1e-13 * np.abs(eigenvalues).max()]
+
+
+def _scaling(effect: Effect, model: Model, ref: ParameterRef) -> Mapping[str, int] | None:
+    """Return which of an effect's matrices are in proportion to a parameter of another effect.
+
+    They are compared at one other value of it. None if one is neither in proportion nor independent.
+    """
+    value = model.values().get(ref, 0.0)
+    if not value:
+        return None
+    ordinary = effect.with_values(**{p.name: _ordinary(p) for p in effect.parameters()})
+    times = 1.7
+    now, then = (ordinary.contribute(model.with_values({ref: f * value})) for f in (1.0, times))
+    if len(now) != len(then) or any(c.law is not None for c in (*now, *then)):
+        return None
+    out: dict[str, int] = {}
+    for key in "KMCD":
+        pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(now, then, strict=True)]
+        pairs = [(a, b) for a, b in pairs if a is not None or b is not None]
+        if any(a is None or b is None or a.shape != b.shape for a, b in pairs):
+            return None
+        alike = [n for n in (0, 1) if all(_alike(times**n * a, b) for a, b in pairs)]
+        if not alike:
+            return None
+        out[key] = alike[0]
+    return out
+
+
+def _alike(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    return bool(np.abs(a - b).max(initial=0.0) <= 1e-12 * np.abs(b).max(initial=0.0))
+
+
+def _ordinary(p: Parameter) -> float:
+    """Return a value of a parameter at which its effect is there."""
+    if p.value != p.absent and np.isfinite(p.value) and p.value:
+        return float(p.value)
+    low, high = (float(x) if np.isfinite(x) else None for x in (p.lower, p.upper))
+    if low is None or high is None:
+        return (low if low is not None else float(p.value)) + 1.0
+    return low + 0.37 * (high - low)
 
 
 def values_of(

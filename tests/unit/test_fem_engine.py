@@ -23,7 +23,7 @@ from fem.effects.support import Support
 from fem.frf import compute_frf, dof_vectors
 from fem.model import Damping
 from fem.modes import solve_modes
-from fem.reduced import ParametricFRF, reduce_model, values_of
+from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.system import assemble
 from tests.frames import beam, cross_beam, fix, portal
 
@@ -198,6 +198,25 @@ def test_candidates_follow_what_they_refer_to(name):
         assert abs(dH[i] - near).max() <= bound
 
 
+@pytest.mark.parametrize("name", REFERRING)
+def test_what_others_parameters_but_multiply_is_formed_on_nominal_values(name, monkeypatch):
+    model, effect = cross_beam(0.1), REFERRING[name]()
+    refs = [("c", p.name) for p in effect.parameters()]
+    refs += [("frame", "E:steel"), ("frame", "rho:steel"), ("bolt", "kx"), ("bolt", "kry"), ("bolt", "eta")]
+    x = values_of(model, refs, [effect]) * (1 + 0.1 * np.cos(np.arange(len(refs))))
+    zeta = np.full(FREQUENCY.size, 0.01)
+    quick = engine(model, refs, [effect])
+    # A release gives way beside the member's own E, a joint's matrices are sums over its stiffnesses, and a
+    # law has its own frequencies.
+    multiplied = name in ("torsion", "thickness", "stretch", "loss")
+    assert any(s.effect is effect for s in quick._scaled) == multiplied
+    monkeypatch.setattr(ReducedModel, "scaling_of", lambda self, effect, ref: None)
+    plain = engine(model, refs, [effect])
+    assert any(e is effect for e, _, _ in plain._nonlinear)
+    for found, expected in zip(quick.evaluate(x, zeta), plain.evaluate(x, zeta), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7 * abs(expected).max())
+
+
 @pytest.mark.parametrize("kind", ["member", "joint"])
 def test_modes_that_join_the_basis_are_exact(kind):
     # Rayleigh-Ritz finds a mode to rounding, 1e-16 of the highest eigenvalue, whose shape is in the basis.
@@ -215,7 +234,7 @@ def test_modes_that_join_the_basis_are_exact(kind):
     def error(reduced):
         nothing = np.zeros((model.n_dof, 0))
         e = ParametricFRF(reduced, nothing, nothing, np.ones(1), [], [effect])
-        total, _ = e._matrices(np.zeros(0), False)
+        total, _ = e._matrices(np.zeros(0))
         lam = np.sort(np.linalg.eigvals(np.linalg.solve(total["M"], total["K"])).real)
         f = np.sqrt(np.maximum(lam, 0.0))[free] / (2 * np.pi)
         return (abs(f - exact) / exact).max()
