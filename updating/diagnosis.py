@@ -109,6 +109,10 @@ MAX_EFFECTS = 3
 """At most this many effects are added."""
 MOST_SEPARATED = 3
 """For so many twins the next measurement is worked out."""
+N_BRANCHES = 2
+"""So many other candidates of the first round are searched on from before what is left is unexplained."""
+OTHERWISE = 0.9
+"""Those whose similarity to the best is below this."""
 AS_GOOD_ALONE = 1.2
 """One effect is preferred to several if its level is no more than this factor above theirs."""
 AS_GOOD = 3.0
@@ -687,7 +691,10 @@ def _linear_added(
         alone = _search(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later, most=1)
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
             search = alone
-    if search.current.level > max(limit, _most_left(begin.current, model_error)):
+    unexplained = max(limit, _most_left(begin.current, model_error))
+    if search.current.level > unexplained:
+        search = _branched(begin, search, candidates, full, later)
+    if search.current.level > unexplained:
         deeper = _search(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later)
         if deeper.current.level < search.current.level:
             search = deeper
@@ -715,6 +722,30 @@ def _exchanged(
         if _worth(again) < _worth(best):
             best = again
     return best
+
+
+def _branched(
+    begin: _Search, search: _Search, candidates: Sequence[Effect], limits: tuple[float, float], say: Progress
+) -> _Search:
+    """Search on from the next best candidates of the first round, and keep the best end.
+
+    Those that do something else than the best: of two effects neither need come first while both are missing.
+    """
+    ended = search
+    ranked = search.rounds[0] if search.rounds else ()
+    others = [r for r in ranked[1:] if r.refined and r.similarity < OTHERWISE]
+    for other in others[:N_BRANCHES]:
+        problem = _attached(begin.problem, other.result.effects)
+        best = _polish(problem, other.result)
+        order = (other, *(r for r in ranked if r is not other))
+        (effect,) = best.effects
+        finding = Finding(effect, _parameters(effect, best), *_explained(problem, order, begin.current))
+        steps = (*begin.steps, _step(f"{_label(effect)} added", best))
+        branch = _Search(problem, (finding,), (order,), steps, best)
+        again = _search(branch, candidates, {}, limits, N_BEST, say)
+        if _worth(again) < _worth(ended):
+            ended = again
+    return ended
 
 
 def _worth(search: _Search) -> float:
