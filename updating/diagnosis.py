@@ -674,8 +674,8 @@ def _linear_added(
 ) -> _Search:
     """Search for effects.
 
-    Once more among more of the candidates before what is left is called unexplained, and for one effect that
-    does alone what several do together.
+    Once more among more of the candidates for one effect that does alone what several do together, or before
+    what is left is called unexplained; then also from other first effects.
 
     ``floor`` is the level that noise and the mesh leave.
     """
@@ -687,17 +687,13 @@ def _linear_added(
     later = _between(say, 0.53, 1.0)
     if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > limit):
         search = _exchanged(search, candidates, full, _between(say, 0.5, 0.53))
-    if len(search.findings) > 1:
+    believed = max(limit, _most_left(begin.current, model_error))
+    if len(search.findings) > 1 or search.current.level > believed:
         alone = _search(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later, most=1)
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
             search = alone
-    unexplained = max(limit, _most_left(begin.current, model_error))
-    if search.current.level > unexplained:
-        search = _branched(begin, search, candidates, full, later)
-    if search.current.level > unexplained:
-        deeper = _search(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later)
-        if deeper.current.level < search.current.level:
-            search = deeper
+        if search.current.level > believed and alone.rounds:
+            search = _branched(begin, search, alone.rounds[0], candidates, full, later)
     return _on_own_basis(search)
 
 
@@ -708,7 +704,7 @@ def _exchanged(
 
     The first was chosen while the others were missing, and may have stood for some of them.
     """
-    best = search
+    best, grids = search, {e.name: Grid.of(search.problem, e) for e in candidates}
     for i in range(len(search.findings) - 1):
         findings = search.findings[:i] + search.findings[i + 1 :]
         rounds = search.rounds[:i] + search.rounds[i + 1 :]
@@ -718,23 +714,28 @@ def _exchanged(
             search.problem, tuple(_at_values_of(less, findings)), rounds[: len(findings)],
             (*search.steps[:2], _step(f"{label} added", less)), less,
         )  # fmt: skip
-        again = _search(begin, candidates, {}, limits, N_BEST, say)
+        again = _search(begin, candidates, grids, limits, N_BEST, say, most=len(search.findings))
         if _worth(again) < _worth(best):
             best = again
     return best
 
 
 def _branched(
-    begin: _Search, search: _Search, candidates: Sequence[Effect], limits: tuple[float, float], say: Progress
+    begin: _Search,
+    search: _Search,
+    ranked: tuple[Ranked, ...],
+    candidates: Sequence[Effect],
+    limits: tuple[float, float],
+    say: Progress,
 ) -> _Search:
-    """Search on from the next best candidates of the first round, and keep the best end.
+    """Search on from other candidates of a first round, and keep the best end.
 
-    Those that do something else than the best: of two effects neither need come first while both are missing.
+    From those that do something else than the best one, and from that if it was not searched on from: of two
+    effects neither need come first while both are missing.
     """
-    ended = search
-    ranked = search.rounds[0] if search.rounds else ()
-    others = [r for r in ranked[1:] if r.refined and r.similarity < OTHERWISE]
-    for other in others[:N_BRANCHES]:
+    ended, tried = search, {f.effect.name for f in search.findings}
+    others = [r for r in ranked if r.refined and (r.similarity < OTHERWISE or r is ranked[0])]
+    for other in [r for r in others if r.name not in tried][:N_BRANCHES]:
         problem = _attached(begin.problem, other.result.effects)
         best = _polish(problem, other.result)
         order = (other, *(r for r in ranked if r is not other))
