@@ -933,7 +933,9 @@ class _Rule:
         return _weak(self.problem, effect, beside=bool(self.before.effects))
 
     def pays(self, after: FitResult) -> bool:
-        """Whether a fit with one more effect is enough better than that without."""
+        """Whether a fit with one more effect is enough better than that without, and not within tolerance."""
+        if _within_tolerance(self.problem, after):
+            return False
         return _falls(self.before, after, self.factors(after.effects[-1]), self.form_right)
 
     def ranked(self, fit: FitResult, similarity: float, refined: bool) -> Ranked:
@@ -1095,6 +1097,19 @@ def _weak(problem: FitProblem, effect: Effect, *, beside: bool) -> tuple[float, 
     if any(_damps(problem, effect, p) for p in effect.parameters()):
         return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
     return ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
+
+
+def _within_tolerance(problem: FitProblem, fit: FitResult) -> bool:
+    """Whether the last effect is but a loss factor that the tolerance of damping allows for.
+
+    Members and joints are not damped alike to a tenth of their damping; that is no effect that a model lacks.
+    """
+    effect, curve = fit.effects[-1], problem.damping
+    p, *others = effect.parameters()
+    if others or p.name != "loss_factor":
+        return False
+    mean = float(np.exp(np.log(fit.zeta[: len(curve.knots)]).mean()))
+    return abs(p.value) < curve.std * 2 * mean
 
 
 def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:

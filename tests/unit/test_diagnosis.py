@@ -275,6 +275,19 @@ def test_what_stood_for_another_effect_gives_way_to_it():
     assert diagnosis._worth(ended) < diagnosis._worth(search)
 
 
+@pytest.mark.parametrize("kind", ["member_damping", "joint_structural_damping"])
+@pytest.mark.parametrize(("share", "pays"), [(0.9, False), (-0.9, False), (1.1, True)])
+def test_a_loss_factor_within_the_tolerance_of_damping_is_no_effect(kind, share, pays):
+    case = make_case(0, "cross")
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    null = replace(problem.nominal(), level=1.0, held_out_level=1.0)
+    tolerance = problem.damping.std * 2 * np.exp(np.log(null.zeta).mean())
+    effect = diagnosis.propose(case.model, [kind])[0].with_values(loss_factor=share * tolerance)
+    better = replace(null, effects=(effect,), level=0.1, held_out_level=0.1)
+    assert diagnosis._Rule(problem, 2.0, True, null, True).pays(better) is pays
+    assert diagnosis._Rule(problem, 0.0, False, null, False).pays(better) is pays
+
+
 def test_fits_are_repeated_from_where_they_are_on_the_whole_band():
     # On the lower part of the band a mass spread over 0.3 m and one that reaches to the member's end look
     # alike, and a fit that begins there ends in the second, 25 % worse.
