@@ -390,9 +390,11 @@ def test_the_command_writes_its_tables(tmp_path, monkeypatch, capsys):
 
 
 STOPPED = """
-import sys, time
+import signal, sys, time
 from pathlib import Path
 from study.validation import run
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
 
 def case(settings, task):
     if task[1]:
