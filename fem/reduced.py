@@ -1049,7 +1049,9 @@ def _scaling(effect: Effect, model: Model, ref: ParameterRef) -> Mapping[str, in
         return None
     out: dict[str, int] = {}
     for key in "KMCD":
-        pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(now, then, strict=True)]
+        pairs: list[tuple[Any, Any]] = [
+            (getattr(a, key), getattr(b, key)) for a, b in zip(now, then, strict=True)
+        ]
         pairs = [(a, b) for a, b in pairs if a is not None or b is not None]
         if any(a is None or b is None or a.shape != b.shape for a, b in pairs):
             return None
