@@ -438,7 +438,6 @@ class ParametricFRF:
         self._linear: list[tuple[int, float, _Term]] = []
         self._scaled: list[_Scaled] = []
         self._nonlinear: list[tuple[Effect, list[int], list[int]]] = []
-        self._foreign: set[int] = set()
         for name, effect in effects.items():
             rows = wanted.get(name, [])
             known = {p.name: p for p in effect.parameters()}
@@ -460,11 +459,10 @@ class ParametricFRF:
             if name not in candidate_names:
                 self._add_fixed(reduced.base()[name], -1.0)
             scaled = self._as_scaled(effect, rows, free, foreign)
-            if scaled is not None:
+            if scaled is None:
+                self._nonlinear.append((effect, rows, foreign))
+            else:
                 self._scaled.append(scaled)
-                continue
-            self._nonlinear.append((effect, rows, foreign))
-            self._foreign |= set(foreign)
         self._n = n
         self._damped: dict[bool, NDArray[np.float64]] = {}
         # A step that is tried without derivatives is often asked for them next.
@@ -531,10 +529,15 @@ class ParametricFRF:
             total["connections"] = total["connections"] + factor * term.dense("K")
         total["laws"] = total["laws"] + [(factor * f(self.omega), term.spread(X)) for f, X in term.laws]
 
-    def _followed(self, values: NDArray[np.float64]) -> Model:
-        """Return the model with the values that effects of other kinds refer to."""
+    def _following(
+        self, values: NDArray[np.float64]
+    ) -> tuple[Model, list[tuple[Effect, list[int], list[int]]]]:
+        """Return the model with what the effects of ``_nonlinear`` refer to, and these as they are now."""
+        foreign = {i for _, _, others in self._nonlinear for i in others}
         model = self.reduced.model
-        return model.with_values({self.refs[i]: float(values[i]) for i in self._foreign})
+        if foreign:
+            model = model.with_values({self.refs[i]: float(values[i]) for i in foreign})
+        return model, [(self._now(e, rows, values), rows, others) for e, rows, others in self._nonlinear]
 
     def _matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[_Term]]:
         """Return the sums of all matrices, and the terms of ``_scaled`` before they are scaled."""
@@ -549,11 +552,9 @@ class ParametricFRF:
                 term = term.plus(slope, values[i] - begin)
             self._add(total, term.scaled(scaled.factors(values)), 1.0)
             alone.append(term)
-        followed = self._followed(values) if self._foreign else self.reduced.model
-        for effect, rows, foreign in self._nonlinear:
-            on = followed if foreign else self.reduced.model
-            now = self._now(effect, rows, values)
-            self._add(total, self._restrict(self.reduced.value_of(now, on)), 1.0)
+        model, following = self._following(values)
+        for now, _, _ in following:
+            self._add(total, self._restrict(self.reduced.value_of(now, model)), 1.0)
         return total, alone
 
     def _slopes(self, values: NDArray[np.float64], alone: Sequence[_Term]) -> list[tuple[int, _Term]]:
@@ -569,15 +570,13 @@ class ParametricFRF:
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
                 slopes.append((i, term.scaled(by)))
-        followed = self._followed(values) if self._foreign else self.reduced.model
-        for effect, rows, foreign in self._nonlinear:
-            on = followed if foreign else self.reduced.model
-            now = self._now(effect, rows, values)
+        model, following = self._following(values)
+        for now, rows, others in following:
             for i in rows:
-                term = self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), on)
+                term = self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), model)
                 slopes.append((i, self._restrict(term)))
-            for i in foreign:
-                term = self.reduced.foreign_derivative_of(now, self.refs[i], float(values[i]), on)
+            for i in others:
+                term = self.reduced.foreign_derivative_of(now, self.refs[i], float(values[i]), model)
                 slopes.append((i, self._restrict(term)))
         return slopes
 

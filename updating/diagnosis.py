@@ -664,7 +664,7 @@ def _amplitude_added(
         search,
         findings=(*linear, finding),
         rounds=(*search.rounds[:n], ranked, *search.rounds[n:]),
-        steps=(*search.steps, _step(f"{_label(finding.effect)} added", current)),
+        steps=(*search.steps, _added([finding.effect], current)),
         current=current,
     )
 
@@ -708,11 +708,10 @@ def _exchanged(
     for i in range(len(search.findings) - 1):
         findings = search.findings[:i] + search.findings[i + 1 :]
         rounds = search.rounds[:i] + search.rounds[i + 1 :]
-        less = search.problem.fit_without(search.current, [search.findings[i].effect.name])
-        label = " and ".join(_label(e) for e in less.effects)
+        less = search.problem.fit_without(search.current, search.findings[i].effect.name)
         begin = _Search(
             search.problem, tuple(_at_values_of(less, findings)), rounds[: len(findings)],
-            (*search.steps[:2], _step(f"{label} added", less)), less,
+            (*search.steps[:2], _added(less.effects, less)), less,
         )  # fmt: skip
         again = _search(begin, candidates, grids, limits, N_BEST, say, most=len(search.findings))
         if _worth(again) < _worth(best):
@@ -741,7 +740,7 @@ def _branched(
         order = (other, *(r for r in ranked if r is not other))
         (effect,) = best.effects
         finding = Finding(effect, _parameters(effect, best), *_explained(problem, order, begin.current))
-        steps = (*begin.steps, _step(f"{_label(effect)} added", best))
+        steps = (*begin.steps, _added([effect], best))
         branch = _Search(problem, (finding,), (order,), steps, best)
         again = _search(branch, candidates, {}, limits, N_BEST, say)
         if _worth(again) < _worth(ended):
@@ -855,15 +854,14 @@ def _search(
         last = best.effects[-1]
         findings = [*_at_values_of(best, findings), Finding(last, _parameters(last, best), *explained)]
         current = best
-        steps.append(_step(f"{_label(last)} added", best))
+        steps.append(_added([last], best))
     before = findings
     findings, current = _without_idle(problem, findings, current, weak_limit)
     if len(findings) < len(before):
         left = {f.effect.name for f in findings}
         kept = [k for k, f in enumerate(before) if f.effect.name in left]
         rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
-        names = " and ".join(_label(f.effect) for f in findings)
-        steps = [*first, *([_step(f"{names} added", current)] if findings else [])]
+        steps = [*first, *([_added((f.effect for f in findings), current)] if findings else [])]
     return _Search(problem, tuple(findings), tuple(rounds), tuple(steps), current)
 
 
@@ -891,6 +889,14 @@ def _between(say: Progress, start: float, end: float) -> Progress:
 
 def _step(label: str, result: FitResult) -> Step:
     return Step(label, result.fit_db, result.held_out_db, result.level, result)
+
+
+def _added(effects: Iterable[Effect], result: FitResult) -> Step:
+    return _step(f"{_labels(effects)} added", result)
+
+
+def _labels(effects: Iterable[Effect]) -> str:
+    return " and ".join(map(_label, effects))
 
 
 def _label(effect: Effect) -> str:
@@ -1131,7 +1137,7 @@ def _without_idle(
     for finding in list(findings):
         name = finding.effect.name
         rest = [f for f in findings if f.effect.name != name]
-        less = problem.fit_without(current, [name])
+        less = problem.fit_without(current, name)
         usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
         factors = _weak(problem, finding.effect, beside=bool(rest)) if weak else usual
@@ -1253,7 +1259,7 @@ def _verdict(
     level, before = (f"{r.level * DB_PER_NEPER:.2g}" for r in (current, null))
     right = current.level <= limit
     if findings:
-        names = " and ".join(_label(f.effect) for f in findings)
+        names = _labels(f.effect for f in findings)
         if right:
             return EFFECT, f"{names} lowers the residual level from {before} to {level} dB"
         left = f"the {level} dB that are left are more than a right model leaves"

@@ -331,16 +331,16 @@ class FitProblem:
         whole = [self.stages[-1]]
         return self.fit(result.effects, starts, stages=whole, x_from=x_from or result, assess=assess)
 
-    def fit_without(self, result: FitResult, effects: Sequence[str]) -> FitResult:
-        """Fit what a result holds but for some effects, from where it is and stage by stage.
+    def fit_without(self, result: FitResult, name: str) -> FitResult:
+        """Fit what a result holds but for one effect, from where it is and stage by stage.
 
         Parameters
         ----------
         result : FitResult
-        effects : sequence of str
-            Names of the effects to leave out.
+        name : str
+            The effect's.
         """
-        less = replace(result, effects=tuple(e for e in result.effects if e.name not in effects))
+        less = replace(result, effects=tuple(e for e in result.effects if e.name != name))
         staged = self.fit(less.effects, [parameter_values(e) for e in less.effects], x_from=result)
         return min(self.refit(less), staged, key=lambda r: r.solution.cost)
 
