@@ -5,7 +5,7 @@ their place when the mesh is refined.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -55,6 +55,7 @@ class Mesh:
     members: Mapping[str, NDArray[np.int64]]
     groups: Mapping[str, tuple[str, ...]]
     point_names: Mapping[str, int]
+    _positions: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def from_lines(
@@ -216,9 +217,13 @@ class Mesh:
         return (found[0],)
 
     def member_positions(self, name: str) -> NDArray[np.float64]:
-        """Return the arc length of each of a member's points from its first end [m]."""
-        chain = self.points[self.member_points(name)]
-        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))])
+        """Return the arc length of each of a member's points from its first end [m] (computed once)."""
+        if name not in self._positions:
+            chain = self.points[self.member_points(name)]
+            steps = np.linalg.norm(np.diff(chain, axis=0), axis=1)
+            self._positions[name] = np.concatenate([[0.0], np.cumsum(steps)])
+            self._positions[name].flags.writeable = False
+        return self._positions[name]
 
     def member_length(self, name: str) -> float:
         """Return the length of a member [m]."""

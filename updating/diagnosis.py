@@ -90,6 +90,8 @@ N_RIVALS = 4
 """So many candidates at the place of an accepted one are fitted from where its fit ended."""
 SAME_PLACE = 0.1
 """Places no farther apart than this share of the structure's size count as one there."""
+SAME_MEMBER = 0.5
+"""Nor may they be farther apart than this share of the longest member's length."""
 N_LINES_WEAK = 480
 """So many where weak effects are looked for: few lines see a narrow resonance or its absence."""
 LEAST_LINES = 10
@@ -1045,7 +1047,8 @@ def _against_rivals(
     flexibility, then comes out in an order of chance.
     """
     model, winner = problem.reduced.model, best.effects[-1]
-    reach = SAME_PLACE * model.mesh.size
+    longest = max(model.mesh.member_length(m) for m in model.mesh.members)
+    reach = min(SAME_PLACE * model.mesh.size, SAME_MEMBER * longest)
     others, places = (grids[e.name] for e in candidates if e.name != winner.name), winner.locations(model)
     near = [part for grid in others if (part := grid.near(model, places, reach))]
     shift = _change(problem, best, rule.before)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.effects.joint_nonlinear import AmplitudeDependent
@@ -380,14 +381,18 @@ class FitProblem:
         if key in known:
             return known[key]
         basis, total = self.reduced.basis, self.reduced.base_sum()
-        column = basis.n_main + basis.keys.index(key)
-        active = [*range(basis.n_main), column]
-        K, M = (total[x][np.ix_(active, active)] for x in "KM")
-        omega = 2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)][:, None, None]
-        unit = np.zeros((len(active), 1))
-        unit[-1] = 1.0
-        flexibility = np.linalg.solve(K * (1 + 0.02j) - omega**2 * M, unit.astype(complex))[:, -1, 0]
-        known[key] = float(1 / np.median(np.abs(flexibility)))
+        m = basis.n_main
+        if "modes" not in known:
+            known["modes"] = sla.eigh(total["K"][:m, :m], total["M"][:m, :m])
+        lam, V = known["modes"]
+        column = m + basis.keys.index(key)
+        omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
+        # What is left of Z at the constraint once all other coordinates have followed.
+        k, mass = (total[x][:, column] for x in "KM")
+        coupling = (V.T @ k[:m]) * (1 + 0.02j) - omega2[:, None] * (V.T @ mass[:m])
+        others = lam * (1 + 0.02j) - omega2[:, None]
+        Z = k[column] * (1 + 0.02j) - omega2 * mass[column] - (coupling**2 / others).sum(axis=1)
+        known[key] = float(1 / np.median(1 / np.abs(Z)))
         return known[key]
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:

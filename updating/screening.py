@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, Model, parameter_values
+from fem.model import Effect, Model, Parameter, parameter_values
 from fem.reduced import Fields, LocalChanges
 from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
@@ -22,12 +22,15 @@ N_SETTLED = 110
 
 MOST_CANDIDATES = 1500
 """Of more candidates than this only a short list is looked at."""
-N_LISTED = 60
+N_LISTED = 20
 """So many of the best by each measure are on it."""
 N_WHOLE_LIST, N_LOW_LIST = 18, 8
 """Lines of the whole band, and of the low one, for the short list."""
 MOST_PLACES = 4
 """At most so many of a candidate's places, for the short list."""
+
+_TOGETHER = 100
+"""So many candidates of the list are judged at once."""
 
 VISIBLE = 1e-3
 """Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
@@ -88,7 +91,8 @@ class Grid:
             alike.setdefault(tuple(v for name, v in point.items() if name != first), []).append(point)
         out = []
         for points in alike.values():
-            strength = [self._strength(p) for p in points]
+            p = self.effect.with_values(**points[0]).parameters()[0]
+            strength = [_strength(p, point[first]) for point in points]
             weakest, most = int(np.argmin(strength)), max(strength) / max(min(strength), 1e-300)
             out += [(self.scaled(points[weakest], f), most / f) for f in (WEAKER, 1.0)]
         return tuple(out)
@@ -142,13 +146,12 @@ class Grid:
         p = self.effect.parameters()[0]
         return bool(np.isinf(p.absent) or p.lower >= p.absent or p.upper <= p.absent)
 
-    def _strength(self, point: dict[str, float]) -> float:
-        p = self.effect.with_values(**point).parameters()[0]
-        if np.isinf(p.absent):
-            return 1 / point[p.name]
-        return abs(
-            float(np.log(point[p.name] / p.absent)) if p.log and p.absent > 0 else point[p.name] - p.absent
-        )
+
+def _strength(p: Parameter, value: float) -> float:
+    """Return how far a value of a parameter is from where the effect is absent."""
+    if np.isinf(p.absent):
+        return 1 / value
+    return abs(float(np.log(value / p.absent)) if p.log and p.absent > 0 else value - p.absent)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,7 +181,8 @@ def screen(
     Each point of each grid is judged by six residual levels: with the nuisance parameters as they are fitted
     now and with their nominal values, in each case on the whole band, on the low band (where a wrong modulus
     shifts resonances by less than their width), and on the whole band after the part has been taken off that
-    a small change of the nuisance parameters explains. The best by each measure go on.
+    a small change of the nuisance parameters explains. The best by each measure go on; of very many
+    candidates also the best by the measures of the short list.
 
     Where the model is right but for noise, what may be left to find is weak. Then each candidate is judged
     by the level that the best strength of it would leave if the FRFs changed in proportion, again without
@@ -198,8 +202,10 @@ def screen(
         Called with a text and the fraction done.
     """
     bases = (current,) if settled else (current, problem.at_nominal(current))
+    more = np.zeros((len(grids), 0))
     if len(grids) > MOST_CANDIDATES:
-        grids = [grids[i] for i in shortlist(problem, bases, grids, say)]
+        listed, more = shortlist(problem, bases, grids, say)
+        grids = [grids[i] for i in listed]
     if settled:
         return _screen_weak(problem, current, grids, say)
     levels = [np.full((6, len(g.points)), np.inf) for g in grids]
@@ -209,6 +215,7 @@ def screen(
             say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
             levels[i][3 * b : 3 * b + 3] = look.levels(grid)
     best = np.array([each.min(axis=1) for each in levels]).reshape(len(grids), 6)
+    best = np.hstack([best, np.where(np.isfinite(best).any(axis=1, keepdims=True), more, np.inf)])
     rank = np.argsort(np.argsort(best, axis=0), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):
@@ -217,7 +224,7 @@ def screen(
         if not np.isfinite(best[i]).any():
             continue
         points: list[int] = []
-        for measure in np.argsort(rank[i], kind="stable"):
+        for measure in np.argsort(rank[i, :6], kind="stable"):
             k = int(np.argmin(levels[i][measure]))
             if k not in points:
                 points.append(k)
@@ -245,35 +252,52 @@ def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: 
 
 def shortlist(
     problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], say: Callable[[str, float], None]
-) -> list[int]:
+) -> tuple[list[int], Floats]:
     """Return which of very many candidates deserve a look on their grids, by what a little of each would do.
 
-    The change of the FRFs in proportion to a candidate is taken from the responses at all DOFs and the
-    candidate's element matrices, so that none is projected. For each base they are ranked by the level that
-    the best strength would leave, on the whole band without what nuisance parameters explain and on the low
-    band; the ``N_LISTED`` best of each go on, and all that release a constraint.
+    The ``N_LISTED`` best by each measure go on, and all that release a constraint. The measures of these are
+    the second result, (n_listed, 2 n_bases).
+    """
+    levels = _proportional_levels(problem, bases, grids, say)
+    listed = {i for i, grid in enumerate(grids) if grid.effect.released()}
+    for row in levels:
+        best = np.argsort(row, kind="stable")[:N_LISTED]
+        listed |= {int(i) for i in best if np.isfinite(row[i])}
+    chosen = sorted(listed)
+    return chosen, levels[:, chosen].T
+
+
+def _proportional_levels(
+    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], say: Callable[[str, float], None]
+) -> Floats:
+    """Return the levels that the best strength of each candidate would leave if FRFs changed in proportion.
+
+    Shape (2 n_bases, n_grids): for each base on the whole band without what nuisance parameters explain, and
+    on the low band. The change is taken from the responses at all DOFs and the candidate's element matrices,
+    so that none is projected.
     """
     looks = [_Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_WEAK) for base in bases]
     responses = [look.fields() for look in looks]
     levels = np.full((2 * len(looks), len(grids)), np.inf)
     model = problem.reduced.model
-    for i, grid in enumerate(grids):
-        if grid.effect.released():
-            continue
-        if i % 100 == 0:
-            say(f"listing {grid.effect.name}", i / len(grids))
-        points = grid.weak_points[::2]  # those nearly absent
-        step = max(1, -(-len(points) // MOST_PLACES))
-        for point, most in points[(step - 1) // 2 :: step]:
-            contributions = grid.effect.with_values(**point).contribute(model)
-            for b, (look, every) in enumerate(zip(looks, responses, strict=True)):
-                two = look.linear(every.slope(contributions, grid.effect.connection), most, grid.one_sided())
-                levels[2 * b : 2 * b + 2, i] = np.minimum(levels[2 * b : 2 * b + 2, i], two)
-    listed = {i for i, grid in enumerate(grids) if grid.effect.released()}
-    for row in levels:
-        best = np.argsort(row, kind="stable")[:N_LISTED]
-        listed |= {int(i) for i in best if np.isfinite(row[i])}
-    return sorted(listed)
+    for first in range(0, len(grids), _TOGETHER):
+        say(f"listing {grids[first].effect.name}", first / len(grids))
+        owner, most, slopes = [], [], [[] for _ in looks]
+        for i in range(first, min(first + _TOGETHER, len(grids))):
+            effect = grids[i].effect
+            points = () if effect.released() else grids[i].weak_points[::2]  # those nearly absent
+            step = max(1, -(-len(points) // MOST_PLACES))
+            for point, factor in points[(step - 1) // 2 :: step]:
+                contributions = effect.with_values(**point).contribute(model)
+                owner.append(i)
+                most.append(factor)
+                for mine, every in zip(slopes, responses, strict=True):
+                    mine.append(every.slope(contributions, effect.connection))
+        one_sided = np.array([grids[i].one_sided() for i in owner], dtype=bool)
+        for b, look in enumerate(looks if owner else ()):
+            two = look.linear(np.stack(slopes[b]), np.array(most), one_sided)
+            np.minimum.at(levels[2 * b : 2 * b + 2], (slice(None), owner), two)
+    return levels
 
 
 def _screen_weak(
@@ -368,19 +392,17 @@ class _Look:
         """Return the responses at all DOFs at the lines."""
         return self._local(()).fields()
 
-    def linear(self, slope: NDArray[np.complex128], most: float, one_sided: bool) -> Floats:
-        """Return the level that the best multiple of a change of the receptances leaves, (2,).
+    def linear(self, slopes: Complexes, most: Floats, one_sided: NDArray[np.bool_]) -> Floats:
+        """Return the levels that the best multiples of n changes of the receptances leave, (2, n).
 
         On the whole band without what nuisances explain, and on the low band; infinite if it is invisible.
         """
         H = self._local(()).H.ravel()[self.at]
         with np.errstate(divide="ignore", invalid="ignore"):
-            d = self.weight * slope.ravel()[self.at] / H
-        both: Any = np.stack([self._now(), np.where(np.isfinite(d), d, 0.0)])
-        bands = self._adapted(both[:, self.whole]), both[:, ~self.whole]
-        return np.array(
-            [_best_multiples(now, change[None], np.array([most]), one_sided)[0][0] for now, change in bands]
-        )
+            d = self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H
+        every: Any = np.vstack([self._now(), np.where(np.isfinite(d), d, 0.0)])
+        bands = self._adapted(every[:, self.whole]), every[:, ~self.whole]
+        return np.stack([_best_multiples(r[0], r[1:], most, one_sided)[0] for r in bands])
 
     def _now(self) -> Complexes:
         """Return the weighted residuals (m,) of the model without a candidate (computed once)."""
@@ -414,16 +436,17 @@ class _Look:
 
 
 def _best_multiples(
-    now: Complexes, change: Complexes, most: Floats, one_sided: bool
+    now: Complexes, change: Complexes, most: Floats, one_sided: bool | NDArray[np.bool_]
 ) -> tuple[Floats, Floats]:
     """Return the levels (n,) that the best multiples of changes (n, m) of residuals (m,) leave, and these.
 
-    Within ± ``most`` (n,), or from 0 to it; the level is infinite where the change is invisible.
+    Within ± ``most`` (n,), or from 0 to it where they are one-sided; the level is infinite where the change
+    is invisible.
     """
     weight = 1 / np.sqrt(1 + np.abs(now) ** 2 / ROBUST**2)
     size = (weight * np.abs(change) ** 2).sum(axis=1)
     slope = (weight * (change.conj() * now).real).sum(axis=1)
-    least = 0.0 * most if one_sided else -most
+    least = np.where(one_sided, 0.0, -most)
     factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
     moved = factor[:, None] * change
     visible = np.abs(moved).max(axis=1, initial=0.0) >= VISIBLE

@@ -16,6 +16,8 @@ THEORIES = ("timoshenko", "euler-bernoulli", "bar")
 MASSES = ("consistent", "lumped")
 _BATCH = 2048
 """Elements that are formed at a time: what they need stays within some megabytes."""
+_MANY_LINES = 100_000
+"""Axes and lengths of all lines are kept for meshes of at most so many."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -327,8 +329,10 @@ class Frame(Effect):
                 beam = 1 - table["bar"]
                 table |= {f"k{d}": layout.table[f"k_full_{d}"][kind] * beam for d in "yz"}
                 table["rotary"] = change.rotary * beam
+        kinds, each = np.unique(kind, return_inverse=True)
+        made_of = [layout.materials[k] for k in kinds]
         E, rho = (
-            np.array([self.values.get(f"{key}:{m.name}", getattr(m, key)) for m in layout.materials])[kind]
+            np.array([self.values.get(f"{key}:{m.name}", getattr(m, key)) for m in made_of])[each]
             for key in ("E", "rho")
         )
 
@@ -863,7 +867,26 @@ def _along(layout: _Layout, mesh: Mesh, rows: NDArray[np.int64]) -> NDArray[np.f
 def _place(
     layout: _Layout, mesh: Mesh, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part."""
+    """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part.
+
+    Of meshes of usual size they are kept for all lines.
+    """
+    if mesh.n_lines > _MANY_LINES:
+        return _places_of(layout, mesh, rows)
+    axes, arms, span, L = _kept_places(layout, mesh)
+    return axes[rows], arms[rows], span[rows], L[rows]
+
+
+@lru_cache(maxsize=8)
+def _kept_places(
+    layout: _Layout, mesh: Mesh
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    return _places_of(layout, mesh, np.arange(mesh.n_lines))
+
+
+def _places_of(
+    layout: _Layout, mesh: Mesh, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     t = _along(layout, mesh, rows)
     kind = layout.kind[rows]
     R = _turned(_axes(t, layout.table["up"][kind]), layout.table["angle"][kind])
@@ -876,7 +899,7 @@ def _place(
 def member_contribution(frame: Frame, model: Model, member: str) -> tuple[Contribution, ...]:
     """Return one member's stiffness, mass and structural damping.
 
-    Those of nominal frames are kept for the last few hundred members; other values are asked for once.
+    Those of nominal frames are kept for the last thousand members; other values are asked for once.
     """
     return (_contribution if frame.values else _kept_contribution)(frame, model, member)
 
@@ -885,10 +908,10 @@ def _contribution(frame: Frame, model: Model, member: str) -> tuple[Contribution
     return frame.contribution_of(model, model.mesh.members[member])
 
 
-_kept_contribution = lru_cache(maxsize=256)(_contribution)
+_kept_contribution = lru_cache(maxsize=1024)(_contribution)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=1024)
 def _unit_tension(frame: Frame, model: Model, member: str) -> Contribution:
     g = frame._lines(model.mesh, model.mesh.members[member])
     return Contribution(g.dofs, _tension(g))

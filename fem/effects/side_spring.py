@@ -77,13 +77,14 @@ class SideSpring(OnMember):
         if not model.of_kind(Frame):
             return ()
         out: list[Self] = []
+        reference = typical_stiffness(model, "x")
         for m in model.mesh.members:
             length = model.mesh.member_length(m)
             for d in () if is_bar(model, m) else ("y", "z"):
                 out.append(
                     cls(
                         name=f"side_spring:{m}.{d}", member=m, direction=d, position=length / 2,
-                        stiffness=0.0, length=length, reference=typical_stiffness(model, "x"),
+                        stiffness=0.0, length=length, reference=reference,
                     )
                 )  # fmt: skip
         return tuple(out)

@@ -214,6 +214,49 @@ def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise(
     np.testing.assert_allclose(np.exp(np.log(joint).mean()), 0.004, rtol=0.15)
 
 
+def test_the_bases_error_is_small_where_connections_are_damped_otherwise():
+    case = make_case(0, "cross", "nothing")
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    nominal = problem.nominal()
+    fit = replace(nominal, zeta=np.concatenate([nominal.zeta[:-2], [20.0, 1.0]]))
+    changed = np.abs(problem.receptance(fit) / problem.receptance(nominal))
+    assert np.abs(20 * np.log10(changed)).max() > 1.0  # the joint's damping is seen
+    assert diagnosis.basis_error(problem, fit, 30) < 0.01
+    assert diagnosis.basis_error(problem, fit, 30) < 2 * diagnosis.basis_error(problem, nominal, 30) + 1e-3
+
+
+def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candidates():
+    case = make_case(0)  # a member is heavier
+    problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)
+    candidates = diagnosis.propose(case.model, ("member_density", "point_mass"))
+    wrong = next(e for e in candidates if e.kind == "point_mass")
+    right = next(e for e in candidates if (e.kind, e.where) == (case.hidden.kind, case.hidden.where))
+    null = problem.fit()
+    fits = [problem.fit([e], [diagnosis.Grid.of(problem, e).points[0]]) for e in (wrong, right)]
+    steps = diagnosis._step("nominal", problem.nominal()), diagnosis._step("uncertain", null)
+    begin = diagnosis._Search(problem, (), (), steps, null)
+    rule = diagnosis._Rule(problem, 0.0, False, null, True)
+    ranked = tuple(rule.ranked(f, s, True) for f, s in zip(fits, (1.0, 0.3), strict=True))
+    taken = diagnosis.Finding(wrong, diagnosis._parameters(wrong, fits[0]), ())
+    search = diagnosis._Search(
+        problem, (taken,), (ranked,), (*steps, diagnosis._step("mass", fits[0])), fits[0]
+    )
+    limits = diagnosis.EXPLAINED_LEVEL, 0.0
+
+    def branched(ranked):
+        return diagnosis._branched(begin, search, ranked, candidates, limits, lambda text, done: None)
+
+    ended = branched(ranked)
+    (left,) = ended.findings
+    assert (left.effect.kind, left.effect.where) == (case.hidden.kind, case.hidden.where)
+    assert ended.current.level < 0.2 * search.current.level
+    assert [s.label for s in ended.steps[:2]] == ["nominal", "uncertain"]
+    assert len(ended.steps) == 3
+    assert ended.rounds[0][0].name == right.name
+    # one that does much the same is no other beginning
+    assert branched((ranked[0], replace(ranked[1], similarity=0.95))) is search
+
+
 def test_fine_stages_end_between_modes_and_have_lines():
     case = make_case(0)
     problem = diagnosis.build_problem(case.model, case.measurement, case.nuisances)

@@ -165,6 +165,19 @@ def test_a_sensor_is_predicted_by_the_others_although_physics_is_missing():
     np.testing.assert_allclose(X.elsewhere(3, rows)[0][seen], X.predicted[:, 3][seen], rtol=1e-6)
 
 
+def test_the_field_is_the_fitted_models_where_connections_are_damped_otherwise():
+    case = make_case(0, "cross", "nothing")
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    nominal = problem.nominal()
+    fit = replace(nominal, zeta=np.concatenate([nominal.zeta[:-2], [20.0, 1.3]]))
+    field = Field.of(problem, fit)
+    H = problem.vectors[0].T @ (field.shapes @ field.mean)
+    expected = problem.receptance(fit, field.lines)
+    np.testing.assert_allclose(H, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+    alike = problem.receptance(nominal, field.lines)
+    assert np.abs(np.log(np.abs(expected / alike))).max() > 0.1  # the joint's damping is seen
+
+
 def test_corrections_can_be_taken_back(lap):
     problem, _ = prepared(lap)
     names = lap.measurement.frf.outputs

@@ -71,8 +71,11 @@ def test_the_short_list_has_the_right_candidate(prepared, monkeypatch, settled):
     monkeypatch.setattr(screening, "MOST_CANDIDATES", 10)
     monkeypatch.setattr(screening, "N_LISTED", 5)
     grids = [Grid.of(problem, e) for e in candidates]
-    listed = screening.shortlist(problem, (null, problem.at_nominal(null)), grids, silent)
+    listed, measures = screening.shortlist(problem, (null, problem.at_nominal(null)), grids, silent)
     assert len(listed) < 0.6 * len(grids)
+    right = next(k for k, i in enumerate(listed) if grids[i].effect.name == case.hidden.name)
+    assert measures.shape == (len(listed), 4)
+    assert (measures < measures[right]).sum(axis=0).min() < 3
     chosen = screen(problem, null, grids, settled, 5, silent)
     names = {(c.effect.kind, c.effect.where) for c in chosen}
     assert (case.hidden.kind, case.hidden.where) in names
