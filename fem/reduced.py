@@ -6,7 +6,7 @@ candidate effect what its own few DOFs cost.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
 
@@ -98,6 +98,17 @@ def _part(X: NDArray[Any] | None, imaginary: bool) -> NDArray[Any] | None:
     return np.imag(X) / _STEP if imaginary else np.real(X)
 
 
+def _acting(c: Contribution) -> Contribution:
+    """Return a contribution without the elements whose matrices do not change with a complex step."""
+    matrices = [X for X in (c.K, c.M, c.C, c.D) if X is not None]
+    if c.law is not None or not matrices:
+        return c
+    acts = np.any([np.imag(X).any(axis=(1, 2)) for X in matrices], axis=0)
+    if acts.all() or not acts.any():
+        return c
+    return Contribution(c.dofs[acts], *(None if X is None else X[acts] for X in (c.K, c.M, c.C, c.D)))
+
+
 def _law_parts(
     c: Contribution, imaginary: bool
 ) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]]]:
@@ -136,8 +147,10 @@ class ReducedModel:
     model: Model
     basis: Basis
     system: System
-    _cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+    _cache: dict[Any, Any] = field(default_factory=lambda: {"base": {}, "linear": {}, "unit": {}}, repr=False)
+    # What does not depend on the basis is shared with the models on others.
     _scalings: dict[Any, Any] = field(default_factory=dict, repr=False)
+    _sparse: dict[Any, Any] = field(default_factory=dict, repr=False)
     remembered: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def with_forces_of(self, effects: Sequence[Effect]) -> "ReducedModel":
@@ -163,7 +176,42 @@ class ReducedModel:
     def _on(self, basis: Basis) -> "ReducedModel":
         if basis is self.basis:
             return self
-        return ReducedModel(self.model, basis, self.system, _scalings=self._scalings)
+        out = ReducedModel(self.model, basis, self.system, _scalings=self._scalings, _sparse=self._sparse)
+        for key in ("base", "linear"):
+            out._cache[key] = {at: out._grown(term, self.basis, *at) for at, term in self._cache[key].items()}
+        return out
+
+    def _grown(self, term: _Term, before: Basis, name: str, parameter: str) -> _Term:
+        """Return the term of an effect of the model, or its slope, from that on the basis which was extended.
+
+        Only what the new vectors add is projected.
+        """
+        if term.L is not None:
+            return replace(term, L=self.basis.T[term.dofs])
+        effect = self.model.effect(name)
+        if term.laws:
+            return self.derivative_of(effect, parameter, 0.0) if parameter else self.value_of(effect)
+        if (name, parameter) not in self._sparse:
+            step = {p.name: p.value + 1j * _STEP for p in effect.parameters() if p.name == parameter}
+            parts = effect.with_values(**step).contribute(self.model)
+            values = [[_part(X, bool(step)) for X in (c.static, c.M, c.C, c.D)] for c in parts]
+            self._sparse[name, parameter] = sum_contributions(
+                tuple(Contribution(c.dofs, *X) for c, X in zip(parts, values, strict=True)), self.model.n_dof
+            )
+        T, old, new = self.basis.T, before.n_main, self.basis.n_main
+        fresh, kept = T[:, old:new], np.concatenate([np.arange(old), np.arange(new, T.shape[1])])
+
+        def larger(X: NDArray[Any] | None, full: Any) -> NDArray[Any] | None:
+            if X is None:
+                return None
+            out = np.empty((T.shape[1],) * 2)
+            out[np.ix_(kept, kept)] = X
+            out[:, old:new] = T.T @ (full @ fresh)
+            out[old:new] = (full.T @ fresh).T @ T
+            return out
+
+        K, M, C, D = map(larger, (term.K, term.M, term.C, term.D), self._sparse[name, parameter])
+        return replace(term, K=K, M=M, C=C, D=D)
 
     def with_modes_of(self, model: Model, max_frequency: float) -> "ReducedModel":
         """Return the model with the modes of another one in its basis: with effects and values as found.
@@ -201,6 +249,8 @@ class ReducedModel:
 
     def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
+        if imaginary:  # where a stretch ends matters at its ends alone
+            contributions = [_acting(c) for c in contributions]
         dofs = np.unique(
             np.concatenate([np.zeros(0, dtype=np.int64), *(c.dofs.ravel() for c in contributions)])
         )
@@ -243,32 +293,40 @@ class ReducedModel:
 
     def value_of(self, effect: Effect, model: Model | None = None) -> _Term:
         """Project an effect at its present values, on the nominal model or on one with other values."""
-        return self._of(effect, effect.contribute(model or self.model))
+        unit = None if model else self._unit(effect)
+        return unit[0].times(unit[1]) if unit else self._of(effect, effect.contribute(model or self.model))
 
     def values_of(self, effect: Effect, points: Sequence[dict[str, float]]) -> tuple[_Term, ...]:
-        """Project an effect at several points of its parameters; once for those that but multiply it."""
-        p, *rest = effect.parameters()
-        multiplies = p.linear and p.absent == 0 and not any(q.linear for q in rest)
-        known: dict[tuple[float, ...], tuple[float, _Term]] = {}
-        terms = []
-        for point in points:
-            first = point[p.name]
-            others = tuple(v for name, v in point.items() if name != p.name)
-            if not multiplies or not first:
-                terms.append(self.value_of(effect.with_values(**point)))
-                continue
-            if others not in known:
-                known[others] = first, self.value_of(effect.with_values(**point))
-            begin, term = known[others]
-            terms.append(term if first == begin else term.times(first / begin))
-        return tuple(terms)
+        """Project an effect at several points of its parameters."""
+        return tuple(self.value_of(effect.with_values(**point)) for point in points)
+
+    def _unit(self, effect: Effect) -> tuple[_Term, float] | None:
+        """Return the slope of an effect by a parameter that but multiplies it, and that parameter's value.
+
+        It is computed once for all values of that parameter. None if there is no such parameter.
+        """
+        p, *rest = effect.parameters() or (None,)
+        if p is None or not p.linear or p.absent != 0 or any(q.linear for q in rest):
+            return None
+        key = (type(effect), *(getattr(effect, f.name) for f in fields(effect) if f.name != p.name))
+        try:
+            known = self._cache["unit"].get(key)
+        except TypeError:  # an array among its fields
+            return None
+        if known is None:
+            known = self._cache["unit"][key] = self._slope_of(effect, p.name, p.value, self.model)
+        return None if known.laws else (known, p.value)
 
     def derivative_of(
         self, effect: Effect, parameter: str, value: float, model: Model | None = None
     ) -> _Term:
         """Project an effect's derivative with respect to a parameter of its own, by a complex step."""
+        unit = None if model or effect.parameters()[0].name != parameter else self._unit(effect)
+        return unit[0] if unit else self._slope_of(effect, parameter, value, model or self.model)
+
+    def _slope_of(self, effect: Effect, parameter: str, value: float, model: Model) -> _Term:
         step = {parameter: value + 1j * _STEP}
-        return self._of(effect, effect.with_values(**step).contribute(model or self.model), True)
+        return self._of(effect, effect.with_values(**step).contribute(model), True)
 
     def foreign_derivative_of(self, effect: Effect, ref: ParameterRef, value: float, model: Model) -> _Term:
         """Project an effect's derivative with respect to a parameter of an effect that it refers to."""
@@ -290,9 +348,11 @@ class ReducedModel:
 
     def base(self) -> dict[str, _Term]:
         """Return the projection of each effect of the model at nominal values (computed once)."""
-        if "base" not in self._cache:
-            self._cache["base"] = {e.name: self.value_of(e) for e in self.model.effects}
-        return self._cache["base"]
+        known = self._cache["base"]
+        for e in self.model.effects:
+            if (e.name, "") not in known:
+                known[e.name, ""] = self.value_of(e)
+        return {name: term for (name, _), term in known.items()}
 
     def base_sum(self) -> dict[str, NDArray[np.float64]]:
         """Return the sum of all effects' matrices at nominal values (computed once).
@@ -317,10 +377,10 @@ class ReducedModel:
 
         It is computed once for effects of the model.
         """
-        key = (effect.name, parameter)
-        if key not in self._cache:
-            self._cache[key] = self.derivative_of(effect, parameter, value)
-        return self._cache[key]
+        known, key = self._cache["linear"], (effect.name, parameter)
+        if key not in known:
+            known[key] = self.derivative_of(effect, parameter, value)
+        return known[key]
 
 
 def reduce_model(

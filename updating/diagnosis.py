@@ -732,7 +732,7 @@ def _branched(
     """Search on from other candidates of a first round, and keep the best end.
 
     From those that do something else than the best one, and from that if it was not searched on from: of two
-    effects neither need come first while both are missing.
+    effects neither need come first while both are missing. A third is looked for beside the best two alone.
     """
     ended, tried = search, {f.effect.name for f in search.findings}
     others = [r for r in ranked if r.refined and (r.similarity < OTHERWISE or r is ranked[0])]
@@ -744,10 +744,10 @@ def _branched(
         finding = Finding(effect, _parameters(effect, best), *_explained(problem, order, begin.current))
         steps = (*begin.steps, _added([effect], best))
         branch = _Search(problem, (finding,), (order,), steps, best)
-        again = _search(branch, candidates, {}, limits, N_BEST, say)
+        again = _search(branch, candidates, {}, limits, N_BEST, say, most=2)
         if _worth(again) < _worth(ended):
             ended = again
-    return ended
+    return ended if ended is search else _search(ended, candidates, {}, limits, N_BEST, say)
 
 
 def _worth(search: _Search) -> float:
@@ -1312,13 +1312,12 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> flo
     connections = connection_stiffness(system) if others else None
     reduced = problem.receptance(result, lines)
     ratio = []
-    backend = None if system.reciprocal else "superlu"
+    backend, factor = None if system.reciprocal else "superlu", None
     for k, omega in enumerate(2 * np.pi * f):
         Z = system.dynamic_stiffness(float(omega)) + 2j * zeta[k] * system.K
         if connections is not None:
             Z = Z + 2j * (others[0][k] - zeta[k]) * connections
-        direct = outputs.T @ (
-            system.Q @ factorise(Z, backend=backend).solve((system.Q.T @ inputs).astype(complex))
-        )
+        factor = factorise(Z, like=factor, backend=backend)
+        direct = outputs.T @ (system.Q @ factor.solve((system.Q.T @ inputs).astype(complex)))
         ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
     return rms_db(np.array(ratio))

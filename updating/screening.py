@@ -282,7 +282,9 @@ def _proportional_levels(
     model = problem.reduced.model
     for first in range(0, len(grids), _TOGETHER):
         say(f"listing {grids[first].effect.name}", first / len(grids))
-        owner, most, slopes = [], [], [[] for _ in looks]
+        owner: list[int] = []
+        most: list[float] = []
+        slopes: list[list[Complexes]] = [[] for _ in looks]
         for i in range(first, min(first + _TOGETHER, len(grids))):
             effect = grids[i].effect
             points = () if effect.released() else grids[i].weak_points[::2]  # those nearly absent

@@ -548,9 +548,10 @@ class Frame(Effect):
         touched = np.flatnonzero((s[1:] > np.real(first)) & (s[:-1] < np.real(last)))
         g = self._lines(mesh, mesh.members[member][touched])
         h = s[touched + 1] - s[touched]
-        lo = np.array([(first - s[k]) if np.real(first) > s[k] else 0.0 for k in touched]) / h
+        lo = np.array([(first - s[k]) if np.real(first) >= s[k] else 0.0 for k in touched]) / h
         hi = (
-            np.array([(last - s[k]) if np.real(last) < s[k + 1] else h[i] for i, k in enumerate(touched)]) / h
+            np.array([(last - s[k]) if np.real(last) <= s[k + 1] else h[i] for i, k in enumerate(touched)])
+            / h
         )
         return g, _flexible(g, lo), _flexible(g, hi)
 

@@ -152,6 +152,42 @@ def test_a_crack_that_no_force_foresaw_is_underrated():
     assert shift(()).min() < 0.9
 
 
+def test_an_extended_basis_projects_what_is_new_alone_and_the_same():
+    model = cross_beam(C=np.diag([30.0, 0, 40.0, 0, 0.5, 2.0]), eta=0.08).with_effect(fix(3))
+    model = model.with_mesh(model.mesh.split(3))
+    reduced = reduce_model(model, attachments(model), FREQUENCY[-1])
+    refs = [("frame", "E:steel"), ("frame", "rho:steel"), ("bolt", "kry")]
+    ends = [dof_vectors(model, s)[0] for s in (OUT, IN)]
+    ParametricFRF(reduced, *ends, FREQUENCY, refs)  # projects all that it needs
+    larger = reduced.with_forces_of([CANDIDATES["crack"]()])
+    assert larger.basis.T.shape[1] > reduced.basis.T.shape[1]
+    fresh = ReducedModel(model, larger.basis, larger.system)
+    for key, X in fresh.base_sum().items():
+        np.testing.assert_allclose(
+            larger.base_sum()[key], X, rtol=0, atol=1e-10 * max(np.abs(X).max(), 1e-300)
+        )
+    values, zeta = values_of(model, refs), np.full(FREQUENCY.size, 0.01)
+    H, dH, _ = ParametricFRF(larger, *ends, FREQUENCY, refs).evaluate(values * 1.1, zeta)
+    expected, slopes, _ = ParametricFRF(fresh, *ends, FREQUENCY, refs).evaluate(values * 1.1, zeta)
+    assert np.abs(H - expected).max() < 1e-6 * np.abs(expected).max()
+    for mine, right in zip(dH, slopes, strict=True):
+        assert np.abs(mine - right).max() < 1e-6 * np.abs(right).max()
+
+
+@pytest.mark.parametrize("place", [0.2531, 0.307])
+def test_the_ends_of_a_stretch_are_what_its_place_moves(place):
+    model = cross_beam()
+    model = model.with_mesh(model.mesh.split(20))
+    reduced = reduce_model(model, attachments(model), FREQUENCY[-1])
+    loss = StiffnessLoss(name="c", member="lower", position=place, loss=0.5, width=0.3, length=0.8)
+    slope = reduced.derivative_of(loss, "position", place)
+    assert slope.L is not None  # few DOFs, though the stretch has many
+    step = 1e-6
+    two = [reduced.value_of(loss.with_values(position=place + d)).dense("K") for d in (step, -step)]
+    expected = (two[0] - two[1]) / (2 * step)
+    np.testing.assert_allclose(slope.dense("K"), expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
 REFERRING = {
     "torsion": lambda: MemberTorsion(name="c", member="lower", change=1.2),
     "thickness": lambda: MemberSection(name="c", member="lower", direction="z", change=0.1),
