@@ -298,7 +298,8 @@ def _proportional_levels(
         one_sided = np.array([grids[i].one_sided() for i in owner], dtype=bool)
         for b, look in enumerate(looks if owner else ()):
             two = look.linear(np.stack(slopes[b]), np.array(most), one_sided)
-            np.minimum.at(levels[2 * b : 2 * b + 2], (slice(None), owner), two)
+            for i, each in zip(owner, two.T, strict=True):
+                levels[2 * b : 2 * b + 2, i] = np.minimum(levels[2 * b : 2 * b + 2, i], each)
     return levels
 
 
