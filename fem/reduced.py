@@ -19,8 +19,9 @@ from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, para
 from fem.modes import solve_eigenpairs
 from fem.system import System, assemble, sum_contributions
 
-LOCAL_LIMIT = 60
-"""Contributions that touch at most this many DOFs are kept in factored form."""
+LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
+"""Contributions that touch at most this many DOFs, or as many as this share of the basis's vectors, are kept
+in factored form; forces for a basis are taken from the former."""
 
 RESIDUAL_LIMIT = 1500
 """Models with at most this many DOFs get the residual flexibility at the places of candidates."""
@@ -163,7 +164,7 @@ class ReducedModel:
             term = self.value_of(effect)
             matrices = [X for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()]
             matrices += [X for _, X in term.laws if X.any()]
-            if term.dofs is None or not matrices:
+            if term.dofs is None or len(term.dofs) > LOCAL_LIMIT or not matrices:
                 continue
             motions, _, _ = _motions(matrices)
             block = np.zeros((self.model.n_dof, motions.shape[1]))
@@ -255,7 +256,7 @@ class ReducedModel:
             np.concatenate([np.zeros(0, dtype=np.int64), *(c.dofs.ravel() for c in contributions)])
         )
         T = self.basis.T
-        if len(dofs) > LOCAL_LIMIT:
+        if len(dofs) > max(LOCAL_LIMIT, LOCAL_SHARE * T.shape[1]):
             n, T = len(dofs), T[dofs]
             at = [np.searchsorted(dofs, c.dofs) for c in contributions]
             parts = [tuple(_part(X, imaginary) for X in (c.static, c.M, c.C, c.D)) for c in contributions]

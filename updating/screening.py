@@ -20,8 +20,8 @@ N_WHOLE, N_LOW = 44, 24
 N_SETTLED = 110
 """Lines of the whole band where the model is right already and what is left to find is weak."""
 
-MOST_CANDIDATES = 1500
-"""Of more candidates than this only a short list is looked at."""
+MOST_CANDIDATES, MOST_RIVALS = 1500, 400
+"""Of more candidates only a short list is looked at; so it is of more of them at the place of one."""
 N_LISTED = 20
 """So many of the best by each measure are on it."""
 N_WHOLE_LIST, N_LOW_LIST = 18, 8
@@ -235,11 +235,14 @@ def screen(
 def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
     """Choose the candidates that come nearest to what the last effect of a fit does.
 
-    Each takes its place while everything else stays as it was fitted with it.
+    Each takes its place while everything else stays as it was fitted with it. Of very many only a short list
+    is looked at.
     """
     name = best.effects[-1].name
     values = {ref: v for ref, v in best.values.items() if ref[0] != name}
     without = replace(best, effects=best.effects[:-1], values=values)
+    if len(grids) > MOST_RIVALS:
+        grids = [grids[i] for i in shortlist(problem, (without,), grids, lambda text, done: None)[0]]
     look = _Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
     found = []
     for i, grid in enumerate(grids):

@@ -134,6 +134,24 @@ def test_candidates_against_direct_solves(name):
     assert misfit(scanned, H) < ACCURACY
 
 
+def test_a_members_change_by_the_motions_that_forces_bring_about(monkeypatch):
+    model = cross_beam()
+    model = model.with_mesh(model.mesh.split(8))
+    member = MemberStiffness(name="c", member="lower", change=-0.2)
+    reduced, ends = (
+        reduce_model(model, attachments(model), FREQUENCY[-1]),
+        [dof_vectors(model, s)[0] for s in (OUT, IN)],
+    )
+    zeta, out = np.full(FREQUENCY.size, 0.001), []
+    for share in (0.0, 10.0):
+        monkeypatch.setattr("fem.reduced.LOCAL_SHARE", share)
+        again = ReducedModel(reduced.model, reduced.basis, reduced.system)
+        assert (again.value_of(member).L is None) is (share == 0)
+        assert again.with_forces_of([member]) is again  # far too many
+        out += ParametricFRF(again, *ends, FREQUENCY, []).local(np.zeros(0), zeta).receptances([member])
+    assert misfit(out[1], out[0]) < 0.01
+
+
 def test_a_crack_that_no_force_foresaw_is_underrated():
     # Modes of the sound structure are smooth over a crack: Rayleigh-Ritz from above, it seems smaller.
     model, effect = cross_beam(), CANDIDATES["crack"]()
