@@ -1,6 +1,7 @@
 """Damping of a fitted model's modes: members' and connections' curves and what dampers take."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from fem.effects import JointStiffness
 from fem.effects.joint import Joint
 from fem.model import Damping
 from fem.system import assemble, connection_stiffness
+from study import result
 from study.modal import damped_modes
 from tests.frames import cross_beam
 from updating.parameters import DampingCurve
@@ -63,3 +65,27 @@ def test_a_curve_without_connections_is_the_members_row_of_one_with_them():
     assert CURVE.limits.shape == (4, 2)
     assert (CURVE.limits[:, 0] < np.log(CURVE.start)).all()
     assert (np.log(CURVE.start) < CURVE.limits[:, 1]).all()
+
+
+def test_the_result_tells_the_damping_of_connections_where_there_are_any():
+    unknowns = np.array([0.002, 0.008, 0.5, np.exp(-0.4)])
+    told = result._damping(CURVE, unknowns)
+    np.testing.assert_allclose(told["ratio"], [0.002, 0.008])
+    middle = np.sqrt(40.0 * 1200.0)
+    np.testing.assert_allclose(told["connections_ratio"], 0.5 * 0.004 * (CURVE.knots / middle) ** -0.4)
+    assert "connections_ratio" not in result._damping(replace(CURVE, connections=False), unknowns[:2])
+
+    solution = SimpleNamespace(covariance=np.diag([0.01, 0.01, 0.04, 0.09]))
+    fit = SimpleNamespace(values={}, std={}, zeta=unknowns, solution=solution)
+    problem = SimpleNamespace(nuisances=(), damping=CURVE)
+
+    def rows(model):
+        d = SimpleNamespace(problem=problem, steps=[SimpleNamespace(result=fit)], model=model)
+        return result.uncertain_parameters(d)  # type: ignore[arg-type]
+
+    *knots, level, power = rows(soft(1.0))
+    assert [k.name for k in knots] == ["damping ratio at 40 Hz", "damping ratio at 1200 Hz"]
+    assert (level.name, power.name) == (result.CONNECTIONS_LEVEL, result.CONNECTIONS_POWER)
+    assert (level.nominal, level.fitted, level.std) == pytest.approx((1.0, 0.5, 0.1))
+    assert (power.nominal, power.fitted, power.std) == pytest.approx((0.0, -0.4, 0.3))
+    assert len(rows(cross_beam().without_effect("bolt"))) == 2
