@@ -35,10 +35,10 @@ from study.config import Study
 from study.measured import sensor_rows
 from study.table import StudyError, suggest
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import build_problem
 from updating.fit import INDEPENDENT_PER_MODE, FitProblem
 from updating.measurement import Measurement
 from updating.parameters import Nuisance
+from updating.preparation import build_problem
 
 MOST_LINES = 800
 """Lines that are fitted at most, as many in each band, unless the study says how many."""

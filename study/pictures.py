@@ -15,7 +15,8 @@ from study.modal import ModePair, modes_of, most_changed, pair_modes
 from study.offscreen import can_draw
 from study.result import RunResult
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import EFFECT, FAULT, NOTHING, Ranked
+from updating.diagnosis import EFFECT, FAULT, NOTHING
+from updating.findings import Ranked
 from viz import curves, style
 from viz.style import save
 

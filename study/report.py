@@ -16,13 +16,17 @@ from study.page import Markup, bullets, facts, folded, image, join, page, paragr
 from study.pictures import Album, Picture, held_out_bands
 from study.result import RunResult, Uncertain, least_frac, program_version
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Finding, Ranked
+from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED
+from updating.findings import Finding, Ranked
 from updating.fit import FitData
 from updating.separation import Proposal
 
 CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
 
-MODULES = ("updating.diagnosis", "updating.fit", "updating.faults")
+MODULES = (
+    "updating.acceptance", "updating.search", "updating.diagnosis", "updating.preparation", "updating.fit",
+    "updating.faults",
+)  # fmt: skip
 """Modules whose constants decide the verdict; the report lists them."""
 
 

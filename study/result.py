@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from study.config import Study
 from study.modal import ModePair
 from updating.correlation import Comparison
-from updating.diagnosis import Diagnosis, EffectParameter, Finding, Ranked, Step
+from updating.diagnosis import Diagnosis
 from updating.faults import Fault
+from updating.findings import EffectParameter, Finding, Ranked, Step
 from updating.localisation import Localisation
 from updating.parameters import DampingCurve
 

@@ -28,11 +28,12 @@ from study.result import (
 )
 from study.table import StudyError
 from updating.correlation import compare, rms_db
-from updating.diagnosis import N_LINES, Diagnosis, build_problem, diagnose
+from updating.diagnosis import Diagnosis, diagnose
 from updating.faults import corrected
 from updating.fit import FitProblem, prepare
 from updating.localisation import locate
 from updating.measurement import Measurement
+from updating.preparation import N_LINES, build_problem
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""

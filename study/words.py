@@ -6,17 +6,9 @@ from collections.abc import Sequence
 
 from fem.model import Parameter
 from study.result import RunResult
-from updating.diagnosis import (
-    EFFECT,
-    FAULT,
-    NOTHING,
-    UNEXPLAINED,
-    EffectParameter,
-    Finding,
-    Ranked,
-    Step,
-)
+from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED
 from updating.faults import Fault
+from updating.findings import EffectParameter, Finding, Ranked, Step
 from updating.separation import Decisive, Proposal
 
 FAR = 2.5

@@ -20,20 +20,7 @@ from updating.complexity import (
     real_shapes,
 )
 from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
-from updating.diagnosis import (
-    EFFECT,
-    FAULT,
-    NOTHING,
-    UNEXPLAINED,
-    Diagnosis,
-    EffectParameter,
-    Finding,
-    Ranked,
-    Step,
-    build_problem,
-    diagnose,
-    propose,
-)
+from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis, diagnose, propose
 from updating.exchange import (
     frf_from_labelled,
     labelled_from_frf,
@@ -43,6 +30,7 @@ from updating.exchange import (
     table_from_sensors,
 )
 from updating.faults import Fault, confirm_faults, find_faults, settle_faults
+from updating.findings import EffectParameter, Finding, Ranked, Step
 from updating.fit import FitProblem, FitResult
 from updating.frf_correlation import (
     BandError,
@@ -68,6 +56,7 @@ from updating.noise import noise_from_coherence, noise_from_repeats, relative_no
 from updating.pairing import ModePair, pair_modes, track_modes
 from updating.parameters import Nuisance
 from updating.poles import IdentificationError, Stabilisation
+from updating.preparation import build_problem
 from updating.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
 from updating.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
 from updating.residuals import frf_data, mode_data

@@ -179,7 +179,7 @@ def check_gates(
     others : sequence of Measurement
         At other force levels.
     discretisation_db : float
-        Error of the model's mesh, for instance of :func:`updating.diagnosis.discretisation_error` [dB].
+        Error of the model's mesh, for instance of :func:`updating.preparation.discretisation_error` [dB].
     faults : sequence of Fault
         What has been set right in the problem's data; the same is done to the others.
     """

@@ -10,8 +10,9 @@ from fem.model import Effect, Model
 from study.validation.cases import Case, Implant
 from study.validation.hidden import KINDS, Place
 from updating.correlation import log_ratio, rms_db
-from updating.diagnosis import EFFECT, FAULT, NOTHING, Diagnosis, Finding, propose
+from updating.diagnosis import EFFECT, FAULT, NOTHING, Diagnosis, propose
 from updating.faults import Fault
+from updating.findings import Finding
 
 FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""

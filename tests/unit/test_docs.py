@@ -26,7 +26,16 @@ def test_constants_have_the_values_that_are_documented(module, name, value):
 
 @pytest.mark.parametrize(
     "module",
-    ["updating.diagnosis", "updating.screening", "updating.separation", "updating.fit", "updating.faults"],
+    [
+        "updating.acceptance",
+        "updating.diagnosis",
+        "updating.faults",
+        "updating.fit",
+        "updating.preparation",
+        "updating.screening",
+        "updating.search",
+        "updating.separation",
+    ],
 )
 def test_every_constant_of_the_search_is_documented(module):
     there = {

@@ -14,8 +14,8 @@ from study.pictures import Album, draw_all
 from study.report import report_html, thresholds
 from study.result import Uncertain
 from tests.small_frame import write_study
+from updating.acceptance import ACCEPT_SETTLED, STEP_LEVEL
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import ACCEPT_SETTLED, STEP_LEVEL
 from updating.faults import Fault
 
 VOID = {"meta", "link", "img", "br", "hr"}

@@ -7,7 +7,8 @@ import pytest
 
 from tests.hidden.cases import make_case
 from updating import screening
-from updating.diagnosis import build_problem, propose
+from updating.diagnosis import propose
+from updating.preparation import build_problem
 from updating.screening import Grid, screen
 
 

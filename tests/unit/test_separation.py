@@ -9,7 +9,7 @@ import fem
 from fem.effects import PointMass
 from fem.frf import FRF
 from updating import Measurement, Sensor, place_sensors
-from updating.diagnosis import build_problem
+from updating.preparation import build_problem
 from updating.separation import next_measurements, what_decides
 
 

@@ -1,0 +1,251 @@
+"""Rounds of the search, when an effect pays, and what a search begins with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from study.validation.cases import Settings, draw_case
+from tests.hidden.cases import make_case
+from updating import acceptance, findings, preparation, search
+from updating.diagnosis import EXPLAINED_LEVEL, propose
+from updating.preparation import build_problem
+from updating.screening import Grid
+
+
+def test_effects_with_a_parameter_of_damping_must_gain_more():
+    """What is not in the curve of modal damping would be taken for a soft support with much of it."""
+    case = make_case(1)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    damps = {
+        e.kind: any(acceptance._damps(problem, e, p) for p in e.parameters())
+        for e in propose(case.model, test=case.measurement)
+    }
+    stiff = ("member_density", "member_stiffness", "joint_stiffness", "point_mass", "crack", "rigid_end_zone")
+    assert not any(damps[kind] for kind in stiff if kind in damps)
+    loose = (
+        "joint_viscous_damping",
+        "joint_structural_damping",
+        "joint_zener",
+        "member_damping",
+        "foundation",
+    )
+    assert all(damps[kind] for kind in loose if kind in damps)
+    assert {"member_damping", "member_stiffness"} <= damps.keys()
+
+
+def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
+    case = make_case(0)  # a member is heavier
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null = problem.fit()
+    kinds = ("member_density", "member_stiffness", "point_mass")
+    candidates = propose(case.model, kinds)
+    grids = {e.name: Grid.of(problem, e) for e in candidates}
+
+    def ranked(pays):
+        class Rule(acceptance.Rule):
+            def pays(self, after):
+                return pays(after.effects[-1].kind)
+
+        rule = Rule(problem, 0.0, False, null, True)
+        order, best = search._round(rule, candidates, grids, 5, lambda text, done: None)
+        assert order[0].result is best
+        return [r.kind for r in order if r.refined]
+
+    freely = ranked(lambda kind: True)
+    assert freely[0] == "member_density"
+    other = ranked(lambda kind: kind != "member_density")
+    assert other[0] == next(kind for kind in freely if kind != "member_density")
+    assert ranked(lambda kind: False) == freely
+
+
+@pytest.mark.parametrize(
+    ("after", "falls"),
+    [
+        ((0.9, 0.9), True),
+        ((0.99, 0.7), True),  # on all lines together by 1.08
+        ((0.99, 0.99), False),  # by 1.01
+        ((0.995, 0.98), False),
+        ((0.9, 1.1), False),  # held-out lines worse than by chance
+        ((0.45, 1.1), True),  # all in one narrow resonance
+        ((0.45, 1.2), False),
+    ],
+)
+def test_weak_effects_count_on_all_lines_together(after, falls):
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    one = replace(problem.nominal(), level=1.0, held_out_level=1.0)
+    less = replace(one, level=after[0], held_out_level=after[1])
+    weak = acceptance.ACCEPT_WEAK, acceptance.ACCEPT_WEAK_HELD_OUT
+    assert acceptance.falls(one, less, weak, form_right=True) is falls
+
+
+def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise():
+    case = draw_case(Settings(911), "null", 1)  # members 0.3 to 2.5 % over the band, the joint 0.4 %
+    alike = build_problem(case.model, case.measurement, case.nuisances)
+    assert alike.fit().level > 2 * alike.data.noise_level
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    fit = problem.fit()
+    assert fit.level < 1.2 * problem.data.noise_level
+    _, joint = problem.damping.ratio(problem.damping.knots, fit.zeta)
+    np.testing.assert_allclose(np.exp(np.log(joint).mean()), 0.004, rtol=0.15)
+
+
+def test_the_bases_error_is_small_where_connections_are_damped_otherwise():
+    case = make_case(0, "cross", "nothing")
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    nominal = problem.nominal()
+    fit = replace(nominal, zeta=np.concatenate([nominal.zeta[:-2], [20.0, 1.0]]))
+    changed = np.abs(problem.receptance(fit) / problem.receptance(nominal))
+    assert np.abs(20 * np.log10(changed)).max() > 1.0  # the joint's damping is seen
+    assert preparation.basis_error(problem, fit, 30) < 0.01
+    assert (
+        preparation.basis_error(problem, fit, 30) < 2 * preparation.basis_error(problem, nominal, 30) + 1e-3
+    )
+
+
+def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candidates():
+    case = make_case(0)  # a member is heavier
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    candidates = propose(case.model, ("member_density", "point_mass"))
+    wrong = next(e for e in candidates if e.kind == "point_mass")
+    right = next(e for e in candidates if (e.kind, e.where) == (case.hidden.kind, case.hidden.where))
+    null = problem.fit()
+    fits = [problem.fit([e], [Grid.of(problem, e).points[0]]) for e in (wrong, right)]
+    steps = findings.step_of("nominal", problem.nominal()), findings.step_of("uncertain", null)
+    begin = search.Search(problem, (), (), steps, null)
+    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    ranked = tuple(rule.ranked(f, s, True) for f, s in zip(fits, (1.0, 0.3), strict=True))
+    taken = findings.Finding(wrong, findings.parameters_of(wrong, fits[0]), ())
+    had = search.Search(problem, (taken,), (ranked,), (*steps, findings.step_of("mass", fits[0])), fits[0])
+    limits = EXPLAINED_LEVEL, 0.0
+
+    def branched(ranked):
+        return search._branched(begin, had, ranked, candidates, limits, lambda text, done: None)
+
+    ended = branched(ranked)
+    (left,) = ended.findings
+    assert (left.effect.kind, left.effect.where) == (case.hidden.kind, case.hidden.where)
+    assert ended.current.level < 0.2 * had.current.level
+    assert [s.label for s in ended.steps[:2]] == ["nominal", "uncertain"]
+    assert len(ended.steps) == 3
+    assert ended.rounds[0][0].name == right.name
+    # one that does much the same is no other beginning
+    assert branched((ranked[0], replace(ranked[1], similarity=0.95))) is had
+
+
+def test_fine_stages_end_between_modes_and_have_lines():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    frequency, stages = problem.data.frequency, problem.fine_stages
+    modes = preparation.elastic_frequencies(problem.reduced, float(frequency[-1]))
+    below = np.searchsorted(modes, stages)
+    assert below[0] == preparation.FIRST_STAGE
+    assert stages[-1] == frequency[-1]
+    growth = preparation.FIRST_STAGE * preparation.STAGE_GROWTH ** np.arange(len(below) - 1)
+    np.testing.assert_allclose(below[:-1], growth, atol=0.5)  # all but the last, which has all lines
+    counted = frequency[problem.data.mask.any(axis=(1, 2)) & ~problem.data.held_out]
+    assert np.searchsorted(counted, stages).min() >= preparation.STAGE_LINES
+
+
+def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
+    case = make_case(3, "portal", "support_flexibility")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    candidates = propose(case.model, ["support_flexibility", "crack", "point_mass"])
+    grids = {e.name: Grid.of(problem, e) for e in candidates}
+    null = problem.fit()
+    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    corner = case.hidden.locations(case.model)[0]
+    cracks = [
+        (grid.effect, near.points)
+        for grid in grids.values()
+        if grid.effect.kind == "crack"
+        if (near := grid.near(case.model, corner[None], 0.1 * case.model.mesh.size))
+    ]
+    fits = [problem.fit([effect], [points[len(points) // 2]]) for effect, points in cracks]
+    taken = min(fits, key=lambda f: f.level)
+    _, ranked, best = search._against_rivals(problem, rule, (), taken, candidates, grids)
+    assert (best.effects[-1].kind, best.effects[-1].where) == (case.hidden.kind, case.hidden.where)
+    assert ranked[0].name == best.effects[-1].name
+    assert ranked[0].asked == null.level / acceptance.STEP_LEVEL
+    assert taken.effects[-1].kind == "crack"
+
+
+def test_what_stood_for_another_effect_gives_way_to_it():
+    case = make_case(0)  # a member is heavier
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    kinds = ("member_density", "point_mass", "joint_stiffness")
+    candidates = propose(case.model, kinds)
+    wrong = [next(e for e in candidates if e.kind == kind) for kind in kinds[1:]]
+    starts = [Grid.of(problem, e).points[0] for e in wrong]
+    null, both = problem.fit(), problem.fit(wrong, starts)
+    found = tuple(findings.Finding(e, findings.parameters_of(e, both), ()) for e in both.effects)
+    fits = {"nominal": problem.nominal(), "uncertain": null, "both": both}
+    steps = tuple(findings.step_of(label, fit) for label, fit in fits.items())
+    had = search.Search(problem, found, ((), ()), steps, both)
+    limits = EXPLAINED_LEVEL, 0.0
+    ended = search._exchanged(had, candidates, limits, lambda text, done: None)
+    (left,) = ended.findings  # and the one beside it has become idle
+    assert (left.effect.kind, left.effect.where) == (case.hidden.kind, case.hidden.where)
+    assert [s.label for s in ended.steps[:2]] == ["nominal", "uncertain"]
+    assert len(ended.steps) == 3
+    assert ended.rounds[0][0].name == left.effect.name
+    # what is right stays
+    assert search._exchanged(ended, candidates, limits, lambda text, done: None) is ended
+    assert search._worth(ended) < search._worth(had)
+
+
+@pytest.mark.parametrize("kind", ["member_damping", "joint_structural_damping"])
+@pytest.mark.parametrize(("share", "pays"), [(0.9, False), (-0.9, False), (1.1, True)])
+def test_a_loss_factor_within_the_tolerance_of_damping_is_no_effect(kind, share, pays):
+    case = make_case(0, "cross")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null = replace(problem.nominal(), level=1.0, held_out_level=1.0)
+    tolerance = problem.damping.std * 2 * np.exp(np.log(null.zeta).mean())
+    effect = propose(case.model, [kind])[0].with_values(loss_factor=share * tolerance)
+    better = replace(null, effects=(effect,), level=0.1, held_out_level=0.1)
+    assert acceptance.Rule(problem, 2.0, True, null, True).pays(better) is pays
+    assert acceptance.Rule(problem, 0.0, False, null, False).pays(better) is pays
+
+
+def test_fits_are_repeated_from_where_they_are_on_the_whole_band():
+    # On the lower part of the band a mass spread over 0.3 m and one that reaches to the member's end look
+    # alike, and a fit that begins there ends in the second, 25 % worse.
+    case = draw_case(Settings(911), "two", 3)
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    support, mass = (
+        next(e for e in propose(case.model, [kind]) if e.name == name)
+        for kind, name in (
+            ("support_flexibility", "support_flexibility:S1.z"),
+            ("distributed_mass", "distributed_mass:post"),
+        )
+    )
+    starts = [{"stiffness": 2.7e7}, {"mass": 0.17, "position": 0.393, "width": 0.29}]
+    right = problem.fit([support, mass], starts, stages=problem.stages[-1:])
+    assert problem.refit(right).level == pytest.approx(right.level, rel=1e-3)
+    wide = [starts[0], {"mass": 0.157, "position": 0.411, "width": 0.36}]
+    valley = problem.fit([support, mass], wide, stages=problem.stages[-1:])
+    assert valley.level > 1.1 * right.level
+    assert search._polish(problem, valley).level < 1.01 * right.level
+
+
+def test_what_damps_must_do_more_and_so_must_what_comes_beside_others():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    heavier, damped = (propose(case.model, [kind])[0] for kind in ("member_density", "member_damping"))
+    assert acceptance.weak_factors(problem, heavier, beside=False)[0] == acceptance.ACCEPT_WEAK
+    assert acceptance.weak_factors(problem, heavier, beside=True)[0] == acceptance.ACCEPT_WEAK_BESIDE
+    for beside in (False, True):
+        assert (
+            acceptance.weak_factors(problem, damped, beside=beside) == (acceptance.ACCEPT_WEAK_DAMPING,) * 2
+        )
+    fit = replace(problem.nominal(), level=0.5)
+    scores = [acceptance.score(problem, replace(fit, effects=(e,))) for e in (heavier, damped)]
+    n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+    assert scores[1] - scores[0] == pytest.approx(n * np.log(acceptance.DAMPING_MARGIN))
+
+
+def test_the_damping_curve_has_a_knot_for_every_two_modes():
+    case = draw_case(Settings(911), "null", 3)  # nine modes
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    assert (problem.n_modes, len(problem.damping.knots)) == (9, 4)

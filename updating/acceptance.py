@@ -1,0 +1,148 @@
+"""When one more effect pays: by how much the levels must fall, and what candidates are ranked by.
+
+The thresholds were set on cases with nothing hidden; `docs/finding-effects.md` says which.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.model import Effect, Parameter
+from updating.findings import Ranked, parameters_of
+from updating.fit import LEVEL_FLOOR, FitProblem, FitResult
+
+STEP_LEVEL = 1.08
+"""While much is unexplained an effect is tried with others if both levels fall by more than this factor."""
+ACCEPT_LEVEL = 1.25
+"""An effect stays only if without it the residual level is higher by more than this factor."""
+ACCEPT_HELD_OUT = 1.15
+"""An effect stays only if without it the level on lines that no fit has seen is higher by more than this.
+
+In cases with nothing hidden the best of all candidates gains a few per cent.
+"""
+ACCEPT_SETTLED = 1.5
+"""Where the model counts as right already, both levels must fall by more than this factor."""
+PLAIN_LEVEL, PLAIN_HELD_OUT = 2.0, 0.9
+"""Where the form is right and the level falls by more than the first factor, that on held-out lines need only
+fall by more than the second, that is, not rise by more than chance can do."""
+ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.02, 0.95
+"""Where the caller says, besides, that the form is right, weak effects count: the factor over all lines
+together, and that on held-out lines."""
+ACCEPT_WEAK_BESIDE = 1.05
+"""The first factor for one beside other effects, which may be a little otherwise than they are modelled."""
+ACCEPT_WEAK_DAMPING = 1.12
+"""Both factors there for an effect that also damps, as the curve of modal damping is no exact model."""
+DAMPING_MARGIN = 1.1
+"""Of two candidates, the level of one that also damps counts as so much higher."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rule:
+    """When one more effect pays.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    limit : float
+        Level from which on the model is settled, that is right but for noise [nepers].
+    settled : bool
+        Whether it was so when the round began.
+    before : FitResult
+        The model without it.
+    form_right : bool
+        Whether the caller says that nothing but noise and the mesh may be left.
+    """
+
+    problem: FitProblem
+    limit: float
+    settled: bool
+    before: FitResult
+    form_right: bool
+
+    def factors(self, effect: Effect) -> tuple[float, float]:
+        """Return by how much the levels on fitted and on held-out lines must fall with an effect."""
+        if not self.settled:
+            return STEP_LEVEL, STEP_LEVEL
+        if not self.form_right:
+            return ACCEPT_SETTLED, ACCEPT_SETTLED
+        return weak_factors(self.problem, effect, beside=bool(self.before.effects))
+
+    def pays(self, after: FitResult) -> bool:
+        """Whether a fit with one more effect is enough better than that without, and not within tolerance."""
+        if _within_tolerance(self.problem, after):
+            return False
+        return falls(self.before, after, self.factors(after.effects[-1]), self.form_right)
+
+    def ranked(self, fit: FitResult, similarity: float, refined: bool) -> Ranked:
+        """Return a candidate's fit as an entry of the ranking."""
+        effect = fit.effects[-1]
+        return Ranked(
+            effect.name, effect.kind, effect.where, parameters_of(effect, fit), fit.level, fit.fit_db,
+            fit.held_out_db, similarity, refined, self.before.level / self.factors(effect)[0], fit,
+        )  # fmt: skip
+
+
+def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
+    """Return what candidates are ranked by: n ln level + ½ k ln n, with k parameters of the last effects.
+
+    Schwarz's criterion (Ann. Stat. 6, 1978) for an unknown error level, with as many independent data n as
+    the fits count, so that an effect with more parameters must earn them. The level of one that also damps
+    counts ``DAMPING_MARGIN`` times.
+    """
+    n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+    parameters = [(e, p) for e in fit.effects[len(fit.effects) - n_last :] for p in e.parameters()]
+    level = np.hypot(fit.level, LEVEL_FLOOR)
+    if any(_damps(problem, effect, p) for effect, p in parameters):
+        level *= DAMPING_MARGIN
+    return float(n * np.log(level) + 0.5 * len(parameters) * np.log(n))
+
+
+def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> tuple[float, float]:
+    """Return the factors by which the levels must fall with a weak effect, alone or beside others."""
+    if any(_damps(problem, effect, p) for p in effect.parameters()):
+        return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
+    return ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
+
+
+def _within_tolerance(problem: FitProblem, fit: FitResult) -> bool:
+    """Whether the last effect is but a loss factor that the tolerance of damping allows for.
+
+    Members and joints are not damped alike to a tenth of their damping; that is no effect that a model lacks.
+    """
+    effect, curve = fit.effects[-1], problem.damping
+    p, *others = effect.parameters()
+    if others or p.name != "loss_factor":
+        return False
+    mean = float(np.exp(np.log(fit.zeta[: len(curve.knots)]).mean()))
+    return abs(p.value) < curve.std * 2 * mean
+
+
+def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:
+    """Whether a parameter changes damping alone, or a law of stiffness and damping."""
+    term = problem.reduced.derivative_of(effect, p.name, p.value)
+    if term.laws:
+        return True
+    present = {key for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()}
+    return bool(present) and present <= {"C", "D"}
+
+
+def falls(
+    before: FitResult, after: FitResult, factors: tuple[float, float], form_right: bool = False
+) -> bool:
+    """Whether the levels on fitted and on held-out lines fall by more than two factors.
+
+    Where the model's form is right the first counts for all lines together, as chance gains little there,
+    and held-out lines need only fall by ``PLAIN_HELD_OUT`` if the fitted ones fall by ``PLAIN_LEVEL``: a
+    narrow resonance may lie between them.
+    """
+    whole, held_out = factors
+    if not form_right:
+        return before.held_out_level > held_out * after.held_out_level and before.level > whole * after.level
+    if before.level > max(PLAIN_LEVEL, whole) * after.level:
+        held_out = PLAIN_HELD_OUT
+    return before.held_out_level > held_out * after.held_out_level and _level(before) > whole * _level(after)
+
+
+def _level(fit: FitResult) -> float:
+    """Return the level over fitted and held-out lines, of which there are a third as many."""
+    return float(np.sqrt(0.75 * fit.level**2 + 0.25 * fit.held_out_level**2))

@@ -1,0 +1,209 @@
+"""What a diagnosis begins with: a reduced model, the data to compare it with, and how exact both are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from fem.effects.joint import Joint, PointPair
+from fem.model import Model
+from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
+from fem.solvers import factorise
+from fem.system import assemble, connection_stiffness
+from updating.correlation import log_ratio, rms_db
+from updating.fit import NOISE_LIMIT, FitProblem, FitResult, prepare, sensor_vectors
+from updating.measurement import Measurement, MeasurementError, with_sensor_masses
+from updating.parameters import DampingCurve, Nuisance
+
+MODE_MARGIN = 2.5
+"""The reduced basis holds the modes up to this multiple of the highest frequency."""
+MESH_SHARE = 0.1
+"""Elements are cut where the level that the mesh leaves is more than this share of the noise's."""
+MOST_SPLITS = 4
+"""Into so many at most."""
+NOMINAL_RATIO = 5e-3
+"""Damping ratio of a model that has none [-]."""
+N_LINES = 160
+"""At most this many lines are fitted."""
+LEAST_LINES = 10
+"""Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
+FIRST_STAGE, STAGE_GROWTH, STAGE_LINES = 2, 1.5, 20
+"""A fit in fine stages begins with so many modes, takes so many times more from stage to stage, and has so
+many lines at least."""
+
+
+def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
+    """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
+    # Sensors count too: where a response is mostly local stretching, modes alone converge slowly.
+    columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
+    for element in model.of_kind(PointPair):
+        dofs, B = element.relative(model)
+        rigid = element.rigid if isinstance(element, Joint) else ()
+        held = [d not in rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
+        block = np.zeros((model.n_dof, 6))
+        block[dofs] = B.T
+        columns.append(block[:, held])
+    return np.hstack(columns)
+
+
+def elastic_frequencies(reduced: ReducedModel, up_to: float) -> NDArray[np.float64]:
+    """Return the reduced model's elastic natural frequencies up to a frequency [Hz]."""
+    total, n = reduced.base_sum(), reduced.basis.n_main
+    lam = sla.eigh(total["K"][:n, :n], total["M"][:n, :n], eigvals_only=True)[reduced.basis.n_rigid :]
+    f = np.sqrt(np.maximum(lam, 0.0)) / (2 * np.pi)
+    return f[f <= up_to]
+
+
+def build_problem(
+    model: Model,
+    measurement: Measurement,
+    nuisances: Sequence[Nuisance],
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_LINES,
+    connections: bool = False,
+) -> FitProblem:
+    """Reduce a model and prepare the data for fits.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor. Its modal damping ratios become the nominal damping curve
+        (0.5 % where there are none).
+    measurement : Measurement
+    nuisances : sequence of Nuisance
+    damping_std : float
+        Standard deviation of the logarithm of the damping ratio [-].
+    band : (float, float), optional
+        Frequencies that count [Hz].
+    n_lines : int
+        At most this many lines are fitted.
+    connections : bool
+        Whether connections may be damped otherwise than members.
+
+    Raises
+    ------
+    MeasurementError
+        If there are fewer than ``LEAST_LINES`` lines, or no value of the FRFs is left to compare.
+    """
+    model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    n_usable = int((frf.frequency > 0).sum())
+    if n_usable < LEAST_LINES:
+        msg = (
+            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
+            "needed to compare a model with it"
+        )
+        raise MeasurementError(msg)
+    highest = float(frf.frequency[-1])
+    undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
+    reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=MODE_MARGIN)
+    modes = elastic_frequencies(reduced, highest)
+    # A suspension's modes below the band have no lines: they are neither knots nor stages.
+    modes = modes[modes >= frf.frequency[0]]
+    n_knots = int(np.clip(len(modes) // 2, 1, 8))
+    knots = (
+        np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
+    )
+    ratio = model.damping.ratio_at(knots)
+    no_other = not (model.damping.alpha or model.damping.beta or model.damping.loss_factor)
+    curve = DampingCurve(
+        knots, np.maximum(ratio, NOMINAL_RATIO if no_other and not ratio.any() else 1e-5), damping_std,
+        connections,
+    )  # fmt: skip
+    k = len(modes)
+    low = modes[4] * 1.1 if k > 8 else highest
+    middle = modes[k // 2] if k > 14 else highest
+    stages = np.unique(np.minimum([low, middle, highest], highest))
+    start = frf.frequency[frf.frequency > 0]
+    values = values_of(undamped, ())
+    engine = ParametricFRF(
+        reduced,
+        sensor_vectors(model, measurement.sensors),
+        sensor_vectors(model, measurement.excitations),
+        start,
+        (),
+    )
+    nominal, _, _ = engine.evaluate(values, curve.ratio(start, curve.start), gradient=False)
+    data = prepare(measurement, nominal, band)
+    counted = data.frequency[data.mask.any(axis=(1, 2)) & ~data.held_out]
+    if not counted.size:
+        msg = (
+            f"no FRF of '{measurement.name}' can be compared: every value is 0, small beside the others, or "
+            f"uncertain by more than {100 * NOISE_LIMIT:.0f} % (from {measurement.noise_source})"
+        )
+        raise MeasurementError(msg)
+    stages = stages[stages >= counted[0]]
+    ends = np.unique(np.round(FIRST_STAGE * STAGE_GROWTH ** np.arange(40)).astype(int))
+    fine = np.array([*(np.sqrt(modes[n - 1] * modes[n]) for n in ends[ends < k]), highest])
+    enough = np.searchsorted(counted, fine, "right") >= STAGE_LINES
+    enough[-1] = True
+    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine[enough])
+
+
+def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:
+    """Estimate the error of the mesh by halving every element: root mean square [dB], and level [nepers].
+
+    Cubic elements converge with the fourth power of their size, so that the difference is 15/16 of the error.
+    """
+    model, m = problem.reduced.model, problem.data.measurement
+    fine_model = model.with_mesh(model.mesh.split(2))
+    lines = problem.lines_up_to(np.inf, n_lines)
+    f = problem.data.frequency[lines]
+    zeta = problem.damping.ratio(f, problem.damping.start)
+    highest = float(problem.data.frequency[-1])
+    forces = attachment_forces(fine_model, m)
+    fine = reduce_model(fine_model, forces, highest, margin=MODE_MARGIN, releasable=False)
+    H = []
+    for reduced in (problem.reduced, fine):
+        outputs, inputs = (sensor_vectors(reduced.model, part) for part in (m.sensors, m.excitations))
+        engine = ParametricFRF(reduced, outputs, inputs, f, ())
+        H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
+    ratio: Any = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan")) * 16 / 15
+    return rms_db(ratio), problem.level(ratio, lines)
+
+
+def splits(mesh_level: float, noise_level: float) -> int:
+    """Return into how many to cut each element, so that the mesh's error is small beside the noise."""
+    too_large = mesh_level / (MESH_SHARE * noise_level)
+    return min(MOST_SPLITS, int(np.ceil(too_large**0.25))) if too_large > 1 else 1
+
+
+def fitted_model(model: Model, result: FitResult) -> Model:
+    """Return the full model with the values and the effects of a fit."""
+    own = {e.name for e in model.effects}
+    values = {ref: v for ref, v in result.values.items() if ref[0] in own}
+    return model.with_values(values).with_effect(*result.effects)
+
+
+def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> float:
+    """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB].
+
+    Effects that depend on amplitude are left out of both.
+    """
+    effects = tuple(e for e in result.effects if not e.amplitude_dependent)
+    gone = {e.name for e in result.effects if e.amplitude_dependent}
+    values = {ref: v for ref, v in result.values.items() if ref[0] not in gone}
+    result = replace(result, effects=effects, values=values)
+    model = problem.reduced.model
+    system = assemble(fitted_model(model, result), reciprocal=False)
+    outputs, inputs = problem.vectors
+    lines = problem.lines_up_to(np.inf, n_lines)
+    f = problem.data.frequency[lines]
+    zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
+    connections = connection_stiffness(system) if others else None
+    reduced = problem.receptance(result, lines)
+    ratio = []
+    backend, factor = None if system.reciprocal else "superlu", None
+    for k, omega in enumerate(2 * np.pi * f):
+        Z = system.dynamic_stiffness(float(omega)) + 2j * zeta[k] * system.K
+        if connections is not None:
+            Z = Z + 2j * (others[0][k] - zeta[k]) * connections
+        factor = factorise(Z, like=factor, backend=backend)
+        direct = outputs.T @ (system.Q @ factor.solve((system.Q.T @ inputs).astype(complex)))
+        ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
+    return rms_db(np.array(ratio))

@@ -1,0 +1,513 @@
+"""The search for missing effects: rounds in which candidates are looked at, fitted and accepted or not."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, parameter_values
+from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL, Rule, falls, score, weak_factors
+from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.findings import (
+    Finding,
+    Ranked,
+    Step,
+    at_values_of,
+    label,
+    parameters_of,
+    step_added,
+    step_of,
+)
+from updating.fit import LEVEL_FLOOR, FitProblem, FitResult
+from updating.preparation import basis_error, fitted_model
+from updating.screening import N_BEST, N_BEST_DEEP, Grid, rivals, screen
+from updating.separation import Decisive, Proposal, next_measurements, what_decides
+
+RIGHT_MARGIN = 1.25
+"""A model counts as right up to this multiple of the level that noise and the mesh leave."""
+FLOOR_MARGIN = 2.5
+"""Up to this multiple of it, little enough is left for a search of weak effects."""
+MOST_LEFT = 0.5
+"""Effects that leave more than a right model are believed if they bring the level's square below this share.
+
+Not where the caller says that the model's form is right.
+"""
+TWIN_SHARE = 0.9
+"""A candidate that brings more than this share of the best one's reduction of ln level is its twin."""
+FINALS_SETTLED = 3
+"""So many are fitted fully where the model is right already."""
+N_RIVALS = 4
+"""So many candidates at the place of an accepted one are fitted from where its fit ended."""
+SAME_PLACE = 0.1
+"""Places no farther apart than this share of the structure's size count as one there."""
+SAME_MEMBER = 0.5
+"""Nor may they be farther apart than this share of the longest member's length."""
+N_LINES_WEAK = 480
+"""So many where weak effects are looked for: few lines see a narrow resonance or its absence."""
+N_FINE = 2
+"""So many of the best candidates are fitted in fine stages as long as much is unexplained."""
+QUICK_LINES = 50
+"""Lines of a quick fit."""
+QUICK_REACH = 3.0
+"""Candidates whose first one ends above so many times the best have no second."""
+MOST_REFINED = 6
+"""At most this many candidates are fitted fully in a round."""
+MAX_EFFECTS = 3
+"""At most this many effects are added."""
+MOST_SEPARATED = 3
+"""For so many twins the next measurement is worked out."""
+N_BRANCHES = 2
+"""So many other candidates of the first round are searched on from before what is left is unexplained."""
+OTHERWISE = 0.9
+"""Those whose similarity to the best is below this."""
+AS_GOOD_ALONE = 1.2
+"""One effect is preferred to several if its level is no more than this factor above theirs."""
+AS_GOOD = 3.0
+"""Optima whose negative log posterior is no more than this above the best count as possible values."""
+BASIS_SHARE = 0.03
+"""Error of the reduced basis, in parts of the residual level, above which the found model's modes join it."""
+BASIS_REACH = (1.2, 2.0)
+"""They are taken up to these multiples of the highest frequency, one after the other if need be."""
+BASIS_LINES = 12
+"""Lines at which that error is checked."""
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the fraction done, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Search:
+    """How far the search for effects has come."""
+
+    problem: FitProblem
+    findings: tuple[Finding, ...]
+    rounds: tuple[tuple[Ranked, ...], ...]
+    steps: tuple[Step, ...]
+    current: FitResult
+
+    @property
+    def depends_on_amplitude(self) -> bool:
+        """Whether an effect was found that does."""
+        return any(f.effect.amplitude_dependent for f in self.findings)
+
+
+def search_effects(
+    begin: Search, candidates: Sequence[Effect], floor: float, model_error: float, say: Progress
+) -> Search:
+    """Search for effects.
+
+    Once more among more of the candidates for one effect that does alone what several do together, or before
+    what is left is called unexplained; then also from other first effects.
+
+    ``floor`` is the level that noise and the mesh leave.
+    """
+    settled, limit = FLOOR_MARGIN * floor, max(RIGHT_MARGIN * floor, model_error)
+    weak = settled if model_error == 0 else 0.0
+    grids = {e.name: Grid.of(begin.problem, e) for e in candidates}
+    full = max(settled, model_error), weak
+    search = _forward(begin, candidates, grids, full, N_BEST, say)
+    later = between(say, 0.53, 1.0)
+    if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > limit):
+        search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
+    believed = max(limit, most_left(begin.current, model_error))
+    if len(search.findings) > 1 or search.current.level > believed:
+        alone = _forward(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later, most=1)
+        if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
+            search = alone
+        if search.current.level > believed and alone.rounds:
+            search = _branched(begin, search, alone.rounds[0], candidates, full, later)
+    return _on_own_basis(search)
+
+
+def _exchanged(
+    search: Search, candidates: Sequence[Effect], limits: tuple[float, float], say: Progress
+) -> Search:
+    """Take away each of several effects but the last, search on beside the others, and keep the best end.
+
+    The first was chosen while the others were missing, and may have stood for some of them.
+    """
+    best, grids = search, {e.name: Grid.of(search.problem, e) for e in candidates}
+    for i in range(len(search.findings) - 1):
+        findings = search.findings[:i] + search.findings[i + 1 :]
+        rounds = search.rounds[:i] + search.rounds[i + 1 :]
+        less = search.problem.fit_without(search.current, search.findings[i].effect.name)
+        begin = Search(
+            search.problem, tuple(at_values_of(less, findings)), rounds[: len(findings)],
+            (*search.steps[:2], step_added(less.effects, less)), less,
+        )  # fmt: skip
+        again = _forward(begin, candidates, grids, limits, N_BEST, say, most=len(search.findings))
+        if _worth(again) < _worth(best):
+            best = again
+    return best
+
+
+def _branched(
+    begin: Search,
+    search: Search,
+    ranked: tuple[Ranked, ...],
+    candidates: Sequence[Effect],
+    limits: tuple[float, float],
+    say: Progress,
+) -> Search:
+    """Search on from other candidates of a first round, and keep the best end.
+
+    From those that do something else than the best one, and from that if it was not searched on from: of two
+    effects neither need come first while both are missing. A third is looked for beside the best two alone.
+    """
+    ended, tried = search, {f.effect.name for f in search.findings}
+    others = [r for r in ranked if r.refined and (r.similarity < OTHERWISE or r is ranked[0])]
+    for other in [r for r in others if r.name not in tried][:N_BRANCHES]:
+        problem = _attached(begin.problem, other.result.effects)
+        best = _polish(problem, other.result)
+        order = (other, *(r for r in ranked if r is not other))
+        (effect,) = best.effects
+        finding = Finding(effect, parameters_of(effect, best), *_explained(problem, order, begin.current))
+        steps = (*begin.steps, step_added([effect], best))
+        branch = Search(problem, (finding,), (order,), steps, best)
+        again = _forward(branch, candidates, {}, limits, N_BEST, say, most=2)
+        if _worth(again) < _worth(ended):
+            ended = again
+    return ended if ended is search else _forward(ended, candidates, {}, limits, N_BEST, say)
+
+
+def _worth(search: Search) -> float:
+    """Return the score of all effects of a search together."""
+    return score(search.problem, search.current, len(search.findings))
+
+
+def _on_own_basis(search: Search) -> Search:
+    """Fit what was found once more on a basis with its own modes, if that of the search is not good enough.
+
+    The search's basis has the nominal model's modes and the responses to forces at the effects' places. Where
+    an effect changes a whole member, they converge slowly to the modes with it. The noise of thousands of
+    values averages out in a parameter, and an error of the basis does not: it must be much smaller.
+    """
+    problem, current = search.problem, search.current
+    for reach in BASIS_REACH if search.findings else ():
+        allowed = BASIS_SHARE * max(current.level, LEVEL_FLOOR) * DB_PER_NEPER / np.sqrt(2)
+        if basis_error(problem, current, BASIS_LINES) <= allowed:
+            break
+        up_to = reach * float(problem.data.frequency[-1])
+        reduced = problem.reduced.with_modes_of(fitted_model(problem.reduced.model, current), up_to)
+        problem = _attached(replace(problem, reduced=reduced), current.effects)
+        current = _polish(problem, current)
+    if current is search.current:
+        return search
+    findings = tuple(at_values_of(current, search.findings))
+    steps = (*search.steps[:-1], step_of(search.steps[-1].label, current))
+    return replace(search, problem=problem, current=current, findings=findings, steps=steps)
+
+
+def _forward(
+    begin: Search,
+    candidates: Sequence[Effect],
+    grids: Mapping[str, Grid],
+    limits: tuple[float, float],
+    n_best: int,
+    say: Progress,
+    most: int = MAX_EFFECTS,
+) -> Search:
+    """Add effects while they pay, and drop those that the others have made idle.
+
+    ``grids`` are those of the candidates on the problem to begin with; ``limits`` are the levels from which
+    on only weak effects are looked for, and from which they count. The ``n_best`` best candidates by each
+    measure are fitted, and ``most`` effects added.
+    """
+    problem, current = begin.problem, begin.current
+    findings, rounds, steps = list(begin.findings), list(begin.rounds), list(begin.steps)
+    first = steps[: len(steps) - bool(findings)]
+    limit, weak_limit = limits
+    while len(findings) < most:
+        taken = {f.effect.name for f in findings}
+        open_ = [
+            e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
+        ]
+        part = _part(say, len(rounds))
+        grids = grids or {e.name: Grid.of(problem, e) for e in open_}
+        settled = current.level < limit
+        if settled and weak_limit and problem.n_lines < N_LINES_WEAK:
+            problem = replace(problem, n_lines=N_LINES_WEAK)
+            current = problem.refit(current)
+            findings = at_values_of(current, findings)
+            steps[-1] = step_of(steps[-1].label, current)
+        rule = Rule(problem, limit, settled, current, weak_limit > 0)
+        ranked, best = _round(rule, open_, grids, n_best, part)
+        rounds.append(ranked)
+        if best is None:
+            break
+        # The candidate's fit may have found better nuisance parameters; the model without it
+        # deserves them too.
+        again = problem.refit(current, _believed(best))
+        if again.solution.cost < current.solution.cost - 0.1:
+            current = again
+            steps[-1] = step_of(steps[-1].label, current)
+        rule = replace(rule, before=current)
+        if not rule.pays(best):
+            break
+        say(f"checking {label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
+        attached = _attached(problem, best.effects)
+        best = _polish(attached, best)
+        if attached is not problem:  # the position has moved: once more where it is now
+            problem = _attached(attached, best.effects)
+            best = _polish(problem, best)
+            grids = {e.name: Grid.of(problem, e) for e in open_}
+        reduced = problem.reduced
+        problem, rounds[-1], best = _against_rivals(problem, rule, ranked, best, open_, grids)
+        grids = grids if problem.reduced is reduced else {}
+        explained = _explained(problem, rounds[-1], current)
+        last = best.effects[-1]
+        findings = [*at_values_of(best, findings), Finding(last, parameters_of(last, best), *explained)]
+        current = best
+        steps.append(step_added([last], best))
+    before = findings
+    findings, current = _without_idle(problem, findings, current, weak_limit)
+    if len(findings) < len(before):
+        left = {f.effect.name for f in findings}
+        kept = [k for k, f in enumerate(before) if f.effect.name in left]
+        rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
+        steps = [*first, *([step_added((f.effect for f in findings), current)] if findings else [])]
+    return Search(problem, tuple(findings), tuple(rounds), tuple(steps), current)
+
+
+def most_left(null: FitResult, model_error: float) -> float:
+    """Return the level up to which effects are believed though more is left than a right model leaves."""
+    return MOST_LEFT**0.5 * null.level if model_error > 0 else 0.0
+
+
+def _part(say: Progress, n: int) -> Progress:
+    """Return progress of round n as a part of the whole, whose length is not known before."""
+    return lambda text, done: say(text, (n + done) / (n + 2))
+
+
+def between(say: Progress, start: float, end: float) -> Progress:
+    """Return progress of a part of the whole, from one fraction to another."""
+    return lambda text, done: say(text, start + (end - start) * done)
+
+
+def _released(findings: Sequence[Finding]) -> set[tuple[str, str]]:
+    return {key for f in findings for key in f.effect.released()}
+
+
+def _round(
+    rule: Rule, candidates: Sequence[Effect], grids: Mapping[str, Grid], n_best: int, say: Progress
+) -> tuple[tuple[Ranked, ...], FitResult | None]:
+    """Look at every candidate, fit the promising quickly and the best of them fully.
+
+    While the model is settled fits start from its parameters; before, they start from the nominal ones as
+    well, because parameters that were fitted without an effect are off. As long as the best leave more than a
+    settled model does, they are fitted in fine stages too.
+    Returns those that were fitted, best first, and the best fit. The best of those that pay comes before a
+    better one that does not: it may have found its gain where the lines of the fit are, and nowhere else.
+    """
+    if not candidates:
+        return (), None
+    problem, current, settled = rule.problem, rule.before, rule.settled
+    have = list(current.effects)
+    have_start = [parameter_values(e) for e in have]
+    look = [grids[e.name] for e in candidates]
+    chosen = screen(problem, current, look, settled, n_best, between(say, 0.0, 0.3))
+    if not chosen:
+        return (), None
+    stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
+    tried: dict[str, list[FitResult]] = {}
+    on: dict[str, FitProblem] = {}
+    quick = {"n_lines": problem.n_lines if settled else QUICK_LINES, "max_iterations": 6, "assess": False}
+    for i, option in enumerate(chosen):
+        say(f"screening {label(option.effect)}", 0.3 + 0.2 * i / len(chosen))
+        name, starts = option.effect.name, [*have_start, option.starts[0]]
+        places = [option.effect.with_values(**start) for start in option.starts]
+        on[name] = replace(problem, reduced=problem.reduced.with_forces_of(places))
+        begin: dict[str, Any] = {"stages": stages[-1:], "x_from": current} if settled else {"stages": stages}
+        tried[name] = [on[name].fit([*have, option.effect], starts, **begin, **quick)]
+    reach = QUICK_REACH * min(fits[0].level for fits in tried.values())
+    for option in () if settled else chosen:
+        name, effects = option.effect.name, [*have, option.effect]
+        if tried[name][0].level > reach:
+            continue
+        say(f"screening {label(option.effect)}", 0.5)
+        for k, start in enumerate(option.starts):
+            starts = [*have_start, start]
+            begin = {"stages": stages} if k else {"stages": stages[-1:], "x_from": current}
+            tried[name].append(on[name].fit(effects, starts, **begin, **quick))
+    for fits in tried.values():
+        fits.sort(key=lambda f: f.level)
+    names = sorted(tried, key=lambda n: score(problem, tried[n][0]))
+    near = [n for n in names if tried[n][0].level < 1.8 * tried[names[0]][0].level]
+    finalists = names[: int(np.clip(len(near), 3, MOST_REFINED))]
+    if settled:
+        finalists = names[:FINALS_SETTLED]
+    final: dict[str, FitResult] = {}
+    for i, name in enumerate(finalists):
+        quickly = tried[name][0]
+        effect = quickly.effects[-1]
+        say(f"fitting {label(effect)}", 0.6 + 0.4 * i / len(finalists))
+        starts = [*have_start, parameter_values(effect)]
+        mine = on[name] = _attached(problem, [effect])
+        options = [mine.fit([*have, effect], starts, stages=[mine.stages[-1]], x_from=quickly, assess=False)]
+        if not settled:
+            options.append(mine.fit([*have, effect], starts, assess=False))
+        final[name] = mine.assessed(min(options, key=lambda r: r.solution.cost))
+    leading = sorted(final, key=lambda n: score(problem, final[n]))[:N_FINE]
+    if not settled and final[leading[0]].level > rule.limit:
+        for name in leading:
+            starts = [*have_start, parameter_values(tried[name][0].effects[-1])]
+            fine = on[name].fit([*have, final[name].effects[-1]], starts, stages=problem.fine_stages)
+            final[name] = min(final[name], fine, key=lambda r: r.solution.cost)
+    order = sorted(final, key=lambda n: score(problem, final[n]))
+    best_name = next((n for n in order if rule.pays(final[n])), order[0])
+    best = final[best_name]
+    shift = change_of(on[best_name], best, current)
+    ranked = []
+    for name in names:
+        fit = final.get(name) or on[name].assessed(tried[name][0])
+        similarity = similarity_of(shift, change_of(on[name], fit, current))
+        ranked.append(rule.ranked(fit, similarity, name in final))
+    return _in_order(problem, ranked, best_name), best
+
+
+def _against_rivals(
+    problem: FitProblem,
+    rule: Rule,
+    ranked: tuple[Ranked, ...],
+    best: FitResult,
+    candidates: Sequence[Effect],
+    grids: Mapping[str, Grid],
+) -> tuple[FitProblem, tuple[Ranked, ...], FitResult]:
+    """Let the other candidates at the place of an accepted one take its turn, and keep the best.
+
+    They are fitted from where its fit ended: without an effect, or with the nominal ones, the uncertain
+    parameters are off, and what acts much alike, such as a crack beside a support and the support's own
+    flexibility, then comes out in an order of chance.
+    """
+    model, winner = problem.reduced.model, best.effects[-1]
+    longest = max(model.mesh.member_length(m) for m in model.mesh.members)
+    reach = min(SAME_PLACE * model.mesh.size, SAME_MEMBER * longest)
+    others, places = (grids[e.name] for e in candidates if e.name != winner.name), winner.locations(model)
+    near = [part for grid in others if (part := grid.near(model, places, reach))]
+    shift = change_of(problem, best, rule.before)
+    entries = {r.name: r for r in ranked}
+    entries[winner.name] = rule.ranked(best, 1.0, True)
+    chosen_problem, chosen = problem, best
+    for option in rivals(problem, best, near, N_RIVALS):
+        mine = _attached(problem, [*best.effects, option.effect.with_values(**option.starts[0])])
+        effects = [*best.effects[:-1], option.effect]
+        starts = [*map(parameter_values, best.effects[:-1]), option.starts[0]]
+        fit = mine.fit(effects, starts, stages=[mine.stages[-1]], x_from=best)
+        name = option.effect.name
+        known = entries.get(name)
+        if known is None or not known.refined or score(problem, fit) < score(problem, known.result):
+            entries[name] = rule.ranked(fit, similarity_of(shift, change_of(mine, fit, rule.before)), True)
+        if score(problem, fit) < score(problem, chosen):
+            chosen_problem, chosen = mine, fit
+    if chosen is not best:
+        chosen = _polish(chosen_problem, chosen)
+        entries[chosen.effects[-1].name] = rule.ranked(chosen, 1.0, True)
+    return chosen_problem, _in_order(problem, entries.values(), chosen.effects[-1].name), chosen
+
+
+def _in_order(problem: FitProblem, ranked: Iterable[Ranked], best: str) -> tuple[Ranked, ...]:
+    """Return candidates with the named one first, those fitted fully before the others, then by score."""
+    return tuple(sorted(ranked, key=lambda r: (not r.refined, r.name != best, score(problem, r.result))))
+
+
+def _believed(fit: FitResult) -> FitResult:
+    """Return a fit whose last effect's value stands for the parameter that it replaced."""
+    last = fit.effects[-1]
+    replaced, own = last.replaces(), last.parameters()
+    if len(replaced) != 1 or len(own) != 1:
+        return fit
+    return replace(fit, values={**fit.values, replaced[0]: own[0].value})
+
+
+def _without_idle(
+    problem: FitProblem, findings: list[Finding], current: FitResult, weak_limit: float
+) -> tuple[list[Finding], FitResult]:
+    """Drop effects without which the fit is nearly as good.
+
+    Up to the level ``weak_limit``, which is 0 unless the model's form is right, weak effects stay.
+    """
+    for finding in list(findings):
+        name = finding.effect.name
+        rest = [f for f in findings if f.effect.name != name]
+        less = problem.fit_without(current, name)
+        usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
+        weak = current.level < weak_limit
+        factors = weak_factors(problem, finding.effect, beside=bool(rest)) if weak else usual
+        if not falls(less, current, factors, weak_limit > 0):
+            findings = [
+                replace(f, effect=e, parameters=parameters_of(e, less))
+                for f, e in zip(rest, less.effects, strict=True)
+            ]
+            current = less
+    return findings, current
+
+
+def _attached(problem: FitProblem, effects: Sequence[Effect]) -> FitProblem:
+    """Return the problem with the forces of effects in its basis, for a position also on either side of it.
+
+    The modes alone make what is local, such as a crack, look weaker than it is.
+    """
+    model = problem.reduced.model
+    reach = float(model.mesh.lengths().max())
+    near = list(effects)
+    for effect in effects:
+        for p in effect.parameters():
+            if p.name == "position":
+                places = np.clip(p.value + np.array([-reach, reach]), p.lower, p.upper)
+                near += [effect.with_values(position=float(s)) for s in places]
+    reduced = problem.reduced.with_forces_of(near)
+    return problem if reduced is problem.reduced else replace(problem, reduced=reduced)
+
+
+def _polish(problem: FitProblem, best: FitResult) -> FitResult:
+    """Fit again from starts around the best, with another value of its first parameter or of a law or width.
+
+    Such as a width that reaches beyond a member's end, where the FRFs do not change with it. Optima that are
+    as good widen the first parameter's standard deviation.
+    """
+    *have, last = best.effects
+    first, *others = last.parameters()
+    tried = [problem.refit(best, assess=False)]
+    near = [(first, f) for f in (0.6, 0.8, 1.25, 1.7)]
+    near += [(p, f) for p in others if p.name != "position" for f in (0.6, 1.7)]
+    for p, factor in near:
+        value = float(np.clip(factor * p.value, p.lower, p.upper))
+        starts = [*map(parameter_values, have), {**parameter_values(last), p.name: value}]
+        tried.append(
+            problem.fit(best.effects, starts, stages=[problem.stages[-1]], x_from=best, assess=False)
+        )
+    tried.sort(key=lambda r: r.solution.cost)
+    winner = tried[0]
+    ref = (last.name, first.name)
+    good = [r for r in tried if r.solution.cost < winner.solution.cost + AS_GOOD]
+    spread = max(abs(r.values[ref] - winner.values[ref]) for r in good)
+    return problem.assessed(replace(winner, std={**winner.std, ref: max(winner.std[ref], spread)}))
+
+
+def change_of(problem: FitProblem, fit: FitResult, base: FitResult) -> NDArray[np.complex128]:
+    """Return the logarithms of a fit's FRFs over those of another, at some lines, one after the other."""
+    lines = problem.lines_up_to(np.inf, 60)
+    ratio = log_ratio(problem.receptance(fit, lines), problem.receptance(base, lines))
+    return np.nan_to_num(np.where(problem.data.mask[lines], ratio, 0.0)).ravel()
+
+
+def similarity_of(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
+    """Return the correlation of two changes, 0 to 1."""
+    norm = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(abs(np.vdot(a, b).real) / norm) if norm > 0 else 0.0
+
+
+def _explained(
+    problem: FitProblem, ranked: Sequence[Ranked], current: FitResult
+) -> tuple[tuple[Ranked, ...], Ranked | None, tuple[Decisive, ...], tuple[tuple[Proposal, ...], ...]]:
+    """Return the twins of the best candidate, its rival, what decides, and what would separate the twins."""
+    best = ranked[0]
+    gain = np.log(current.level / best.level)
+    refined = [r for r in ranked[1:] if r.refined]
+    twins = tuple(r for r in refined if np.log(current.level / r.level) > TWIN_SHARE * gain)
+    rival = next((r for r in refined if r not in twins), None)
+    against = rival or (twins[0] if twins else None)
+    decisive = what_decides(problem, best.result, against.result) if against else ()
+    proposals = tuple(next_measurements(problem, best.result, t.result) for t in twins[:MOST_SEPARATED])
+    return twins, rival, decisive, proposals
