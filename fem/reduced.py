@@ -35,6 +35,9 @@ _ENERGY = 1e-9
 _PLACES = 16
 """Places whose responses are kept for further changes."""
 
+_UNITS = 64
+"""Effects whose matrices for a unit of their parameter are kept."""
+
 _STEP = 1e-200
 """Complex step; derivatives are exact to rounding."""
 
@@ -304,18 +307,22 @@ class ReducedModel:
     def _unit(self, effect: Effect) -> tuple[_Term, float] | None:
         """Return the slope of an effect by a parameter that but multiplies it, and that parameter's value.
 
-        It is computed once for all values of that parameter. None if there is no such parameter.
+        It is computed once for all values of that parameter, and kept for the last ``_UNITS`` of all others.
+        None if there is no such parameter.
         """
         p, *rest = effect.parameters() or (None,)
         if p is None or not p.linear or p.absent != 0 or any(q.linear for q in rest):
             return None
         key = (type(effect), *(getattr(effect, f.name) for f in fields(effect) if f.name != p.name))
+        units = self._cache["unit"]
         try:
-            known = self._cache["unit"].get(key)
+            known = units.get(key)
         except TypeError:  # an array among its fields
             return None
         if known is None:
-            known = self._cache["unit"][key] = self._slope_of(effect, p.name, p.value, self.model)
+            while len(units) >= _UNITS:
+                units.pop(next(iter(units)))
+            known = units[key] = self._slope_of(effect, p.name, p.value, self.model)
         return None if known.laws else (known, p.value)
 
     def derivative_of(

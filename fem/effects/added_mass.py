@@ -83,7 +83,7 @@ class PointMass(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """Mass and position."""
         return (
-            Parameter("mass", "kg", self.mass, 0.0, 0.0, 20 * self.scale),
+            Parameter("mass", "kg", self.mass, 0.0, 0.0, 20 * self.scale, linear=True),
             Parameter("position", "m", self.position, self.position, *self.span),
         )
 

@@ -50,7 +50,7 @@ class DistributedMass(OnMember):
         """Return mass per length, position and width."""
         short = 0.1 * self.length
         return (
-            Parameter("mass", "kg/m", self.mass, 0.0, 0.0, 20 * self.reference),
+            Parameter("mass", "kg/m", self.mass, 0.0, 0.0, 20 * self.reference, linear=True),
             Parameter("position", "m", self.position, self.position, short / 2, self.length - short / 2),
             Parameter("width", "m", self.width, self.width, short, 0.8 * self.length),
         )

@@ -45,7 +45,7 @@ class PointInertia(OnMember):
     def parameters(self) -> tuple[Parameter, ...]:
         """Return inertia and position."""
         return (
-            Parameter("inertia", "kg·m²", self.inertia, 0.0, 0.0, 20 * self.reference),
+            Parameter("inertia", "kg·m²", self.inertia, 0.0, 0.0, 20 * self.reference, linear=True),
             Parameter("position", "m", self.position, self.position, 0.0, self.length),
         )
 

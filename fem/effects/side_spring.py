@@ -51,7 +51,7 @@ class SideSpring(OnMember):
         """Return stiffness and position, which keeps off the ends."""
         edge = 0.03 * self.length
         return (
-            Parameter("stiffness", "N/m", self.stiffness, 0.0, 0.0, 1e8 * self.reference),
+            Parameter("stiffness", "N/m", self.stiffness, 0.0, 0.0, 1e8 * self.reference, linear=True),
             Parameter("position", "m", self.position, self.position, edge, self.length - edge),
         )
 

@@ -46,7 +46,7 @@ class StiffnessLoss(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """Loss and position."""
         return (
-            Parameter("loss", "-", self.loss, 0.0, 0.0, 0.98),
+            Parameter("loss", "-", self.loss, 0.0, 0.0, 0.98, linear=True),
             Parameter(
                 "position", "m", self.position, self.position, self.width / 2, self.length - self.width / 2
             ),
