@@ -97,7 +97,8 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         - unexplained, not noticed, fault: what the verdict said instead
 
         ``first`` and ``in_three`` tell whether the right effect and place lead the first round's ranking,
-        or are among its first three, accepted or not.
+        or are among its first three, accepted or not. ``nearest`` is the candidate of the last round that
+        came nearest to being accepted, with the level that it had to reach over the one it reached.
     """
     model = diagnosis.model
     proposed = {e.name: e for e in propose(case.model, test=case.measurement)}
@@ -145,6 +146,7 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         "faults": [{"kind": f.kind, "sensor": f.sensor, "value": f.value} for f in diagnosis.faults],
         "ranked": [f"{r.kind} at {r.where}" for r in ranked[:3]],
         "candidates": len(ranked),
+        "nearest": _nearest(diagnosis),
         "outcome": outcome,
         "first": first,
         "in_three": in_three,
@@ -165,6 +167,14 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         },
         "seconds": diagnosis.seconds,
     }
+
+
+def _nearest(d: Diagnosis) -> Record | None:
+    refined = [r for r in (d.rounds[-1] if d.rounds else ()) if r.refined]
+    if not refined:
+        return None
+    best = max(refined, key=lambda r: r.asked / r.level)
+    return {"kind": best.kind, "where": best.where, "reached": best.asked / best.level}
 
 
 def _outcome(

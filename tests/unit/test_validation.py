@@ -190,9 +190,11 @@ def finding(effect, twins=(), **values):
     return SimpleNamespace(effect=effect, parameters=parameters, twins=twins)
 
 
-def ranked(effect, **values):
-    f = finding(effect, **values)
-    return SimpleNamespace(name=effect.name, kind=effect.kind, where=effect.where, parameters=f.parameters)
+def ranked(effect, asked=1.0, level=2.0, refined=True):
+    return SimpleNamespace(
+        name=effect.name, kind=effect.kind, where=effect.where, parameters=finding(effect).parameters,
+        asked=asked, level=level, refined=refined,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -225,12 +227,21 @@ def test_twins_false_effects_and_other_verdicts(mass_case):
     case, true, candidates = mass_case
     member = case.implants[0].hidden.place.member
     right, loss = candidates[f"point_mass:{member}"], candidates[f"stiffness_loss:{member}"]
-    twin = ranked(right, **true)
+    twin = ranked(right.with_values(**true))
     assert judge(case, said(case, [finding(loss)]))["outcome"] == "wrong"
     assert judge(case, said(case, [finding(loss, twins=(twin,))]))["outcome"] == "twin"
     third = judge(case, said(case, [finding(loss)], rounds=((ranked(loss), ranked(loss), twin),)))
     assert third["outcome"] == "wrong"
     assert third["in_three"]
+    assert third["nearest"] == {"kind": loss.kind, "where": loss.where, "reached": 0.5}
+    rounds = (
+        (ranked(loss, level=0.5),),
+        (ranked(loss), ranked(right, level=1.25), ranked(right, level=0.1, refined=False)),
+    )
+    assert (
+        judge(case, said(case, rounds=rounds))["nearest"]["reached"] == 0.8
+    )  # fitted fully, in the last round
+    assert judge(case, said(case))["nearest"] is None
     both = [finding(right, **true), finding(loss)]
     assert judge(case, said(case, both))["outcome"] == "beside"
     for verdict, outcome in (
