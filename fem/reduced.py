@@ -102,6 +102,11 @@ def _part(X: NDArray[Any] | None, imaginary: bool) -> NDArray[Any] | None:
     return np.imag(X) / _STEP if imaginary else np.real(X)
 
 
+def _static(c: Contribution, imaginary: bool) -> Contribution:
+    """Return a contribution's static stiffness, M, C and D, or their derivatives by a complex step."""
+    return Contribution(c.dofs, *(_part(X, imaginary) for X in (c.static, c.M, c.C, c.D)))
+
+
 def _acting(c: Contribution) -> Contribution:
     """Return a contribution without the elements whose matrices do not change with a complex step."""
     matrices = [X for X in (c.K, c.M, c.C, c.D) if X is not None]
@@ -182,26 +187,25 @@ class ReducedModel:
             return self
         out = ReducedModel(self.model, basis, self.system, _scalings=self._scalings, _sparse=self._sparse)
         for key in ("base", "linear"):
-            out._cache[key] = {at: out._grown(term, self.basis, *at) for at, term in self._cache[key].items()}
+            known = {at: out._grown(term, self.basis, *at) for at, term in self._cache[key].items()}
+            out._cache[key] = {at: term for at, term in known.items() if term is not None}
         return out
 
-    def _grown(self, term: _Term, before: Basis, name: str, parameter: str) -> _Term:
+    def _grown(self, term: _Term, before: Basis, name: str, parameter: str) -> _Term | None:
         """Return the term of an effect of the model, or its slope, from that on the basis which was extended.
 
-        Only what the new vectors add is projected.
+        Only what the new vectors add is projected. None for one with laws that act on many DOFs, which is
+        projected again where it is needed.
         """
         if term.L is not None:
             return replace(term, L=self.basis.T[term.dofs])
-        effect = self.model.effect(name)
         if term.laws:
-            return self.derivative_of(effect, parameter, 0.0) if parameter else self.value_of(effect)
+            return None
         if (name, parameter) not in self._sparse:
+            effect = self.model.effect(name)
             step = {p.name: p.value + 1j * _STEP for p in effect.parameters() if p.name == parameter}
-            parts = effect.with_values(**step).contribute(self.model)
-            values = [[_part(X, bool(step)) for X in (c.static, c.M, c.C, c.D)] for c in parts]
-            self._sparse[name, parameter] = sum_contributions(
-                tuple(Contribution(c.dofs, *X) for c, X in zip(parts, values, strict=True)), self.model.n_dof
-            )
+            static = [_static(c, bool(step)) for c in effect.with_values(**step).contribute(self.model)]
+            self._sparse[name, parameter] = sum_contributions(tuple(static), self.model.n_dof)
         T, old, new = self.basis.T, before.n_main, self.basis.n_main
         fresh, kept = T[:, old:new], np.concatenate([np.arange(old), np.arange(new, T.shape[1])])
 
@@ -261,13 +265,11 @@ class ReducedModel:
         T = self.basis.T
         if len(dofs) > max(LOCAL_LIMIT, LOCAL_SHARE * T.shape[1]):
             n, T = len(dofs), T[dofs]
-            at = [np.searchsorted(dofs, c.dofs) for c in contributions]
-            parts = [tuple(_part(X, imaginary) for X in (c.static, c.M, c.C, c.D)) for c in contributions]
-            static = tuple(Contribution(own, *X) for own, X in zip(at, parts, strict=True))
-            full = sum_contributions(static, n)
+            own = [replace(c, dofs=np.searchsorted(dofs, c.dofs)) for c in contributions]
+            full = sum_contributions(tuple(_static(c, imaginary) for c in own), n)
             laws = [
-                (factor, sum_contributions((Contribution(own, X),), n)[0])
-                for c, own in zip(contributions, at, strict=True)
+                (factor, sum_contributions((Contribution(c.dofs, X),), n)[0])
+                for c in own
                 if c.law is not None
                 for factor, X in _law_parts(c, imaginary)
             ]
@@ -284,8 +286,8 @@ class ReducedModel:
                 np.add.at(total, (at[:, :, None], at[:, None, :]), X)
             return total
 
-        static = [(c, _part(c.static, imaginary)) for c in contributions]
-        M, C, D = (summed([(c, _part(getattr(c, key), imaginary)) for c in contributions]) for key in "MCD")
+        static = [_static(c, imaginary) for c in contributions]
+        K, M, C, D = (summed([(c, getattr(c, key)) for c in static]) for key in "KMCD")
         laws = [
             (factor, summed([(c, X)]))
             for c in contributions
@@ -293,16 +295,12 @@ class ReducedModel:
             for factor, X in _law_parts(c, imaginary)
         ]
         laws = tuple((f, X) for f, X in laws if X is not None)
-        return _Term(T[dofs], summed(static), M, C, D, laws, dofs)
+        return _Term(T[dofs], K, M, C, D, laws, dofs)
 
     def value_of(self, effect: Effect, model: Model | None = None) -> _Term:
         """Project an effect at its present values, on the nominal model or on one with other values."""
         unit = None if model else self._unit(effect)
         return unit[0].times(unit[1]) if unit else self._of(effect, effect.contribute(model or self.model))
-
-    def values_of(self, effect: Effect, points: Sequence[dict[str, float]]) -> tuple[_Term, ...]:
-        """Project an effect at several points of its parameters."""
-        return tuple(self.value_of(effect.with_values(**point)) for point in points)
 
     def _unit(self, effect: Effect) -> tuple[_Term, float] | None:
         """Return the slope of an effect by a parameter that but multiplies it, and that parameter's value.
@@ -373,6 +371,13 @@ class ReducedModel:
             known["connections"] = sum((t.dense("K") for t in terms if t.connection), zero)
             self._cache["sum"] = known
         return self._cache["sum"]
+
+    def main_modes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return λ and shapes of the nominal model with all its constraints, on the basis (computed once)."""
+        if "modes" not in self._cache:
+            total, m = self.base_sum(), self.basis.n_main
+            self._cache["modes"] = sla.eigh(total["K"][:m, :m], total["M"][:m, :m])
+        return self._cache["modes"]
 
     def base_laws(self) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[np.float64]]]:
         """Return the factors and matrices of all effects that depend on frequency (computed once)."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.effects.joint_nonlinear import AmplitudeDependent
@@ -381,10 +380,8 @@ class FitProblem:
         if key in known:
             return known[key]
         basis, total = self.reduced.basis, self.reduced.base_sum()
+        lam, V = self.reduced.main_modes()
         m = basis.n_main
-        if "modes" not in known:
-            known["modes"] = sla.eigh(total["K"][:m, :m], total["M"][:m, :m])
-        lam, V = known["modes"]
         column = m + basis.keys.index(key)
         omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
         # What is left of Z at the constraint once all other coordinates have followed.

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.effects.joint import Joint, PointPair
@@ -51,8 +50,7 @@ def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.floa
 
 def elastic_frequencies(reduced: ReducedModel, up_to: float) -> NDArray[np.float64]:
     """Return the reduced model's elastic natural frequencies up to a frequency [Hz]."""
-    total, n = reduced.base_sum(), reduced.basis.n_main
-    lam = sla.eigh(total["K"][:n, :n], total["M"][:n, :n], eigvals_only=True)[reduced.basis.n_rigid :]
+    lam = reduced.main_modes()[0][reduced.basis.n_rigid :]
     f = np.sqrt(np.maximum(lam, 0.0)) / (2 * np.pi)
     return f[f <= up_to]
 

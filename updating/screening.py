@@ -102,7 +102,7 @@ class Grid:
         key = "weak" if weak else "all"
         if key not in self._made:
             points = [p for p, _ in self.weak_points] if weak else self.points
-            self._made[key] = problem.reduced.values_of(self.effect, points)
+            self._made[key] = tuple(problem.reduced.value_of(self.effect.with_values(**p)) for p in points)
         return self._made[key]
 
     def near(self, model: Model, places: Floats, reach: float) -> "Grid | None":

@@ -177,8 +177,7 @@ def _places(model: Model) -> list[tuple[int, str]]:
     count = int(np.clip(MOST_PLACES // max(len(mesh.members), 1), 2, POINTS_PER_MEMBER))
     for member in mesh.members:
         points = mesh.member_points(member)
-        steps = np.linalg.norm(np.diff(mesh.points[points], axis=0), axis=1)
-        along = np.concatenate([[0.0], np.cumsum(steps)])
+        along = mesh.member_positions(member)
         for k in np.unique(np.linspace(0, len(points) - 1, count).round().astype(int)):
             if int(points[k]) not in seen:
                 seen.add(int(points[k]))

@@ -310,9 +310,10 @@ class Frame(Effect):
         """Return a frame with other moduli or densities."""
         return replace(self, values={**self.values, **values})
 
-    def rotations(self, mesh: Mesh) -> NDArray[np.float64]:
-        """Return the local axes of each line as rows, shape (n_lines, 3, 3)."""
-        return _place(_layout(self, mesh), mesh, np.arange(mesh.n_lines))[0]
+    def rotations(self, mesh: Mesh, lines: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Return the local axes of some or all lines of the mesh as rows, shape (n_lines, 3, 3)."""
+        rows = np.arange(mesh.n_lines) if lines is None else np.asarray(lines, dtype=np.int64)
+        return _place(_layout(self, mesh), mesh, rows)[0]
 
     def _lines(
         self, mesh: Mesh, rows: ArrayLike, maps: bool = True, change: SectionChange = _NO_CHANGE

@@ -111,4 +111,4 @@ def _places(model: Model) -> Iterator[tuple[int, str, str]]:
 def _axes(model: Model, point: int) -> NDArray[np.float64]:
     """Return the local axes, as rows, of a line at a point; global ones away from all lines."""
     at = np.flatnonzero((model.mesh.lines == point).any(axis=1))
-    return frame_of(model).rotations(model.mesh)[at[0]] if at.size else np.eye(3)
+    return frame_of(model).rotations(model.mesh, at[:1])[0] if at.size else np.eye(3)

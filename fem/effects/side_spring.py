@@ -60,7 +60,7 @@ class SideSpring(OnMember):
         mesh = model.mesh
         dofs, N = shapes_at(model, self.member, self.position)
         line = mesh.locate(self.member, float(np.real(self.position))).line
-        n = frame_of(model).rotations(mesh)[line]["xyz".index(self.direction)] @ N[:3]
+        n = frame_of(model).rotations(mesh, [line])[0]["xyz".index(self.direction)] @ N[:3]
         return (Contribution(dofs[None], (self.stiffness * np.outer(n, n))[None]),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
