@@ -223,6 +223,18 @@ def test_the_ends_of_a_stretch_are_what_its_place_moves(place):
     np.testing.assert_allclose(slope.dense("K"), expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("place", [0.40625, 0.4])
+def test_a_stretch_that_ends_on_a_point_moves_as_elsewhere(place):
+    model = beam(8)  # points at eighths: the first place has an end on one
+    loss = StiffnessLoss(name="c", member="beam", position=place, loss=0.5, width=0.3125, length=1.0)
+    (part,) = loss.with_values(position=place + 1e-200j).contribute(model)
+    stretched = np.zeros(model.n_dof)
+    stretched[::6] = model.mesh.points[:, 0]  # alike everywhere: the energy does not depend on the place
+    u = stretched[part.dofs]
+    energy = np.einsum("bi,bij,bj->", u, part.K, u)
+    assert abs(energy.imag / 1e-200) < 1e-9 * abs(energy.real)
+
+
 REFERRING = {
     "torsion": lambda: MemberTorsion(name="c", member="lower", change=1.2),
     "thickness": lambda: MemberSection(name="c", member="lower", direction="z", change=0.1),

@@ -99,3 +99,48 @@ def test_a_weak_effect_leads_by_its_score(prepared):
     # with the material's density uncertain, a little more in one of two members is a little less in the other
     assert {first.effect.kind, second.effect.kind} == {weak.kind}
     assert weak.where in (first.effect.where, second.effect.where)
+
+
+def test_the_best_of_the_short_list_go_on_whatever_the_grids_say(prepared, monkeypatch):
+    _, problem, null, candidates = prepared
+    grids = [Grid.of(problem, e) for e in candidates]
+    before = {c.effect.name for c in screen(problem, null, grids, False, 1, silent)}
+    look = screening._Look.of(problem, null, 44, 24, 700)
+    seen = [i for i, g in enumerate(grids) if np.isfinite(look.levels(g)).any() and not g.effect.released()]
+    other = next(i for i in seen if grids[i].effect.name not in before)
+    levels = np.ones((4, len(grids)))
+    levels[2, other] = 0.1
+    monkeypatch.setattr(screening, "MOST_CANDIDATES", 10)
+    monkeypatch.setattr(screening, "_proportional_levels", lambda *args: levels)
+    assert grids[other].effect.name in {c.effect.name for c in screen(problem, null, grids, False, 1, silent)}
+
+
+def test_of_very_many_rivals_a_short_list_is_looked_at(prepared, monkeypatch):
+    case, problem, _, candidates = prepared
+    wrong = next(e for e in candidates if e.kind == "point_mass")
+    best = problem.fit([wrong], [Grid.of(problem, wrong).points[0]])
+    grids = [Grid.of(problem, e) for e in candidates if e is not wrong]
+    looked: list[str] = []
+    levels = screening._Look.levels
+    monkeypatch.setattr(
+        screening._Look, "levels", lambda look, grid: looked.append(grid.effect.name) or levels(look, grid)
+    )
+    monkeypatch.setattr(screening, "MOST_RIVALS", 10)
+    monkeypatch.setattr(screening, "N_LISTED", 5)
+    found = screening.rivals(problem, best, grids, 4)
+    assert len(looked) < 0.6 * len(grids)
+    assert (case.hidden.kind, case.hidden.where) in {(c.effect.kind, c.effect.where) for c in found}
+
+
+def test_the_impedance_at_a_support_is_that_of_the_structure_around_it():
+    case = make_case(3, "portal", "support_flexibility")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    basis, total = problem.reduced.basis, problem.reduced.base_sum()
+    omega = 2 * np.pi * problem.data.frequency[problem.lines_up_to(np.inf, 30)][:, None, None]
+    for k, key in enumerate(basis.keys):
+        active = [*range(basis.n_main), basis.n_main + k]
+        K, M = (total[x][np.ix_(active, active)] for x in "KM")
+        unit = np.eye(len(active), dtype=complex)[:, -1:]
+        flexibility = np.linalg.solve(K * (1 + 0.02j) - omega**2 * M, unit)[:, -1, 0]
+        assert problem.surroundings(key) == pytest.approx(1 / np.median(np.abs(flexibility)), rel=1e-6)
+    assert basis.keys

@@ -171,6 +171,28 @@ def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
     assert taken.effects[-1].kind == "crack"
 
 
+def test_what_is_half_a_member_away_is_at_another_place(monkeypatch):
+    case = make_case(3, "portal", "support_flexibility")
+    model = case.model
+    problem = build_problem(model, case.measurement, case.nuisances)
+    candidates = propose(model, ["support_flexibility", "crack", "point_mass"])
+    grids = {e.name: Grid.of(problem, e) for e in candidates}
+    null = problem.fit()
+    right = grids[case.hidden.name].effect
+    best = problem.fit([right], [grids[right.name].points[0]])
+    near = []
+    monkeypatch.setattr(search, "rivals", lambda problem, best, grids, n_best: near.extend(grids) or ())
+    monkeypatch.setattr(search, "SAME_PLACE", 10.0)  # all of a frame
+    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    search._against_rivals(problem, rule, (), best, candidates, grids)
+    reach = search.SAME_MEMBER * max(map(model.mesh.member_length, model.mesh.members))
+    places = right.locations(model)
+    marks = [g.effect.with_values(**p).locations(model) for g in near for p in g.points]
+    away = [np.linalg.norm(m[:, None] - places, axis=2).min() for m in marks]
+    assert 0.8 * reach < max(away) <= reach
+    assert {g.effect.name for g in near} < set(grids)
+
+
 def test_what_stood_for_another_effect_gives_way_to_it():
     case = make_case(0)  # a member is heavier
     problem = build_problem(case.model, case.measurement, case.nuisances)
