@@ -104,7 +104,7 @@ def test_the_bases_error_is_small_where_connections_are_damped_otherwise():
     )
 
 
-def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candidates():
+def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candidates(monkeypatch):
     case = make_case(0)  # a member is heavier
     problem = build_problem(case.model, case.measurement, case.nuisances)
     candidates = propose(case.model, ("member_density", "point_mass"))
@@ -132,6 +132,18 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     assert ended.rounds[0][0].name == right.name
     # one that does much the same is no other beginning
     assert branched((ranked[0], replace(ranked[1], similarity=0.95))) is had
+    # each goes on to two effects; beside the best end a third is looked for
+    most = []
+
+    def forward(begin, *_, **options):
+        most.append(options.get("most", search.MAX_EFFECTS))
+        return begin
+
+    monkeypatch.setattr(search, "_forward", forward)
+    branched(ranked)
+    assert most == [2, 3]
+    branched((ranked[0], replace(ranked[1], result=fits[0])))  # no better
+    assert most == [2, 3, 2]
 
 
 def test_fine_stages_end_between_modes_and_have_lines():
