@@ -1061,7 +1061,11 @@ class _State:
         S = 1j * (omega[:, None, None] * C + D)
         for factor, X in laws:
             S = S + factor[:, None, None] * (U.T @ X @ U)
-        G = np.moveaxis(_times(Um.T, Um[:, :, None] * inverse), 2, 0)
+        # G = Umᵀ diag(1/...) Um is symmetric: one product gives its upper half at all lines.
+        i, j = np.triu_indices(U.shape[1])
+        half, where = _times((Um[:, i] * Um[:, j]).T, inverse)[:, 0].T, np.empty(2 * [U.shape[1]], dtype=int)
+        where[i, j] = where[j, i] = np.arange(len(i))
+        G = half[:, where]
         correct: Any = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
         return cls(lam, V, stiffness, connections, mass, inverse, Um, correct, own)
 

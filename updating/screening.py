@@ -162,10 +162,13 @@ class Screened:
     ----------
     effect : Effect
     starts : tuple of dict
+    rank : int
+        How many candidates are better by the measure by which it does best.
     """
 
     effect: Effect
     starts: tuple[dict[str, float], ...]
+    rank: int = 0
 
 
 def screen(
@@ -173,16 +176,15 @@ def screen(
     current: FitResult,
     grids: Sequence[Grid],
     settled: bool,
-    n_best: int,
     say: Callable[[str, float], None],
 ) -> tuple[Screened, ...]:
-    """Choose the candidates that deserve a fit.
+    """Put the candidates that the data see in the order in which they deserve a fit.
 
     Each point of each grid is judged by six residual levels: with the nuisance parameters as they are fitted
     now and with their nominal values, in each case on the whole band, on the low band (where a wrong modulus
     shifts resonances by less than their width), and on the whole band after the part has been taken off that
-    a small change of the nuisance parameters explains. The best by each measure go on; of very many
-    candidates also the best by the measures of the short list.
+    a small change of the nuisance parameters explains; of very many candidates also by the measures of
+    the short list. What counts is the measure by which a candidate does best.
 
     Where the model is right but for noise, what may be left to find is weak. Then each candidate is judged
     by the level that the best strength of it would leave if the FRFs changed in proportion, again without
@@ -196,8 +198,6 @@ def screen(
     grids : sequence of Grid
     settled : bool
         Whether the model is right but for noise.
-    n_best : int
-        How many go on by each measure where it is not.
     say : callable
         Called with a text and the fraction done.
     """
@@ -219,8 +219,6 @@ def screen(
     rank = np.argsort(np.argsort(best, axis=0), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):
-        if rank[i].min() >= n_best:
-            break
         if not np.isfinite(best[i]).any():
             continue
         points: list[int] = []
@@ -228,7 +226,8 @@ def screen(
             k = int(np.argmin(levels[i][measure]))
             if k not in points:
                 points.append(k)
-        out.append(Screened(grids[i].effect, tuple(grids[i].points[k] for k in points[:2])))
+        starts = tuple(grids[i].points[k] for k in points[:2])
+        out.append(Screened(grids[i].effect, starts, int(rank[i].min())))
     return tuple(out)
 
 

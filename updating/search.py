@@ -1,7 +1,7 @@
 """The search for missing effects: rounds in which candidates are looked at, fitted and accepted or not."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from updating.findings import (
 )
 from updating.fit import LEVEL_FLOOR, FitProblem, FitResult
 from updating.preparation import basis_error, fitted_model
-from updating.screening import N_BEST, N_BEST_DEEP, Grid, rivals, screen
+from updating.screening import N_BEST, N_BEST_DEEP, Grid, Screened, rivals, screen
 from updating.separation import Decisive, Proposal, next_measurements, what_decides
 
 RIGHT_MARGIN = 1.25
@@ -54,6 +54,8 @@ QUICK_REACH = 3.0
 """Candidates whose first one ends above so many times the best have no second."""
 MOST_REFINED = 6
 """At most this many candidates are fitted fully in a round."""
+N_ASSESSED = 240
+"""Lines on which the errors of a quick fit are assessed."""
 MAX_EFFECTS = 3
 """At most this many effects are added."""
 MOST_SEPARATED = 3
@@ -105,14 +107,15 @@ def search_effects(
     settled, limit = FLOOR_MARGIN * floor, max(RIGHT_MARGIN * floor, model_error)
     weak = settled if model_error == 0 else 0.0
     grids = {e.name: Grid.of(begin.problem, e) for e in candidates}
+    first = _Round(begin.problem, begin.current, settled=False, grids=tuple(grids.values()))
     full = max(settled, model_error), weak
-    search = _forward(begin, candidates, grids, full, N_BEST, say)
+    search = _forward(begin, candidates, grids, full, N_BEST, say, round_=first)
     later = between(say, 0.53, 1.0)
     if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > limit):
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
     believed = max(limit, most_left(begin.current, model_error))
     if len(search.findings) > 1 or search.current.level > believed:
-        alone = _forward(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later, most=1)
+        alone = _forward(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later, 1, first)
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
             search = alone
         if search.current.level > believed and alone.rounds:
@@ -168,7 +171,8 @@ def _branched(
         again = _forward(branch, candidates, {}, limits, N_BEST, say, most=2)
         if _worth(again) < _worth(ended):
             ended = again
-    return ended if ended is search else _forward(ended, candidates, {}, limits, N_BEST, say)
+    may_go_on = ended is not search and len(ended.findings) == 2
+    return _forward(ended, candidates, {}, limits, N_BEST, say) if may_go_on else ended
 
 
 def _worth(search: Search) -> float:
@@ -207,12 +211,13 @@ def _forward(
     n_best: int,
     say: Progress,
     most: int = MAX_EFFECTS,
+    round_: "_Round | None" = None,
 ) -> Search:
     """Add effects while they pay, and drop those that the others have made idle.
 
     ``grids`` are those of the candidates on the problem to begin with; ``limits`` are the levels from which
     on only weak effects are looked for, and from which they count. The ``n_best`` best candidates by each
-    measure are fitted, and ``most`` effects added.
+    measure are fitted, and ``most`` effects added. ``round_`` is one that may have begun where this begins.
     """
     problem, current = begin.problem, begin.current
     findings, rounds, steps = list(begin.findings), list(begin.rounds), list(begin.steps)
@@ -232,7 +237,9 @@ def _forward(
             findings = at_values_of(current, findings)
             steps[-1] = step_of(steps[-1].label, current)
         rule = Rule(problem, limit, settled, current, weak_limit > 0)
-        ranked, best = _round(rule, open_, grids, n_best, part)
+        if round_ is None or not round_.is_from(problem, current, settled):
+            round_ = _Round(problem, current, settled, tuple(grids[e.name] for e in open_))
+        ranked, best = round_.run(rule, n_best, part)
         rounds.append(ranked)
         if best is None:
             break
@@ -289,81 +296,134 @@ def _released(findings: Sequence[Finding]) -> set[tuple[str, str]]:
     return {key for f in findings for key in f.effect.released()}
 
 
-def _round(
-    rule: Rule, candidates: Sequence[Effect], grids: Mapping[str, Grid], n_best: int, say: Progress
-) -> tuple[tuple[Ranked, ...], FitResult | None]:
-    """Look at every candidate, fit the promising quickly and the best of them fully.
+@dataclass(slots=True, eq=False)
+class _Round:
+    """One round: every candidate is looked at, the promising are fitted quickly, the best of them fully.
 
-    While the model is settled fits start from its parameters; before, they start from the nominal ones as
-    well, because parameters that were fitted without an effect are off. As long as the best leave more than a
-    settled model does, they are fitted in fine stages too.
-    Returns those that were fitted, best first, and the best fit. The best of those that pay comes before a
-    better one that does not: it may have found its gain where the lines of the fit are, and nowhere else.
+    Nothing is fitted twice: run again for more of the candidates, a round fits only those.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    before : FitResult
+        The model so far.
+    settled : bool
+        Whether it is right but for noise.
+    grids : tuple of Grid
+        The candidates.
     """
-    if not candidates:
-        return (), None
-    problem, current, settled = rule.problem, rule.before, rule.settled
-    have = list(current.effects)
-    have_start = [parameter_values(e) for e in have]
-    look = [grids[e.name] for e in candidates]
-    chosen = screen(problem, current, look, settled, n_best, between(say, 0.0, 0.3))
-    if not chosen:
-        return (), None
-    stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
-    tried: dict[str, list[FitResult]] = {}
-    on: dict[str, FitProblem] = {}
-    quick = {"n_lines": problem.n_lines if settled else QUICK_LINES, "max_iterations": 6, "assess": False}
-    for i, option in enumerate(chosen):
-        say(f"screening {label(option.effect)}", 0.3 + 0.2 * i / len(chosen))
-        name, starts = option.effect.name, [*have_start, option.starts[0]]
-        places = [option.effect.with_values(**start) for start in option.starts]
-        on[name] = replace(problem, reduced=problem.reduced.with_forces_of(places))
-        begin: dict[str, Any] = {"stages": stages[-1:], "x_from": current} if settled else {"stages": stages}
-        tried[name] = [on[name].fit([*have, option.effect], starts, **begin, **quick)]
-    reach = QUICK_REACH * min(fits[0].level for fits in tried.values())
-    for option in () if settled else chosen:
-        name, effects = option.effect.name, [*have, option.effect]
-        if tried[name][0].level > reach:
-            continue
-        say(f"screening {label(option.effect)}", 0.5)
-        for k, start in enumerate(option.starts):
-            starts = [*have_start, start]
-            begin = {"stages": stages} if k else {"stages": stages[-1:], "x_from": current}
-            tried[name].append(on[name].fit(effects, starts, **begin, **quick))
-    for fits in tried.values():
-        fits.sort(key=lambda f: f.level)
-    names = sorted(tried, key=lambda n: score(problem, tried[n][0]))
-    near = [n for n in names if tried[n][0].level < 1.8 * tried[names[0]][0].level]
-    finalists = names[: int(np.clip(len(near), 3, MOST_REFINED))]
-    if settled:
-        finalists = names[:FINALS_SETTLED]
-    final: dict[str, FitResult] = {}
-    for i, name in enumerate(finalists):
-        quickly = tried[name][0]
-        effect = quickly.effects[-1]
-        say(f"fitting {label(effect)}", 0.6 + 0.4 * i / len(finalists))
-        starts = [*have_start, parameter_values(effect)]
-        mine = on[name] = _attached(problem, [effect])
-        options = [mine.fit([*have, effect], starts, stages=[mine.stages[-1]], x_from=quickly, assess=False)]
-        if not settled:
-            options.append(mine.fit([*have, effect], starts, assess=False))
-        final[name] = mine.assessed(min(options, key=lambda r: r.solution.cost))
-    leading = sorted(final, key=lambda n: score(problem, final[n]))[:N_FINE]
-    if not settled and final[leading[0]].level > rule.limit:
-        for name in leading:
-            starts = [*have_start, parameter_values(tried[name][0].effects[-1])]
-            fine = on[name].fit([*have, final[name].effects[-1]], starts, stages=problem.fine_stages)
-            final[name] = min(final[name], fine, key=lambda r: r.solution.cost)
-    order = sorted(final, key=lambda n: score(problem, final[n]))
-    best_name = next((n for n in order if rule.pays(final[n])), order[0])
-    best = final[best_name]
-    shift = change_of(on[best_name], best, current)
-    ranked = []
-    for name in names:
-        fit = final.get(name) or on[name].assessed(tried[name][0])
-        similarity = similarity_of(shift, change_of(on[name], fit, current))
-        ranked.append(rule.ranked(fit, similarity, name in final))
-    return _in_order(problem, ranked, best_name), best
+
+    problem: FitProblem
+    before: FitResult
+    settled: bool
+    grids: tuple[Grid, ...]
+    _looked: tuple[Screened, ...] | None = None
+    _on: dict[str, FitProblem] = field(default_factory=dict)
+    _quick: dict[str, list[FitResult]] = field(default_factory=dict)
+    _final: dict[str, FitResult] = field(default_factory=dict)
+    _fine: set[str] = field(default_factory=set)
+    _followed: set[str] = field(default_factory=set)
+
+    def is_from(self, problem: FitProblem, before: FitResult, settled: bool) -> bool:
+        """Whether the round begins there."""
+        return self.problem is problem and self.before is before and self.settled == settled
+
+    def run(self, rule: Rule, n_best: int, say: Progress) -> tuple[tuple[Ranked, ...], FitResult | None]:
+        """Return the candidates that were fitted, best first, and the best fit.
+
+        The ``n_best`` best by each measure are fitted. The best of those that pay comes before a better one
+        that does not: it may have found its gain where the lines of the fit are, and nowhere else.
+        """
+        problem, current = self.problem, self.before
+        if self._looked is None:
+            self._looked = screen(problem, current, self.grids, self.settled, between(say, 0.0, 0.3))
+        chosen = [option for option in self._looked if option.rank < n_best]
+        if not chosen:
+            return (), None
+        self._fit_quickly(chosen, say)
+        names = sorted((o.effect.name for o in chosen), key=lambda n: score(problem, self._quick[n][0]))
+        near = [n for n in names if self._quick[n][0].level < 1.8 * self._quick[names[0]][0].level]
+        finalists = names[: FINALS_SETTLED if self.settled else int(np.clip(len(near), 3, MOST_REFINED))]
+        for i, name in enumerate(finalists):
+            say(f"fitting {label(self._quick[name][0].effects[-1])}", 0.6 + 0.4 * i / len(finalists))
+            self._fit_fully(name)
+        final = {n: self._final[n] for n in finalists}
+        order = sorted(final, key=lambda n: score(problem, final[n]))
+        if not self.settled and final[order[0]].level > rule.limit:
+            for name in order[:N_FINE]:
+                final[name] = self._fit_finely(name)
+            order.sort(key=lambda n: score(problem, final[n]))
+        best_name = next((n for n in order if rule.pays(final[n])), order[0])
+        best = final[best_name]
+        shift = change_of(self._on[best_name], best, current)
+        ranked = []
+        for name in names:
+            fit = final.get(name) or self._on[name].assessed(self._quick[name][0], N_ASSESSED)
+            similarity = similarity_of(shift, change_of(self._on[name], fit, current))
+            ranked.append(rule.ranked(fit, similarity, name in final))
+        return _in_order(problem, ranked, best_name), best
+
+    @property
+    def _begun(self) -> list[dict[str, float]]:
+        return [parameter_values(e) for e in self.before.effects]
+
+    def _fit_quickly(self, chosen: Sequence[Screened], say: Progress) -> None:
+        """Fit from one start, and those that do well then from others; the best come first.
+
+        While the model is settled fits start from its parameters; before, they start from the nominal ones
+        as well, because parameters that were fitted without an effect are off.
+        """
+        problem, current, settled = self.problem, self.before, self.settled
+        stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
+        lines = problem.n_lines if settled else QUICK_LINES
+        quick = {"n_lines": lines, "max_iterations": 6, "assess": False}
+        from_current = {"stages": stages[-1:], "x_from": current}
+        for i, option in enumerate(chosen):
+            name, effects = option.effect.name, [*current.effects, option.effect]
+            if name in self._quick:
+                continue
+            say(f"screening {label(option.effect)}", 0.3 + 0.2 * i / len(chosen))
+            places = [option.effect.with_values(**start) for start in option.starts]
+            self._on[name] = replace(problem, reduced=problem.reduced.with_forces_of(places))
+            begin: dict[str, Any] = from_current if settled else {"stages": stages}
+            starts = [*self._begun, option.starts[0]]
+            self._quick[name] = [self._on[name].fit(effects, starts, **begin, **quick)]
+        if settled:
+            return
+        reach = QUICK_REACH * min(self._quick[o.effect.name][0].level for o in chosen)
+        for option in chosen:
+            name, effects = option.effect.name, [*current.effects, option.effect]
+            if name in self._followed or self._quick[name][0].level > reach:
+                continue
+            say(f"screening {label(option.effect)}", 0.5)
+            self._followed.add(name)
+            for k, start in enumerate(option.starts):
+                begin = {"stages": stages} if k else from_current
+                fit = self._on[name].fit(effects, [*self._begun, start], **begin, **quick)
+                self._quick[name].append(fit)
+            self._quick[name].sort(key=lambda f: f.level)
+
+    def _fit_fully(self, name: str) -> None:
+        if name in self._final:
+            return
+        quickly = self._quick[name][0]
+        effect, effects = quickly.effects[-1], [*self.before.effects, quickly.effects[-1]]
+        starts = [*self._begun, parameter_values(effect)]
+        mine = self._on[name] = _attached(self.problem, [effect])
+        options = [mine.fit(effects, starts, stages=[mine.stages[-1]], x_from=quickly, assess=False)]
+        if not self.settled:
+            options.append(mine.fit(effects, starts, assess=False))
+        self._final[name] = mine.assessed(min(options, key=lambda r: r.solution.cost))
+
+    def _fit_finely(self, name: str) -> FitResult:
+        if name not in self._fine:
+            self._fine.add(name)
+            last = self._final[name].effects[-1]
+            starts = [*self._begun, parameter_values(self._quick[name][0].effects[-1])]
+            stages = self.problem.fine_stages
+            fine = self._on[name].fit([*self.before.effects, last], starts, stages=stages)
+            self._final[name] = min(self._final[name], fine, key=lambda r: r.solution.cost)
+        return self._final[name]
 
 
 def _against_rivals(

@@ -16,7 +16,7 @@ from fem.sensitivity import differentiate_frf
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, build_problem
-from updating.screening import N_BEST, Grid, screen
+from updating.screening import Grid, screen
 
 PLACES = [(3, "y"), (7, "z"), (12, "ry"), (5, "x")]
 FREQUENCY = np.linspace(20.0, 600.0, 25)
@@ -123,7 +123,7 @@ def test_what_the_measured_directions_do_not_see_does_not_go_on():
     rotor = next(e for e in Rotor.propose(model) if e.name.endswith("x"))
     about_y = next(e for e in Rotor.propose(model) if e.name.endswith("y"))
     grids = [Grid.of(problem, e) for e in (unseen, seen, about_y, rotor)]
-    chosen = screen(problem, problem.fit(), grids, False, N_BEST, lambda text, done: None)
+    chosen = screen(problem, problem.fit(), grids, False, lambda text, done: None)
     # A rotor about x turns motion in the plane out of it; one about y couples twist and turning about z only.
     assert {c.effect.name for c in chosen} == {seen.name, rotor.name}
 

@@ -9,6 +9,7 @@ from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
 from updating import acceptance, findings, preparation, search
 from updating.diagnosis import EXPLAINED_LEVEL, propose
+from updating.fit import FitProblem
 from updating.preparation import build_problem
 from updating.screening import Grid
 
@@ -40,7 +41,7 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
     null = problem.fit()
     kinds = ("member_density", "member_stiffness", "point_mass")
     candidates = propose(case.model, kinds)
-    grids = {e.name: Grid.of(problem, e) for e in candidates}
+    round_ = search._Round(problem, null, False, tuple(Grid.of(problem, e) for e in candidates))
 
     def ranked(pays):
         class Rule(acceptance.Rule):
@@ -48,7 +49,7 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
                 return pays(after.effects[-1].kind)
 
         rule = Rule(problem, 0.0, False, null, True)
-        order, best = search._round(rule, candidates, grids, 5, lambda text, done: None)
+        order, best = round_.run(rule, 5, lambda text, done: None)
         assert order[0].result is best
         return [r.kind for r in order if r.refined]
 
@@ -57,6 +58,43 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
     other = ranked(lambda kind: kind != "member_density")
     assert other[0] == next(kind for kind in freely if kind != "member_density")
     assert ranked(lambda kind: False) == freely
+
+
+def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null = problem.fit()
+    kinds = ("member_density", "member_stiffness", "point_mass", "joint_mass", "preload")
+    grids = tuple(Grid.of(problem, e) for e in propose(case.model, kinds))
+    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    fitted, looked = [], []
+
+    def fit(self, effects, starts, **options):
+        fitted.append(effects[-1].name)
+        return whole_fit(self, effects, starts, **options)
+
+    def screen(*args):
+        looked.append(args)
+        return whole_screen(*args)
+
+    whole_fit, whole_screen = FitProblem.fit, search.screen
+    monkeypatch.setattr(FitProblem, "fit", fit)
+    monkeypatch.setattr(search, "screen", screen)
+    alone = search._Round(problem, null, False, grids)
+    few, _ = alone.run(rule, 1, lambda text, done: None)
+    once = len(fitted)
+    again, _ = alone.run(rule, 1, lambda text, done: None)
+    assert len(fitted) == once
+    assert [r.name for r in again] == [r.name for r in few]
+    more, best = alone.run(rule, 20, lambda text, done: None)
+    assert len(more) > len(few)
+    quickly = len(fitted)
+    fitted.clear()
+    anew, best_anew = search._Round(problem, null, False, grids).run(rule, 20, lambda text, done: None)
+    assert len(fitted) < quickly + 3  # what the first run fitted fully may not be among the best of all
+    assert len(looked) == 2
+    assert [(r.name, r.level) for r in more] == [(r.name, r.level) for r in anew]
+    assert best.values == best_anew.values
 
 
 @pytest.mark.parametrize(
@@ -132,18 +170,21 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     assert ended.rounds[0][0].name == right.name
     # one that does much the same is no other beginning
     assert branched((ranked[0], replace(ranked[1], similarity=0.95))) is had
-    # each goes on to two effects; beside the best end a third is looked for
-    most = []
+    # each goes on to two effects; beside the best end, if it has two, a third is looked for
+    most, found = [], 2
 
     def forward(begin, *_, **options):
         most.append(options.get("most", search.MAX_EFFECTS))
-        return begin
+        return replace(begin, findings=found * begin.findings)
 
     monkeypatch.setattr(search, "_forward", forward)
     branched(ranked)
     assert most == [2, 3]
     branched((ranked[0], replace(ranked[1], result=fits[0])))  # no better
     assert most == [2, 3, 2]
+    found = 1
+    branched(ranked)
+    assert most == [2, 3, 2, 2]
 
 
 def test_fine_stages_end_between_modes_and_have_lines():
