@@ -79,6 +79,11 @@ class _Term:
 
         return replace(self, **{key: total(key) for key in "KMCD"})
 
+    def damps(self, connections: bool) -> bool:
+        """Whether it adds local damping, or to connections where these are damped otherwise than members."""
+        damped = self.C is not None or self.D is not None or bool(self.laws)
+        return damped or (connections and self.connection)
+
     def dense(self, key: str) -> Any:
         X = getattr(self, key)
         return 0.0 if X is None else self.spread(X)
@@ -560,14 +565,15 @@ class ParametricFRF:
                 start = slopes = None
         return _Scaled(effect, own, tuple(known), start, slopes)
 
-    def _damped_range(self, zeta: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    def _damped_range(self, zeta: NDArray[np.float64], now: Sequence[_Term]) -> NDArray[np.float64] | None:
         """Return an orthonormal basis (r, k) of what local damping and laws act on at any values.
 
-        None where it depends on the values.
+        None where it depends on the values; ``now`` is what :meth:`_matrices` gave there.
         """
-        if self._nonlinear or any(s.start is None for s in self._scaled):
-            return None
         own = zeta.ndim > 1
+        moving = [t for s, t in zip(self._scaled, now, strict=False) if s.start is None]
+        if any(t.damps(own) for t in (*moving, *now[len(self._scaled) :])):
+            return None
         if own in self._damped:
             return self._damped[own]
         terms = [term for _, _, term in self._linear]
@@ -613,7 +619,7 @@ class ParametricFRF:
         return model, [(self._now(e, rows, values), rows, others) for e, rows, others in self._nonlinear]
 
     def _matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[_Term]]:
-        """Return the sums of all matrices, and the terms of ``_scaled`` before they are scaled."""
+        """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
         total, alone = dict(self._fixed), []
         for i, start, term in self._linear:
             self._add(total, term, values[i] - start)
@@ -627,13 +633,14 @@ class ParametricFRF:
             alone.append(term)
         model, following = self._following(values)
         for now, _, _ in following:
-            self._add(total, self._restrict(self.reduced.value_of(now, model)), 1.0)
+            alone.append(self._restrict(self.reduced.value_of(now, model)))
+            self._add(total, alone[-1], 1.0)
         return total, alone
 
     def _slopes(self, values: NDArray[np.float64], alone: Sequence[_Term]) -> list[tuple[int, _Term]]:
         """Return the derivatives of the matrices; ``alone`` is what :meth:`_matrices` gave there."""
         slopes = [(i, term) for i, _, term in self._linear]
-        for scaled, term in zip(self._scaled, alone, strict=True):
+        for scaled, term in zip(self._scaled, alone, strict=False):
             factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
             for k, i in enumerate(scaled.rows):
                 slope = scaled.slopes[k] if scaled.slopes is not None else self._restrict(
@@ -684,7 +691,7 @@ class ParametricFRF:
         at = values.tobytes() + zeta.tobytes()
         if self._last is None or self._last[0] != at:
             total, alone = self._matrices(values)
-            state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta))
+            state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta, alone))
             self._last = (at, state, state.solve(self._in), alone)
         _, state, Xi, alone = self._last
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
@@ -758,11 +765,12 @@ class ParametricFRF:
         zeta : ndarray (n_freq,) or (2, n_freq)
             Damping ratio at each line, and that of connections if it is another [-].
         """
-        total, _ = self._matrices(np.asarray(values, dtype=float))
-        state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta))
+        total, terms = self._matrices(np.asarray(values, dtype=float))
+        damped = self._damped_range(zeta, terms)
+        state = _State.of(self.reduced, total, self.omega, zeta, damped)
         Xo, Xi = state.solve(self._out, transposed=True), state.solve(self._in)
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
-        return LocalChanges(self, state, Xo, Xi, H, total, zeta)
+        return LocalChanges(self, state, Xo, Xi, H, total, zeta, damped)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -781,6 +789,8 @@ class LocalChanges:
         Reduced matrices without the effects.
     zeta : ndarray (n_freq,) or (2, n_freq)
         Damping ratio at each line, and that of connections if it is another [-].
+    damped : ndarray (r, k) or None
+        What local damping acts on, if that is known beforehand.
     """
 
     engine: ParametricFRF
@@ -790,6 +800,7 @@ class LocalChanges:
     H: NDArray[np.complex128]
     total: dict[str, Any]
     zeta: NDArray[np.float64]
+    damped: NDArray[np.float64] | None
     _places: dict[bytes, Any] = field(default_factory=dict, repr=False)
 
     def fields(self) -> "Fields":
@@ -846,8 +857,7 @@ class LocalChanges:
     def _anew(self, term: _Term) -> NDArray[np.complex128]:
         engine, total = self.engine, dict(self.total)
         engine._add(total, term, 1.0)
-        damps = term.C is not None or term.D is not None or term.laws or term.connection
-        damped = None if damps else engine._damped_range(self.zeta)
+        damped = None if term.damps(self.zeta.ndim > 1) else self.damped
         state = _State.of(engine.reduced, total, engine.omega, self.zeta, damped)
         return np.moveaxis(_times((state.V.T @ engine._out).T, state.solve(engine._in)), 2, 0)
 

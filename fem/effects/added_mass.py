@@ -90,7 +90,8 @@ class PointMass(Effect):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return M = m Nᵀ N with the beam's own shape functions N for translations."""
         (frame,) = model.of_kind(Frame)
-        dofs, N = _shape_at(frame, model, self.member, self.position)
+        dofs, N = frame.shapes_at(model.mesh, self.member, self.position)
+        N = N[:3]
         return (Contribution(dofs[None], M=(self.mass * (N.T @ N))[None]),)
 
     @classmethod
@@ -126,16 +127,3 @@ class PointMass(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the place on the member."""
         return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
-
-
-def _shape_at(
-    frame: Frame, model: Model, member: str, position: Any
-) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Return DOFs (12,) and N (3, 12) at a position, which may carry a complex step."""
-    mesh = model.mesh
-    at = mesh.locate(member, float(np.real(position)))
-    dofs, N = frame.interpolate(mesh, [at])
-    if np.iscomplexobj(position):
-        slope = frame.interpolate_slope(mesh, [at])[0, :3]
-        return dofs[0], N[0, :3] + 1j * np.imag(position) * slope
-    return dofs[0], N[0, :3]

@@ -516,6 +516,18 @@ class Frame(Effect):
         step = 1j * 1e-200 / mesh.lengths()[g.rows]
         return np.imag(_motion(g, mesh, np.array([at.xi for at in locations]) + step)) / 1e-200
 
+    def shapes_at(self, mesh: Mesh, member: str, position: Any) -> tuple[NDArray[np.int64], Array]:
+        """Return :meth:`interpolate`'s DOFs (12,) and N (6, 12) at an arc length of a member [m].
+
+        It may carry a complex step.
+        """
+        real = float(np.real(position))
+        dofs, N = _shapes(self, mesh, member, real)
+        if np.iscomplexobj(position):
+            slope = self.interpolate_slope(mesh, [mesh.locate(member, real)])[0]
+            return dofs, N + 1j * np.imag(position) * slope
+        return dofs, N
+
     def strain_energy_matrix(
         self, model: Model, member: str, start: Array, stop: Array, factors: ArrayLike = (1, 1, 1, 1, 1, 1)
     ) -> Contribution:
@@ -1185,6 +1197,13 @@ def _flexible(g: _Lines, xi: Array) -> Array:
     """
     x = (xi * g.span - g.zone[:, 0]) / g.L
     return np.where(np.real(x) < 0, 0.0, np.where(np.real(x) > 1, 1.0, x))
+
+
+@lru_cache(maxsize=2)  # a fit asks for the derivative where it has just asked for the value
+def _shapes(frame: Frame, mesh: Mesh, member: str, position: float) -> tuple[NDArray[np.int64], Array]:
+    (dofs,), (N,) = frame.interpolate(mesh, [mesh.locate(member, position)])
+    dofs.flags.writeable = N.flags.writeable = False
+    return dofs, N
 
 
 def _motion(g: _Lines, mesh: Mesh, xi: Array) -> Array:

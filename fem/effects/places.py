@@ -11,7 +11,7 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
 from fem.effects.superelement import Superelement
-from fem.model import DIRECTIONS, Array, Effect, Model, ModelError, ParameterRef, dofs_of
+from fem.model import DIRECTIONS, Effect, Model, ModelError, ParameterRef, dofs_of
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -253,13 +253,3 @@ def fastening_places(model: Model) -> Iterator[tuple[int, str, str]]:
         if pair.point2 is not None and pair.point2 not in seen and pair.point2 in connected:
             seen.add(pair.point2)
             yield pair.point2, f"joint {pair.name} on its second side", f"{pair.name}.2"
-
-
-def shapes_at(model: Model, member: str, position: Any) -> tuple[NDArray[np.int64], Array]:
-    """Return DOFs (12,) and N (6, 12) at a position, which may carry a complex step."""
-    frame, mesh = frame_of(model), model.mesh
-    at = mesh.locate(member, float(np.real(position)))
-    dofs, N = frame.interpolate(mesh, [at])
-    if np.iscomplexobj(position):
-        return dofs[0], N[0] + 1j * np.imag(position) * frame.interpolate_slope(mesh, [at])[0]
-    return dofs[0], N[0]

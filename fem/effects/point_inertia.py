@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.effects.places import OnMember, member_mass, shapes_at
+from fem.effects.places import OnMember, frame_of, member_mass
 from fem.model import Contribution, Model, Parameter
 
 
@@ -51,7 +51,7 @@ class PointInertia(OnMember):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return I NᵀN with the beam's own shape functions N for rotations."""
-        dofs, N = shapes_at(model, self.member, self.position)
+        dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.position)
         return (Contribution(dofs[None], M=(self.inertia * (N[3:].T @ N[3:]))[None]),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
