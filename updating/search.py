@@ -1,6 +1,6 @@
 """The search for missing effects: rounds in which candidates are looked at, fitted and accepted or not."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -60,10 +60,10 @@ MAX_EFFECTS = 3
 """At most this many effects are added."""
 MOST_SEPARATED = 3
 """For so many twins the next measurement is worked out."""
-N_BRANCHES = 2
+N_BRANCHES = 3
 """So many other candidates of the first round are searched on from before what is left is unexplained."""
-OTHERWISE = 0.9
-"""Those whose similarity to the best is below this."""
+OTHERWISE = 0.7
+"""Those whose similarity to each other is below this."""
 AS_GOOD_ALONE = 1.2
 """One effect is preferred to several if its level is no more than this factor above theirs."""
 AS_GOOD = 3.0
@@ -119,7 +119,7 @@ def search_effects(
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
             search = alone
         if search.current.level > believed and alone.rounds:
-            search = _branched(begin, search, alone.rounds[0], candidates, full, later)
+            search = _branched(begin, search, alone.rounds[0], candidates, full, limit, later)
     return _on_own_basis(search)
 
 
@@ -151,16 +151,16 @@ def _branched(
     ranked: tuple[Ranked, ...],
     candidates: Sequence[Effect],
     limits: tuple[float, float],
+    enough: float,
     say: Progress,
 ) -> Search:
     """Search on from other candidates of a first round, and keep the best end.
 
-    From those that do something else than the best one, and from that if it was not searched on from: of two
-    effects neither need come first while both are missing. A third is looked for beside the best two alone.
+    Of two effects neither need come first while both are missing. A third is looked for beside the best two
+    alone. No other is tried once one leaves no more than ``enough``.
     """
-    ended, tried = search, {f.effect.name for f in search.findings}
-    others = [r for r in ranked if r.refined and (r.similarity < OTHERWISE or r is ranked[0])]
-    for other in [r for r in others if r.name not in tried][:N_BRANCHES]:
+    ended = search
+    for other in _others(begin, ranked, {f.effect.name for f in search.findings}):
         problem = _attached(begin.problem, other.result.effects)
         best = _polish(problem, other.result)
         order = (other, *(r for r in ranked if r is not other))
@@ -171,8 +171,32 @@ def _branched(
         again = _forward(branch, candidates, {}, limits, N_BEST, say, most=2)
         if _worth(again) < _worth(ended):
             ended = again
+        if ended.current.level <= enough:
+            break
     may_go_on = ended is not search and len(ended.findings) == 2
     return _forward(ended, candidates, {}, limits, N_BEST, say) if may_go_on else ended
+
+
+def _others(begin: Search, ranked: tuple[Ranked, ...], tried: Collection[str]) -> list[Ranked]:
+    """Return candidates of a first round to search on from, ``N_BRANCHES`` of those that were not tried.
+
+    The best of them, though it may be a twin that had to stand back; then those that do something else to
+    the FRFs than any before.
+    """
+
+    def change(r: Ranked) -> NDArray[np.complex128]:
+        return change_of(_attached(begin.problem, r.result.effects), r.result, begin.current)
+
+    out: list[Ranked] = []
+    before = [change(r) for r in ranked if r.name in tried]
+    for r in (r for r in ranked if r.name not in tried):
+        if len(out) == N_BRANCHES:
+            break
+        mine = change(r)
+        if not out or all(similarity_of(mine, other) < OTHERWISE for other in before):
+            out.append(r)
+            before.append(mine)
+    return out
 
 
 def _worth(search: Search) -> float:
@@ -347,7 +371,7 @@ class _Round:
         for i, name in enumerate(finalists):
             say(f"fitting {label(self._quick[name][0].effects[-1])}", 0.6 + 0.4 * i / len(finalists))
             self._fit_fully(name)
-        final = {n: self._final[n] for n in finalists}
+        final = {n: self._final[n] for n in names if n in self._final}
         order = sorted(final, key=lambda n: score(problem, final[n]))
         if not self.settled and final[order[0]].level > rule.limit:
             for name in order[:N_FINE]:

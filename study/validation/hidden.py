@@ -765,7 +765,7 @@ KINDS: dict[str, Kind] = {
         Kind("member_loss", ("member_damping",), _member_loss),
         Kind("point_mass", ("point_mass",), _point_body(rotary=False)),
         Kind("point_inertia", ("point_inertia",), _point_body(rotary=True)),
-        Kind("ground_spring", ("ground_spring",), _to_ground(damper=False)),
+        Kind("ground_spring", ("ground_spring", "side_spring"), _to_ground(damper=False)),
         Kind("ground_damper", ("ground_damper",), _to_ground(damper=True)),
         Kind("driver_mass", ("driver_mass", "point_mass"), _driver_mass),
         Kind("stinger", ("stinger",), _stinger),

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from fem.effects import candidate_kinds
+from fem.effects.places import frame_of
+from fem.effects.side_spring import SideSpring
 from fem.model import Effect, Model
 from study.validation.cases import Case, Implant
 from study.validation.hidden import KINDS, Place
@@ -16,6 +18,8 @@ from updating.findings import Finding
 
 FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""
+
+_PARALLEL = np.cos(np.radians(5))
 
 FAULT_KINDS = ("sensor_gain", "sensor_sign", "sensor_delay", "sensor_swap", "sensor_tilt", "sensor_position")
 """What faults a diagnosis is asked for."""
@@ -44,12 +48,15 @@ def same_place(effect: Effect, model: Model, place: Place) -> bool:
             if tuple(have) != (want,):
                 return False
     direction = getattr(effect, "direction", None)
-    if (
-        place.direction is not None
-        and isinstance(direction, str)
-        and direction.lstrip("+-") != place.direction
-    ):
-        return False
+    if place.direction is not None and isinstance(direction, str):
+        if isinstance(effect, SideSpring):  # along an axis of the section, where the place has a global one
+            line = model.mesh.locate(effect.member, float(effect.position)).line
+            axes = frame_of(model).rotations(model.mesh, [line])[0]
+            along = axes["xyz".index(direction), "xyz".index(place.direction)]
+            if abs(along) < _PARALLEL:
+                return False
+        elif direction.lstrip("+-") != place.direction:
+            return False
     if place.turns and (getattr(effect, "member", None), direction) not in place.turns:
         return False
     pair = (getattr(effect, "first", None), getattr(effect, "second", None))

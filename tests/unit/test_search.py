@@ -93,7 +93,8 @@ def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
     anew, best_anew = search._Round(problem, null, False, grids).run(rule, 20, lambda text, done: None)
     assert len(fitted) < quickly + 3  # what the first run fitted fully may not be among the best of all
     assert len(looked) == 2
-    assert [(r.name, r.level) for r in more] == [(r.name, r.level) for r in anew]
+    assert {r.name for r in more} == {r.name for r in anew}
+    assert {r.name for r in few if r.refined} <= {r.name for r in more if r.refined}
     assert best.values == best_anew.values
 
 
@@ -158,8 +159,8 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     had = search.Search(problem, (taken,), (ranked,), (*steps, findings.step_of("mass", fits[0])), fits[0])
     limits = EXPLAINED_LEVEL, 0.0
 
-    def branched(ranked):
-        return search._branched(begin, had, ranked, candidates, limits, lambda text, done: None)
+    def branched(ranked, enough=0.0):
+        return search._branched(begin, had, ranked, candidates, limits, enough, lambda text, done: None)
 
     ended = branched(ranked)
     (left,) = ended.findings
@@ -168,8 +169,12 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     assert [s.label for s in ended.steps[:2]] == ["nominal", "uncertain"]
     assert len(ended.steps) == 3
     assert ended.rounds[0][0].name == right.name
-    # one that does much the same is no other beginning
-    assert branched((ranked[0], replace(ranked[1], similarity=0.95))) is had
+    # the best goes first, though it may do much the same; of the others those that do something else
+    wrong_again, right_again = (replace(r, name=f"{r.name} again") for r in ranked)
+    order = (ranked[0], wrong_again, replace(ranked[0], name="once more"), ranked[1], right_again)
+    assert search._others(begin, order, {wrong.name}) == [wrong_again, ranked[1]]
+    assert search._others(begin, order, {right.name}) == [ranked[0]]
+    assert search._others(begin, order, ()) == [ranked[0], ranked[1]]
     # each goes on to two effects; beside the best end, if it has two, a third is looked for
     most, found = [], 2
 
@@ -185,6 +190,11 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     found = 1
     branched(ranked)
     assert most == [2, 3, 2, 2]
+    # where one explains all no other is tried
+    monkeypatch.setattr(search, "_others", lambda *args: [ranked[1], ranked[1]])
+    branched(ranked)
+    branched(ranked, enough=EXPLAINED_LEVEL)
+    assert most == [2, 3, 2, 2, 2, 2, 2]
 
 
 def test_fine_stages_end_between_modes_and_have_lines():

@@ -272,6 +272,25 @@ def test_joints_are_told_apart_by_direction():
         assert outcome == ("right" if is_right else "wrong")
 
 
+def test_a_spring_across_a_member_is_one_to_the_ground_there():
+    index = next(i for i in range(99) if kinds_of(SETTINGS, "single", i) == ("ground_spring",))
+    case = draw_case(SETTINGS, "single", index)
+    (implant,) = case.implants
+    true, place = implant.hidden.values(implant.amplitude), implant.hidden.place
+    (member,) = set(case.draft.frame.members) & set(place.words.split())
+    axes = case.draft.frame.members[member].axes
+    outcomes = []
+    for effect in propose(case.model, kinds=["side_spring"]):
+        if effect.member == member:
+            along = abs(axes["xyz".index(effect.direction)]["xyz".index(place.direction)])
+            at = np.clip(true["position"], *[(p.lower, p.upper) for p in effect.parameters()][1])
+            near = abs(at - true["position"]) <= place.tolerance
+            outcome = judge(case, said(case, [finding(effect, stiffness=true["stiffness"], position=at)]))
+            assert outcome["outcome"] == ("right" if near and along > 0.99 else "wrong")
+            outcomes.append(outcome["outcome"])
+    assert set(outcomes) == {"right", "wrong"}
+
+
 def test_nothing_hidden():
     case = draw_case(SETTINGS, "null", 0)
     effect = propose(case.model, kinds=["point_mass"])[0]
