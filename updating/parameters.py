@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, Model, Parameter, ParameterRef
 
+CONNECTIONS_REACH = 2.0
+"""Connections' damping is let off by at most so many standard deviations; more is an effect of its own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Nuisance:
@@ -65,7 +68,8 @@ class DampingCurve:
     @property
     def limits(self) -> NDArray[np.float64]:
         """Bounds of their logarithms, (n_unknowns, 2)."""
-        ratio, other = np.log([[1e-5, 0.3]]), 4 * self.std * np.array([[-1.0, 1.0]])
+        ratio = np.log([[1e-5, 0.3]])
+        other = CONNECTIONS_REACH * self.std * np.array([[-1.0, 1.0]])
         return np.repeat(np.vstack([ratio, other]), [len(self.knots), 2 if self.connections else 0], axis=0)
 
     def hats(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -31,6 +31,7 @@ def test_constants_have_the_values_that_are_documented(module, name, value):
         "updating.diagnosis",
         "updating.faults",
         "updating.fit",
+        "updating.parameters",
         "updating.preparation",
         "updating.screening",
         "updating.search",

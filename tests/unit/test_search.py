@@ -130,6 +130,16 @@ def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise(
     np.testing.assert_allclose(np.exp(np.log(joint).mean()), 0.004, rtol=0.15)
 
 
+def test_a_joint_that_damps_many_times_more_is_not_let_off():
+    case = draw_case(Settings(1409), "single", 40)  # a loss factor of 0.116, members' ratio 0.4 to 1.4 %
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    fit = problem.fit()
+    assert fit.level > 1.2 * problem.data.noise_level
+    right = next(e for e in propose(case.model, ["joint_structural_damping"]))
+    start = [Grid.of(problem, right).points[0]]
+    assert problem.fit([right], start).level < 0.85 * fit.level
+
+
 def test_the_bases_error_is_small_where_connections_are_damped_otherwise():
     case = make_case(0, "cross", "nothing")
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
