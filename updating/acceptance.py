@@ -118,11 +118,16 @@ def _within_tolerance(problem: FitProblem, fit: FitResult) -> bool:
 
 
 def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:
-    """Whether a parameter changes damping alone, or a law of stiffness and damping."""
+    """Whether a parameter changes damping alone, or a law of stiffness and damping.
+
+    Gyroscopic forces, of a skew C, take no energy.
+    """
     term = problem.reduced.derivative_of(effect, p.name, p.value)
     if term.laws:
         return True
-    present = {key for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()}
+    present = {key for key in "KMD" if (X := getattr(term, key)) is not None and X.any()}
+    if term.C is not None and np.abs(term.C + term.C.T).max() > 1e-9 * np.abs(term.C).max():
+        present.add("C")
     return bool(present) and present <= {"C", "D"}
 
 

@@ -32,6 +32,7 @@ def test_effects_with_a_parameter_of_damping_must_gain_more():
         "foundation",
     )
     assert all(damps[kind] for kind in loose if kind in damps)
+    assert damps["rotor"] is False  # what is skew takes no energy
     assert {"member_damping", "member_stiffness"} <= damps.keys()
 
 
