@@ -57,6 +57,8 @@ _SUSPECT = 1.5
 _TURN = 2.0
 """Misfit at which the loss turns from quadratic to linear, in standard deviations [-]."""
 _N_BLOCKS = 10
+_ZOOMS = 2
+"""So many times the grid of a fault's values is drawn around the best."""
 _MOST = 12
 """At most this many faults are looked for."""
 
@@ -249,24 +251,30 @@ def _valued(grid: NDArray[np.float64], losses: Losses) -> tuple[float, float, ND
     The loss of each block of lines is that with the value from all other blocks; the deviation is Tukey's
     jackknife over blocks (Efron & Tibshirani, An Introduction to the Bootstrap, 1993, ch. 11).
     """
-    table = losses(grid)
-    n = table.shape[1]
-    block = np.arange(n) * _N_BLOCKS // n
-
-    def lowest(keep: NDArray[np.bool_]) -> float:
-        total = table[:, keep].sum(axis=1)
-        k = int(np.argmin(total))
-        if not 0 < k < len(grid) - 1:
-            return float(grid[k])
-        a, b, c = total[k - 1 : k + 2]
-        curvature = a - 2 * b + c
-        return float(grid[k] + (0.5 * (a - c) / curvature * (grid[1] - grid[0]) if curvature > 0 else 0.0))
-
-    every = lowest(np.ones(n, dtype=bool))
-    parts = np.array([lowest(block != b) for b in range(_N_BLOCKS)])
-    held = losses(parts)[block, np.arange(n)]
+    lowest, highest = float(grid[0]), float(grid[-1])
+    every, parts, block = 0.0, np.zeros(0), np.zeros(0, dtype=int)
+    for _ in range(_ZOOMS + 1):  # the losses at resonances and between them have a narrow valley
+        table, step = losses(grid), grid[1] - grid[0]
+        n = table.shape[1]
+        block = np.arange(n) * _N_BLOCKS // n
+        every, *rest = (_lowest(grid, table[:, block != b]) for b in range(-1, _N_BLOCKS))
+        parts = np.array(rest)
+        around = np.clip([parts.min() - step, parts.max() + step], lowest, highest)
+        grid = np.linspace(*around, len(grid))
+    held = losses(parts)[block, np.arange(len(block))]
     variance = (_N_BLOCKS - 1) / _N_BLOCKS * ((parts - parts.mean()) ** 2).sum()
     return every, float(np.sqrt(variance)), held
+
+
+def _lowest(grid: NDArray[np.float64], table: NDArray[np.float64]) -> float:
+    """Return where the sum of losses (n, n_lines) is least, between the points of the grid by a parabola."""
+    total = table.sum(axis=1)
+    k = int(np.argmin(total))
+    if not 0 < k < len(grid) - 1:
+        return float(grid[k])
+    a, b, c = total[k - 1 : k + 2]
+    curvature = a - 2 * b + c
+    return float(grid[k] + (0.5 * (a - c) / curvature * (grid[1] - grid[0]) if curvature > 0 else 0.0))
 
 
 def _judge(
@@ -310,6 +318,19 @@ def _directions(model: Model, sensor: Sensor, member: str) -> tuple[NDArray[np.f
     return towards, np.asarray(np.cross(towards, d), dtype=float)
 
 
+def _azimuth(
+    least: Callable[[NDArray[np.complex128]], float], motions: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """Return the direction in the plane of two motions with the least loss, (1, 2): to 15°, then to 3°."""
+    best, width = 0.0, np.radians(75)
+    for step in np.radians([15.0, 3.0]):
+        tried = best + np.arange(-width, width + 0.5 * step, step)
+        turns = np.stack([np.cos(tried), np.sin(tried)], axis=1)
+        k = int(np.argmin([least(np.tensordot(t, motions, (0, 0))) for t in turns]))
+        best, width = float(tried[k]), step
+    return np.array([[np.cos(best), np.sin(best)]])
+
+
 def _sensor_hypotheses(problem: FitProblem, X: CrossPrediction, i: int) -> list[_Hypothesis]:
     """Return the faults that sensor i alone may have."""
     model, sensor = problem.reduced.model, problem.data.measurement.sensors[i]
@@ -346,30 +367,29 @@ def _sensor_hypotheses(problem: FitProblem, X: CrossPrediction, i: int) -> list[
     point, _ = mesh.nearest_point(sensor.point)
     towards = np.array(_directions(model, sensor, member))
     other = X.elsewhere(i, towards @ X.field.shapes[6 * point : 6 * point + 3])
+
+    def tilted(a: NDArray[np.float64], motion: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        angle = a[:, None, None]
+        return np.cos(angle) * series.predicted + np.sin(angle) * motion
+
+    angles = np.radians(np.linspace(-80, 80, 41))
+    turn = _azimuth(lambda motion: float(series.losses(tilted(angles, motion)).sum(axis=1).min()), other)
+    towards, other = (np.concatenate([x, np.tensordot(turn, x, (1, 0))]) for x in (towards, other))
     for direction, motion in zip(towards, other, strict=True):
-
-        def tilted(a: NDArray[np.float64], motion: NDArray[np.complex128] = motion) -> NDArray[np.float64]:
-            angle = a[:, None, None]
-            return series.losses(np.cos(angle) * series.predicted + np.sin(angle) * motion)
-
-        x, std, after = _valued(np.radians(np.linspace(-80, 80, 41)), tilted)
+        x, std, after = _valued(angles, lambda a, m=motion: series.losses(tilted(a, m)))
         fault = Fault("sensor_tilt", name, x, std, "rad", direction=tuple(map(float, direction)))
-        change = series.change(np.cos(x) * series.predicted + np.sin(x) * motion)
+        change = series.change(tilted(np.array([x]), motion)[0])
         out.append(_judge(fault, x, TILT_LEAST, before, after, count, change))
     if not frames:
         return out
     length = mesh.member_length(member)
-    places = np.linspace(0, length, 41)
-    dofs, N = frames[0].interpolate(mesh, [mesh.locate(member, float(s)) for s in places])
-    rows = np.einsum("nk,nkr->nr", np.einsum("d,ndk->nk", sensor.direction, N[:, :3]), X.field.shapes[dofs])
-    motions = X.elsewhere(i, rows)
 
     def moved(s: NDArray[np.float64]) -> NDArray[np.complex128]:
-        k = np.clip(np.searchsorted(places, s) - 1, 0, len(places) - 2)
-        t = ((s - places[k]) / (places[1] - places[0]))[:, None, None]
-        return (1 - t) * motions[k] + t * motions[k + 1]
+        dofs, N = frames[0].interpolate(mesh, [mesh.locate(member, float(x)) for x in s])
+        motion = np.einsum("d,ndk->nk", sensor.direction, N[:, :3])
+        return X.elsewhere(i, np.einsum("nk,nkr->nr", motion, X.field.shapes[dofs]))
 
-    x, std, after = _valued(places, lambda s: series.losses(moved(s)))
+    x, std, after = _valued(np.linspace(0, length, 41), lambda s: series.losses(moved(s)))
     fault = Fault("sensor_position", name, x - position, std, "m", member)
     out.append(
         _judge(
