@@ -259,8 +259,8 @@ def _valued(grid: NDArray[np.float64], losses: Losses) -> tuple[float, float, ND
         block = np.arange(n) * _N_BLOCKS // n
         every, *rest = (_lowest(grid, table[:, block != b]) for b in range(-1, _N_BLOCKS))
         parts = np.array(rest)
-        around = np.clip([parts.min() - step, parts.max() + step], lowest, highest)
-        grid = np.linspace(*around, len(grid))
+        first, last = max(parts.min() - step, lowest), min(parts.max() + step, highest)
+        grid = np.linspace(first, last, len(grid))
     held = losses(parts)[block, np.arange(len(block))]
     variance = (_N_BLOCKS - 1) / _N_BLOCKS * ((parts - parts.mean()) ** 2).sum()
     return every, float(np.sqrt(variance)), held

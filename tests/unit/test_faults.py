@@ -11,6 +11,7 @@ from updating import (
     build_problem,
     check_gates,
     confirm_faults,
+    faults,
     find_faults,
     noise_from_coherence,
     noise_from_repeats,
@@ -305,3 +306,20 @@ def test_noise_from_coherence_and_from_repeats():
         noise_from_coherence(gamma2, 0)
     with pytest.raises(ValueError, match="at least 2 repeats, found 1"):
         noise_from_repeats(repeats[:1])
+
+
+def test_values_are_found_in_a_narrow_valley():
+    grid = np.linspace(0, 0.84, 41)
+    value, std, after = faults._valued(grid, lambda x: np.sqrt(np.abs(x - 0.4731))[:, None] * np.ones(40))
+    assert value == pytest.approx(0.4731, abs=1e-4)
+    assert std < 1e-6
+    assert after.max() < 0.01
+    at_end, _, _ = faults._valued(grid, lambda x: (x + 1.0)[:, None] * np.ones(40))
+    assert at_end == 0.0
+
+
+def test_a_tilt_is_sought_towards_any_direction():
+    motions, towards = np.eye(2, 5), np.radians(-40.0)
+    target = np.cos(towards) * motions[0] + np.sin(towards) * motions[1]
+    turn = faults._azimuth(lambda motion: -abs(float(motion @ target)), motions)
+    assert abs(float(turn[0] @ [np.cos(towards), np.sin(towards)])) > np.cos(np.radians(2))
