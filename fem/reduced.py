@@ -23,7 +23,7 @@ LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
 """Contributions that touch at most this many DOFs, or as many as this share of the basis's vectors, are kept
 in factored form; forces for a basis are taken from the former."""
 
-RESIDUAL_LIMIT = 1500
+RESIDUAL_LIMIT = 20_000
 """Models with at most this many DOFs get the residual flexibility at the places of candidates."""
 
 _MANY = 12
@@ -49,6 +49,7 @@ class _Term:
     L is the identity where it is None. Each of ``laws`` is a factor as a function of ω and a matrix that it
     multiplies: what an element that depends on frequency adds to its static stiffness, which is in K.
     ``dofs`` are those that the rows of L stand for. K is damped as connections are if ``connection``.
+    ``stiffer`` is by what factor the member or joint there is stiffer than nominal.
     """
 
     L: NDArray[np.float64] | None
@@ -59,6 +60,12 @@ class _Term:
     laws: tuple[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]], ...] = ()
     dofs: NDArray[np.int64] | None = None
     connection: bool = False
+    stiffer: float = 1.0
+
+    @property
+    def place(self) -> tuple[bytes, float]:
+        """What terms at the same place share, that are in factored form."""
+        return (b"" if self.L is None else self.L.tobytes()), self.stiffer
 
     def times(self, factor: float) -> "_Term":
         """Return all matrices multiplied by a factor."""
@@ -242,23 +249,25 @@ class ReducedModel:
         shapes = np.asarray(system.Q @ solve_eigenpairs(system, max_frequency=max_frequency).vectors)
         return self._on(self.basis.with_shapes(self.system, shapes))
 
-    def residual_flexibility(self, dofs: NDArray[np.int64]) -> NDArray[np.float64] | None:
-        """Return the static flexibility at some DOFs that the basis lacks, (m, m) [m/N, …].
+    def residual_flexibility(
+        self, dofs: NDArray[np.int64], motions: NDArray[np.float64]
+    ) -> NDArray[np.float64] | None:
+        """Return the static flexibility that the basis lacks to motions (m, k) of some DOFs, (k, k).
 
-        R = Q (K - σM)⁻¹ Qᵀ - T (Tᵀ(K - σM)T)⁻¹ Tᵀ with the basis's own shift. None for models with more than
-        ``RESIDUAL_LIMIT`` DOFs, for which it would cost too much.
+        R = Sᵀ [Q (K - σM)⁻¹ Qᵀ - T (Tᵀ(K - σM)T)⁻¹ Tᵀ] S with the basis's own shift, S the motions. None for
+        models with more than ``RESIDUAL_LIMIT`` DOFs, for which it would cost too much.
         """
-        n = self.model.n_dof
-        if n > RESIDUAL_LIMIT:
+        if self.model.n_dof > RESIDUAL_LIMIT:
             return None
-        if "residual" not in self._cache:
-            b, total, Q = self.basis, self.base_sum(), self.system.Q
-            m = b.n_main
-            whole = Q @ b.factor.solve(Q.T.toarray())
-            T, A = b.T[:, :m], total["K"][:m, :m] - b.shift * total["M"][:m, :m]
-            part = T @ np.linalg.solve(A, T.T)
-            self._cache["residual"] = np.asarray(whole) - part
-        return self._cache["residual"][np.ix_(dofs, dofs)]
+        b, key = self.basis, ("flexibility", dofs.tobytes(), motions.tobytes())
+        if key not in self._sparse:
+            forces = np.asarray(self.system.Q.T.tocsc()[:, dofs] @ motions)
+            self._sparse[key] = forces.T @ b.factor.solve(forces)
+        if "static" not in self._cache:
+            total, m = self.base_sum(), b.n_main
+            self._cache["static"] = np.linalg.inv(total["K"][:m, :m] - b.shift * total["M"][:m, :m])
+        T = motions.T @ b.T[dofs, : b.n_main]
+        return self._sparse[key] - T @ self._cache["static"] @ T.T
 
     def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
@@ -801,7 +810,7 @@ class LocalChanges:
     total: dict[str, Any]
     zeta: NDArray[np.float64]
     damped: NDArray[np.float64] | None
-    _places: dict[bytes, Any] = field(default_factory=dict, repr=False)
+    _places: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def fields(self) -> "Fields":
         """Return the responses at all DOFs of the full model: slopes are had from them without projecting."""
@@ -824,8 +833,8 @@ class LocalChanges:
         """
         out = [self.H] * len(terms)
         factors = self.engine._factors(self.state)
-        groups: dict[bytes, list[tuple[int, list[tuple[NDArray[Any], NDArray[Any]]]]]] = {}
-        rows: dict[bytes, _Term] = {}
+        groups: dict[Any, list[tuple[int, list[tuple[NDArray[Any], NDArray[Any]]]]]] = {}
+        rows: dict[Any, _Term] = {}
         for i, whole in enumerate(terms):
             term = self.engine._restrict(whole)
             parts = term.parts(factors, self.engine.omega)
@@ -834,7 +843,7 @@ class LocalChanges:
             if term.L is None:
                 out[i] = self._anew(term)
                 continue
-            key = term.L.tobytes()
+            key = term.place
             rows[key] = term
             groups.setdefault(key, []).append((i, parts))
         for key, group in groups.items():
@@ -869,7 +878,7 @@ class LocalChanges:
         L, dofs = term.L, term.dofs
         assert L is not None
         assert dofs is not None
-        key = L.tobytes()
+        key = term.place
         known = self._places.get(key)
         if known is not None and all(known.holds(X) for X in matrices):
             return known
@@ -880,9 +889,9 @@ class LocalChanges:
             motions, inverse = self._brought_about(L, motions, inverse, matrices)
         Lm = motions.T @ L @ self.state.V
         G = _times(Lm, self.state.solve((motions.T @ L).T))
-        R = self.engine.reduced.residual_flexibility(dofs)
+        R = self.engine.reduced.residual_flexibility(dofs, motions)
         if R is not None:
-            G = G + (motions.T @ R @ motions)[:, :, None] / self.state.stiffness
+            G = G + R[:, :, None] / (term.stiffer * self.state.stiffness)
         both = np.concatenate([G, _times(Lm, self.Xi)], axis=1)
         outputs = np.ascontiguousarray(_times(Lm, self.Xo).transpose(2, 1, 0))
         place = _Place(motions, inverse, scale, outputs, both)

@@ -377,7 +377,7 @@ class _Look:
 
         Shape (3 or 2, n_points).
         """
-        H = self._local(grid.effect.released()).with_terms(grid.terms(self.problem, False))
+        H = self._local(grid.effect.released()).with_terms(self._terms(grid, False))
         r = self._residuals(H)
         first, low = r[:, self.whole], r[:, ~self.whole]
         bands = [first, low, self._adapted(first)] if low.size else [first, self._adapted(first)]
@@ -387,11 +387,40 @@ class _Look:
 
     def scores(self, grid: Grid) -> tuple[Floats, Floats]:
         """Return the level that the best strength of each weak point would leave, and its multiple."""
-        H = self._local(grid.effect.released()).with_terms(grid.terms(self.problem, True))
+        H = self._local(grid.effect.released()).with_terms(self._terms(grid, True))
         now = self._adapted(self._now()[None])[0]
         change = self._adapted(self._residuals(H)) - now
         most = np.array([m for _, m in grid.weak_points])
         return _best_multiples(now, change, most, grid.one_sided())
+
+    def _terms(self, grid: Grid, weak: bool) -> tuple:
+        """Return what the effect adds at the points, on members and joints as they are in the base.
+
+        A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
+        nominal 1 % would be left, which is much of a short element's.
+        """
+        reduced, effect = self.problem.reduced, grid.effect
+        nominal = reduced.model.values()
+        ratio = {
+            ref: self.base.values[ref] / nominal[ref]
+            for ref in effect.refers_to(reduced.model)
+            if nominal.get(ref) and self.base.values.get(ref, nominal[ref]) != nominal[ref]
+        }
+        if not ratio:
+            return grid.terms(self.problem, weak)
+        scaling = {ref: reduced.scaling_of(effect, ref) for ref in ratio}
+        stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
+        if any(exponents is None for exponents in scaling.values()):
+            model = reduced.model.with_values({ref: self.base.values[ref] for ref in ratio})
+            points = [p for p, _ in grid.weak_points] if weak else grid.points
+            terms = [reduced.value_of(effect.with_values(**p), model) for p in points]
+        else:
+            factors = {
+                key: float(np.prod([ratio[ref] ** (e or {}).get(key, 0) for ref, e in scaling.items()]))
+                for key in "KMCD"
+            }
+            terms = [t.scaled(factors) for t in grid.terms(self.problem, weak)]
+        return tuple(replace(t, stiffer=stiffer) for t in terms)
 
     def fields(self) -> Fields:
         """Return the responses at all DOFs at the lines."""

@@ -145,7 +145,8 @@ class EndRelease(OnMember):
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 0.3 % of the member's length to nearly a hinge."""
         return tuple(
-            {"compliance": f * self.reference} for f in (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 10.0, 100.0)
+            {"compliance": f * self.reference}
+            for f in (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
         )
 
     @classmethod

@@ -54,6 +54,30 @@ def test_each_grid_begins_where_the_effect_is_hardly_seen(prepared):
         assert change.min() < 0.12, effect.name
 
 
+def test_what_a_hinge_does_is_seen_on_members_that_are_not_nominal(prepared):
+    """It takes away all of a short element's stiffness: a tenth too little leaves much."""
+    case, problem, _, _ = prepared
+    nominal = problem.nominal()
+    moduli = {ref: 1.1 * v for ref, v in nominal.values.items() if ref[1].startswith("E:")}
+    assert moduli
+    base = replace(nominal, values={**nominal.values, **moduli})
+    seen = 0
+    for effect in propose(case.model, ["crack"]):
+        softest = sorted(Grid.of(problem, effect).points, key=lambda p: (-p["compliance"], p["position"]))[1]
+        grid = Grid(effect, (softest,))
+        look = screening._Look.of(problem, base, 44, 0, 10**6)
+        (seen_as,) = look._local(()).with_terms(look._terms(grid, False))
+        there = effect.with_values(**softest)
+        on_it = replace(problem, reduced=problem.reduced.with_forces_of([there]))
+        values = {**base.values, **{(effect.name, k): v for k, v in softest.items()}}
+        true = on_it.receptance(replace(base, effects=(there,), values=values), look.lines)
+        without = problem.receptance(base, look.lines)
+        change, seen_change = (np.abs(np.log(H / without)).mean() for H in (true, seen_as))
+        assert seen_change == pytest.approx(change, rel=0.08)
+        seen += change > 0.05
+    assert seen > 1
+
+
 def test_a_point_is_scaled_between_absent_and_itself(prepared):
     _, problem, _, candidates = prepared
     for effect in candidates:
