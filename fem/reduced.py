@@ -5,7 +5,7 @@ depends on the size of the mesh: a set of parameter values costs one small symme
 candidate effect what its own few DOFs cost.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
@@ -49,7 +49,7 @@ class _Term:
     L is the identity where it is None. Each of ``laws`` is a factor as a function of ω and a matrix that it
     multiplies: what an element that depends on frequency adds to its static stiffness, which is in K.
     ``dofs`` are those that the rows of L stand for. K is damped as connections are if ``connection``.
-    ``stiffer`` is by what factor the member or joint there is stiffer than nominal.
+    ``stiffer`` is by what factor the member there is stiffer than nominal.
     """
 
     L: NDArray[np.float64] | None
@@ -463,11 +463,9 @@ class _Scaled:
 
     def factors(self, values: NDArray[np.float64]) -> dict[str, float]:
         """Return what K, M, C and D are multiplied by."""
-        out = dict.fromkeys("KMCD", 1.0)
-        for i, nominal, exponents in self.foreign:
-            for key, n in exponents.items():
-                out[key] *= float(values[i]) / nominal if n else 1.0
-        return out
+        return scale_factors(
+            (float(values[i]) / nominal, exponents) for i, nominal, exponents in self.foreign
+        )
 
 
 class ParametricFRF:
@@ -1127,6 +1125,18 @@ def _range(matrices: list[NDArray[np.float64]]) -> NDArray[np.float64] | None:
             both += (X + X.T) / (2 * size) + (skew @ skew.T if skew.any() else 0.0)
     eigenvalues, vectors = sla.eigh(both, check_finite=False)
     return vectors[:, np.abs(eigenvalues) > 1e-13 * np.abs(eigenvalues).max()]
+
+
+def scale_factors(changes: Iterable[tuple[float, Mapping[str, int]]]) -> dict[str, float]:
+    """Return what K, M, C and D of an effect are multiplied by if parameters of others change by factors.
+
+    With each factor stands which of the matrices go in proportion (:meth:`ReducedModel.scaling_of`).
+    """
+    out = dict.fromkeys("KMCD", 1.0)
+    for factor, exponents in changes:
+        for key, n in exponents.items():
+            out[key] *= factor if n else 1.0
+    return out
 
 
 def _scaling(effect: Effect, model: Model, ref: ParameterRef) -> Mapping[str, int] | None:

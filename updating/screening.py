@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, Model, Parameter, parameter_values
-from fem.reduced import Fields, LocalChanges
+from fem.reduced import Fields, LocalChanges, scale_factors
 from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
 N_WHOLE, N_LOW = 44, 24
@@ -97,12 +97,16 @@ class Grid:
             out += [(self.scaled(points[weakest], f), most / f) for f in (WEAKER, 1.0)]
         return tuple(out)
 
+    def looked_at(self, weak: bool) -> Sequence[dict[str, float]]:
+        """Return the points, or the weak ones alone."""
+        return [p for p, _ in self.weak_points] if weak else self.points
+
     def terms(self, problem: FitProblem, weak: bool) -> tuple:
         """Return what the effect adds to the reduced matrices at each point or weak point (computed once)."""
         key = "weak" if weak else "all"
         if key not in self._made:
-            points = [p for p, _ in self.weak_points] if weak else self.points
-            self._made[key] = tuple(problem.reduced.value_of(self.effect.with_values(**p)) for p in points)
+            effects = (self.effect.with_values(**p) for p in self.looked_at(weak))
+            self._made[key] = tuple(map(problem.reduced.value_of, effects))
         return self._made[key]
 
     def near(self, model: Model, places: Floats, reach: float) -> "Grid | None":
@@ -408,18 +412,14 @@ class _Look:
         }
         if not ratio:
             return grid.terms(self.problem, weak)
-        scaling = {ref: reduced.scaling_of(effect, ref) for ref in ratio}
         stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
-        if any(exponents is None for exponents in scaling.values()):
-            model = reduced.model.with_values({ref: self.base.values[ref] for ref in ratio})
-            points = [p for p, _ in grid.weak_points] if weak else grid.points
-            terms = [reduced.value_of(effect.with_values(**p), model) for p in points]
-        else:
-            factors = {
-                key: float(np.prod([ratio[ref] ** (e or {}).get(key, 0) for ref, e in scaling.items()]))
-                for key in "KMCD"
-            }
+        changes = [(f, e) for ref, f in ratio.items() if (e := reduced.scaling_of(effect, ref)) is not None]
+        if len(changes) == len(ratio):
+            factors = scale_factors(changes)
             terms = [t.scaled(factors) for t in grid.terms(self.problem, weak)]
+        else:
+            model = reduced.model.with_values({ref: self.base.values[ref] for ref in ratio})
+            terms = [reduced.value_of(effect.with_values(**p), model) for p in grid.looked_at(weak)]
         return tuple(replace(t, stiffer=stiffer) for t in terms)
 
     def fields(self) -> Fields:

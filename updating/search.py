@@ -346,7 +346,6 @@ class _Round:
     _quick: dict[str, list[FitResult]] = field(default_factory=dict)
     _final: dict[str, FitResult] = field(default_factory=dict)
     _fine: set[str] = field(default_factory=set)
-    _followed: set[str] = field(default_factory=set)
 
     def is_from(self, problem: FitProblem, before: FitResult, settled: bool) -> bool:
         """Whether the round begins there."""
@@ -417,10 +416,9 @@ class _Round:
         reach = QUICK_REACH * min(self._quick[o.effect.name][0].level for o in chosen)
         for option in chosen:
             name, effects = option.effect.name, [*current.effects, option.effect]
-            if name in self._followed or self._quick[name][0].level > reach:
+            if len(self._quick[name]) > 1 or self._quick[name][0].level > reach:
                 continue
             say(f"screening {label(option.effect)}", 0.5)
-            self._followed.add(name)
             for k, start in enumerate(option.starts):
                 begin = {"stages": stages} if k else from_current
                 fit = self._on[name].fit(effects, [*self._begun, start], **begin, **quick)

@@ -58,7 +58,7 @@ class SideSpring(OnMember):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return k nᵀn with the beam's own shape functions."""
         mesh = model.mesh
-        dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.position)
+        dofs, N = frame_of(model).shapes_at(mesh, self.member, self.position)
         line = mesh.locate(self.member, float(np.real(self.position))).line
         n = frame_of(model).rotations(mesh, [line])[0]["xyz".index(self.direction)] @ N[:3]
         return (Contribution(dofs[None], (self.stiffness * np.outer(n, n))[None]),)
