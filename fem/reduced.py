@@ -1097,12 +1097,17 @@ class _State:
 
         Local damping enters by Woodbury's identity, line by line; only it can make Z unsymmetric.
         """
-        X = (self.V.T @ B)[:, :, None] * self.inverse
+        forces = self.V.T @ B
         if self.U is None or self.correct is None:
-            return X
+            return forces[:, :, None] * self.inverse
         correct = np.swapaxes(self.correct, 1, 2) if transposed else self.correct
-        z = correct @ np.moveaxis(_times(self.U.T, X), 2, 0)
-        return X - self.inverse * _times(self.U, np.moveaxis(z, 0, 2))
+        k, n = self.U.shape[1], forces.shape[1]
+        each = (self.U[:, :, None] * forces[:, None, :]).reshape(len(forces), k * n)
+        undamped = _times(each.T, self.inverse)[:, 0].reshape(k, n, -1)
+        resisted = _times(self.U, np.moveaxis(correct @ np.moveaxis(undamped, 2, 0), 0, 2))
+        np.subtract(forces[:, :, None], resisted, out=resisted)
+        resisted *= self.inverse
+        return resisted
 
 
 def _times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.complex128]:

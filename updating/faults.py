@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.model import Model
+from updating.correlation import complex_log
 from updating.cross_prediction import CrossPrediction, Field, cross_predict, less_certain, rival_predictions
 from updating.fit import FitData, FitProblem, FitResult
 from updating.measurement import Sensor
@@ -197,7 +198,7 @@ def _loss(z: NDArray[np.complex128] | NDArray[np.float64]) -> NDArray[np.float64
 
 
 def _log(ratio: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    return np.log(np.where((ratio == 0) | ~np.isfinite(ratio), 1e-300, ratio))
+    return complex_log(np.where((ratio == 0) | ~np.isfinite(ratio), 1e-300, ratio))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, Model, Parameter, parameter_values
 from fem.reduced import Fields, LocalChanges, scale_factors
+from updating.correlation import complex_log
 from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
 N_WHOLE, N_LOW = 44, 24
@@ -448,7 +449,7 @@ class _Look:
         """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
         computed = np.stack([each.ravel()[self.at] for each in H])
         with np.errstate(divide="ignore", invalid="ignore"):
-            r: Any = self.weight * np.log(computed / self.measured)
+            r: Any = self.weight * complex_log(computed / self.measured)
         return np.where(np.isfinite(r), r, 0.0)
 
     def _adapted(self, r: Complexes) -> Complexes:
