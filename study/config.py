@@ -85,6 +85,8 @@ class Study:
         Band of comparison and fit; None for that of the measurements [Hz].
     model_error : float
         Residual level up to which a model of beams counts as right [neper].
+    n_simulated : int
+        Measurements to simulate for trying a verdict against chance.
     n_lines : int or None
         Number of frequency lines to fit; None for the program's choice.
     held_out : tuple of str
@@ -119,6 +121,7 @@ class Study:
     exclude: tuple[str, ...]
     band: tuple[float, float] | None
     model_error: float
+    n_simulated: int
     n_lines: int | None
     held_out: tuple[str, ...]
     held_out_sensors: tuple[str, ...]
@@ -257,6 +260,7 @@ class _Reader:
 
         fit = top.table("fit")
         band, n_lines = read_band(fit), fit.whole("lines", None, 8)
+        n_simulated = fit.whole("bootstrap", 0, 0)
         model_error = fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper")
         held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
         fit.finish()
@@ -327,6 +331,7 @@ class _Reader:
             exclude,
             band,
             model_error,
+            n_simulated,
             n_lines,
             held_out,
             held_out_sensors,

@@ -144,6 +144,18 @@ def _draw_errors(result: RunResult, album: Album) -> None:
         )
     for k, ranked in enumerate(d.rounds):
         _draw_ranking(result, k, ranked, album)
+    for k, tried in enumerate(d.tried):
+        gain, what = (tried.gain, words.chance_subject(tried, d)) if tried.effect else (None, "")
+        album.add(
+            f"chance-{k + 1}",
+            lambda p, t=tried, g=gain, w=what: save(
+                curves.plot_chance(t.gains, g, f"measured, {w}" if w else ""), p, DPI
+            ),
+            words.chance_text(tried, d),
+            "By how much the best of all candidates lowers the residual level in measurements that the "
+            "fitted model without an effect would have given, each dot one of them"
+            + (", and by how much the effect does in the measurement." if what else "."),
+        )
 
 
 def _save_staircase(steps: Sequence[tuple[str, float, float | None]], floor_db: float, path: Path) -> None:

@@ -300,7 +300,8 @@ def _sensor_errors(result: RunResult) -> Markup:
 def _missing(result: RunResult, album: Album) -> Markup:
     d = result.diagnosis
     if not d.findings:
-        return section("What is missing", *_nothing_found(result))
+        chance = [_figure(p) for p in album.starting("chance-")]
+        return section("What is missing", *_nothing_found(result), *chance)
     rows = [
         [
             words.effect_label(f.effect.kind, f.effect.where),
@@ -325,6 +326,7 @@ def _missing(result: RunResult, album: Album) -> Markup:
             "parameters vary with it. They do not cover errors of the model that no parameter describes."
         )
     )
+    parts += [_figure(p) for p in album.starting("chance-")]
     return section("What is missing", *parts)
 
 

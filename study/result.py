@@ -194,6 +194,7 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "discretisation_db": d.discretisation_db,
         "basis_db": d.basis_db,
         "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
+        "tried_against_chance": [{**asdict(t), "chance": t.chance} for t in d.tried],
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
     }
 

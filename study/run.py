@@ -135,6 +135,7 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
         exclude=study.exclude,
         n_lines=study.n_lines or N_LINES,
         model_error=study.model_error,
+        n_simulated=study.n_simulated,
         progress=say,
     )
 

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from fem.model import Parameter
 from study.result import RunResult
-from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED
+from updating.bootstrap import Bootstrap
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.faults import Fault
 from updating.findings import EffectParameter, Finding, Ranked, Step
 from updating.separation import Decisive, Proposal
@@ -286,6 +288,7 @@ def confidence(result: RunResult) -> list[str]:
         )
     for finding, ranked in zip(d.findings, d.rounds, strict=False):
         out.append(_rivals(finding, ranked, len(d.findings) > 1))
+    out += [chance_text(tried, d) for tried in d.tried]
     best = best_of(d.rounds)
     if best and not d.findings:
         out.append(
@@ -294,6 +297,34 @@ def confidence(result: RunResult) -> list[str]:
             f"held-out lines {best.held_out_db:.2f} dB: too little to call it an effect."
         )
     return out
+
+
+def chance_subject(tried: Bootstrap, d: Diagnosis) -> str:
+    """Return the effect that was tried against chance, in words."""
+    known = {e.name: e for e in d.candidates}
+    e = known.get(tried.effect)
+    return effect_label(e.kind, e.where) if e else tried.effect
+
+
+def chance_text(tried: Bootstrap, d: Diagnosis) -> str:
+    """Return what simulated measurements without an effect gave, in two sentences."""
+    n, most = len(tried.gains), 100 * (max(tried.gains) - 1)
+    if not tried.effect:
+        low, high = (DB_PER_NEPER * f(tried.levels) for f in (min, max))
+        return (
+            f"In {n} measurements simulated with nothing missing the fit leaves {low:.2g} to {high:.2g} dB, "
+            f"here {d.steps[-1].level * DB_PER_NEPER:.2g}; the best candidate lowers that by {most:.2g} % at most."
+        )
+    subject = chance_subject(tried, d)
+    if tried.believed:
+        outcome = f"Chance alone gives as much in at most {100 * tried.chance:.2g} % of cases."
+    else:
+        outcome = "It is no more than chance can do, and was dropped."
+    return (
+        f"In {n} measurements simulated without {subject}, by the fitted model on a finer mesh and with the "
+        f"noise of the measurement, the best of all candidates lowers the residual level by {most:.2g} % at "
+        f"most; here it lowers it by {100 * (tried.gain - 1):.2g} %. {outcome}"
+    )
 
 
 def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:

@@ -145,9 +145,9 @@ def falls(
         return before.held_out_level > held_out * after.held_out_level and before.level > whole * after.level
     if before.level > max(PLAIN_LEVEL, whole) * after.level:
         held_out = PLAIN_HELD_OUT
-    return before.held_out_level > held_out * after.held_out_level and _level(before) > whole * _level(after)
+    return before.held_out_level > held_out * after.held_out_level and whole_level(before) > whole * whole_level(after)
 
 
-def _level(fit: FitResult) -> float:
+def whole_level(fit: FitResult) -> float:
     """Return the level over fitted and held-out lines, of which there are a third as many."""
     return float(np.sqrt(0.75 * fit.level**2 + 0.25 * fit.held_out_level**2))

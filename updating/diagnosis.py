@@ -13,6 +13,7 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
 from fem.model import Effect, Model
 from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL
+from updating.bootstrap import Bootstrap, bootstrap
 from updating.amplitude import combined_levels, force_levels, search_amplitude
 from updating.correlation import DB_PER_NEPER
 from updating.faults import Fault, find_faults, settle_faults
@@ -47,6 +48,7 @@ from updating.search import (
     change_of,
     most_left,
     search_effects,
+    settled_limits,
     similarity_of,
 )
 from updating.separation import what_decides
@@ -89,6 +91,8 @@ class Diagnosis:
         What was checked of the measurement before effects were searched for.
     candidates : tuple of Effect
         All that were looked at.
+    tried : tuple of Bootstrap
+        The verdict against chance, if that was asked for: the effects that were tried so, in their order.
     """
 
     verdict: str
@@ -107,6 +111,7 @@ class Diagnosis:
     seconds: float
     gates: Gates | None = None
     candidates: tuple[Effect, ...] = ()
+    tried: tuple[Bootstrap, ...] = ()
 
     @property
     def noise_floor_db(self) -> float:
@@ -169,6 +174,7 @@ def diagnose(
     exclude: Sequence[str] = (),
     n_lines: int = N_LINES,
     model_error: float = EXPLAINED_LEVEL,
+    n_simulated: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find the physical effect that a model lacks.
@@ -198,11 +204,16 @@ def diagnose(
     model_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
+    n_simulated : int
+        So many measurements are simulated by the fitted model without the effect that the data need least,
+        and it is only believed if it gains more there than the best candidate in any of them; 19 make that 5 %
+        by chance. What a fit leaves in one of them counts as right. Not for what depends on amplitude.
     progress : callable, optional
         Called with a text and the fraction done.
     """
     begun = time.perf_counter()
-    say = progress or (lambda text, done: None)
+    whole = progress or (lambda text, done: None)
+    say = between(whole, 0.0, 0.5) if n_simulated else whole
     say("reducing the model", 0.0)
     candidates = propose(model, kinds, exclude, measurements[0])
     build = partial(
@@ -256,6 +267,12 @@ def diagnose(
         gates = with_last_faults(gates, first, faults)
         if search.problem.data is not problem.data:
             null = search.problem.assessed(replace(null, level=np.nan))
+    tried: tuple[Bootstrap, ...] = ()
+    if n_simulated and not depends:
+        limits = settled_limits(floor, model_error)
+        search, tried = bootstrap(search, candidates, limits, n_simulated, between(whole, 0.5, 1.0))
+        limit = max(limit, *tried[-1].levels)
+        notes += [_by_chance(each) for each in tried if each.effect and not each.believed]
     problem, current, findings, rounds, steps = (
         search.problem, search.current, search.findings, search.rounds, search.steps,
     )  # fmt: skip
@@ -283,8 +300,18 @@ def diagnose(
     return Diagnosis(
         verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, mesh_db, basis_db,
         limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
-        (*candidates, *nonlinear),
+        (*candidates, *nonlinear), tried,
     )  # fmt: skip
+
+
+def _by_chance(tried: Bootstrap) -> str:
+    """Return why an effect was dropped."""
+    n = len(tried.gains)
+    as_much = sum(g >= tried.gain for g in tried.gains)
+    return (
+        f"{tried.effect} was dropped: it lowers the residual level by a factor of {tried.gain:.3g}, and in "
+        f"{as_much} of {n} simulated measurements without it some candidate does as much"
+    )
 
 
 def _amplitude_candidates(

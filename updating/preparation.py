@@ -148,21 +148,26 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
 
     Cubic elements converge with the fourth power of their size, so that the difference is 15/16 of the error.
     """
-    model, m = problem.reduced.model, problem.data.measurement
-    fine_model = model.with_mesh(model.mesh.split(2))
     lines = problem.lines_up_to(np.inf, n_lines)
-    f = problem.data.frequency[lines]
-    zeta = problem.damping.ratio(f, problem.damping.start)
-    highest = float(problem.data.frequency[-1])
-    forces = attachment_forces(fine_model, m)
-    fine = reduce_model(fine_model, forces, highest, margin=MODE_MARGIN, releasable=False)
-    H = []
-    for reduced in (problem.reduced, fine):
-        outputs, inputs = (sensor_vectors(reduced.model, part) for part in (m.sensors, m.excitations))
-        engine = ParametricFRF(reduced, outputs, inputs, f, ())
-        H.append(engine.evaluate(np.zeros(0), zeta, gradient=False)[0])
-    ratio: Any = np.where(problem.data.mask[lines], log_ratio(H[0], H[1]), complex("nan")) * 16 / 15
+    nominal = problem.nominal()
+    finer = finer_receptances(problem, nominal, lines)
+    ratio: Any = log_ratio(problem.receptance(nominal, lines), finer) * 16 / 15
+    ratio = np.where(problem.data.mask[lines], ratio, complex("nan"))
     return rms_db(ratio), problem.level(ratio, lines)
+
+
+def finer_receptances(
+    problem: FitProblem, result: FitResult, lines: NDArray[np.int64]
+) -> NDArray[np.complex128]:
+    """Return what sensors would read of a fitted model with every element halved, (n_lines, n_out, n_in)."""
+    model, m = fitted_model(problem.reduced.model, result), problem.data.measurement
+    model = model.with_mesh(model.mesh.split(2))
+    f, highest = problem.data.frequency[lines], float(problem.data.frequency[-1])
+    forces = attachment_forces(model, m)
+    reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)
+    outputs, inputs = (sensor_vectors(model, part) for part in (m.sensors, m.excitations))
+    engine = ParametricFRF(reduced, outputs, inputs, f, ())
+    return engine.evaluate(np.zeros(0), problem.damping.ratio(f, result.zeta), gradient=False)[0]
 
 
 def splits(mesh_level: float, noise_level: float) -> int:

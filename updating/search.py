@@ -88,6 +88,15 @@ class Search:
     steps: tuple[Step, ...]
     current: FitResult
 
+    def without(self, name: str) -> "Search":
+        """Return the search with an effect and its round taken away, and the others fitted without it."""
+        less = self.problem.fit_without(self.current, name)
+        kept = [k for k, f in enumerate(self.findings) if f.effect.name != name]
+        findings = at_values_of(less, [self.findings[k] for k in kept])
+        last = step_added(less.effects, less) if kept else step_of(self.steps[1].label, less)
+        steps = (*self.steps[: 2 if kept else 1], last)
+        return Search(self.problem, tuple(findings), tuple(self.rounds[k] for k in kept), steps, less)
+
     @property
     def depends_on_amplitude(self) -> bool:
         """Whether an effect was found that does."""
@@ -104,18 +113,16 @@ def search_effects(
 
     ``floor`` is the level that noise and the mesh leave.
     """
-    settled, limit = FLOOR_MARGIN * floor, max(RIGHT_MARGIN * floor, model_error)
-    weak = settled if model_error == 0 else 0.0
+    limit, full = max(RIGHT_MARGIN * floor, model_error), settled_limits(floor, model_error)
     grids = {e.name: Grid.of(begin.problem, e) for e in candidates}
     first = _Round(begin.problem, begin.current, settled=False, grids=tuple(grids.values()))
-    full = max(settled, model_error), weak
     search = _forward(begin, candidates, grids, full, N_BEST, say, round_=first)
     later = between(say, 0.53, 1.0)
     if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > limit):
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
     believed = max(limit, most_left(begin.current, model_error))
     if len(search.findings) > 1 or search.current.level > believed:
-        alone = _forward(begin, candidates, grids, (limit, weak), N_BEST_DEEP, later, 1, first)
+        alone = _forward(begin, candidates, grids, (limit, full[1]), N_BEST_DEEP, later, 1, first)
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
             search = alone
         if search.current.level > believed and alone.rounds:
@@ -132,13 +139,7 @@ def _exchanged(
     """
     best, grids = search, {e.name: Grid.of(search.problem, e) for e in candidates}
     for i in range(len(search.findings) - 1):
-        findings = search.findings[:i] + search.findings[i + 1 :]
-        rounds = search.rounds[:i] + search.rounds[i + 1 :]
-        less = search.problem.fit_without(search.current, search.findings[i].effect.name)
-        begin = Search(
-            search.problem, tuple(at_values_of(less, findings)), rounds[: len(findings)],
-            (*search.steps[:2], step_added(less.effects, less)), less,
-        )  # fmt: skip
+        begin = search.without(search.findings[i].effect.name)
         again = _forward(begin, candidates, grids, limits, N_BEST, say, most=len(search.findings))
         if _worth(again) < _worth(best):
             best = again
@@ -299,6 +300,25 @@ def _forward(
         rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
         steps = [*first, *([step_added((f.effect for f in findings), current)] if findings else [])]
     return Search(problem, tuple(findings), tuple(rounds), tuple(steps), current)
+
+
+def best_addition(
+    begin: Search, candidates: Sequence[Effect], grids: Mapping[str, Grid], limits: tuple[float, float]
+) -> tuple[FitResult, FitResult]:
+    """Return a fit without and with the best of all candidates beside its effects, whether or not it pays."""
+    most = len(begin.findings) + 1
+    begin = replace(begin, rounds=begin.rounds[: most - 1])
+    search = _forward(begin, candidates, grids, limits, N_BEST, lambda text, done: None, most)
+    last = search.rounds[most - 1] if len(search.rounds) >= most else ()
+    if len(search.findings) == most:
+        return begin.current, search.current
+    return search.current, last[0].result if last else search.current
+
+
+def settled_limits(floor: float, model_error: float) -> tuple[float, float]:
+    """Return the levels from which on only weak effects are looked for, and from which these count."""
+    settled = FLOOR_MARGIN * floor
+    return max(settled, model_error), settled if model_error == 0 else 0.0
 
 
 def most_left(null: FitResult, model_error: float) -> float:
