@@ -308,22 +308,23 @@ def chance_subject(tried: Bootstrap, d: Diagnosis) -> str:
 
 def chance_text(tried: Bootstrap, d: Diagnosis) -> str:
     """Return what simulated measurements without an effect gave, in two sentences."""
-    n, most = len(tried.gains), 100 * (max(tried.gains) - 1)
+    n, most = len(tried.gains), max(tried.gains)
     if not tried.effect:
         low, high = (DB_PER_NEPER * f(tried.levels) for f in (min, max))
         return (
             f"In {n} measurements simulated with nothing missing the fit leaves {low:.2g} to {high:.2g} dB, "
-            f"here {d.steps[-1].level * DB_PER_NEPER:.2g}; the best candidate lowers that by {most:.2g} % at most."
+            f"here {d.steps[-1].level * DB_PER_NEPER:.2g}; the best candidate divides that by {most:.3f} "
+            "at most."
         )
     subject = chance_subject(tried, d)
     if tried.believed:
-        outcome = f"Chance alone gives as much in at most {100 * tried.chance:.2g} % of cases."
+        outcome = f"Chance alone does as much in at most {100 * tried.chance:.2g} % of cases."
     else:
         outcome = "It is no more than chance can do, and was dropped."
     return (
         f"In {n} measurements simulated without {subject}, by the fitted model on a finer mesh and with the "
-        f"noise of the measurement, the best of all candidates lowers the residual level by {most:.2g} % at "
-        f"most; here it lowers it by {100 * (tried.gain - 1):.2g} %. {outcome}"
+        f"noise of the measurement, the best of all candidates divides the residual level by {most:.3f} at "
+        f"most; here it divides it by {tried.gain:.3f}. {outcome}"
     )
 
 

@@ -145,7 +145,9 @@ def falls(
         return before.held_out_level > held_out * after.held_out_level and before.level > whole * after.level
     if before.level > max(PLAIN_LEVEL, whole) * after.level:
         held_out = PLAIN_HELD_OUT
-    return before.held_out_level > held_out * after.held_out_level and whole_level(before) > whole * whole_level(after)
+    return before.held_out_level > held_out * after.held_out_level and whole_level(
+        before
+    ) > whole * whole_level(after)
 
 
 def whole_level(fit: FitResult) -> float:

@@ -13,8 +13,8 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
 from fem.model import Effect, Model
 from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL
-from updating.bootstrap import Bootstrap, bootstrap
 from updating.amplitude import combined_levels, force_levels, search_amplitude
+from updating.bootstrap import Bootstrap, bootstrap
 from updating.correlation import DB_PER_NEPER
 from updating.faults import Fault, find_faults, settle_faults
 from updating.findings import (
@@ -206,8 +206,8 @@ def diagnose(
         [nepers]; 0 if nothing but noise and the mesh may be left.
     n_simulated : int
         So many measurements are simulated by the fitted model without the effect that the data need least,
-        and it is only believed if it gains more there than the best candidate in any of them; 19 make that 5 %
-        by chance. What a fit leaves in one of them counts as right. Not for what depends on amplitude.
+        and it is only believed if it gains more than the best candidate does in any of them; 19 make that
+        5 % by chance. What a fit leaves in one of them counts as right. Not for what depends on amplitude.
     progress : callable, optional
         Called with a text and the fraction done.
     """
