@@ -31,7 +31,8 @@ together, and that on held-out lines."""
 ACCEPT_WEAK_BESIDE = 1.05
 """The first factor for one beside other effects, which may be a little otherwise than they are modelled."""
 ACCEPT_WEAK_DAMPING = 1.12
-"""Both factors there for an effect that also damps, as the curve of modal damping is no exact model."""
+"""Both factors there for an effect that also damps, as the curve of modal damping is no exact model; the first
+for gyroscopic forces."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""
 
@@ -101,6 +102,8 @@ def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> tuple[
     """Return the factors by which the levels must fall with a weak effect, alone or beside others."""
     if any(_damps(problem, effect, p) for p in effect.parameters()):
         return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
+    if any(_is_gyroscopic(problem, effect, p) for p in effect.parameters()):
+        return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_HELD_OUT
     return ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
 
 
@@ -118,17 +121,26 @@ def _within_tolerance(problem: FitProblem, fit: FitResult) -> bool:
 
 
 def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:
-    """Whether a parameter changes damping alone, or a law of stiffness and damping.
+    """Whether a parameter changes damping alone, or a law of stiffness and damping."""
+    changed = _changed(problem, effect, p)
+    return "law" in changed or (bool(changed) and changed <= {"C", "D"})
 
-    Gyroscopic forces, of a skew C, take no energy.
+
+def _is_gyroscopic(problem: FitProblem, effect: Effect, p: Parameter) -> bool:
+    """Whether a parameter changes gyroscopic forces alone, which take no energy.
+
+    They make modes complex, as damping does that is not in proportion to stiffness.
     """
+    return _changed(problem, effect, p) == {"skew C"}
+
+
+def _changed(problem: FitProblem, effect: Effect, p: Parameter) -> set[str]:
+    """Return which matrices a parameter changes: K, M, D, C or skew C, or a law."""
     term = problem.reduced.derivative_of(effect, p.name, p.value)
-    if term.laws:
-        return True
-    present = {key for key in "KMD" if (X := getattr(term, key)) is not None and X.any()}
-    if term.C is not None and np.abs(term.C + term.C.T).max() > 1e-9 * np.abs(term.C).max():
-        present.add("C")
-    return bool(present) and present <= {"C", "D"}
+    out = {key for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()}
+    if "C" in out and np.abs(term.C + term.C.T).max() <= 1e-9 * np.abs(term.C).max():
+        out = (out - {"C"}) | {"skew C"}
+    return out | ({"law"} if term.laws else set())
 
 
 def falls(

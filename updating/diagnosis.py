@@ -282,7 +282,7 @@ def diagnose(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
             "read weak findings with care"
         )
-    believed = most_left(null, model_error)
+    believed = most_left(null, floor, model_error)
     verdict, reason = _verdict(null, current, (limit, believed), findings, faults)
     if depends:
         before_all, after_all = (

@@ -34,6 +34,9 @@ MOST_LEFT = 0.5
 
 Not where the caller says that the model's form is right.
 """
+NEARLY_RIGHT, NEARLY_ALL = 1.5, 0.02
+"""There they are believed up to the first multiple of what noise and the mesh leave, if they bring the level's
+square below the second share."""
 TWIN_SHARE = 0.9
 """A candidate that brings more than this share of the best one's reduction of ln level is its twin."""
 FINALS_SETTLED = 3
@@ -120,7 +123,7 @@ def search_effects(
     later = between(say, 0.53, 1.0)
     if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > limit):
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
-    believed = max(limit, most_left(begin.current, model_error))
+    believed = max(limit, most_left(begin.current, floor, model_error))
     if len(search.findings) > 1 or search.current.level > believed:
         alone = _forward(begin, candidates, grids, (limit, full[1]), N_BEST_DEEP, later, 1, first)
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
@@ -321,9 +324,11 @@ def settled_limits(floor: float, model_error: float) -> tuple[float, float]:
     return max(settled, model_error), settled if model_error == 0 else 0.0
 
 
-def most_left(null: FitResult, model_error: float) -> float:
+def most_left(null: FitResult, floor: float, model_error: float) -> float:
     """Return the level up to which effects are believed though more is left than a right model leaves."""
-    return MOST_LEFT**0.5 * null.level if model_error > 0 else 0.0
+    if model_error > 0:
+        return MOST_LEFT**0.5 * null.level
+    return min(NEARLY_RIGHT * floor, NEARLY_ALL**0.5 * null.level)
 
 
 def _part(say: Progress, n: int) -> Progress:

@@ -33,6 +33,10 @@ def test_effects_with_a_parameter_of_damping_must_gain_more():
     )
     assert all(damps[kind] for kind in loose if kind in damps)
     assert damps["rotor"] is False  # what is skew takes no energy
+    factors = {e.kind: acceptance.weak_factors(problem, e, beside=False) for e in propose(case.model)}
+    assert factors["member_damping"] == (1.12, 1.12)
+    assert factors["rotor"] == (1.12, 0.95)  # but makes modes complex, as damping out of proportion does
+    assert factors["member_stiffness"] == (1.02, 0.95)
     assert {"member_damping", "member_stiffness"} <= damps.keys()
 
 
@@ -345,3 +349,11 @@ def test_the_damping_curve_has_a_knot_for_every_two_modes():
     case = draw_case(Settings(911), "null", 3)  # nine modes
     problem = build_problem(case.model, case.measurement, case.nuisances)
     assert (problem.n_modes, len(problem.damping.knots)) == (9, 4)
+
+
+def test_little_may_be_left_of_much_where_the_form_is_right():
+    case = make_case(1)
+    null = replace(build_problem(case.model, case.measurement, case.nuisances).nominal(), level=0.4)
+    assert search.most_left(null, 0.03, 0.0) == pytest.approx(0.045)  # a hundredth of the square
+    assert search.most_left(null, 0.1, 0.0) == pytest.approx(np.sqrt(0.02) * 0.4)
+    assert search.most_left(null, 0.03, 0.3) == pytest.approx(np.sqrt(0.5) * 0.4)
