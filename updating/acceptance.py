@@ -31,8 +31,8 @@ together, and that on held-out lines."""
 ACCEPT_WEAK_BESIDE = 1.05
 """The first factor for one beside other effects, which may be a little otherwise than they are modelled."""
 ACCEPT_WEAK_DAMPING = 1.12
-"""Both factors there for an effect that also damps, as the curve of modal damping is no exact model; the first
-for gyroscopic forces."""
+"""Both factors there for an effect that also damps, as the curve of modal damping is no exact model; the
+first for gyroscopic forces."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""
 

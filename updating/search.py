@@ -35,8 +35,8 @@ MOST_LEFT = 0.5
 Not where the caller says that the model's form is right.
 """
 NEARLY_RIGHT, NEARLY_ALL = 1.5, 0.02
-"""There they are believed up to the first multiple of what noise and the mesh leave, if they bring the level's
-square below the second share."""
+"""There they are believed up to the first multiple of what noise and the mesh leave, if they bring the
+level's square below the second share."""
 TWIN_SHARE = 0.9
 """A candidate that brings more than this share of the best one's reduction of ln level is its twin."""
 FINALS_SETTLED = 3
