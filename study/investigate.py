@@ -151,7 +151,7 @@ def run(options: Options, progress: Progress) -> None:
 
 
 def _found(d: "Diagnosis") -> list[str]:
-    """Return found effects with values and twins, and sensor faults, a line each."""
+    """Return found effects with values and twins, sensor faults, and what chance would do, a line each."""
     from study import words
 
     out = []
@@ -159,7 +159,8 @@ def _found(d: "Diagnosis") -> list[str]:
         out.append(f"  {words.finding_text(f)}")
         if f.twins:
             out.append(f"    cannot be told from: {'; '.join(words.ranked_label(t) for t in f.twins)}")
-    return [*out, *(f"  {words.fault_text(f)}" for f in d.faults)]
+    out += [f"  {words.fault_text(f)}" for f in d.faults]
+    return out + [f"  {words.chance_text(t, d)}" for t in d.tried]
 
 
 def _staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> list[str]:

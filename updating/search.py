@@ -164,8 +164,7 @@ def _branched(
     alone. No other is tried once one leaves no more than ``enough``.
     """
     ended = search
-    for other in _others(begin, ranked, {f.effect.name for f in search.findings}):
-        problem = _attached(begin.problem, other.result.effects)
+    for other, problem in _others(begin, ranked, {f.effect.name for f in search.findings}):
         best = _polish(problem, other.result)
         order = (other, *(r for r in ranked if r is not other))
         (effect,) = best.effects
@@ -181,24 +180,25 @@ def _branched(
     return _forward(ended, candidates, {}, limits, N_BEST, say) if may_go_on else ended
 
 
-def _others(begin: Search, ranked: tuple[Ranked, ...], tried: Collection[str]) -> list[Ranked]:
+def _others(
+    begin: Search, ranked: tuple[Ranked, ...], tried: Collection[str]
+) -> list[tuple[Ranked, FitProblem]]:
     """Return candidates of a first round to search on from, ``N_BRANCHES`` of those that were not tried.
 
     The best of them, though it may be a twin that had to stand back; then those that do something else to
-    the FRFs than any before.
+    the FRFs than any before. Each with the problem on its basis.
     """
-
-    def change(r: Ranked) -> NDArray[np.complex128]:
-        return change_of(_attached(begin.problem, r.result.effects), r.result, begin.current)
-
-    out: list[Ranked] = []
-    before = [change(r) for r in ranked if r.name in tried]
-    for r in (r for r in ranked if r.name not in tried):
+    out: list[tuple[Ranked, FitProblem]] = []
+    before: list[NDArray[np.complex128]] = []
+    for r in sorted(ranked, key=lambda r: r.name not in tried):
         if len(out) == N_BRANCHES:
             break
-        mine = change(r)
-        if not out or all(similarity_of(mine, other) < OTHERWISE for other in before):
-            out.append(r)
+        problem = _attached(begin.problem, r.result.effects)
+        mine = change_of(problem, r.result, begin.current)
+        if r.name in tried:
+            before.append(mine)
+        elif not out or all(similarity_of(mine, other) < OTHERWISE for other in before):
+            out.append((r, problem))
             before.append(mine)
     return out
 

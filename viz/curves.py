@@ -387,10 +387,11 @@ def plot_chance(
             low - pad * (high - low), high + pad * (high - low)
         )  # fmt: skip
         ax.set_xlim(*ends)
-        # Dots that would lie on one another are stacked.
         at = np.log(gains / ends[0]) / np.log(ends[1] / ends[0]) if wide else (gains - ends[0]) / np.ptp(ends)
-        column = np.floor(at / 0.018)
-        height = np.array([np.sum(column[:k] == column[k]) for k in range(gains.size)])
+        height = np.zeros(gains.size)
+        for k in range(gains.size):  # dots that would lie on one another are stacked
+            near = height[:k][at[k] - at[:k] < 0.018]
+            height[k] = min(set(range(k + 1)) - set(near))
         ax.plot(gains, height + 0.5, "o", color=style.FITTED, markersize=5, markeredgecolor="white",
                 linewidth=0, label=f"simulated without it ({gains.size})")  # fmt: skip
         if found is not None:

@@ -12,10 +12,12 @@ from study import load_study, pictures, run, words
 from study.page import Markup, esc, table, tag
 from study.pictures import Album, draw_all
 from study.report import report_html, thresholds
-from study.result import Uncertain
+from study.result import Uncertain, result_dict
 from tests.small_frame import write_study
 from updating.acceptance import ACCEPT_SETTLED, STEP_LEVEL
+from updating.bootstrap import Bootstrap
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis import NOTHING
 from updating.faults import Fault
 
 VOID = {"meta", "link", "img", "br", "hr"}
@@ -67,6 +69,26 @@ def without_findings(result, verdict, faults=()):
     steps = d.steps[:2]
     less = replace(d, verdict=verdict, reason="none does", findings=(), faults=faults, steps=steps)
     return replace(result, diagnosis=less, comparisons=result.comparisons[:2])
+
+
+def test_a_verdict_tried_against_chance_is_told_and_drawn(found, tmp_path, monkeypatch):
+    monkeypatch.setattr("study.pictures.can_draw", lambda: False)
+    (finding,) = found.diagnosis.findings
+    tried = Bootstrap(finding.effect.name, 3.2, (1.0, 1.004, 1.01), (0.02, 0.021, 0.022))
+    with_effect = replace(found, diagnosis=replace(found.diagnosis, tried=(tried,)))
+    nothing = Bootstrap("", float("nan"), (1.0, 1.004, 1.01), (0.02, 0.021, 0.022))
+    without = without_findings(with_effect, NOTHING)
+    without = replace(without, diagnosis=replace(without.diagnosis, tried=(nothing,)))
+    for result, said in ((with_effect, "here it divides it by 3.200"), (without, "with nothing missing")):
+        drawn = draw_all(result, tmp_path / said[:4], lambda text, done: None)
+        assert drawn.failures == [] or all("structure" in f for f in drawn.failures)
+        page = report_html(result, drawn)
+        Reader(page)
+        assert page.count(said) == 2  # under "How sure", and as what the picture shows
+        assert f'alt="{words.chance_text(result.diagnosis.tried[0], result.diagnosis)}"' in page
+        (told,) = result_dict(result)["tried_against_chance"]
+        assert told["gains"] == (1.0, 1.004, 1.01)
+        assert told["chance"] == 0.25
 
 
 def test_the_page_loads_nothing(text):

@@ -187,9 +187,13 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     # the best goes first, though it may do much the same; of the others those that do something else
     wrong_again, right_again = (replace(r, name=f"{r.name} again") for r in ranked)
     order = (ranked[0], wrong_again, replace(ranked[0], name="once more"), ranked[1], right_again)
-    assert search._others(begin, order, {wrong.name}) == [wrong_again, ranked[1]]
-    assert search._others(begin, order, {right.name}) == [ranked[0]]
-    assert search._others(begin, order, ()) == [ranked[0], ranked[1]]
+
+    def others(tried):
+        return [r for r, _ in search._others(begin, order, tried)]
+
+    assert others({wrong.name}) == [wrong_again, ranked[1]]
+    assert others({right.name}) == [ranked[0]]
+    assert others(()) == [ranked[0], ranked[1]]
     # each goes on to two effects; beside the best end, if it has two, a third is looked for
     most, found = [], 2
 
@@ -206,7 +210,7 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     branched(ranked)
     assert most == [2, 3, 2, 2]
     # where one explains all no other is tried
-    monkeypatch.setattr(search, "_others", lambda *args: [ranked[1], ranked[1]])
+    monkeypatch.setattr(search, "_others", lambda *args: 2 * [(ranked[1], problem)])
     branched(ranked)
     branched(ranked, enough=EXPLAINED_LEVEL)
     assert most == [2, 3, 2, 2, 2, 2, 2]

@@ -208,6 +208,8 @@ def test_study(tmp_path, capsys, old, new, words):
         ("[uncertain.joint.J]\nkx = 1", ["uncertain.joint.J: unknown key"]),
         ("[fit]\nband = [100, 10]", ["fit.band", "two rising frequencies"]),
         ('[fit]\nheld_out = ["x"]', ["fit.held_out", "no excitation or sensor 'x'"]),
+        ("[fit]\nbootstrap = -1", ["fit.bootstrap", "-1", "a whole number of at least 0"]),
+        ("[fit]\nbootstrap = 1.5", ["fit.bootstrap", "1.5"]),
         ("[fit]\nmodel_error = -1", ["fit.model_error", "-1"]),
         ('[fit]\nheld_out = ["sensor x"]', ["fit.held_out", "no sensor 'x'"]),
         ("[frequency]\nstart = 100\nstop = 10", ["frequency.start", "not below"]),
