@@ -91,16 +91,21 @@ def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
     counts ``DAMPING_MARGIN`` times.
     """
     n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
-    parameters = [(e, p) for e in fit.effects[len(fit.effects) - n_last :] for p in e.parameters()]
+    last = fit.effects[len(fit.effects) - n_last :]
     level = np.hypot(fit.level, LEVEL_FLOOR)
-    if any(_damps(problem, effect, p) for effect, p in parameters):
+    if any(damps(problem, effect) for effect in last):
         level *= DAMPING_MARGIN
-    return float(n * np.log(level) + 0.5 * len(parameters) * np.log(n))
+    return float(n * np.log(level) + 0.5 * sum(len(e.parameters()) for e in last) * np.log(n))
+
+
+def damps(problem: FitProblem, effect: Effect) -> bool:
+    """Whether a parameter of an effect changes damping alone, or a law of stiffness and damping."""
+    return any(_damps(problem, effect, p) for p in effect.parameters())
 
 
 def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> tuple[float, float]:
     """Return the factors by which the levels must fall with a weak effect, alone or beside others."""
-    if any(_damps(problem, effect, p) for p in effect.parameters()):
+    if damps(problem, effect):
         return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
     if any(_is_gyroscopic(problem, effect, p) for p in effect.parameters()):
         return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_HELD_OUT

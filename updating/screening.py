@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, Model, Parameter, parameter_values
+from fem.model import Effect, Model, Parameter, ParameterRef, parameter_values
 from fem.reduced import Fields, LocalChanges, scale_factors
 from updating.correlation import complex_log
 from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
@@ -19,7 +19,8 @@ from updating.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 N_WHOLE, N_LOW = 44, 24
 """Lines of the whole band, and of the low one, at which candidates are looked at."""
 N_SETTLED = 110
-"""Lines of the whole band where the model is right already and what is left to find is weak."""
+"""Lines of the whole band where the model is right already and what is left to find is weak; half of those of
+a fit where these are more, as a weak effect may show in one narrow resonance."""
 
 MOST_CANDIDATES, MOST_RIVALS = 1500, 400
 """Of more candidates only a short list is looked at; so it is of more of them at the place of one."""
@@ -37,7 +38,7 @@ VISIBLE = 1e-3
 """Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
 directions measured do not see them [nepers]."""
 
-MOST_VALUES, MOST_VALUES_WEAK = 700, 5000
+MOST_VALUES, MOST_VALUES_WEAK = 700, 10_000
 """At most so many values of FRFs in the whole band, in the low one, and for weak effects are looked at."""
 
 N_BEST = 5
@@ -93,8 +94,12 @@ class Grid:
         out = []
         for points in alike.values():
             p = self.effect.with_values(**points[0]).parameters()[0]
-            strength = [_strength(p, point[first]) for point in points]
-            weakest, most = int(np.argmin(strength)), max(strength) / max(min(strength), 1e-300)
+            strength = np.array([_strength(p, point[first]) for point in points])
+            strength[strength <= 1e-9 * strength.max()] = (
+                np.inf
+            )  # where it is absent, as is the value of the model
+            weakest = int(np.argmin(strength))
+            most = float(strength[np.isfinite(strength)].max(initial=0.0) / strength[weakest])
             out += [(self.scaled(points[weakest], f), most / f) for f in (WEAKER, 1.0)]
         return tuple(out)
 
@@ -313,7 +318,7 @@ def _proportional_levels(
 def _screen_weak(
     problem: FitProblem, current: FitResult, grids: Sequence[Grid], say: Callable[[str, float], None]
 ) -> tuple[Screened, ...]:
-    look = _Look.of(problem, current, N_SETTLED, 0, MOST_VALUES_WEAK)
+    look = _Look.of(problem, current, max(N_SETTLED, problem.n_lines // 2), 0, MOST_VALUES_WEAK)
     found = []
     for i, grid in enumerate(grids):
         say(f"looking at {grid.effect.name}", i / len(grids))
@@ -333,9 +338,9 @@ class _Look:
 
     Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
     (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each, and ``whole`` tells
-    which of them stand for the whole band. ``slopes`` (n, m) and ``back`` (n, m) hold the weighted slopes of
-    the nuisance parameters for these, and what takes a residual to their change; real and imaginary parts
-    stand side by side.
+    which of them stand for the whole band. ``slopes`` (n, m) are the weighted slopes of the nuisance
+    parameters ``refs`` and of damping for these, ``trust`` (m,) what each value counts and ``known`` (n,) the
+    prior precision; real and imaginary parts stand side by side.
     """
 
     problem: FitProblem
@@ -345,8 +350,10 @@ class _Look:
     measured: Complexes
     weight: Floats
     whole: NDArray[np.bool_]
+    refs: tuple[ParameterRef, ...]
     slopes: Floats
-    back: Floats
+    trust: Floats
+    known: Floats
     _solved: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -363,11 +370,8 @@ class _Look:
         weight = robust * function.n_independent() / len(r) / (LEVEL_FLOOR**2 + misfit)
         prior = function.prior()
         known = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
-        slopes = np.hstack([J.real, J.imag])
-        weighted = slopes * np.concatenate([weight, weight])
-        A = weighted @ slopes.T + np.diag(known)
-        A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
-        back: Any = np.linalg.solve(A, weighted)
+        slopes, trust = np.hstack([J.real, J.imag]), np.concatenate([weight, weight])
+        refs = tuple(v.ref for v in function.variables)
 
         data, lines = problem.data, np.concatenate([whole, low])
         n_first = int(np.prod(data.mask[whole].shape))
@@ -375,7 +379,7 @@ class _Look:
         low_at = flat[flat >= n_first]
         at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
         measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
-        return cls(problem, base, lines, at, measured, w, at < n_first, slopes, back)
+        return cls(problem, base, lines, at, measured, w, at < n_first, refs, slopes, trust, known)
 
     def levels(self, grid: Grid) -> Floats:
         """Return the level on the whole band, on the low one if it has lines, and with nuisances adapted.
@@ -385,7 +389,8 @@ class _Look:
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, False))
         r = self._residuals(H)
         first, low = r[:, self.whole], r[:, ~self.whole]
-        bands = [first, low, self._adapted(first)] if low.size else [first, self._adapted(first)]
+        adapted = self._adapted(first, grid.effect.replaces())
+        bands = [first, low, adapted] if low.size else [first, adapted]
         if np.abs(r - self._now()).max(initial=0.0) < VISIBLE:
             return np.full((len(bands), len(r)), np.inf)
         return np.stack([_level(each) for each in bands])
@@ -393,8 +398,9 @@ class _Look:
     def scores(self, grid: Grid) -> tuple[Floats, Floats]:
         """Return the level that the best strength of each weak point would leave, and its multiple."""
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, True))
+        replaced = grid.effect.replaces()
         now = self._adapted(self._now()[None])[0]
-        change = self._adapted(self._residuals(H)) - now
+        change = self._adapted(self._residuals(H) - self._now(), replaced)
         most = np.array([m for _, m in grid.weak_points])
         return _best_multiples(now, change, most, grid.one_sided())
 
@@ -452,12 +458,28 @@ class _Look:
             r: Any = self.weight * complex_log(computed / self.measured)
         return np.where(np.isfinite(r), r, 0.0)
 
-    def _adapted(self, r: Complexes) -> Complexes:
-        """Return residuals without what a small change of the nuisance parameters explains."""
+    def _adapted(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Complexes:
+        """Return residuals without what a small change of the nuisance parameters explains.
+
+        Those that an effect replaces stay as they are.
+        """
+        slopes, back = self._by_nuisances(tuple(ref for ref in replaced if ref in self.refs))
         flat = np.hstack([r.real, r.imag])
-        left = flat - (flat @ self.back.T) @ self.slopes
+        left = flat - (flat @ back.T) @ slopes
         half = left.shape[1] // 2
         return left[:, :half] + 1j * left[:, half:]
+
+    def _by_nuisances(self, without: tuple[ParameterRef, ...]) -> tuple[Floats, Floats]:
+        """Return the slopes of nuisance parameters but some, and what takes a residual to their change."""
+        key = ("nuisances", *without)
+        if key not in self._solved:
+            kept = [k for k in range(len(self.slopes)) if k >= len(self.refs) or self.refs[k] not in without]
+            slopes = self.slopes[kept]
+            weighted = slopes * self.trust
+            A = weighted @ slopes.T + np.diag(self.known[kept])
+            A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
+            self._solved[key] = slopes, np.linalg.solve(A, weighted)
+        return self._solved[key]
 
     def _local(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
         """Return the model solved at the lines, without the constraints that an effect releases."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
-from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL, Rule, falls, score, weak_factors
+from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL, Rule, damps, falls, score, weak_factors
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.findings import (
     Finding,
@@ -392,6 +392,10 @@ class _Round:
         names = sorted((o.effect.name for o in chosen), key=lambda n: score(problem, self._quick[n][0]))
         near = [n for n in names if self._quick[n][0].level < 1.8 * self._quick[names[0]][0].level]
         finalists = names[: FINALS_SETTLED if self.settled else int(np.clip(len(near), 3, MOST_REFINED))]
+        if self.settled and rule.form_right:
+            # What damps stands behind all that do nothing, by its margin: its best is tried as well.
+            loose = [n for n in names if damps(problem, self._quick[n][0].effects[-1])]
+            finalists += [n for n in loose[:1] if n not in finalists]
         for i, name in enumerate(finalists):
             say(f"fitting {label(self._quick[name][0].effects[-1])}", 0.6 + 0.4 * i / len(finalists))
             self._fit_fully(name)
@@ -505,7 +509,7 @@ def _against_rivals(
         known = entries.get(name)
         if known is None or not known.refined or score(problem, fit) < score(problem, known.result):
             entries[name] = rule.ranked(fit, similarity_of(shift, change_of(mine, fit, rule.before)), True)
-        if score(problem, fit) < score(problem, chosen):
+        if score(problem, fit) < score(problem, chosen) and rule.pays(fit):
             chosen_problem, chosen = mine, fit
     if chosen is not best:
         chosen = _polish(chosen_problem, chosen)

@@ -172,3 +172,37 @@ def test_the_impedance_at_a_support_is_that_of_the_structure_around_it():
         flexibility = np.linalg.solve(K * (1 + 0.02j) - omega**2 * M, unit)[:, -1, 0]
         assert problem.surroundings(key) == pytest.approx(1 / np.median(np.abs(flexibility)), rel=1e-6)
     assert basis.keys
+
+
+def test_the_weakest_point_is_not_where_the_effect_is_absent():
+    """The grid of an elastic joint's stiffness has the model's own value among its points."""
+    case = make_case(1, "cross", "joint_stiffness")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    grids = [Grid.of(problem, e) for e in propose(case.model, ["joint_stiffness"])]
+    elastic = [g for g in grids if np.isfinite(g.effect.parameters()[0].absent)]
+    assert elastic
+    for grid in elastic:
+        model_has = grid.effect.parameters()[0].absent
+        assert any(p["stiffness"] == pytest.approx(model_has, rel=1e-9) for p in grid.points)
+        for point, most in grid.weak_points:
+            assert abs(np.log(point["stiffness"] / model_has)) > 0.01
+            assert 1 < most < 1e4
+
+
+def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():
+    case = make_case(1, "cross", "joint_stiffness")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    look = screening._Look.of(problem, problem.nominal(), 60, 0, 10**6)
+    uncertain = {(n.effect, n.parameter) for n in problem.nuisances}
+    shown = []
+    for effect in propose(case.model, ["joint_stiffness"]):
+        grid = Grid.of(problem, effect)
+        if not set(effect.replaces()) & uncertain:
+            continue
+        near = next(p for p, _ in grid.weak_points)
+        (H,) = look._local(()).with_terms([problem.reduced.value_of(effect.with_values(**near))])
+        change = look._residuals([H]) - look._now()
+        size = [np.linalg.norm(look._adapted(change, replaced)) for replaced in ((), effect.replaces())]
+        assert size[0] <= size[1] * (1 + 1e-9)
+        shown.append(size[1] / size[0])
+    assert max(shown) > 1.5

@@ -361,3 +361,22 @@ def test_little_may_be_left_of_much_where_the_form_is_right():
     assert search.most_left(null, 0.03, 0.0) == pytest.approx(0.045)  # a hundredth of the square
     assert search.most_left(null, 0.1, 0.0) == pytest.approx(np.sqrt(0.02) * 0.4)
     assert search.most_left(null, 0.03, 0.3) == pytest.approx(np.sqrt(0.5) * 0.4)
+
+
+def test_what_damps_is_tried_though_what_does_nothing_stands_before_it():
+    """Its level counts a tenth more where candidates are compared; a weak effect does not make up for it."""
+    case = draw_case(Settings(1511), "weak", 10)  # a fractional joint; with it the level falls by 1.1
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, n_lines=480)
+    null = problem.fit()
+    steps = tuple(
+        findings.step_of(label, fit) for label, fit in (("nominal", problem.nominal()), ("uncertain", null))
+    )
+    begin = search.Search(problem, (), (), steps, null)
+    kinds = ("joint_fractional", "joint_viscous_damping", "joint_stiffness", "member_torsion", "rotor")
+    candidates = propose(case.model, kinds)
+    ended = search._forward(begin, candidates, {}, (1.0, 1.0), 5, lambda text, done: None, 1)
+    (found,) = ended.findings
+    assert acceptance.damps(problem, found.effect)
+    assert found.effect.where == "joint J1, rx"
+    idle = [r for r in ended.rounds[0] if not acceptance.damps(problem, r.result.effects[-1])]
+    assert min(acceptance.score(problem, r.result) for r in idle) < acceptance.score(problem, ended.current)
