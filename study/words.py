@@ -287,6 +287,13 @@ def confidence(result: RunResult) -> list[str]:
             "They may stand in for something else that the model has wrong."
         )
     for finding, ranked in zip(d.findings, d.rounds, strict=False):
+        if finding.strain:
+            out.append(
+                "What is uncertain in the model explains the data as well, but only "
+                f"{abs(finding.strain):.1f} standard deviations from its nominal value: either the effect is "
+                "there, or the study's tolerance is too small."
+            )
+            continue
         out.append(_rivals(finding, ranked, len(d.findings) > 1))
     out += [chance_text(tried, d) for tried in d.tried]
     best = best_of(d.rounds)

@@ -84,7 +84,8 @@ def bootstrap(
     """Try effects that were found against chance, that which the data need least first.
 
     One that does not gain more than the best candidate does in any simulated measurement without it is
-    dropped, and the next one tried. Where nothing was found the fitted model itself is simulated.
+    dropped, and the next one tried. Where nothing was found the fitted model itself is simulated. An effect
+    that is believed because of a strained parameter is not on trial.
 
     Parameters
     ----------
@@ -107,8 +108,9 @@ def bootstrap(
     """
     tried: list[Bootstrap] = []
     while True:
-        without = {f.effect.name: search.without(f.effect.name) for f in search.findings}
-        least = min(search.findings, key=lambda f: _gain(without[f.effect.name], search), default=None)
+        on_trial = [f for f in search.findings if not f.strain]
+        without = {f.effect.name: search.without(f.effect.name) for f in on_trial}
+        least = min(on_trial, key=lambda f: _gain(without[f.effect.name], search), default=None)
         name = least.effect.name if least else ""
         less = without.get(name, search)
         gains, levels = _by_chance(less, candidates, limits, n, say)

@@ -407,6 +407,12 @@ def _verdict(
     right = current.level <= limit
     if findings:
         names = labels(f.effect for f in findings)
+        off = next((abs(f.strain) for f in findings if f.strain), 0.0)
+        if right and off:
+            strained = (
+                f"the fit needs the uncertain value in its place {off:.2g} standard deviations off nominal"
+            )
+            return EFFECT, f"without {names} {strained}"
         if right:
             return EFFECT, f"{names} lowers the residual level from {before} to {level} dB"
         left = f"the {level} dB that are left are more than a right model leaves"

@@ -71,6 +71,9 @@ class Finding:
         The pieces of the data that speak most for the effect against the rival (without one, the first twin).
     proposals : tuple of tuple of Proposal
         For each of the first ``MOST_SEPARATED`` twins, the measurements that would separate the two.
+    strain : float
+        Of an effect that is believed because the uncertain parameter in its place had left its tolerance: by
+        how many standard deviations that was off [-]; 0 for all others.
     """
 
     effect: Effect
@@ -79,6 +82,7 @@ class Finding:
     rival: Ranked | None = None
     decisive: tuple[Decisive, ...] = ()
     proposals: tuple[tuple[Proposal, ...], ...] = ()
+    strain: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

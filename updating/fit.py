@@ -460,6 +460,12 @@ class FitProblem:
         zero = dict.fromkeys(values, 0.0)
         return self.assessed(FitResult(empty, values, zero, self.damping.start, (), *3 * (np.nan,)))
 
+    def strains(self, result: FitResult) -> dict[ParameterRef, float]:
+        """Return how far nuisance parameters lie from their nominal values, in prior standard deviations."""
+        variables = nuisance_variables(self.reduced.model, self.nuisances)
+        known = ((v, v.to_x(result.values[v.ref])) for v in variables if v.ref in result.values)
+        return {v.ref: (x - v.prior) / v.std for v, x in known if v.prior is not None and v.std}
+
     def at_nominal(self, result: FitResult) -> FitResult:
         """Return a result with the nuisance parameters of the model back at their nominal values.
 

@@ -71,6 +71,8 @@ AS_GOOD_ALONE = 1.2
 """One effect is preferred to several if its level is no more than this factor above theirs."""
 AS_GOOD = 3.0
 """Optima whose negative log posterior is no more than this above the best count as possible values."""
+STRAINED = 3.0
+"""An uncertain parameter so many standard deviations off is an effect, where the model's form is right."""
 BASIS_SHARE = 0.03
 """Error of the reduced basis, in parts of the residual level, above which the found model's modes join it."""
 BASIS_REACH = (1.2, 2.0)
@@ -130,7 +132,39 @@ def search_effects(
             search = alone
         if search.current.level > believed and alone.rounds:
             search = _branched(begin, search, alone.rounds[0], candidates, full, limit, later)
+    if model_error == 0 and not search.findings and search.current.level <= limit:
+        search = _strained(search, candidates)
     return _on_own_basis(search)
+
+
+def _strained(search: Search, candidates: Sequence[Effect]) -> Search:
+    """Call it an effect where a fit is right with an uncertain parameter that has left its tolerance.
+
+    The one that is farthest off, if a candidate takes its place, and the posterior gains as much by that as
+    such a strain costs.
+    """
+    problem, current = search.problem, search.current
+    strains = problem.strains(current)
+    places = {
+        ref: e for e in candidates if len(e.parameters()) == len(e.replaces()) == 1 for ref in e.replaces()
+    }
+    far = {ref: abs(s) for ref, s in strains.items() if abs(s) > STRAINED and ref in places}
+    if not far:
+        return search
+    ref = max(far, key=lambda r: far[r])
+    (p,) = places[ref].parameters()
+    effect = places[ref].with_values(**{p.name: current.values[ref]})
+    mine = _attached(problem, [effect])
+    fit = _polish(
+        mine, mine.fit([effect], [parameter_values(effect)], stages=[mine.stages[-1]], x_from=current)
+    )
+    if current.solution.cost - fit.solution.cost < 0.5 * STRAINED**2:
+        return search
+    (effect,) = fit.effects
+    entry = replace(Rule(mine, 0.0, True, current, True).ranked(fit, 1.0, True), asked=current.level)
+    finding = Finding(effect, parameters_of(effect, fit), (), strain=strains[ref])
+    steps = (*search.steps, step_added([effect], fit))
+    return Search(mine, (finding,), ((entry,), *search.rounds), steps, fit)
 
 
 def _exchanged(

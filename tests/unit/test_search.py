@@ -8,7 +8,8 @@ import pytest
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
 from updating import acceptance, findings, preparation, search
-from updating.diagnosis import EXPLAINED_LEVEL, propose
+from updating.bootstrap import bootstrap
+from updating.diagnosis import EXPLAINED_LEVEL, diagnose, propose
 from updating.fit import FitProblem
 from updating.preparation import build_problem
 from updating.screening import Grid
@@ -380,3 +381,31 @@ def test_what_damps_is_tried_though_what_does_nothing_stands_before_it():
     assert found.effect.where == "joint J1, rx"
     idle = [r for r in ended.rounds[0] if not acceptance.damps(problem, r.result.effects[-1])]
     assert min(acceptance.score(problem, r.result) for r in idle) < acceptance.score(problem, ended.current)
+
+
+def test_an_uncertain_parameter_far_off_its_tolerance_is_an_effect():
+    case = draw_case(Settings(1601), "weak", 20)  # a joint that is 28 % softer, known to 8.7 %
+    told = {}
+    for model_error in (0.0, EXPLAINED_LEVEL):
+        kinds = ["joint_stiffness", "point_mass"]
+        told[model_error] = diagnose(
+            case.model, [case.measurement], case.nuisances, kinds=kinds, model_error=model_error
+        )
+    found = told[0.0]
+    (finding,) = found.findings
+    assert (found.verdict, finding.effect.name) == ("effect", "joint_stiffness:J1.rx")
+    assert -4 < finding.strain < -3
+    assert "3.7 standard deviations off nominal" in found.reason
+    (stiffness,) = finding.parameters
+    assert stiffness.value == pytest.approx(1905.34, abs=3 * stiffness.std)  # what was drawn
+    assert found.rounds[0][0].name == finding.effect.name
+    assert [s.label for s in found.steps][2:] == ["joint stiffness at joint J1, rx added"]
+    # beams are not the structure itself: joints take up what they differ by
+    assert told[EXPLAINED_LEVEL].verdict == "nothing missing"
+    # chance has no say in it
+    begin = search.Search(found.problem, found.findings, found.rounds, found.steps, found.steps[-1].result)
+    after, (tried,) = bootstrap(
+        begin, propose(case.model, ["point_mass"])[:2], (1.0, 1.0), 1, lambda *_: None
+    )
+    assert after is begin
+    assert tried.effect == ""
