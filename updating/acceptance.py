@@ -143,7 +143,7 @@ def _changed(problem: FitProblem, effect: Effect, p: Parameter) -> set[str]:
     """Return which matrices a parameter changes: K, M, D, C or skew C, or a law."""
     term = problem.reduced.derivative_of(effect, p.name, p.value)
     out = {key for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()}
-    if "C" in out and np.abs(term.C + term.C.T).max() <= 1e-9 * np.abs(term.C).max():
+    if term.C is not None and "C" in out and np.abs(term.C + term.C.T).max() <= 1e-9 * np.abs(term.C).max():
         out = (out - {"C"}) | {"skew C"}
     return out | ({"law"} if term.laws else set())
 
