@@ -95,9 +95,7 @@ class Grid:
         for points in alike.values():
             p = self.effect.with_values(**points[0]).parameters()[0]
             strength = np.array([_strength(p, point[first]) for point in points])
-            strength[strength <= 1e-9 * strength.max()] = (
-                np.inf
-            )  # where it is absent, as is the value of the model
+            strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
             weakest = int(np.argmin(strength))
             most = float(strength[np.isfinite(strength)].max(initial=0.0) / strength[weakest])
             out += [(self.scaled(points[weakest], f), most / f) for f in (WEAKER, 1.0)]

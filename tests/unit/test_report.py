@@ -75,7 +75,8 @@ def test_a_verdict_tried_against_chance_is_told_and_drawn(found, tmp_path, monke
     monkeypatch.setattr("study.pictures.can_draw", lambda: False)
     (finding,) = found.diagnosis.findings
     tried = Bootstrap(finding.effect.name, 3.2, (1.0, 1.004, 1.01), (0.02, 0.021, 0.022))
-    with_effect = replace(found, diagnosis=replace(found.diagnosis, tried=(tried,)))
+    alone = replace(finding, strain=-3.7, twins=(), rival=None, decisive=(), proposals=())
+    with_effect = replace(found, diagnosis=replace(found.diagnosis, tried=(tried,), findings=(alone,)))
     nothing = Bootstrap("", float("nan"), (1.0, 1.004, 1.01), (0.02, 0.021, 0.022))
     without = without_findings(with_effect, NOTHING)
     without = replace(without, diagnosis=replace(without.diagnosis, tried=(nothing,)))
@@ -86,6 +87,8 @@ def test_a_verdict_tried_against_chance_is_told_and_drawn(found, tmp_path, monke
         Reader(page)
         assert page.count(said) == 2  # under "How sure", and as what the picture shows
         assert f'alt="{words.chance_text(result.diagnosis.tried[0], result.diagnosis)}"' in page
+        strained = "standard deviations from its nominal value: either the effect"
+        assert (strained in page) == bool(result.diagnosis.findings)
         (told,) = result_dict(result)["tried_against_chance"]
         assert told["gains"] == (1.0, 1.004, 1.01)
         assert told["chance"] == 0.25
