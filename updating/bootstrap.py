@@ -12,6 +12,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.acceptance import whole_level
+from updating.findings import Finding
 from updating.fit import FitData, FitProblem, FitResult
 from updating.preparation import finer_receptances
 from updating.screening import Grid
@@ -40,18 +41,23 @@ class Bootstrap:
     levels: tuple[float, ...]
 
     @property
+    def as_much(self) -> int:
+        """In how many simulated measurements the best candidate gained as much."""
+        return sum(g >= self.gain for g in self.gains)
+
+    @property
     def chance(self) -> float:
         """Probability that the best candidate gains as much where there is no effect, at most [-].
 
         (1 + k) / (1 + n) with k of n simulated measurements in which it did (Davison & Hinkley, Bootstrap
         Methods and their Application, 1997, eq. 4.11).
         """
-        return (1 + sum(g >= self.gain for g in self.gains)) / (1 + len(self.gains))
+        return (1 + self.as_much) / (1 + len(self.gains))
 
     @property
     def believed(self) -> bool:
         """Whether no simulated measurement gave as much."""
-        return all(g < self.gain for g in self.gains)
+        return not self.as_much
 
 
 def simulated(problem: FitProblem, result: FitResult, n: int, seed: int = 0) -> list[FitData]:
@@ -108,7 +114,7 @@ def bootstrap(
     """
     tried: list[Bootstrap] = []
     while True:
-        on_trial = [f for f in search.findings if not f.strain]
+        on_trial = _on_trial(search)
         without = {f.effect.name: search.without(f.effect.name) for f in on_trial}
         least = min(on_trial, key=lambda f: _gain(without[f.effect.name], search), default=None)
         name = least.effect.name if least else ""
@@ -118,6 +124,12 @@ def bootstrap(
         if not name or tried[-1].believed:
             return search, tuple(tried)
         search = less
+        if not _on_trial(search):  # it is what has just been simulated
+            return search, (*tried, Bootstrap("", np.nan, gains, levels))
+
+
+def _on_trial(search: Search) -> list[Finding]:
+    return [f for f in search.findings if not f.strain]
 
 
 def _gain(less: Search, search: Search) -> float:

@@ -272,7 +272,7 @@ def diagnose(
         limits = settled_limits(floor, model_error)
         search, tried = bootstrap(search, candidates, limits, n_simulated, between(whole, 0.5, 1.0))
         limit = max(limit, *tried[-1].levels)
-        notes += [_by_chance(each) for each in tried if each.effect and not each.believed]
+        notes += [_why_dropped(each) for each in tried if each.effect and not each.believed]
     problem, current, findings, rounds, steps = (
         search.problem, search.current, search.findings, search.rounds, search.steps,
     )  # fmt: skip
@@ -304,13 +304,11 @@ def diagnose(
     )  # fmt: skip
 
 
-def _by_chance(tried: Bootstrap) -> str:
+def _why_dropped(tried: Bootstrap) -> str:
     """Return why an effect was dropped."""
-    n = len(tried.gains)
-    as_much = sum(g >= tried.gain for g in tried.gains)
     return (
         f"{tried.effect} was dropped: it lowers the residual level by a factor of {tried.gain:.3g}, and in "
-        f"{as_much} of {n} simulated measurements without it some candidate does as much"
+        f"{tried.as_much} of {len(tried.gains)} simulated measurements without it some candidate does as much"
     )
 
 

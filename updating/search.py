@@ -428,8 +428,8 @@ class _Round:
         finalists = names[: FINALS_SETTLED if self.settled else int(np.clip(len(near), 3, MOST_REFINED))]
         if self.settled and rule.form_right:
             # What damps stands behind all that do nothing, by its margin: its best is tried as well.
-            loose = [n for n in names if damps(problem, self._quick[n][0].effects[-1])]
-            finalists += [n for n in loose[:1] if n not in finalists]
+            loose = next((n for n in names if damps(problem, self._quick[n][0].effects[-1])), names[0])
+            finalists += [loose] if loose not in finalists else []
         for i, name in enumerate(finalists):
             say(f"fitting {label(self._quick[name][0].effects[-1])}", 0.6 + 0.4 * i / len(finalists))
             self._fit_fully(name)
