@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MEDIAN_OF_NORMAL = 0.6745
-"""Median absolute value of a standard normal variable."""
+MEDIAN_OF_SQUARE = 2 * np.log(2)
+"""Median of |z|², where real and imaginary part of z are standard normal variables."""
 
 WHITE = 1.6
 """Fourth and sixth differences of white noise have the same mean square within this factor."""
@@ -21,10 +21,10 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     """Estimate the relative noise of the amplitude at each line.
 
     Two kinds of noise are told apart. What is in proportion to the response: an FRF is smooth between its
-    resonances, so fourth differences of ln|H| over neighbouring lines are noise; their median absolute value
-    over a window does not see the few lines at resonances and antiresonances. And what is added to it, the
-    same at all lines of an FRF: it shows where the response is small, in fourth and sixth differences of H
-    itself, which crosses zero smoothly at an antiresonance.
+    resonances, so fourth differences of ln H over neighbouring lines are noise; their median size over a
+    window does not see the few lines at resonances and antiresonances. And what is added to it, the same at
+    all lines of an FRF: it shows where the response is small, in fourth and sixth differences of H itself,
+    which crosses zero smoothly at an antiresonance.
 
     Parameters
     ----------
@@ -42,9 +42,7 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     if n_freq < 9:
         return np.full(H.shape, 0.01)
     size = np.abs(H)
-    with np.errstate(divide="ignore"):
-        amplitude = np.log(np.maximum(size, 1e-300))
-    d = np.abs(_difference(amplitude, 4)) / MEDIAN_OF_NORMAL
+    logarithm = np.log(np.maximum(size, 1e-300)) + 1j * np.unwrap(np.angle(H), axis=0)
     half = min(window, n_freq) // 2
     centres = np.arange(0, n_freq, max(1, half // 2))
 
@@ -54,22 +52,46 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
         lines = np.arange(n_freq)
         return np.stack([np.interp(lines, centres, column) for column in flat.T], axis=1).reshape(H.shape)
 
-    proportional = smoothed(d) ** 2
-    # Where it is exactly 0, nothing was measured.
-    small = np.argsort(np.where(size > 0, size, np.inf), axis=0)[: max(SMALLEST, n_freq // 20)]
-    # Differences of both orders of white noise have the same size; not so of what is sampled coarsely.
-    both, higher = (
-        np.median(np.take_along_axis(np.abs(_difference(H, order)) ** 2, small, axis=0), axis=0)
-        / (2 * np.log(2))
-        for order in _STENCILS
-    )
-    white = (higher < WHITE * both) & (both < WHITE * higher)
-    both = np.where(white, both, 0.0)
-    part = np.median(np.take_along_axis(proportional * size**2, small, axis=0), axis=0)
-    excess = np.broadcast_to(np.maximum(both - part, 0.0), H.shape)
+    seen = smoothed(np.abs(_difference(logarithm, 4)) ** 2) / MEDIAN_OF_SQUARE
+    # Where all of a window is small, what is seen there is the added noise: what is in proportion is taken
+    # to be no more than it usually is.
+    excess = _added(H, np.minimum(seen, np.median(seen, axis=0)) * size**2)
+    excess = np.broadcast_to(excess, H.shape)
     added = np.divide(excess, size**2, out=np.where(excess > 0, np.inf, 0.0), where=size > 0)
     # At the lines where the window's median lies, the two together are what was seen there.
-    return np.sqrt(np.maximum(proportional - smoothed(added), 0.0) + added)
+    return np.sqrt(np.maximum(seen - smoothed(added), 0.0) + added)
+
+
+def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the variance (n_out, n_in) of the noise that is added, beside what is in proportion.
+
+    It is that of the smallest lines: as many as have more of it than of the other, and are white. Differences
+    of both orders of white noise have the same size, not so of what is sampled coarsely. Where no lines are
+    white, it is what other sensors show of the same excitation, but no more than what is seen.
+    """
+    size = np.abs(H)
+    # Where it is exactly 0, nothing was measured.
+    smallest = np.argsort(np.where(size > 0, size, np.inf), axis=0)
+    differences = [np.abs(_difference(H, order)) ** 2 / MEDIAN_OF_SQUARE for order in (4, 6)]
+    least = np.full(H.shape[1:], np.inf)
+    added = np.full(H.shape[1:], np.nan)
+    done = np.zeros(H.shape[1:], dtype=bool)
+    n = max(SMALLEST, len(H) // 20)
+    while n >= SMALLEST and not done.all():
+        lines = smallest[:n]
+        fourth, sixth, part = (
+            np.median(np.take_along_axis(x, lines, axis=0), axis=0) for x in (*differences, proportional)
+        )
+        excess = np.maximum(fourth - part, 0.0)
+        least = np.minimum(least, excess)
+        white = (sixth < WHITE * fourth) & (fourth < WHITE * sixth)
+        added = np.where(white & ~done, excess, added)
+        done |= white & (fourth > 2 * part)
+        n //= 2
+    for of_input, at_most in zip(added.T, least.T, strict=True):
+        known = ~np.isnan(of_input)
+        of_input[~known] = np.minimum(at_most[~known], np.median(of_input[known]) if known.any() else 0.0)
+    return added
 
 
 def _difference(x: NDArray[Any], order: int) -> NDArray[Any]:

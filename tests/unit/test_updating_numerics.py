@@ -155,6 +155,31 @@ def test_noise_that_is_added_shows_at_antiresonances(sigma):
     assert np.quantile(np.abs(ratio), 0.9) < 0.7
 
 
+def test_noise_that_is_added_shows_where_all_of_a_window_is_small():
+    f = np.linspace(1, 500, 1000)
+    rng = np.random.default_rng(6)
+    H = (f**2 / (300.0**2 * (1 + 0.02j) - f**2))[:, None, None] * np.array([1, 2j, -0.1])[None, :, None]
+    added = 1e-3 * np.abs(H[:, 0, 0])[20]  # the same for all sensors: 21 lines of the first are below it
+    noisy = H * (1 + 1e-3 * complex_array(rng, *H.shape)) + added * complex_array(rng, *H.shape)
+    truth = np.hypot(1e-3, added / np.abs(H))
+    ratio = (relative_noise(noisy) / truth)[:30]
+    assert 0.6 < ratio.min() <= ratio.max() < 1.7
+
+
+def test_added_noise_of_an_FRF_that_is_sampled_coarsely_is_that_of_the_other_sensors():
+    f = np.linspace(1, 500, 1000)
+    rng = np.random.default_rng(7)
+    smooth = f**2 / (300.0**2 * (1 + 0.02j) - f**2)
+    # 14 lines from resonance to resonance: differences of its smallest lines are not white
+    poles = np.arange(1, 40, 7.0)
+    coarse = sum(f**2 / (p**2 * (1 + 0.05j) - f**2) for p in poles) * 1e-3
+    H = np.stack([smooth, -0.5 * smooth, coarse], axis=1)[:, :, None]
+    added = 1e-6
+    noisy = H + added * complex_array(rng, *H.shape)
+    estimate = relative_noise(noisy)[:, 2, 0] * np.abs(H[:, 2, 0])
+    assert 0.8 * added < estimate.min() < 1.2 * added
+
+
 def test_clean_data_have_next_to_no_noise():
     # fourth differences of ln|H| at lines of 0.4 Hz: (Δf/δ)⁴ at δ from a resonance, tens of Hz for most
     assert np.median(relative_noise(resonances()[1])) < 1e-6
