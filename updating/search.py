@@ -54,7 +54,8 @@ N_FINE = 2
 QUICK_LINES = 50
 """Lines of a quick fit."""
 QUICK_REACH = 3.0
-"""Candidates whose first one ends above so many times the best have no second."""
+"""Candidates whose first one ends above so many times the best have no second, but for those that came first
+by a measure."""
 MOST_REFINED = 6
 """At most this many candidates are fitted fully in a round."""
 N_ASSESSED = 240
@@ -192,22 +193,25 @@ def _branched(
     enough: float,
     say: Progress,
 ) -> Search:
-    """Search on from other candidates of a first round, and keep the best end.
+    """Search on from candidates of a first round, and keep the best end.
 
-    Of two effects neither need come first while both are missing. A third is looked for beside the best two
-    alone. No other is tried once one leaves no more than ``enough``.
+    From the first of what was found, beside more of the candidates; then from others: of two effects neither
+    need come first while both are missing. A third is looked for beside the best two alone. No other is tried
+    once one leaves no more than ``enough``.
     """
-    ended = search
-    for other, problem in _others(begin, ranked, {f.effect.name for f in search.findings}):
+    ended, names = search, [f.effect.name for f in search.findings]
+    again = [(r, _attached(begin.problem, r.result.effects)) for r in ranked if r.name in names[:1]]
+    for other, problem in (*again, *_others(begin, ranked, names)):
         best = _polish(problem, other.result)
         order = (other, *(r for r in ranked if r is not other))
         (effect,) = best.effects
         finding = Finding(effect, parameters_of(effect, best), *_explained(problem, order, begin.current))
         steps = (*begin.steps, step_added([effect], best))
         branch = Search(problem, (finding,), (order,), steps, best)
-        again = _forward(branch, candidates, {}, limits, N_BEST, say, most=2)
-        if _worth(again) < _worth(ended):
-            ended = again
+        n_best = N_BEST_DEEP if other.name in names else N_BEST
+        end = _forward(branch, candidates, {}, limits, n_best, say, most=2)
+        if _worth(end) < _worth(ended):
+            ended = end
         if ended.current.level <= enough:
             break
     may_go_on = ended is not search and len(ended.findings) == 2
@@ -219,9 +223,10 @@ def _others(
 ) -> list[tuple[Ranked, FitProblem]]:
     """Return candidates of a first round to search on from, ``N_BRANCHES`` of those that were not tried.
 
-    The best of them, though it may be a twin that had to stand back; then those that do something else to
-    the FRFs than any before. Each with the problem on its basis.
+    The first of them, though it may be a twin that had to stand back, and the best, though it may not pay
+    alone; then those that do something else to the FRFs than any before. Each with the problem on its basis.
     """
+    best = min(ranked, key=lambda r: score(begin.problem, r.result))
     out: list[tuple[Ranked, FitProblem]] = []
     before: list[NDArray[np.complex128]] = []
     for r in sorted(ranked, key=lambda r: r.name not in tried):
@@ -231,7 +236,7 @@ def _others(
         mine = change_of(problem, r.result, begin.current)
         if r.name in tried:
             before.append(mine)
-        elif not out or all(similarity_of(mine, other) < OTHERWISE for other in before):
+        elif not out or r is best or all(similarity_of(mine, other) < OTHERWISE for other in before):
             out.append((r, problem))
             before.append(mine)
     return out
@@ -479,7 +484,8 @@ class _Round:
         reach = QUICK_REACH * min(self._quick[o.effect.name][0].level for o in chosen)
         for option in chosen:
             name, effects = option.effect.name, [*current.effects, option.effect]
-            if len(self._quick[name]) > 1 or self._quick[name][0].level > reach:
+            poor = option.rank > 0 and self._quick[name][0].level > reach
+            if len(self._quick[name]) > 1 or poor:
                 continue
             say(f"screening {label(option.effect)}", 0.5)
             for k, start in enumerate(option.starts):
