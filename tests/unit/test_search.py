@@ -189,32 +189,40 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     wrong_again, right_again = (replace(r, name=f"{r.name} again") for r in ranked)
     order = (ranked[0], wrong_again, replace(ranked[0], name="once more"), ranked[1], right_again)
 
-    def others(tried):
+    def others(tried, order=order):
         return [r for r, _ in search._others(begin, order, tried)]
 
     assert others({wrong.name}) == [wrong_again, ranked[1]]
     assert others({right.name}) == [ranked[0]]
     assert others(()) == [ranked[0], ranked[1]]
-    # each goes on to two effects; beside the best end, if it has two, a third is looked for
-    most, found = [], 2
+    # so does the one that leaves least, which stands behind where it does not pay alone
+    least = replace(ranked[0], name="least", result=replace(fits[0], level=0.5 * fits[1].level))
+    assert others((), (ranked[0], wrong_again, least, ranked[1])) == [ranked[0], least, ranked[1]]
+    # what was found goes on beside more of the candidates, each other beside the usual number, to two
+    # effects; beside the best end, if it has two, a third is looked for
+    went, found = [], 2
+    usual, more = search.N_BEST, search.N_BEST_DEEP
 
-    def forward(begin, *_, **options):
-        most.append(options.get("most", search.MAX_EFFECTS))
+    def forward(begin, candidates, grids, limits, n_best, *_, **options):
+        went.append((options.get("most", search.MAX_EFFECTS), n_best))
         return replace(begin, findings=found * begin.findings)
 
+    def ways(*args, **options):
+        went.clear()
+        branched(*args, **options)
+        return went
+
     monkeypatch.setattr(search, "_forward", forward)
-    branched(ranked)
-    assert most == [2, 3]
-    branched((ranked[0], replace(ranked[1], result=fits[0])))  # no better
-    assert most == [2, 3, 2]
+    both = [(2, more), (2, usual)]
+    assert ways(ranked) == [*both, (3, usual)]
+    no_better = replace(ranked[1], result=fits[0])
+    assert ways((ranked[0], no_better)) == both
     found = 1
-    branched(ranked)
-    assert most == [2, 3, 2, 2]
+    assert ways(ranked) == both
     # where one explains all no other is tried
     monkeypatch.setattr(search, "_others", lambda *args: 2 * [(ranked[1], problem)])
-    branched(ranked)
-    branched(ranked, enough=EXPLAINED_LEVEL)
-    assert most == [2, 3, 2, 2, 2, 2, 2]
+    assert ways(ranked) == [*both, (2, usual)]
+    assert ways(ranked, enough=EXPLAINED_LEVEL) == both
 
 
 def test_fine_stages_end_between_modes_and_have_lines():
