@@ -148,7 +148,7 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
     curve = problem.damping
     first = len(final.values)
     n = len(curve.start)
-    sd = np.sqrt(np.maximum(np.diag(final.solution.covariance), 0.0))[first : first + n]
+    sd = np.sqrt(np.maximum(np.diag(final.covariance), 0.0))[first : first + n]
     sd = sd if len(sd) == n else np.full(n, np.nan)
     names = [f"damping ratio at {f:.4g} Hz" for f in curve.knots]
     if any(e.connection for e in d.model.effects):

@@ -17,7 +17,7 @@ from fem.model import Effect, parameter_values
 from fem.reduced import ParametricFRF
 from updating.correlation import log_ratio
 from updating.faults import Fault
-from updating.fit import LEVEL_FLOOR, ROBUST, FitData, FitProblem, FitResult, by_unknowns
+from updating.fit import LEVEL_FLOOR, ROBUST, FitData, FitProblem, FitResult, by_unknowns, propagated
 from updating.gates import at_level
 from updating.measurement import Measurement
 from updating.parameters import effect_variables
@@ -131,6 +131,10 @@ class _Function:
         values = parameter_values(self.at.element)
         return np.concatenate([self.rest.start, [v.to_x(values[v.ref[1]]) for v in self.own]])
 
+    @property
+    def units(self) -> Floats:
+        return np.array([*self.rest.units, *(v.unit for v in self.own)])
+
     def element(self, x: Floats) -> AmplitudeDependent:
         x_own = x[len(self.rest.start) :]
         return self.at.element.with_values(
@@ -232,8 +236,9 @@ def _fitted(
         values[v.ref], std[v.ref] = v.to_value(xi), abs(v.slope(xi)) * float(s)
     found = f.element(x)
     result = replace(
-        rest, solution=solution, values=values, std=std, effects=(*rest.effects, found), level=np.nan
-    )
+        rest, solution=solution, values=values, std=std, effects=(*rest.effects, found), level=np.nan,
+        covariance=solution.covariance * np.outer(f.units, f.units),
+    )  # fmt: skip
     amplitude = problem.steady(result, np.arange(len(problem.data.frequency))).amplitude
     moving = amplitude[amplitude > 0]
     if moving.size:
@@ -252,6 +257,37 @@ def combined_levels(problem: FitProblem, levels: Sequence[FitData], result: FitR
             part.append(here.level(ratio[lines], lines) ** 2)
     fitted, held_out = (float(np.sqrt(np.mean(part))) for part in squares)
     return fitted, held_out
+
+
+def deviation_at_level(problem: FitProblem, result: FitResult) -> NDArray[np.float64]:
+    """Return the standard deviation of the ln|H| that a fit predicts at the force level of the data.
+
+    √(gᵀ C g) as :meth:`updating.fit.FitProblem.deviation`, with the derivatives of the steady vibration: of
+    first order, and wide where it is about to jump.
+
+    Parameters
+    ----------
+    problem : FitProblem
+    result : FitResult
+        Of :func:`search_amplitude`, with one effect that depends on amplitude.
+
+    Returns
+    -------
+    ndarray (n_freq, n_out, n_in)
+        [-]
+    """
+    data = problem.data
+    every = replace(
+        data,
+        H=np.where(data.mask, data.H, 0.0),
+        mask=np.ones_like(data.mask),
+        weight=np.ones_like(data.weight),
+    )
+    linear, (element,) = split(result.effects)
+    function = _function(problem, (every,), linear, element, np.arange(len(data.frequency)))
+    rest = function.rest.moved_to(result)
+    x = np.concatenate([rest, function.start[len(rest) :]])
+    return propagated(function, x, function.units, result.covariance).reshape(every.mask.shape)
 
 
 def search_amplitude(

@@ -13,7 +13,7 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.frf import FRF
 from fem.model import Effect, Model
 from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL
-from updating.amplitude import combined_levels, force_levels, search_amplitude
+from updating.amplitude import combined_levels, deviation_at_level, force_levels, search_amplitude
 from updating.bootstrap import Bootstrap, bootstrap
 from updating.correlation import DB_PER_NEPER
 from updating.faults import Fault, find_faults, settle_faults
@@ -124,7 +124,10 @@ class Diagnosis:
 
     def deviation(self, step: int) -> NDArray[np.float64] | None:
         """Return the standard deviation of the ln|H| that a step predicts; None for the nominal model."""
-        return self.problem.deviation(self.steps[step].result)
+        result = self.steps[step].result
+        if any(e.amplitude_dependent for e in result.effects):
+            return deviation_at_level(self.problem, result)
+        return self.problem.deviation(result)
 
     @property
     def measured(self) -> FRF:

@@ -19,7 +19,7 @@ from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.measurement import Measurement, MeasurementError, Sensor, sensor_point
 from updating.noise import relative_noise
 from updating.parameters import DampingCurve, Nuisance, Variable, effect_variables, nuisance_variables
-from updating.solve import Prior, Solution, solve_robust
+from updating.solve import Prior, Residual, Solution, solve_robust
 
 INDEPENDENT_PER_MODE = 8.0
 """How many independent data one mode of the band stands for, against the priors."""
@@ -175,6 +175,9 @@ class FitResult:
         Root mean square of the amplitude's error on the lines fitted and held out [dB].
     level, held_out_level : float
         Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
+    covariance : ndarray (n, n)
+        Of all that varied, as it is ordered in the solution: of ln θ for positive parameters and the damping
+        curve's unknowns, and of θ for others. Empty for what was not fitted.
     """
 
     solution: Solution
@@ -186,6 +189,7 @@ class FitResult:
     held_out_db: float
     level: float
     held_out_level: float = np.nan
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -443,13 +447,10 @@ class FitProblem:
         every = replace(self.data, mask=np.ones_like(self.data.mask), weight=np.ones_like(self.data.weight))
         starts = [parameter_values(e) for e in result.effects]
         function = replace(self, data=every).function(result.effects, starts, lines)
-        x, C = function.moved_to(result), result.solution.covariance
-        if C.shape != (len(x), len(x)):
+        x = function.moved_to(result)
+        if len(result.covariance) != len(x):
             return None
-        _, J = function(x, True)
-        assert J is not None
-        variance = np.einsum("im,ij,jm->m", J.real, C, J.real, optimize=True)
-        return np.sqrt(np.maximum(variance, 0.0)).reshape(function.keep.shape)
+        return propagated(function, x, function.units, result.covariance).reshape(function.keep.shape)
 
     def nominal(self) -> FitResult:
         """Return the model as it was given, unfitted."""
@@ -582,6 +583,11 @@ class FitFunction:
         J[n_par:] = by_unknowns(zeta, hats, base)[:, keep]
         return r, J
 
+    @property
+    def units(self) -> NDArray[np.float64]:
+        """Size of one unit of each x: 1 where it is a logarithm, or in that of the parameter."""
+        return np.array([*(v.unit for v in self.variables), *np.ones(len(self.problem.damping.start))])
+
     def prior(self) -> Prior:
         """Return what is known of x beforehand."""
         p, none = self.problem, np.inf
@@ -641,7 +647,22 @@ class FitFunction:
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )
         zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
-        return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level)
+        covariance = solution.covariance * np.outer(self.units, self.units)
+        return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
+
+
+def propagated(
+    residual: Residual,
+    x: NDArray[np.float64],
+    units: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return √(gᵀ C g), (m,), of the real parts of residuals, with g their derivatives by x in its units."""
+    _, J = residual(x, True)
+    assert J is not None
+    J = J / units[:, None]
+    variance = np.einsum("im,ij,jm->m", J.real, covariance, J.real, optimize=True)
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def by_unknowns(

@@ -127,6 +127,11 @@ class Variable:
         """Return dθ/dx."""
         return float(np.exp(x)) if self.parameter.log else self.scale
 
+    @property
+    def unit(self) -> float:
+        """Size of one unit of x: 1 where x = ln θ, or in that of θ."""
+        return 1.0 if self.parameter.log else self.scale
+
     def bounds(self) -> tuple[float, float]:
         """Return the bounds of x."""
         p = self.parameter

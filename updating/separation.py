@@ -216,7 +216,7 @@ class _Prediction:
         s2 = (LEVEL_FLOOR**2 + min(self.first.level, self.second.level) ** 2) * (
             d[:, 0].size / (n_independent * reach * inputs.shape[1] / max(p.data.H.shape[2], 1))
         )
-        covariance = self.second.solution.covariance[:n_par, :n_par]
+        covariance = self.second.covariance[:n_par, :n_par]
         A = np.linalg.pinv(covariance, hermitian=True)
         out_d, out_e = np.full(len(size), np.nan), np.full(len(size), np.nan)
         for i in range(len(size)):
@@ -246,7 +246,7 @@ class _Prediction:
             return H, None
         starts = [parameter_values(e) for e in fit.effects]
         function = p.function(fit.effects, starts, np.zeros(0, dtype=np.int64))
-        slope_of = {v.ref: v.slope(v.to_x(fit.values[v.ref])) for v in function.variables}
+        slope_of = {v.ref: v.slope(v.to_x(fit.values[v.ref])) / v.unit for v in function.variables}
         scale = np.array([slope_of[r] for r in refs])
         safe = np.where(H != 0, H, 1.0)
         return H, scale[:, None, None, None] * dH / safe

@@ -7,6 +7,7 @@ import pytest
 
 from tests.hidden.cases import make_case
 from updating import build_problem
+from updating.diagnosis import propose
 from viz.curves import plot_frf, plot_frf_error
 
 STEP = 1e-5
@@ -34,11 +35,26 @@ def test_bands_are_the_covariance_by_central_differences(fitted):
         columns.append([replace(fit, zeta=fit.zeta * turn), replace(fit, zeta=fit.zeta / turn)])
     size = [[np.log(np.abs(problem.receptance(r, lines))) for r in both] for both in columns]
     J = np.array([(ahead - behind) / (2 * STEP) for ahead, behind in size])
-    expected = np.sqrt(np.einsum("ifop,ij,jfop->fop", J, fit.solution.covariance, J))
+    expected = np.sqrt(np.einsum("ifop,ij,jfop->fop", J, fit.covariance, J))
     found = problem.deviation(fit, lines)
     assert found is not None
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-7)
     assert problem.deviation(problem.nominal()) is None
+
+
+def test_bands_do_not_depend_on_where_a_fit_began(fitted):
+    """Its starts set the unit of a parameter that may be negative; the iterations end 0.5 % of σ² apart."""
+    problem, _ = fitted
+    effect = next(e for e in propose(problem.reduced.model, ["member_density"]) if e.where == "member B")
+    p = effect.parameters()[0]
+    near, far = (problem.fit([effect], [{p.name: start}]) for start in (0.3, 0.01))
+    ref = (effect.name, p.name)
+    assert near.values[ref] == pytest.approx(far.values[ref], abs=0.1 * near.std[ref])
+    for fit in (near, far):
+        k = list(fit.values).index(ref)
+        assert np.sqrt(fit.covariance[k, k]) == pytest.approx(fit.std[ref], rel=1e-9)
+    lines = np.arange(0, len(problem.data.frequency), 17)
+    np.testing.assert_allclose(problem.deviation(near, lines), problem.deviation(far, lines), rtol=0.05)
 
 
 def test_bands_are_drawn_also_where_next_to_nothing_is_known(fitted):
