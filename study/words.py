@@ -318,8 +318,9 @@ def chance_text(tried: Bootstrap, d: Diagnosis) -> str:
     n, most = len(tried.gains), max(tried.gains)
     if not tried.effect:
         low, high = (DB_PER_NEPER * f(tried.levels) for f in (min, max))
+        missing = "nothing else missing" if d.findings else "nothing missing"
         return (
-            f"In {n} measurements simulated with nothing missing the fit leaves {low:.2g} to {high:.2g} dB, "
+            f"In {n} measurements simulated with {missing} the fit leaves {low:.2g} to {high:.2g} dB, "
             f"here {d.steps[-1].level * DB_PER_NEPER:.2g}; the best candidate divides that by {most:.3f} "
             "at most."
         )

@@ -118,7 +118,9 @@ def test_a_diagnosis_says_what_chance_gives_and_drops_what_is_no_more(monkeypatc
     assert [t.effect for t in lost.tried] == [tried.effect, ""]
     (note,) = (n for n in lost.notes if "was dropped" in n)
     assert "in 1 of 3 simulated measurements" in note
-    assert "here" in words.chance_text(lost.tried[1], lost)
+    assert "with nothing missing the fit leaves" in words.chance_text(lost.tried[1], lost)
+    beside = replace(lost, findings=found.findings)  # as beside a strained joint, which is not on trial
+    assert "with nothing else missing the fit leaves" in words.chance_text(lost.tried[1], beside)
     assert [s.label for s in lost.steps] == ["nominal model", "uncertain parameters fitted"]
 
 

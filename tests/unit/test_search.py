@@ -225,6 +225,34 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     assert ways(ranked, enough=EXPLAINED_LEVEL) == both
 
 
+def test_what_is_looked_at_first_has_a_second_start_however_badly_its_first_ends(monkeypatch):
+    monkeypatch.setattr(search, "QUICK_REACH", 0.0)
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null = problem.fit()
+    grids = tuple(Grid.of(problem, e) for e in propose(case.model, ("member_density", "point_mass")))
+    round_ = search._Round(problem, null, False, grids)
+    round_.run(acceptance.Rule(problem, 0.0, False, null, True), 3, lambda text, done: None)
+    looked = [o for o in round_._looked if o.rank < 3]
+    assert len({o.rank for o in looked}) > 1
+    for o in looked:
+        assert (len(round_._quick[o.effect.name]) > 1) == (o.rank == 0)
+
+
+def test_what_leaves_little_of_much_is_not_searched_on_from(monkeypatch):
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    steps = findings.step_of("nominal", problem.nominal()), findings.step_of("uncertain", problem.fit())
+    begin = search.Search(problem, (), (), steps, steps[1].result)
+    candidates = propose(case.model, ["point_mass"])  # a member is heavier
+    went = []
+    monkeypatch.setattr(search, "_branched", lambda begin, search, *args: went.append(search) or search)
+    for most, times in ((np.inf, 0), (0.0, 1)):
+        monkeypatch.setattr(search, "most_left", lambda null, floor, model_error, most=most: most)
+        search.search_effects(begin, candidates, 0.5 * begin.current.level / 1.25, 0.0, lambda *a: None)
+        assert len(went) == times
+
+
 def test_fine_stages_end_between_modes_and_have_lines():
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances)
