@@ -65,32 +65,33 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
 def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the variance (n_out, n_in) of the noise that is added, beside what is in proportion.
 
-    It is that of the smallest lines: as many as have more of it than of the other, and are white. Differences
-    of both orders of white noise have the same size, not so of what is sampled coarsely. Where no lines are
-    white, it is what other sensors show of the same excitation, but no more than what is seen.
+    It is that of the smallest lines, if they are white: differences of both orders of white noise have the
+    same size, not so of what is sampled coarsely. They are made fewer until they have more of it than of the
+    other. Where they are not white it is what the other sensors show of the same excitation, if most of them
+    do, but no more than what is seen.
     """
     size = np.abs(H)
     # Where it is exactly 0, nothing was measured.
     smallest = np.argsort(np.where(size > 0, size, np.inf), axis=0)
     differences = [np.abs(_difference(H, order)) ** 2 / MEDIAN_OF_SQUARE for order in (4, 6)]
-    least = np.full(H.shape[1:], np.inf)
-    added = np.full(H.shape[1:], np.nan)
-    done = np.zeros(H.shape[1:], dtype=bool)
-    n = max(SMALLEST, len(H) // 20)
-    while n >= SMALLEST and not done.all():
+    most, added = np.zeros(H.shape[1:]), np.zeros(H.shape[1:])
+    seen = open_ = np.ones(added.shape, dtype=bool)
+    first = n = max(SMALLEST, len(H) // 20)
+    while n >= SMALLEST:
         lines = smallest[:n]
         fourth, sixth, part = (
             np.median(np.take_along_axis(x, lines, axis=0), axis=0) for x in (*differences, proportional)
         )
         excess = np.maximum(fourth - part, 0.0)
-        least = np.minimum(least, excess)
-        white = (sixth < WHITE * fourth) & (fourth < WHITE * sixth)
-        added = np.where(white & ~done, excess, added)
-        done |= white & (fourth > 2 * part)
+        most = np.maximum(most, excess)
+        white = open_ & (sixth < WHITE * fourth) & (fourth < WHITE * sixth)
+        added = np.where(white, excess, added)
+        seen = white if n == first else seen
+        open_ = open_ & seen & ~(white & (fourth > 2 * part))
         n //= 2
-    for of_input, at_most in zip(added.T, least.T, strict=True):
-        known = ~np.isnan(of_input)
-        of_input[~known] = np.minimum(at_most[~known], np.median(of_input[known]) if known.any() else 0.0)
+    for k in np.flatnonzero(seen.mean(axis=0) > 0.5):
+        others = np.median(added[seen[:, k], k])
+        added[:, k] = np.where(seen[:, k], added[:, k], np.minimum(most[:, k], others))
     return added
 
 
