@@ -108,6 +108,21 @@ class _Term:
         return present + [(f(omega), X) for f, X in self.laws if X.any()]
 
 
+_Forces = dict[int, NDArray[np.complex128]]
+"""Forces (m, n_in, n_freq) of parameters, by their rows."""
+
+
+def _beside(forces: _Forces) -> NDArray[np.complex128]:
+    return np.concatenate(list(forces.values()), axis=1)
+
+
+def _add_to(forces: _Forces, i: int, force: NDArray[np.complex128]) -> None:
+    if i in forces:
+        forces[i] += force
+    else:
+        forces[i] = force
+
+
 def _part(X: NDArray[Any] | None, imaginary: bool) -> NDArray[Any] | None:
     if X is None:
         return None
@@ -704,31 +719,24 @@ class ParametricFRF:
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
         if not gradient:
             return H, None, None
-        Xo = state.solve(self._out, transposed=True)
-        dH = np.zeros((len(self.refs), *H.shape), dtype=complex)
-        factors = self._factors(state)
-        Xot = np.ascontiguousarray(Xo.transpose(2, 1, 0))
-        whole: list[tuple[int, NDArray[Any], NDArray[Any]]] = []
-        local: dict[bytes, list[tuple[int, _Term]]] = {}
-        for i, term in self._slopes(values, alone):
-            if term.L is None:
-                whole += [(i, factor, X) for factor, X in term.parts(factors, self.omega)]
-            else:
-                local.setdefault(term.L.tobytes(), []).append((i, term))
-        # Slopes of one kind go through one product: all that act everywhere, and all at the same few DOFs.
-        stiff = 2j * state.lam[:, None, None] * Xi
-        blocks = [factor * _times(state.V.T @ X @ state.V, Xi) for _, factor, X in whole]
-        if zeta.ndim > 1:
-            own = 2j * state.of_connections(Xi)
-            stiff = np.concatenate([stiff - own, own], axis=1)
-        products = Xot @ np.ascontiguousarray(np.concatenate([*blocks, stiff], axis=1).transpose(2, 0, 1))
-        n_in = Xi.shape[1]
-        for k, (i, _, _) in enumerate(whole):
-            dH[i] -= products[:, :, k * n_in : (k + 1) * n_in]
-        for group in local.values():
-            self._add_local_slopes(dH, group, state, Xo, Xi, factors)
-        by_zeta = -products[:, :, len(whole) * n_in :]
-        return H, dH, by_zeta if zeta.ndim == 1 else np.stack(np.split(by_zeta, 2, axis=2))
+        n_par, connections = len(self.refs), zeta.ndim > 1
+        whole, places = self._slope_forces(self._slopes(values, alone), state, Xi)
+        whole[n_par] = 2j * state.lam[:, None, None] * Xi
+        if connections and state.U is not None and state.own is not None:
+            places.append((state.U, {n_par + 1: 2j * _times(state.own @ state.U.T, Xi)}))
+        moved, Ho = state.read(self._out, _beside(whole), [P for P, _ in places])
+        slopes = np.zeros((n_par + (2 if connections else 1), *H.shape), dtype=complex)
+        for i, product in zip(whole, np.split(moved, len(whole), axis=2), strict=True):
+            slopes[i] -= product
+        for (_, forces), h in zip(places, Ho, strict=True):
+            products = h @ _lines_first(_beside(forces))
+            for i, product in zip(forces, np.split(products, len(forces), axis=2), strict=True):
+                slopes[i] -= product
+        dH, by_zeta = slopes[:n_par], slopes[n_par:]
+        if not connections:
+            return H, dH, by_zeta[0]
+        by_zeta[0] -= by_zeta[1]  # all but the connections are damped as members
+        return H, dH, by_zeta
 
     def _factors(self, state: "_State") -> dict[str, NDArray[Any]]:
         """Return what K, M, C and D are multiplied by in Z, each (n_freq,)."""
@@ -738,29 +746,38 @@ class ParametricFRF:
             "D": np.full(len(omega), 1j),
         }  # fmt: skip
 
-    def _add_local_slopes(
-        self,
-        dH: NDArray[np.complex128],
-        group: list[tuple[int, _Term]],
-        state: "_State",
-        Xo: NDArray[np.complex128],
-        Xi: NDArray[np.complex128],
-        factors: dict[str, NDArray[Any]],
-    ) -> None:
-        """Add -Hₒ dZ Hᵢ of parameters whose matrices act on the same few DOFs."""
-        parts = [(i, f, X) for i, term in group for f, X in term.parts(factors, self.omega)]
-        if not parts:
-            return
-        L = group[0][1].L
-        assert L is not None
-        LV = L @ state.V
-        uo = np.ascontiguousarray(_times(LV, Xo).transpose(2, 1, 0))
-        ui = _times(LV, Xi)
-        forces = np.concatenate([factor * _times(X, ui) for _, factor, X in parts], axis=1)
-        products = uo @ np.ascontiguousarray(forces.transpose(2, 0, 1))
-        n_in = Xi.shape[1]
-        for k, (i, _, _) in enumerate(parts):
-            dH[i] -= products[:, :, k * n_in : (k + 1) * n_in]
+    def _slope_forces(
+        self, slopes: Sequence[tuple[int, _Term]], state: "_State", Xi: NDArray[np.complex128]
+    ) -> tuple[_Forces, list[tuple[NDArray[np.float64], _Forces]]]:
+        """Return dZ Hᵢ of the parameters: of those that act everywhere, in modal coordinates, and at places.
+
+        With each place stand the motions along which its forces act, (r, m), in modal coordinates. Where
+        a place has few forces and many motions it costs less to take them as forces that act everywhere.
+        """
+        factors, n_out, n_in = self._factors(state), self._out.shape[1], Xi.shape[1]
+        whole: _Forces = {}
+        groups: dict[bytes, list[tuple[int, _Term]]] = {}
+        places = []
+        for i, term in slopes:
+            if term.L is not None:
+                groups.setdefault(term.L.tobytes(), []).append((i, term))
+                continue
+            for factor, X in term.parts(factors, self.omega):
+                _add_to(whole, i, factor * _times(state.V.T @ X @ state.V, Xi))
+        for group in groups.values():
+            L: Any = group[0][1].L
+            P, forces = (L @ state.V).T, {}
+            ui = _times(P.T, Xi)
+            for i, term in group:
+                for factor, X in term.parts(factors, self.omega):
+                    _add_to(forces, i, factor * _times(X, ui))
+            n, m = n_in * len(forces), P.shape[1]
+            if n_out * m < n * (n_out + m):
+                places.append((P, forces))
+                continue
+            for i, force in forces.items():
+                _add_to(whole, i, _times(P, force))
+        return whole, places
 
     def local(self, values: NDArray[np.float64], zeta: NDArray[np.float64]) -> "LocalChanges":
         """Solve once, so that many changes at few DOFs can be tried at little cost each.
@@ -1086,11 +1103,27 @@ class _State:
         correct: Any = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
         return cls(lam, V, stiffness, connections, mass, inverse, Um, correct, own)
 
-    def of_connections(self, X: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return Vᵀ K V X of the connections' part of K, for X (r, n, n_freq)."""
-        if self.U is None or self.own is None:
-            return np.zeros_like(X)
-        return _times(self.U @ self.own, _times(self.U.T, X))
+    def read(
+        self, B: NDArray[np.float64], F: NDArray[np.complex128], places: Sequence[NDArray[np.float64]]
+    ) -> tuple[NDArray[np.complex128], list[NDArray[np.complex128]]]:
+        """Return Bᵀ Z⁻¹ F and, for the motions P of each of some places, Bᵀ Z⁻¹ P, each (n_freq, n, m).
+
+        B is (r, n); F (r, m, n_freq) and P (r, m) are in modal coordinates. All coordinates' responses are
+        never formed, as what is read of them is less.
+        """
+        R, X = self.V.T @ B, F * self.inverse
+        if self.U is None or self.correct is None:
+            return _lines_first(_times(R.T, X)), [self._undamped(R, P) for P in places]
+        U, n = self.U, R.shape[1]
+        resisted = self._undamped(R, U) @ self.correct
+        moved = _lines_first(_times(np.hstack([R, U]).T, X))
+        at = [self._undamped(R, P) - resisted @ self._undamped(U, P) for P in places]
+        return moved[:, :n] - resisted @ moved[:, n:], at
+
+    def _undamped(self, A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return Aᵀ Z⁻¹ B without local damping, (n_freq, n, m); A (r, n), B (r, m) in modal coordinates."""
+        each = (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
+        return _lines_first(_times(each.T, self.inverse).reshape(A.shape[1], B.shape[1], -1))
 
     def solve(self, B: NDArray[np.float64], *, transposed: bool = False) -> NDArray[np.complex128]:
         """Return Z⁻¹ B or Z⁻ᵀ B in modal coordinates, (r, n, n_freq), for forces B (r, n).
@@ -1114,6 +1147,11 @@ def _times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.comp
     """Multiply a real matrix (m, r) with a complex array (r, n, n_freq) over r, by one real product."""
     flat = np.ascontiguousarray(X).reshape(len(X), -1).view(float)
     return (A @ flat).view(complex).reshape(len(A), *X.shape[1:])
+
+
+def _lines_first(X: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return a copy of an array over lines (n, m, n_freq) as one matrix for each line, (n_freq, n, m)."""
+    return np.ascontiguousarray(np.moveaxis(X, 2, 0))
 
 
 def _range(matrices: list[NDArray[np.float64]]) -> NDArray[np.float64] | None:
