@@ -1043,7 +1043,7 @@ def _motions(
     # What is this small is rounding: a row whose scale it were would be nothing but that.
     scale = np.sqrt(np.where(diagonal > 1e-26, diagonal, 1.0))
     scaled = [X / np.outer(scale, scale) for X in matrices]
-    U, s, _ = np.linalg.svd(np.hstack([X / np.abs(X).max() for X in scaled]))
+    U, s, _ = np.linalg.svd(np.hstack([X / np.abs(X).max() for X in scaled]), full_matrices=False)
     U = U[:, s > 1e-12 * s[0]]
     U = np.where(np.abs(U) > 1e-13, U, 0.0)
     return scale[:, None] * U, U.T / scale, scale
