@@ -123,6 +123,15 @@ def _add_to(forces: _Forces, i: int, force: NDArray[np.complex128]) -> None:
         forces[i] = force
 
 
+def _combined(terms: Sequence[_Term], factors: NDArray[np.float64]) -> _Term:
+    """Return the sum of terms on the same coordinates, each multiplied by a factor."""
+    first, *others = terms
+    out = first.times(float(factors[0]))
+    for term, factor in zip(others, factors[1:], strict=True):
+        out = out.plus(term, float(factor))
+    return out
+
+
 def _part(X: NDArray[Any] | None, imaginary: bool) -> NDArray[Any] | None:
     if X is None:
         return None
@@ -563,10 +572,23 @@ class ParametricFRF:
                 self._nonlinear.append((effect, rows, foreign))
             else:
                 self._scaled.append(scaled)
+        self._together = self._linear_together()
         self._n = n
         self._damped: dict[bool, NDArray[np.float64]] = {}
         # A step that is tried without derivatives is often asked for them next.
         self._last: tuple[bytes, _State, NDArray[np.complex128], list[_Term]] | None = None
+
+    def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[_Term]]]:
+        """Return the rows, nominal values and slopes of linear parameters, those at one place together.
+
+        What they add there is summed over few DOFs before it is spread over the basis.
+        """
+        groups: dict[Any, list[tuple[int, float, _Term]]] = {}
+        for i, start, term in self._linear:
+            alone = term.L is None or bool(term.laws)
+            groups.setdefault(i if alone else (term.place, term.connection), []).append((i, start, term))
+        together = (zip(*group, strict=True) for group in groups.values())
+        return [(list(rows), np.array(starts), list(terms)) for rows, starts, terms in together]
 
     def _as_scaled(
         self, effect: Effect, rows: Sequence[int], free: Sequence[Parameter], foreign: Sequence[int]
@@ -624,10 +646,13 @@ class ParametricFRF:
 
     def _add(self, total: dict[str, Any], term: _Term, factor: float) -> None:
         for key in "KMCD":
-            if getattr(term, key) is not None:
-                total[key] = total[key] + factor * term.dense(key)
-        if term.connection and term.K is not None:
-            total["connections"] = total["connections"] + factor * term.dense("K")
+            X = getattr(term, key)
+            if X is None or not X.any():
+                continue
+            more = factor * term.spread(X)
+            total[key] = total[key] + more
+            if key == "K" and term.connection:
+                total["connections"] = total["connections"] + more
         total["laws"] = total["laws"] + [(factor * f(self.omega), term.spread(X)) for f, X in term.laws]
 
     def _following(
@@ -643,8 +668,8 @@ class ParametricFRF:
     def _matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[_Term]]:
         """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
         total, alone = dict(self._fixed), []
-        for i, start, term in self._linear:
-            self._add(total, term, values[i] - start)
+        for rows, starts, terms in self._together:
+            self._add(total, _combined(terms, values[rows] - starts), 1.0)
         for scaled in self._scaled:
             term = scaled.start
             if term is None:
