@@ -38,6 +38,9 @@ _PLACES = 16
 _UNITS = 64
 """Effects whose matrices for a unit of their parameter are kept."""
 
+_FEW = 8
+"""Where local damping acts on this many times more motions than are asked for, these alone are solved for."""
+
 _STEP = 1e-200
 """Complex step; derivatives are exact to rounding."""
 
@@ -1076,7 +1079,11 @@ def _motions(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """A solved eigenproblem and the damping at each line: applies Z(ω)⁻¹ in modal coordinates."""
+    """A solved eigenproblem and the damping at each line: applies Z(ω)⁻¹ in modal coordinates.
+
+    ``resisting`` (n_freq, k, k) are S, the forces of local damping and laws against the motions ``U``, and
+    ``yielding`` I + S G with G the response to such forces.
+    """
 
     lam: NDArray[np.float64]
     V: NDArray[np.float64]
@@ -1085,8 +1092,10 @@ class _State:
     mass: NDArray[np.complex128]
     inverse: NDArray[np.complex128]
     U: NDArray[np.float64] | None
-    correct: NDArray[np.complex128] | None
+    resisting: NDArray[np.complex128]
+    yielding: NDArray[np.complex128]
     own: NDArray[np.float64] | None = None
+    _made: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -1114,7 +1123,8 @@ class _State:
             laws, connections = [*laws, (more, total["connections"])], stiffness + more
         U = _range([total["C"], total["D"], *(X for _, X in laws)]) if damped is None else damped
         if U is None or not U.shape[1]:
-            return cls(lam, V, stiffness, connections, mass, inverse, None, None)
+            nothing = np.zeros((len(omega), 0, 0), dtype=complex)
+            return cls(lam, V, stiffness, connections, mass, inverse, None, nothing, nothing)
         C, D = U.T @ total["C"] @ U, U.T @ total["D"] @ U
         Um, own = V.T @ U, U.T @ total["connections"] @ U if others else None
         S = 1j * (omega[:, None, None] * C + D)
@@ -1125,8 +1135,20 @@ class _State:
         half, where = _times((Um[:, i] * Um[:, j]).T, inverse)[:, 0].T, np.empty(2 * [U.shape[1]], dtype=int)
         where[i, j] = where[j, i] = np.arange(len(i))
         G = half[:, where]
-        correct: Any = np.linalg.solve(np.eye(U.shape[1]) + S @ G, S)
-        return cls(lam, V, stiffness, connections, mass, inverse, Um, correct, own)
+        return cls(lam, V, stiffness, connections, mass, inverse, Um, S, np.eye(U.shape[1]) + S @ G, own)
+
+    @property
+    def correct(self) -> NDArray[Any]:
+        """(I + S G)⁻¹ S at each line (computed once)."""
+        if "correct" not in self._made:
+            self._made["correct"] = np.linalg.solve(self.yielding, self.resisting)
+        return self._made["correct"]
+
+    def resisted(self, motions: NDArray[np.complex128]) -> NDArray[Any]:
+        """Return the forces (n_freq, k, n) of what damps locally, from the motions without it."""
+        if _FEW * motions.shape[2] < motions.shape[1] and "correct" not in self._made:
+            return np.linalg.solve(self.yielding, self.resisting @ motions)
+        return self.correct @ motions
 
     def read(
         self, B: NDArray[np.float64], F: NDArray[np.complex128], places: Sequence[NDArray[np.float64]]
@@ -1137,7 +1159,7 @@ class _State:
         never formed, as what is read of them is less.
         """
         R, X = self.V.T @ B, F * self.inverse
-        if self.U is None or self.correct is None:
+        if self.U is None:
             return _lines_first(_times(R.T, X)), [self._undamped(R, P) for P in places]
         U, n = self.U, R.shape[1]
         resisted = self._undamped(R, U) @ self.correct
@@ -1156,13 +1178,13 @@ class _State:
         Local damping enters by Woodbury's identity, line by line; only it can make Z unsymmetric.
         """
         forces = self.V.T @ B
-        if self.U is None or self.correct is None:
+        if self.U is None:
             return forces[:, :, None] * self.inverse
-        correct = np.swapaxes(self.correct, 1, 2) if transposed else self.correct
         k, n = self.U.shape[1], forces.shape[1]
         each = (self.U[:, :, None] * forces[:, None, :]).reshape(len(forces), k * n)
-        undamped = _times(each.T, self.inverse)[:, 0].reshape(k, n, -1)
-        resisted = _times(self.U, np.moveaxis(correct @ np.moveaxis(undamped, 2, 0), 0, 2))
+        undamped = _lines_first(_times(each.T, self.inverse).reshape(k, n, -1))
+        by = np.swapaxes(self.correct, 1, 2) @ undamped if transposed else self.resisted(undamped)
+        resisted = _times(self.U, np.moveaxis(by, 0, 2))
         np.subtract(forces[:, :, None], resisted, out=resisted)
         resisted *= self.inverse
         return resisted
