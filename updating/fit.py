@@ -459,7 +459,7 @@ class FitProblem:
         empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
         values = {v.ref: v.to_value(v.prior or 0.0) for v in variables}
         zero = dict.fromkeys(values, 0.0)
-        return self.assessed(FitResult(empty, values, zero, self.damping.start, (), *3 * (np.nan,)))
+        return self.assessed(FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan))
 
     def strains(self, result: FitResult) -> dict[ParameterRef, float]:
         """Return how far nuisance parameters lie from their nominal values, in prior standard deviations."""
