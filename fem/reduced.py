@@ -751,7 +751,7 @@ class ParametricFRF:
         whole, places = self._slope_forces(self._slopes(values, alone), state, Xi)
         whole[n_par] = 2j * state.lam[:, None, None] * Xi
         if connections and state.U is not None and state.own is not None:
-            places.append((state.U, {n_par + 1: 2j * _times(state.own @ state.U.T, Xi)}))
+            whole[n_par + 1] = 2j * _times(state.U @ state.own, _times(state.U.T, Xi))
         moved, Ho = state.read(self._out, _beside(whole), [P for P, _ in places])
         slopes = np.zeros((n_par + (2 if connections else 1), *H.shape), dtype=complex)
         for i, product in zip(whole, np.split(moved, len(whole), axis=2), strict=True):
@@ -799,8 +799,8 @@ class ParametricFRF:
             for i, term in group:
                 for factor, X in term.parts(factors, self.omega):
                     _add_to(forces, i, factor * _times(X, ui))
-            n, m = n_in * len(forces), P.shape[1]
-            if n_out * m < n * (n_out + m):
+            n, m, damped = n_in * len(forces), P.shape[1], 0 if state.U is None else state.U.shape[1]
+            if (n_out + damped) * m < n * (n_out + damped + m):
                 places.append((P, forces))
                 continue
             for i, force in forces.items():

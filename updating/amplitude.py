@@ -135,6 +135,12 @@ class _Function:
     def units(self) -> Floats:
         return np.array([*self.rest.units, *(v.unit for v in self.own)])
 
+    @property
+    def order(self) -> NDArray[np.int64]:
+        """Places in x of the values of a result, those of the joint after the others', and of damping."""
+        n_par, n_own, n = len(self.rest.variables), len(self.own), len(self.start)
+        return np.r_[:n_par, n - n_own : n, n_par : n - n_own]
+
     def element(self, x: Floats) -> AmplitudeDependent:
         x_own = x[len(self.rest.start) :]
         return self.at.element.with_values(
@@ -237,7 +243,7 @@ def _fitted(
     found = f.element(x)
     result = replace(
         rest, solution=solution, values=values, std=std, effects=(*rest.effects, found), level=np.nan,
-        covariance=solution.covariance * np.outer(f.units, f.units),
+        covariance=(solution.covariance * np.outer(f.units, f.units))[np.ix_(f.order, f.order)],
     )  # fmt: skip
     amplitude = problem.steady(result, np.arange(len(problem.data.frequency))).amplitude
     moving = amplitude[amplitude > 0]
@@ -287,7 +293,9 @@ def deviation_at_level(problem: FitProblem, result: FitResult) -> NDArray[np.flo
     function = _function(problem, (every,), linear, element, np.arange(len(data.frequency)))
     rest = function.rest.moved_to(result)
     x = np.concatenate([rest, function.start[len(rest) :]])
-    return propagated(function, x, function.units, result.covariance).reshape(every.mask.shape)
+    own = np.argsort(function.order)
+    covariance = result.covariance[np.ix_(own, own)]
+    return propagated(function, x, function.units, covariance).reshape(every.mask.shape)
 
 
 def search_amplitude(

@@ -176,8 +176,8 @@ class FitResult:
     level, held_out_level : float
         Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
     covariance : ndarray (n, n)
-        Of all that varied, as it is ordered in the solution: of ln θ for positive parameters and the damping
-        curve's unknowns, and of θ for others. Empty for what was not fitted.
+        Of the values, in their order, and the damping curve's unknowns: of ln θ for positive parameters and
+        these unknowns, and of θ for others. Empty for what was not fitted.
     """
 
     solution: Solution

@@ -36,7 +36,8 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     Returns
     -------
     ndarray (n_freq, n_out, n_in)
-        Standard deviation of ln|H| [-]; infinite where H is 0 but not noiseless.
+        Standard deviation of ln|H| [-], taken to be that of the phase as well; infinite where H is 0 but not
+        noiseless.
     """
     n_freq = H.shape[0]
     if n_freq < 9:
@@ -68,13 +69,13 @@ def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDAr
     It is that of the smallest lines, if they are white: differences of both orders of white noise have the
     same size, not so of what is sampled coarsely. They are made fewer until they have more of it than of the
     other. Where they are not white it is what the other sensors show of the same excitation, if most of them
-    do, but no more than what is seen.
+    do, but no more than the lines allow that differ least from their neighbours, as it is the same at all.
     """
     size = np.abs(H)
     # Where it is exactly 0, nothing was measured.
     smallest = np.argsort(np.where(size > 0, size, np.inf), axis=0)
     differences = [np.abs(_difference(H, order)) ** 2 / MEDIAN_OF_SQUARE for order in (4, 6)]
-    most, added = np.zeros(H.shape[1:]), np.zeros(H.shape[1:])
+    added = np.zeros(H.shape[1:])
     seen = open_ = np.ones(added.shape, dtype=bool)
     first = n = max(SMALLEST, len(H) // 20)
     while n >= SMALLEST:
@@ -83,12 +84,13 @@ def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDAr
             np.median(np.take_along_axis(x, lines, axis=0), axis=0) for x in (*differences, proportional)
         )
         excess = np.maximum(fourth - part, 0.0)
-        most = np.maximum(most, excess)
         white = open_ & (sixth < WHITE * fourth) & (fourth < WHITE * sixth)
         added = np.where(white, excess, added)
         seen = white if n == first else seen
         open_ = open_ & seen & ~(white & (fourth > 2 * part))
         n //= 2
+    # A tenth of |z|² of normal variables lies below -2 ln 0.9.
+    most = np.quantile(differences[0], 0.1, axis=0) * MEDIAN_OF_SQUARE / (-2 * np.log(0.9))
     for k in np.flatnonzero(seen.mean(axis=0) > 0.5):
         others = np.median(added[seen[:, k], k])
         added[:, k] = np.where(seen[:, k], added[:, k], np.minimum(most[:, k], others))

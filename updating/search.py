@@ -131,7 +131,7 @@ def search_effects(
         alone = _forward(begin, candidates, grids, (limit, full[1]), N_BEST_DEEP, later, 1, first)
         if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
             search = alone
-        if search.current.level > believed and alone.rounds:
+        if search.current.level > believed and any(alone.rounds[:1]):
             search = _branched(begin, search, alone.rounds[0], candidates, full, limit, later)
     if model_error == 0 and not search.findings and search.current.level <= limit:
         search = _strained(search, candidates)
@@ -200,15 +200,17 @@ def _branched(
     once one leaves no more than ``enough``.
     """
     ended, names = search, [f.effect.name for f in search.findings]
-    again = [(r, _attached(begin.problem, r.result.effects)) for r in ranked if r.name in names[:1]]
-    for other, problem in (*again, *_others(begin, ranked, names)):
+    ways = [
+        (r, _attached(begin.problem, r.result.effects), N_BEST_DEEP) for r in ranked if r.name in names[:1]
+    ]
+    ways += [(r, problem, N_BEST) for r, problem in _others(begin, ranked, names)]
+    for other, problem, n_best in ways:
         best = _polish(problem, other.result)
         order = (other, *(r for r in ranked if r is not other))
         (effect,) = best.effects
         finding = Finding(effect, parameters_of(effect, best), *_explained(problem, order, begin.current))
         steps = (*begin.steps, step_added([effect], best))
         branch = Search(problem, (finding,), (order,), steps, best)
-        n_best = N_BEST_DEEP if other.name in names else N_BEST
         end = _forward(branch, candidates, {}, limits, n_best, say, most=2)
         if _worth(end) < _worth(ended):
             ended = end

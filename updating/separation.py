@@ -217,7 +217,9 @@ class _Prediction:
             d[:, 0].size / (n_independent * reach * inputs.shape[1] / max(p.data.H.shape[2], 1))
         )
         covariance = self.second.covariance[:n_par, :n_par]
-        A = np.linalg.pinv(covariance, hermitian=True)
+        std = np.sqrt(covariance.diagonal())
+        own_units = np.outer(*2 * (np.where(std > 0, std, 1.0),))
+        A = np.linalg.pinv(covariance / own_units, hermitian=True) / own_units
         out_d, out_e = np.full(len(size), np.nan), np.full(len(size), np.nan)
         for i in range(len(size)):
             di, Ji = d[:, i].ravel(), J[:, :, i].reshape(n_par, -1)

@@ -183,19 +183,21 @@ def spread_by_differences(found):
     problem, fit = found.problem, found.steps[-1].result
     element, lines = fit.effects[-1], np.arange(len(found.measured.frequency))[SOME]
     own = effect_variables([element], [parameter_values(element)])
-    ends, units = [], []
-    for v in (*problem.function(fit.effects[:-1], [], lines).variables, *own):
-        units.append(v.unit)
+    ends = []
+    units = np.ones(len(fit.covariance))
+    variables = (*problem.function(fit.effects[:-1], [], lines).variables, *own)
+    for k, v in enumerate(variables):
+        units[k] = v.unit
+        size = abs(v.slope(v.to_x(fit.values[v.ref]))) / v.unit
+        assert fit.std[v.ref] == pytest.approx(size * np.sqrt(fit.covariance[k, k]), rel=1e-6)
         for step in (1e-5, -1e-5):
             value = v.to_value(v.to_x(fit.values[v.ref]) + step)
             effect = element.with_values(**({v.ref[1]: value} if v.ref[0] == element.name else {}))
             ends.append(replace(fit, values={**fit.values, v.ref: value}, effects=(effect,)))
     turns = [np.exp(s * np.eye(len(fit.zeta))[k]) for k in range(len(fit.zeta)) for s in (1e-5, -1e-5)]
-    at = len(ends) - 2 * len(own)  # what is fitted of the rest, its damping, and what is the joint's own
-    units[at // 2 : at // 2] = np.ones(len(fit.zeta))
-    ends[at:at] = [replace(fit, zeta=fit.zeta * turn) for turn in turns]
+    ends += [replace(fit, zeta=fit.zeta * turn) for turn in turns]
     size = np.array([np.log(np.abs(problem.receptance(r, lines))) for r in ends])
-    g = (size[::2] - size[1::2]) / 2e-5 / np.array(units)[:, None, None, None]
+    g = (size[::2] - size[1::2]) / 2e-5 / units[:, None, None, None]
     return np.sqrt(np.einsum("ifop,ij,jfop->fop", g, fit.covariance, g))
 
 

@@ -253,6 +253,16 @@ def test_what_leaves_little_of_much_is_not_searched_on_from(monkeypatch):
         assert len(went) == times
 
 
+def test_a_search_among_no_candidates_ends():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    steps = findings.step_of("nominal", problem.nominal()), findings.step_of("uncertain", problem.fit())
+    begin = search.Search(problem, (), (), steps, steps[1].result)
+    ended = search.search_effects(begin, (), 0.0, 0.0, lambda *a: None)
+    assert ended.findings == ()
+    assert ended.current is begin.current
+
+
 def test_fine_stages_end_between_modes_and_have_lines():
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances)

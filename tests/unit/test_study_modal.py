@@ -75,8 +75,7 @@ def test_the_result_tells_the_damping_of_connections_where_there_are_any():
     np.testing.assert_allclose(told["connections_ratio"], 0.5 * 0.004 * (CURVE.knots / middle) ** -0.4)
     assert "connections_ratio" not in result._damping(replace(CURVE, connections=False), unknowns[:2])
 
-    solution = SimpleNamespace(covariance=np.diag([0.01, 0.01, 0.04, 0.09]))
-    fit = SimpleNamespace(values={}, std={}, zeta=unknowns, solution=solution)
+    fit = SimpleNamespace(values={}, std={}, zeta=unknowns, covariance=np.diag([0.01, 0.01, 0.04, 0.09]))
     problem = SimpleNamespace(nuisances=(), damping=CURVE)
 
     def rows(model):
