@@ -293,8 +293,8 @@ def deviation_at_level(problem: FitProblem, result: FitResult) -> NDArray[np.flo
     function = _function(problem, (every,), linear, element, np.arange(len(data.frequency)))
     rest = function.rest.moved_to(result)
     x = np.concatenate([rest, function.start[len(rest) :]])
-    own = np.argsort(function.order)
-    covariance = result.covariance[np.ix_(own, own)]
+    as_in_x = np.argsort(function.order)
+    covariance = result.covariance[np.ix_(as_in_x, as_in_x)]
     return propagated(function, x, function.units, covariance).reshape(every.mask.shape)
 
 
