@@ -30,9 +30,9 @@ ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT = 1.02, 0.95
 together, and that on held-out lines."""
 ACCEPT_WEAK_BESIDE = 1.05
 """The first factor for one beside other effects, which may be a little otherwise than they are modelled."""
-ACCEPT_WEAK_DAMPING = 1.12
-"""Both factors there for an effect that also damps, as the curve of modal damping is no exact model; the
-first for gyroscopic forces."""
+ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING_BESIDE = 1.05, 1.12
+"""Both factors for an effect that also damps, alone and beside others, as the curve of modal damping is no
+exact model; the second number is the first factor for gyroscopic forces."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""
 
@@ -70,7 +70,8 @@ class Rule:
 
     def pays(self, after: FitResult) -> bool:
         """Whether a fit with one more effect is enough better than that without, and not within tolerance."""
-        if _within_tolerance(self.problem, after):
+        alone = not self.before.effects
+        if not (self.form_right and alone) and _within_tolerance(self.problem, after):
             return False
         return falls(self.before, after, self.factors(after.effects[-1]), self.form_right)
 
@@ -106,9 +107,10 @@ def damps(problem: FitProblem, effect: Effect) -> bool:
 def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> tuple[float, float]:
     """Return the factors by which the levels must fall with a weak effect, alone or beside others."""
     if damps(problem, effect):
-        return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING
+        damping = ACCEPT_WEAK_DAMPING_BESIDE if beside else ACCEPT_WEAK_DAMPING
+        return damping, damping
     if any(_is_gyroscopic(problem, effect, p) for p in effect.parameters()):
-        return ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_HELD_OUT
+        return ACCEPT_WEAK_DAMPING_BESIDE, ACCEPT_WEAK_HELD_OUT
     return ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
 
 

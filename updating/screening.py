@@ -45,8 +45,10 @@ N_BEST = 5
 """So many of the best by each of the measures go on."""
 N_BEST_DEEP = 15
 """So many where nothing was found that explains the data, before that is said."""
-N_BEST_WEAK = 8
+N_BEST_WEAK = 15
 """So many go on where the model is right already."""
+AT_BOUND = 1e-6
+"""An unknown of a fit this near to a bound is at it: of logarithms, or of a parameter's scale."""
 WEAKER = 0.1
 """There each candidate is tried at the weakest of its points, and at this share of it."""
 
@@ -316,7 +318,9 @@ def _proportional_levels(
 def _screen_weak(
     problem: FitProblem, current: FitResult, grids: Sequence[Grid], say: Callable[[str, float], None]
 ) -> tuple[Screened, ...]:
-    look = _Look.of(problem, current, max(N_SETTLED, problem.n_lines // 2), 0, MOST_VALUES_WEAK)
+    look = _Look.of(
+        problem, current, max(N_SETTLED, problem.n_lines // 2), 0, MOST_VALUES_WEAK, at_bounds=False
+    )
     found = []
     for i, grid in enumerate(grids):
         say(f"looking at {grid.effect.name}", i / len(grids))
@@ -355,12 +359,27 @@ class _Look:
     _solved: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, problem: FitProblem, base: FitResult, n_whole: int, n_low: int, most: int) -> "_Look":
+    def of(
+        cls,
+        problem: FitProblem,
+        base: FitResult,
+        n_whole: int,
+        n_low: int,
+        most: int,
+        at_bounds: bool = True,
+    ) -> "_Look":
+        """Look from where the base is; without ``at_bounds`` unknowns that are at a bound stay there.
+
+        What is weak does not take them off it.
+        """
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
         function = problem.function(base.effects, [parameter_values(e) for e in base.effects], whole)
-        r, J = function(function.moved_to(base), True)
+        x, limits = function.moved_to(base), function.limits()
+        r, J = function(x, True)
         assert J is not None
+        if not at_bounds:
+            J[(np.abs(x[:, None] - limits) < AT_BOUND).any(axis=1)] = 0.0
         some = _some(len(r), most)
         r, J = r[some], J[:, some]
         robust = 1 / np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2)

@@ -229,16 +229,17 @@ def _others(
     alone; then those that do something else to the FRFs than any before. Each with the problem on its basis.
     """
     best = min(ranked, key=lambda r: score(begin.problem, r.result))
+    first = next((r for r in ranked if r.name not in tried), best)
     out: list[tuple[Ranked, FitProblem]] = []
     before: list[NDArray[np.complex128]] = []
-    for r in sorted(ranked, key=lambda r: r.name not in tried):
+    for r in sorted(ranked, key=lambda r: (r.name not in tried, r not in (first, best))):
         if len(out) == N_BRANCHES:
             break
         problem = _attached(begin.problem, r.result.effects)
         mine = change_of(problem, r.result, begin.current)
         if r.name in tried:
             before.append(mine)
-        elif not out or r is best or all(similarity_of(mine, other) < OTHERWISE for other in before):
+        elif r in (first, best) or all(similarity_of(mine, other) < OTHERWISE for other in before):
             out.append((r, problem))
             before.append(mine)
     return out

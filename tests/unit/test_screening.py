@@ -223,3 +223,24 @@ def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():
         shown.append(size[1] / size[0])
     assert max(shown) > 1.5
     assert differs  # from what is left where that parameter adapts
+
+
+def test_an_unknown_at_its_bound_does_not_hide_a_weak_effect(prepared):
+    """Connections that are damped as otherwise as they may be cannot be so still more."""
+    case = make_case(1, "cross", "joint_stiffness")
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    base = problem.nominal()
+    zeta = base.zeta.copy()
+    zeta[-2] = np.exp(problem.damping.limits[-2, 1])
+    (effect,) = propose(case.model, ["joint_structural_damping"])
+    grid = Grid.of(problem, effect)
+
+    def hidden(zeta, **options):
+        """Return the share of a loss factor's change that unknowns do not explain."""
+        look = screening._Look.of(problem, replace(base, zeta=zeta), 60, 0, 10**6, **options)
+        terms = [problem.reduced.value_of(grid.effect.with_values(**p)) for p, _ in grid.weak_points]
+        change = look._residuals(look._local(()).with_terms(terms)) - look._now()
+        return np.linalg.norm(look._adapted(change)) / np.linalg.norm(change)
+
+    assert hidden(zeta) < 0.85 * hidden(zeta, at_bounds=False)
+    assert hidden(base.zeta, at_bounds=False) == pytest.approx(hidden(base.zeta))
