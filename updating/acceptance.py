@@ -9,7 +9,7 @@ import numpy as np
 
 from fem.model import Effect, Parameter
 from updating.findings import Ranked, parameters_of
-from updating.fit import LEVEL_FLOOR, FitProblem, FitResult
+from updating.fit import FitProblem, FitResult
 
 STEP_LEVEL = 1.08
 """While much is unexplained an effect is tried with others if both levels fall by more than this factor."""
@@ -22,6 +22,9 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
+ACCEPT_GAIN, ACCEPT_GAIN_HELD_OUT = 30.0, 0.95
+"""Or, of one alone, the score must fall by more than the first, and the level on held-out lines by more than
+the second factor: what acts in a part of the band, as a soft spring to the ground, lowers the level there."""
 PLAIN_LEVEL, PLAIN_HELD_OUT = 2.0, 0.9
 """Where the form is right and the level falls by more than the first factor, that on held-out lines need only
 fall by more than the second, that is, not rise by more than chance can do."""
@@ -73,6 +76,8 @@ class Rule:
         alone = not self.before.effects
         if not (self.form_right and alone) and _within_tolerance(self.problem, after):
             return False
+        if alone and not (self.settled and self.form_right) and gains(self.problem, self.before, after):
+            return True
         return falls(self.before, after, self.factors(after.effects[-1]), self.form_right)
 
     def ranked(self, fit: FitResult, similarity: float, refined: bool) -> Ranked:
@@ -85,18 +90,25 @@ class Rule:
 
 
 def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
-    """Return what candidates are ranked by: n ln level + ½ k ln n, with k parameters of the last effects.
+    """Return what candidates are ranked by: the negative log posterior of a fit + ½ k ln n.
 
-    Schwarz's criterion (Ann. Stat. 6, 1978) for an unknown error level, with as many independent data n as
-    the fits count, so that an effect with more parameters must earn them. The level of one that also damps
-    counts ``DAMPING_MARGIN`` times.
+    Schwarz's criterion (Ann. Stat. 6, 1978) with as many independent data n as the fits count and k
+    parameters of the last effects, so that one with more must earn them. The posterior is what was
+    minimised: each band has an error level of its own, so that one that no model reaches says little, and an
+    uncertain parameter far from its nominal value counts against a candidate that asks for it. The level of
+    an effect that also damps counts ``DAMPING_MARGIN`` times.
     """
     n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
     last = fit.effects[len(fit.effects) - n_last :]
-    level = np.hypot(fit.level, LEVEL_FLOOR)
-    if any(damps(problem, effect) for effect in last):
-        level *= DAMPING_MARGIN
-    return float(n * np.log(level) + 0.5 * sum(len(e.parameters()) for e in last) * np.log(n))
+    margin = np.log(DAMPING_MARGIN) if any(damps(problem, effect) for effect in last) else 0.0
+    k = sum(len(e.parameters()) for e in last)
+    return float(fit.solution.cost + n * margin + 0.5 * k * np.log(n))
+
+
+def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
+    """Whether the only effect lowers the score by more than ``ACCEPT_GAIN``, and held-out lines allow it."""
+    gain = score(problem, before, 0) - score(problem, after)
+    return gain > ACCEPT_GAIN and before.held_out_level > ACCEPT_GAIN_HELD_OUT * after.held_out_level
 
 
 def damps(problem: FitProblem, effect: Effect) -> bool:

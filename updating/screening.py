@@ -49,6 +49,8 @@ N_BEST_WEAK = 15
 """So many go on where the model is right already."""
 AT_BOUND = 1e-6
 """An unknown of a fit this near to a bound is at it: of logarithms, or of a parameter's scale."""
+N_BEST_STRONG = 3
+"""So many of the best by each of the measures of strong effects go on with them, where these can be left."""
 WEAKER = 0.1
 """There each candidate is tried at the weakest of its points, and at this share of it."""
 
@@ -187,6 +189,8 @@ def screen(
     grids: Sequence[Grid],
     settled: bool,
     say: Callable[[str, float], None],
+    *,
+    weak_only: bool = True,
 ) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
@@ -198,7 +202,8 @@ def screen(
 
     Where the model is right but for noise, what may be left to find is weak. Then each candidate is judged
     by the level that the best strength of it would leave if the FRFs changed in proportion, again without
-    what nuisance parameters explain: the score test of statistics.
+    what nuisance parameters explain: the score test of statistics. Where a part of that noise is the model's
+    own error, and may hide what is strong in a part of the band, the best by the first judgement go on too.
 
     Parameters
     ----------
@@ -210,21 +215,25 @@ def screen(
         Whether the model is right but for noise.
     say : callable
         Called with a text and the fraction done.
+    weak_only : bool
+        Whether nothing but weak effects can be left where the model is settled.
     """
     bases = (current,) if settled else (current, problem.at_nominal(current))
     more = np.zeros((len(grids), 0))
     if len(grids) > MOST_CANDIDATES:
         listed, more = shortlist(problem, bases, grids, say)
         grids = [grids[i] for i in listed]
-    if settled:
-        return _screen_weak(problem, current, grids, say)
-    levels = [np.full((6, len(g.points)), np.inf) for g in grids]
+    weak = _screen_weak(problem, current, grids, say) if settled else ()
+    if settled and weak_only:
+        return weak
+    n = 3 * len(bases)
+    levels = [np.full((n, len(g.points)), np.inf) for g in grids]
     for b, base in enumerate(bases):
         look = _Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
         for i, grid in enumerate(grids):
             say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
             levels[i][3 * b : 3 * b + 3] = look.levels(grid)
-    best = np.array([each.min(axis=1) for each in levels]).reshape(len(grids), 6)
+    best = np.array([each.min(axis=1) for each in levels]).reshape(len(grids), n)
     best = np.hstack([best, np.where(np.isfinite(best).any(axis=1, keepdims=True), more, np.inf)])
     rank = np.argsort(np.argsort(best, axis=0), axis=0)
     out = []
@@ -232,13 +241,21 @@ def screen(
         if not np.isfinite(best[i]).any():
             continue
         points: list[int] = []
-        for measure in np.argsort(rank[i, :6], kind="stable"):
+        for measure in np.argsort(rank[i, :n], kind="stable"):
             k = int(np.argmin(levels[i][measure]))
             if k not in points:
                 points.append(k)
         starts = tuple(grids[i].points[k] for k in points[:2])
         out.append(Screened(grids[i].effect, starts, int(rank[i].min())))
-    return tuple(out)
+    if not settled:
+        return tuple(out)
+    strong = {s.effect.name: s for s in out if s.rank < N_BEST_STRONG}
+    both = (replace(s, starts=s.starts + _starts(strong.pop(s.effect.name, None))) for s in weak)
+    return (*both, *strong.values())
+
+
+def _starts(screened: Screened | None) -> tuple[dict[str, float], ...]:
+    return screened.starts[:1] if screened else ()
 
 
 def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:

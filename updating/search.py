@@ -8,7 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
-from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL, Rule, damps, falls, score, weak_factors
+from updating.acceptance import (
+    ACCEPT_GAIN,
+    ACCEPT_HELD_OUT,
+    ACCEPT_LEVEL,
+    Rule,
+    damps,
+    falls,
+    gains,
+    score,
+    weak_factors,
+)
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.findings import (
     Finding,
@@ -129,7 +139,7 @@ def search_effects(
     believed = max(limit, most_left(begin.current, floor, model_error))
     if len(search.findings) > 1 or search.current.level > believed:
         alone = _forward(begin, candidates, grids, (limit, full[1]), N_BEST_DEEP, later, 1, first)
-        if alone.findings and alone.current.level < AS_GOOD_ALONE * search.current.level:
+        if alone.findings and _as_good(alone, search):
             search = alone
         if search.current.level > believed and any(alone.rounds[:1]):
             search = _branched(begin, search, alone.rounds[0], candidates, full, limit, later)
@@ -248,6 +258,13 @@ def _others(
 def _worth(search: Search) -> float:
     """Return the score of all effects of a search together."""
     return score(search.problem, search.current, len(search.findings))
+
+
+def _as_good(alone: Search, several: Search) -> bool:
+    """Whether one effect is preferred to several: it leaves little more, and is not much less likely."""
+    if _worth(alone) > _worth(several) + ACCEPT_GAIN:
+        return False
+    return alone.current.level < AS_GOOD_ALONE * several.current.level
 
 
 def _on_own_basis(search: Search) -> Search:
@@ -426,7 +443,14 @@ class _Round:
         """
         problem, current = self.problem, self.before
         if self._looked is None:
-            self._looked = screen(problem, current, self.grids, self.settled, between(say, 0.0, 0.3))
+            self._looked = screen(
+                problem,
+                current,
+                self.grids,
+                self.settled,
+                between(say, 0.0, 0.3),
+                weak_only=rule.form_right,
+            )
         chosen = [option for option in self._looked if option.rank < n_best]
         if not chosen:
             return (), None
@@ -480,8 +504,9 @@ class _Round:
             places = [option.effect.with_values(**start) for start in option.starts]
             self._on[name] = replace(problem, reduced=problem.reduced.with_forces_of(places))
             begin: dict[str, Any] = from_current if settled else {"stages": stages}
-            starts = [*self._begun, option.starts[0]]
-            self._quick[name] = [self._on[name].fit(effects, starts, **begin, **quick)]
+            first = option.starts if settled else option.starts[:1]
+            fits = [self._on[name].fit(effects, [*self._begun, s], **begin, **quick) for s in first]
+            self._quick[name] = sorted(fits, key=lambda f: f.solution.cost)
         if settled:
             return
         reach = QUICK_REACH * min(self._quick[o.effect.name][0].level for o in chosen)
@@ -495,7 +520,7 @@ class _Round:
                 begin = {"stages": stages} if k else from_current
                 fit = self._on[name].fit(effects, [*self._begun, start], **begin, **quick)
                 self._quick[name].append(fit)
-            self._quick[name].sort(key=lambda f: f.level)
+            self._quick[name].sort(key=lambda f: f.solution.cost)
 
     def _fit_fully(self, name: str) -> None:
         if name in self._final:
@@ -588,6 +613,8 @@ def _without_idle(
         usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
         factors = weak_factors(problem, finding.effect, beside=bool(rest)) if weak else usual
+        if not weak and not rest and gains(problem, less, current):
+            continue
         if not falls(less, current, factors, weak_limit > 0):
             findings = [
                 replace(f, effect=e, parameters=parameters_of(e, less))

@@ -139,6 +139,22 @@ def test_a_weak_effect_leads_by_its_score(prepared):
     assert weak.where in (first.effect.where, second.effect.where)
 
 
+def test_strong_effects_are_looked_at_too_where_the_models_error_may_hide_them(prepared):
+    case, problem, null, candidates = prepared
+    grids = [Grid.of(problem, e) for e in candidates]
+    weak, strong, both = (
+        screen(problem, null, grids, settled, silent, weak_only=only)
+        for settled, only in ((True, True), (False, True), (True, False))
+    )
+    assert [c.effect.name for c in both[: len(weak)]] == [c.effect.name for c in weak]
+    assert all(b.starts[:1] == w.starts for b, w in zip(both, weak, strict=False))
+    more = {c.effect.name for c in both[len(weak) :]}
+    assert more
+    assert all(c.rank < screening.N_BEST_STRONG for c in both)
+    assert any((c.effect.kind, c.effect.where) == (case.hidden.kind, case.hidden.where) for c in both)
+    assert {c.effect.name for c in strong if c.rank == 0} & {c.effect.name for c in both}
+
+
 def test_the_best_of_the_short_list_go_on_whatever_the_grids_say(prepared, monkeypatch):
     _, problem, null, candidates = prepared
     grids = [Grid.of(problem, e) for e in candidates]

@@ -79,9 +79,9 @@ def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
         fitted.append(effects[-1].name)
         return whole_fit(self, effects, starts, **options)
 
-    def screen(*args):
+    def screen(*args, **options):
         looked.append(args)
-        return whole_screen(*args)
+        return whole_screen(*args, **options)
 
     whole_fit, whole_screen = FitProblem.fit, search.screen
     monkeypatch.setattr(FitProblem, "fit", fit)
@@ -172,7 +172,8 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     rule = acceptance.Rule(problem, 0.0, False, null, True)
     ranked = tuple(rule.ranked(f, s, True) for f, s in zip(fits, (1.0, 0.3), strict=True))
     taken = findings.Finding(wrong, findings.parameters_of(wrong, fits[0]), ())
-    had = search.Search(problem, (taken,), (ranked,), (*steps, findings.step_of("mass", fits[0])), fits[0])
+    ended_at = replace(fits[0], solution=replace(fits[0].solution, cost=fits[0].solution.cost - 1.0))
+    had = search.Search(problem, (taken,), (ranked,), (*steps, findings.step_of("mass", ended_at)), ended_at)
     limits = EXPLAINED_LEVEL, 0.0
 
     def branched(ranked, enough=0.0):
@@ -196,7 +197,8 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     assert others({right.name}) == [ranked[0]]
     assert others(()) == [ranked[0], ranked[1]]
     # so does the one that leaves least, which stands behind where it does not pay alone
-    least = replace(ranked[0], name="least", result=replace(fits[0], level=0.5 * fits[1].level))
+    likely = replace(fits[0].solution, cost=min(f.solution.cost for f in fits) - 1.0)
+    least = replace(ranked[0], name="least", result=replace(fits[0], solution=likely))
     assert others((), (ranked[0], wrong_again, least, ranked[1])) == [ranked[0], least, ranked[1]]
     # and comes before it where more would stand before it
     unlike = tuple(replace(ranked[0], name=f"mass {i}") for i in range(4))
@@ -397,10 +399,55 @@ def test_what_damps_must_do_more_and_so_must_what_comes_beside_others():
     alone, among = (acceptance.weak_factors(problem, damped, beside=beside) for beside in (False, True))
     assert alone == (acceptance.ACCEPT_WEAK_DAMPING,) * 2
     assert among == (acceptance.ACCEPT_WEAK_DAMPING_BESIDE,) * 2
-    fit = replace(problem.nominal(), level=0.5)
+    fit = problem.nominal()
+    fit = replace(fit, level=0.5, solution=replace(fit.solution, cost=-10.0))
     scores = [acceptance.score(problem, replace(fit, effects=(e,))) for e in (heavier, damped)]
     n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
     assert scores[1] - scores[0] == pytest.approx(n * np.log(acceptance.DAMPING_MARGIN))
+
+
+def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_little():
+    """A soft spring to the ground acts below the first resonance of a free structure and nowhere else."""
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null = problem.nominal()
+    null = replace(null, level=0.2, held_out_level=0.2, solution=replace(null.solution, cost=0.0))
+    spring = propose(case.model, ["ground_spring"])[0]
+    n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+
+    def pays(gain, held_out, *, settled, form_right):
+        penalty = 0.5 * len(spring.parameters()) * np.log(n)
+        solution = replace(null.solution, cost=-penalty - gain)
+        after = replace(
+            null, effects=(*null.effects, spring), level=0.199, held_out_level=held_out, solution=solution
+        )
+        return acceptance.Rule(problem, 0.3, settled, null, form_right).pays(after)
+
+    enough = acceptance.ACCEPT_GAIN + 0.1
+    for settled in (False, True):
+        assert pays(enough, 0.2, settled=settled, form_right=False)
+        assert not pays(acceptance.ACCEPT_GAIN - 0.1, 0.2, settled=settled, form_right=False)
+        assert not pays(enough, 0.22, settled=settled, form_right=False)
+    assert pays(enough, 0.2, settled=False, form_right=True)
+    null = replace(null, effects=(propose(case.model, ["member_density"])[0],))  # beside another
+    assert not pays(enough, 0.2, settled=False, form_right=False)
+    null = replace(null, effects=())
+    assert not pays(enough, 0.2, settled=True, form_right=True)  # weak effects have thresholds of their own
+
+
+def test_one_effect_does_not_take_the_place_of_two_that_are_much_more_likely():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    nominal, n = problem.nominal(), acceptance.ACCEPT_GAIN
+
+    def ended(level, cost):
+        fit = replace(nominal, level=level, solution=replace(nominal.solution, cost=cost))
+        return search.Search(problem, (), (), (), fit)
+
+    several = ended(0.10, 0.0)
+    assert search._as_good(ended(0.11, n - 1), several)
+    assert not search._as_good(ended(0.11, n + 1), several)
+    assert not search._as_good(ended(0.13, n - 1), several)
 
 
 def test_the_damping_curve_has_a_knot_for_every_two_modes():
