@@ -24,15 +24,16 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow independent extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo test slow independent solids extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
 	@echo 'make slow        the tests marked slow'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
+	@echo 'make solids      the same of bars of solid elements, made here; 20 minutes'
 	@echo 'make extras      install sectionproperties (sections of any outline) and PARDISO'
 	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
-	@echo 'make peers       install OpenSeesPy, PyNite and sdypy-EMA beside Dovetail: tests marked peer then run'
+	@echo 'make peers       install OpenSeesPy, PyNite, sdypy-EMA and scikit-fem beside Dovetail: tests marked peer then run'
 	@echo 'make bench-peers speed and agreement against them; SIZES="8" for a quick one'
 	@echo 'make check       ruff, pyright and the import contracts'
 	@echo 'make format      let ruff rewrite the code'
@@ -51,6 +52,11 @@ slow: $(DEV)
 # needs ../shared/data/independent-cases; CASES=DIR for others of the same form
 independent: $(DEV)
 	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
+
+# NAMES="ladder-notch ladder-mass" for some of them
+solids: $(DEV) $(PEERS_READY)
+	$(PEERS)/bin/python tests/independent/solids.py out/solids $(NAMES)
+	$(IN) python -m tests.independent.table --cases out/solids --out out/solids-results
 
 extras: $(DEV) requirements-extras.lock
 	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock -r requirements-extras.lock
@@ -99,7 +105,7 @@ $(DEV): $(READY) requirements-dev.lock
 	@touch $@
 
 $(PEERS_READY): requirements-peers.lock
-	@echo 'Installing OpenSeesPy, PyNite and sdypy-EMA into $(PEERS): once, 500 MB'
+	@echo 'Installing OpenSeesPy, PyNite, sdypy-EMA and scikit-fem into $(PEERS): once, 500 MB'
 	@test -x $(PEERS)/bin/pip || $(PYTHON) -m venv --clear $(PEERS)
 	@$(PEERS)/bin/python -m pip --disable-pip-version-check install --quiet -r requirements-peers.lock
 	@$(PEERS)/bin/python -c 'import openseespy.opensees, Pynite' 2>$(PEERS)/import.txt || { \
@@ -116,7 +122,7 @@ lock:
 	.venv-lock/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[dev]'
 	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude-editable | grep -vxFf requirements.lock > requirements-dev.lock
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/python -m pip install --quiet openseespy PyNiteFEA scipy sdypy-EMA
+	.venv-lock/bin/python -m pip install --quiet openseespy PyNiteFEA scipy sdypy-EMA scikit-fem
 	.venv-lock/bin/python -m pip freeze --exclude setuptools \
 		| sed 's/^\(openseespylinux.*\)/\1; sys_platform == "linux"/' > requirements-peers.lock
 	rm -rf .venv-lock

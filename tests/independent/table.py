@@ -29,10 +29,11 @@ NEAR = 0.05
 class Hidden:
     """A hidden effect in the words of result.json.
 
-    `place` are the names that `where` must hold, no more and no fewer; `value` that of the first parameter.
+    `kinds` are those that say the same of it; `place` are the names that `where` must hold, no more and no
+    fewer; `value` that of the first parameter.
     """
 
-    kind: str
+    kinds: tuple[str, ...]
     place: tuple[str, ...]
     value: float
     unit: str
@@ -41,12 +42,17 @@ class Hidden:
 
     def __str__(self):
         at = "" if self.position is None else f" at {self.position:.2f} m"
-        return f"{self.kind} {', '.join(self.place)}{at}: {plus_minus(self.value, 0.0, self.unit)}"
+        return (
+            f"{' or '.join(self.kinds)} {', '.join(self.place)}{at}: {plus_minus(self.value, 0.0, self.unit)}"
+        )
 
     def is_at(self, found):
         """Say whether a found effect or a twin is of this kind and at this place."""
-        names = re.sub(r" at [\d.]+ m$", "", found["where"]).replace(",", " ").split()
-        if found["kind"] != self.kind or set(names) - {
+        where = re.sub(r" at [\d.]+ m\b", "", found["where"])
+        if len(self.kinds) > 1:  # what weakens a stretch has no plane of its own
+            where = where.removesuffix(", bending about local y").removesuffix(", bending about local z")
+        names = where.replace(",", " ").split()
+        if found["kind"] not in self.kinds or set(names) - {
             "joint",
             "joints",
             "member",
@@ -71,23 +77,31 @@ def hidden_effects(truth, nominal):
                 pass
             case "joint_rotational_flexibility":
                 place = (joint_of(e["location"], joints)["name"], e["direction"])
-                effects.append(Hidden("joint_stiffness", place, size[f"k{e['direction']}_Nm_rad"], "N·m/rad"))
+                effects.append(
+                    Hidden(("joint_stiffness",), place, size[f"k{e['direction']}_Nm_rad"], "N·m/rad")
+                )
             case "joint_hysteretic_damping":
                 joint = joint_of(e["location"], joints)
                 more = size["loss_factor"] - size["nominal"]
-                effects.append(Hidden("joint_structural_damping", (joint["name"],), more, "-"))
+                effects.append(Hidden(("joint_structural_damping",), (joint["name"],), more, "-"))
             case "lumped_mass":
                 point = e["location"].split()[0]
                 (s,) = (s for s in nominal["sensors"] if s["name"] == f"{point}z")
                 reach = NEAR * length_of(s["member"], nominal)
-                effects.append(Hidden("point_mass", (s["member"],), size["kg"], "kg", s["position"], reach))
+                effects.append(
+                    Hidden(("point_mass",), (s["member"],), size["kg"], "kg", s["position"], reach)
+                )
             case "axial_preload":
                 member = e["location"].split()[-1]
-                effects.append(Hidden("preload", (member,), truth["final_brace_tension_N"], "N"))
+                effects.append(Hidden(("preload",), (member,), truth["final_brace_tension_N"], "N"))
             case "foundation_rotational_flexibility" if e["location"].startswith("all"):
                 place = (*(str(s["point"]) for s in nominal["supports"]), e["direction"])
                 value = size[f"k{e['direction']}_Nm_rad"]
-                effects.append(Hidden("support_flexibility", place, value, "N·m/rad"))
+                effects.append(Hidden(("support_flexibility",), place, value, "N·m/rad"))
+            case "named":
+                reach = NEAR * (e["length"] or 0.0)
+                kinds, place = tuple(e["kind"]), tuple(e["place"])
+                effects.append(Hidden(kinds, place, e["value"], e["unit"], e["position"], reach))
             case "sensor_fault":
                 faults[e["location"]] = size["factor"]
             case other:

@@ -25,6 +25,17 @@ BASES = {
     "direction": "ry",
     "magnitude": {"kry_Nm_rad": 6e3},
 }
+NOTCH = {
+    "type": "named",
+    "kind": ["crack", "stiffness_loss"],
+    "place": ["U"],
+    "value": 1e-5,
+    "unit": "rad/(N·m)",
+    "position": 0.3,
+    "length": 0.8,
+    "location": "U",
+    "magnitude": 1e-5,
+}
 SIGN = {"type": "sensor_fault", "location": "D6z", "magnitude": {"factor": -1}}
 NONE = {"type": "none", "location": "-", "magnitude": 0}
 
@@ -41,6 +52,7 @@ def result(verdict, *effects, faults=()):
 SOFT_FOUND = effect("joint_stiffness", "joint J, rx", stiffness=190.0)
 MASS_FOUND = effect("point_mass", "member U at 0.610 m", mass=0.08, position=0.61)
 MASS_ELSEWHERE = effect("point_mass", "member U at 0.500 m", mass=0.08, position=0.5)
+CRACK = effect("crack", "member U at 0.310 m, bending about local y", compliance=1e-5, position=0.31)
 OTHER = effect("member_density", "member U", twins=[SOFT_FOUND], change=0.1)
 D6Z = {"kind": "sensor_sign", "sensor": "D6z", "value": -1.0, "std": 0.0}
 U4Z = {"kind": "sensor_gain", "sensor": "U4z", "value": 1.2, "std": 0.01}
@@ -58,6 +70,9 @@ U4Z = {"kind": "sensor_gain", "sensor": "U4z", "value": 1.2, "std": 0.01}
         (MASS, result("effect", MASS_FOUND), table.YES),
         (MASS, result("effect", MASS_ELSEWHERE), table.NO),
         (BASES, result("effect", effect("support_flexibility", "supports 7, 8, ry")), table.YES),
+        (NOTCH, result("effect", effect("stiffness_loss", "member U at 0.310 m", position=0.31)), table.YES),
+        (NOTCH, result("effect", CRACK), table.YES),
+        (NOTCH, result("effect", MASS_ELSEWHERE), table.NO),
         (BASES, result("effect", effect("support_flexibility", "support 7, ry")), table.NO),
         (SIGN, result("measurement fault", faults=[D6Z]), table.YES),
         (SIGN, result("measurement fault", faults=[D6Z, U4Z]), table.NO),

@@ -1,0 +1,544 @@
+"""Make cases with a known hidden effect from bars of solid elements: solids.py FOLDER [NAME ...]
+
+The elements are scikit-fem's quadratic hexahedra; nothing here comes from a beam code. Bars are reduced to
+their free modes and their responses to forces where something is attached; joints, masses, springs and
+dampers are added to that exactly, line by line. Each case becomes a folder with nominal.json and frf.uff, as
+in ../shared/data/independent-cases, and all of them one truth.json. It runs where scikit-fem and pyuff are
+installed (make peers), and imports nothing of Dovetail.
+"""
+
+import json
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse.linalg as sla
+
+E, NU, RHO = 210e9, 0.3, 7850.0
+AXES = "xyz"
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+ELEMENT = 0.02
+"""Length of an element [m]."""
+PATCH = 0.015
+"""A joint holds what lies within this distance along a bar [m]."""
+TRUE_JOINT = dict(zip(DIRECTIONS, (5e7, 5e7, 1e7, 3e3, 3e3, 5e3), strict=True))
+JOINT_LOSS = 0.006
+NOISE, NOISE_FLOOR_DB = 0.01, -65.0
+N_MODES, HIGHEST = 60, 9000.0
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar of rectangular section along x or y, its h along z [m]."""
+
+    start: tuple[float, float, float]
+    axis: str
+    length: float
+    b: float
+    h: float
+
+    @property
+    def rotation(self):
+        """Local to global."""
+        return (
+            np.eye(3) if self.axis == "x" else np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        )
+
+    def at(self, s):
+        return (np.array(self.start) + self.rotation[:, 0] * s).round(9)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Bars, joints (name, bar, position, bar, position), and what is measured up to a frequency [Hz]."""
+
+    bars: dict
+    joints: tuple
+    sensors: tuple  # (bar, position [m], directions)
+    excitations: tuple  # names of sensors
+    stop: float
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """What a case hides; everything is nominal unless it is named here.
+
+    ``weaker`` is (from, to, factor of E) of a stretch, ``masses`` and ``ground`` are (bar, position, …) with
+    a mass [kg], or a direction, a stiffness [N/m] and a loss factor; ``joints`` are factors of stiffnesses by
+    (joint, direction), ``dashpots`` dampers there [N·m·s/rad, N·s/m].
+    """
+
+    E: dict = field(default_factory=dict)
+    rho: dict = field(default_factory=dict)
+    h: dict = field(default_factory=dict)
+    weaker: dict = field(default_factory=dict)
+    masses: tuple = ()
+    ground: tuple = ()
+    joints: dict = field(default_factory=dict)
+    dashpots: dict = field(default_factory=dict)
+
+
+def along(bar, n, step, directions="z", first=0.0):
+    return tuple((bar, round(first + step * k, 9), directions) for k in range(n))
+
+
+STRUCTURES = {
+    "cross": Structure(
+        {
+            "U": Bar((0.0, 0.0, 0.011), "x", 0.8, 0.03, 0.01),
+            "D": Bar((0.45, -0.25, -0.011), "y", 0.8, 0.03, 0.01),
+        },
+        (("J", "U", 0.45, "D", 0.25),),
+        along("U", 9, 0.1) + along("D", 9, 0.1),
+        ("U1z", "D3z"),
+        3200.0,
+    ),
+    "ladder": Structure(
+        {
+            "A": Bar((0.0, 0.0, -0.012), "x", 0.7, 0.025, 0.012),
+            "B": Bar((0.0, 0.3, -0.012), "x", 0.7, 0.025, 0.012),
+            "C": Bar((0.2, -0.05, 0.012), "y", 0.4, 0.025, 0.012),
+        },
+        (("J1", "A", 0.2, "C", 0.05), ("J2", "B", 0.2, "C", 0.35)),
+        (
+            *(("A", 0.0, "yz"), ("A", 0.7, "yz"), ("B", 0.0, "yz"), ("B", 0.7, "yz"), ("C", 0.2, "xz")),
+            *along("A", 6, 0.1, first=0.1),
+            *along("B", 6, 0.1, first=0.1),
+            *along("C", 2, 0.4),
+        ),
+        ("A1z", "B2z", "A1y"),
+        2000.0,
+    ),
+}
+
+
+def named(kind, *place, value, unit, position=None, length=None):
+    """Return what truth.json says of an effect in Dovetail's words; several kinds if they say the same."""
+    return {
+        "type": "named",
+        "kind": [kind] if isinstance(kind, str) else list(kind),
+        "place": list(place),
+        "value": value,
+        "unit": unit,
+        "position": position,
+        "length": length,
+        "location": " ".join(place),
+        "magnitude": value,
+    }
+
+
+NOTHING = {"type": "none", "location": "-", "magnitude": 0}
+NOTCH = (0.24, 0.26, 0.4)
+SPREAD = tuple(("D", 0.36 + 0.02 * k, 0.025) for k in range(7))
+CASES = {
+    # the thresholds of the search were looked at on these
+    "cross-nothing": ("cross", 1, Hidden(), [NOTHING]),
+    "cross-stiffness": (
+        "cross",
+        2,
+        Hidden(E={"U": 0.92}),
+        [named("member_stiffness", "U", value=-0.08, unit="-")],
+    ),
+    "cross-notch": (
+        "cross",
+        3,
+        Hidden(weaker={"U": NOTCH}),
+        [named(("crack", "stiffness_loss"), "U", value=5.7e-5, unit="rad/(N·m)", position=0.25, length=0.8)],
+    ),
+    "cross-viscous-joint": (
+        "cross",
+        5,
+        Hidden(dashpots={("J", "ry"): 0.6}),
+        [named("joint_viscous_damping", "J", "ry", value=0.6, unit="N·m·s/rad")],
+    ),
+    "cross-sensor-masses": (
+        "cross",
+        6,
+        Hidden(masses=tuple((bar, round(0.1 * k, 9), 0.012) for bar in "UD" for k in range(9))),
+        [named("sensor_mass", "the", "18", "places", "of", "sensors", value=0.012, unit="kg")],
+    ),
+    "cross-ground-spring": (
+        "cross",
+        7,
+        Hidden(ground=(("D", 0.8, "z", 5e4, 0.01),)),
+        [named("ground_spring", "end", "2", "of", "D", "z", value=5e4, unit="N/m")],
+    ),
+    "cross-end-mass": (
+        "cross",
+        8,
+        Hidden(masses=(("U", 0.0, 0.03),)),
+        [named("point_mass", "U", value=0.03, unit="kg", position=0.0, length=0.8)],
+    ),
+    "cross-thicker": (
+        "cross",
+        9,
+        Hidden(h={"D": 1.04}),
+        [named("member_section", "D", "along", "local", "z", value=0.04, unit="-")],
+    ),
+    "cross-spread-mass": (
+        "cross",
+        10,
+        Hidden(masses=SPREAD),
+        [named("distributed_mass", "D", value=1.25, unit="kg/m", position=0.42, length=0.8)],
+    ),
+    "cross-soft-joint-and-mass": (
+        "cross",
+        11,
+        Hidden(joints={("J", "rx"): 0.1}, masses=(("D", 0.6, 0.08),)),
+        [
+            named("joint_stiffness", "J", "rx", value=300.0, unit="N·m/rad"),
+            named("point_mass", "D", value=0.08, unit="kg", position=0.6, length=0.8),
+        ],
+    ),
+    "cross-soft-joint-z": (
+        "cross",
+        13,
+        Hidden(joints={("J", "rz"): 0.02}),
+        [named("joint_stiffness", "J", "rz", value=100.0, unit="N·m/rad")],
+    ),
+    "cross-heavier": (
+        "cross",
+        14,
+        Hidden(rho={"D": 1.06}),
+        [named("member_density", "D", value=0.06, unit="-")],
+    ),
+    # and not on these
+    "ladder-nothing": ("ladder", 21, Hidden(), [NOTHING]),
+    "ladder-nothing-again": ("ladder", 22, Hidden(), [NOTHING]),
+    "ladder-notch": (
+        "ladder",
+        23,
+        Hidden(weaker={"A": (0.42, 0.44, 0.3)}),
+        [named(("crack", "stiffness_loss"), "A", value=6.2e-5, unit="rad/(N·m)", position=0.43, length=0.7)],
+    ),
+    "ladder-soft-joint": (
+        "ladder",
+        24,
+        Hidden(joints={("J2", "ry"): 0.1}),
+        [named("joint_stiffness", "J2", "ry", value=300.0, unit="N·m/rad")],
+    ),
+    "ladder-heavier": (
+        "ladder",
+        25,
+        Hidden(rho={"B": 1.05}),
+        [named("member_density", "B", value=0.05, unit="-")],
+    ),
+    "ladder-ground-spring": (
+        "ladder",
+        26,
+        Hidden(ground=(("C", 0.0, "z", 3e4, 0.02),)),
+        [named("ground_spring", "end", "1", "of", "C", "z", value=3e4, unit="N/m")],
+    ),
+    "ladder-mass": (
+        "ladder",
+        27,
+        Hidden(masses=(("B", 0.5, 0.06),)),
+        [named("point_mass", "B", value=0.06, unit="kg", position=0.5, length=0.7)],
+    ),
+    "ladder-stiffness": (
+        "ladder",
+        28,
+        Hidden(E={"A": 1.07}),
+        [named("member_stiffness", "A", value=0.07, unit="-")],
+    ),
+    "ladder-viscous-joint": (
+        "ladder",
+        29,
+        Hidden(dashpots={("J1", "rx"): 0.5}),
+        [named("joint_viscous_damping", "J1", "rx", value=0.5, unit="N·m·s/rad")],
+    ),
+    "ladder-thinner": (
+        "ladder",
+        30,
+        Hidden(h={"C": 0.95}),
+        [named("member_section", "C", "along", "local", "z", value=-0.05, unit="-")],
+    ),
+    "ladder-two": (
+        "ladder",
+        31,
+        Hidden(joints={("J1", "rx"): 0.08}, masses=(("A", 0.6, 0.05),)),
+        [
+            named("joint_stiffness", "J1", "rx", value=240.0, unit="N·m/rad"),
+            named("point_mass", "A", value=0.05, unit="kg", position=0.6, length=0.7),
+        ],
+    ),
+}
+
+
+class Solid:
+    """Mass and stiffness of a bar, and what forces at places of it do."""
+
+    def __init__(self, bar, E, rho, h, weaker):
+        from skfem import Basis, BilinearForm, ElementHex2, ElementVector, MeshHex
+        from skfem.helpers import ddot, dot, sym_grad, trace
+
+        n = round(bar.length / ELEMENT)
+        grid = (
+            np.linspace(0, bar.length, n + 1),
+            np.linspace(-bar.b / 2, bar.b / 2, 3),
+            np.array([-h / 2, h / 2]),
+        )
+        mesh = MeshHex.init_tensor(*grid)
+        basis = Basis(mesh, ElementVector(ElementHex2()), intorder=4)
+        modulus = np.full(mesh.t.shape[1], float(E))
+        if weaker is not None:
+            middle = mesh.p[0, mesh.t].mean(axis=0)
+            start, end, factor = weaker
+            inside = (middle > start) & (middle < end)
+            if not inside.any():
+                msg = f"no element lies between {start} and {end} m"
+                raise ValueError(msg)
+            modulus[inside] *= factor
+
+        @BilinearForm
+        def stiffness(u, v, w):
+            lame, shear = w.modulus * NU / ((1 + NU) * (1 - 2 * NU)), w.modulus / (2 * (1 + NU))
+            a, b = sym_grad(u), sym_grad(v)
+            return 2 * shear * ddot(a, b) + lame * trace(a) * trace(b)
+
+        @BilinearForm
+        def mass(u, v, w):
+            return rho * dot(u, v)
+
+        self.K = stiffness.assemble(
+            basis, modulus=np.repeat(modulus[:, None], basis.dx.shape[1], axis=1)
+        ).tocsc()
+        self.M = mass.assemble(basis).tocsc()
+        self.bar, self.places = bar, basis.doflocs
+        self.direction = np.empty(self.K.shape[0], dtype=int)
+        for table in (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs, basis.interior_dofs):
+            for c in range(3):
+                self.direction[table[c]] = c
+
+    def point(self, s):
+        """Return global displacements (n, 3) of the point of the axis there."""
+        x, y, z = self.places
+        (at,) = np.nonzero((np.abs(x - s) < 1e-7) & (np.abs(y) < 1e-7) & (np.abs(z) < 1e-7))
+        if len(at) != 3:
+            msg = f"there is no node on the axis at {s} m"
+            raise ValueError(msg)
+        P = np.zeros((len(x), 3))
+        P[at] = self.bar.rotation[:, self.direction[at]].T
+        return P
+
+    def patch(self, s, about):
+        """Return the mean motion (n, 6) of what lies near s, in global directions about a point."""
+        (near,) = np.nonzero(np.abs(self.places[0] - s) < PATCH + 1e-9)
+        arm = (self.bar.rotation @ self.places[:, near]).T + self.bar.start - about
+        along = self.bar.rotation[:, self.direction[near]].T
+        rigid = np.hstack([along, np.cross(arm, along)])
+        P = np.zeros((self.places.shape[1], 6))
+        P[near] = np.linalg.pinv(rigid).T
+        return P
+
+    def reduced(self, forces):
+        """Return squared frequencies and M-orthonormal vectors of free modes and responses to forces."""
+        shift = (2 * np.pi * 150) ** 2
+        solved = sla.splu((self.K + shift * self.M).tocsc())
+        inverse = sla.LinearOperator(self.K.shape, solved.solve)
+        squares, V = sla.eigsh(self.K, k=N_MODES, M=self.M, sigma=-shift, OPinv=inverse)
+        X = np.hstack([V[:, squares < (2 * np.pi * HIGHEST) ** 2], solved.solve(forces)])
+        Q, _ = np.linalg.qr(X / np.sqrt(np.einsum("ij,ij->j", X, self.M @ X)))
+        squares, U = la.eigh(Q.T @ (self.K @ Q), Q.T @ (self.M @ Q))
+        squares[:6] = 0.0  # a free bar's
+        return np.maximum(squares, 0.0), Q @ U
+
+
+def sensors_of(structure):
+    """Return sensors as nominal.json lists them; nodes are counted along each bar as they are named."""
+    out, node = [], 0
+    for bar in structure.bars:
+        for n, (_, s, directions) in enumerate(p for p in structure.sensors if p[0] == bar):
+            node += 1
+            out += [
+                {
+                    "name": f"{bar}{n + 1}{d}",
+                    "node": node,
+                    "direction": d,
+                    "sign": 1,
+                    "member": bar,
+                    "position": s,
+                }
+                for d in directions
+            ]
+    return out
+
+
+def accelerances(structure, hidden, frequency):
+    """Return FRFs (n_freq, n_sensors, n_excitations) [m/s²/N] without noise."""
+    sensors = sensors_of(structure)
+    attached = {bar: {s["position"] for s in sensors if s["member"] == bar} for bar in structure.bars}
+    for bar, s, *_ in (*hidden.masses, *hidden.ground):
+        attached[bar].add(s)
+    squares, first, points, joints = [], {}, {}, {}
+    n = 0
+    for name, bar in structure.bars.items():
+        solid = Solid(
+            bar,
+            E * hidden.E.get(name, 1.0),
+            RHO * hidden.rho.get(name, 1.0),
+            bar.h * hidden.h.get(name, 1.0),
+            hidden.weaker.get(name),
+        )
+        ends = {(name, s): solid.point(s) for s in sorted(attached[name])}
+        for joint, bar1, s1, bar2, s2 in structure.joints:
+            if name in (bar1, bar2):
+                middle = 0.5 * (structure.bars[bar1].at(s1) + structure.bars[bar2].at(s2))
+                ends[joint, name] = solid.patch(s1 if name == bar1 else s2, middle)
+        w2, V = solid.reduced(np.hstack(list(ends.values())))
+        first[name], n = n, n + len(w2)
+        squares.append(w2)
+        for key, P in ends.items():
+            (points if isinstance(key[1], float) else joints)[key] = name, V.T @ P
+    w2 = np.concatenate(squares)
+
+    def whole(place):
+        bar, P = place
+        out = np.zeros((n, P.shape[1]))
+        out[first[bar] : first[bar] + len(P)] = P
+        return out
+
+    omega = 2 * np.pi * frequency
+    vectors, dynamic = [], []
+    for joint, bar1, _, bar2, _ in structure.joints:
+        apart = whole(joints[joint, bar1]) - whole(joints[joint, bar2])
+        for k, d in enumerate(DIRECTIONS):
+            stiffness = TRUE_JOINT[d] * hidden.joints.get((joint, d), 1.0)
+            vectors.append(apart[:, k])
+            dynamic.append(
+                stiffness * (1 + 1j * JOINT_LOSS) + 1j * omega * hidden.dashpots.get((joint, d), 0.0)
+            )
+    for bar, s, mass in hidden.masses:
+        vectors += list(whole(points[bar, s]).T)
+        dynamic += 3 * [-(omega**2) * mass + 0j]
+    for bar, s, d, stiffness, loss in hidden.ground:
+        vectors.append(whole(points[bar, s])[:, AXES.index(d)])
+        dynamic.append(np.full(len(omega), stiffness * (1 + 1j * loss)))
+
+    C, Z = np.array(vectors).T, np.array(dynamic).T[:, :, None]
+    by_name = {
+        s["name"]: whole(points[s["member"], s["position"]])[:, AXES.index(s["direction"])] for s in sensors
+    }
+    out = np.array(list(by_name.values())).T
+    inputs = np.array([by_name[name] for name in structure.excitations]).T
+    f = np.sqrt(w2) / (2 * np.pi)
+    zeta = 0.003 * (1 + 0.35 * np.sin(2 * np.pi * f / 1700 + 0.7))
+    H = np.empty((len(omega), out.shape[1], inputs.shape[1]), dtype=complex)
+    for k, w in enumerate(omega):
+        modal = 1 / (w2 + 2j * zeta * np.sqrt(w2) * w - w**2)
+        left, right = C.T * modal, modal[:, None] * inputs
+        forces = np.linalg.solve(np.eye(C.shape[1]) + Z[k] * (left @ C), Z[k] * (C.T @ right))
+        H[k] = out.T @ right - (out.T * modal) @ (C @ forces)
+    return -(omega[:, None, None] ** 2) * H
+
+
+def nominal_of(name, structure, frequency, rng):
+    """Return what an analyst knows: a material 1.5 and 0.4 % off, joints up to 2 %, and no hidden effect."""
+    sensors = sensors_of(structure)
+    joints = []
+    for joint, bar1, s1, bar2, s2 in structure.joints:
+        middle = 0.5 * (structure.bars[bar1].at(s1) + structure.bars[bar2].at(s2))
+        k = {f"k{d}": float(f"{v * (1 + 0.02 * rng.uniform(-1, 1)):.4g}") for d, v in TRUE_JOINT.items()}
+        kind = f"elastic, 6 uncoupled springs in global directions, loss factor {JOINT_LOSS}"
+        joints.append(
+            {"name": joint, "type": kind, "member1": bar1, "s1": s1, "member2": bar2, "s2": s2}
+            | {"location": middle.tolist(), "k": k}
+        )
+    return {
+        "case": name,
+        "structure": f"{len(structure.bars)} bars, {len(joints)} elastic joints, free",
+        "units": "SI (m, N, kg, s, Pa, Hz)",
+        "material": {
+            "name": "steel",
+            "E": E * (1 + float(rng.choice([-1, 1])) * 0.015),
+            "nu": NU,
+            "rho": RHO * (1 + float(rng.choice([-1, 1])) * 0.004),
+        },
+        "points": {str(s["node"]): structure.bars[s["member"]].at(s["position"]).tolist() for s in sensors},
+        "members": [
+            {
+                "name": bar,
+                "end1": b.at(0.0).tolist(),
+                "end2": b.at(b.length).tolist(),
+                "section": {"type": "rect", "b": b.b, "h": b.h, "h_direction": [0, 0, 1]},
+            }
+            for bar, b in structure.bars.items()
+        ],
+        "joints": joints,
+        "supports": "free-free",
+        "sensors": sensors,
+        "excitations": [{"sensor": s} for s in structure.excitations],
+        "frequency": {"start": float(frequency[0]), "stop": float(frequency[-1]), "lines": len(frequency)},
+        "response": "accelerance, (m/s^2)/N",
+        "damping_guess_modal": 0.0026,
+        "tolerances": "E +-2 %, rho +-0.5 %, joint data +-3 %, dimensions +-0.5 %",
+        "files": ["frf.uff"],
+    }
+
+
+def write(folder, name):
+    """Write a case and return its truth."""
+    import pyuff
+
+    structure_name, seed, hidden, effects = CASES[name]
+    structure, rng = STRUCTURES[structure_name], np.random.default_rng(seed)
+    frequency = np.arange(2.0, structure.stop + 1, 2.0)
+    H = accelerances(structure, hidden, frequency)
+    floor = np.abs(H).max(axis=0) * 10 ** (NOISE_FLOOR_DB / 20)
+
+    def noise():
+        return (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2)
+
+    H = H * (1 + NOISE * noise()) + floor * noise()
+    nominal = nominal_of(name, structure, frequency, rng)
+    target = folder / name
+    target.mkdir(parents=True, exist_ok=True)
+    (target / "nominal.json").write_text(json.dumps(nominal, indent=1), encoding="utf-8")
+    (target / "frf.uff").unlink(missing_ok=True)
+    by_name = {s["name"]: s for s in nominal["sensors"]}
+    sets, empty = [], {"type": 58, "binary": 0}
+    empty |= dict.fromkeys(("func_id", "ver_num", "load_case_id", "z_axis_value", "z_axis_spec_data_type"), 0)
+    empty |= dict.fromkeys(("id1", "id2", "id3", "id4", "id5", "rsp_ent_name", "ref_ent_name"), "NONE")
+    for axis in ("abscissa", "ordinate", "orddenom", "z_axis"):
+        empty |= {f"{axis}_{unit}_unit_exp": 0 for unit in ("len", "force", "temp")}
+        empty |= {f"{axis}_axis_lab": "NONE", f"{axis}_axis_units_lab": "NONE"}
+    for i, sensor in enumerate(nominal["sensors"]):
+        for j, excitation in enumerate(structure.excitations):
+            at = by_name[excitation]
+            given = {
+                "func_type": 4,
+                "rsp_node": sensor["node"],
+                "rsp_dir": 1 + AXES.index(sensor["direction"]),
+                "ref_node": at["node"],
+                "ref_dir": 1 + AXES.index(at["direction"]),
+                "ord_data_type": 5,
+                "num_pts": len(frequency),
+                "abscissa_spacing": 1,
+                "abscissa_min": frequency[0],
+                "abscissa_inc": frequency[1] - frequency[0],
+                "abscissa_spec_data_type": 18,
+                "ordinate_spec_data_type": 12,
+                "orddenom_spec_data_type": 13,
+                "x": frequency,
+                "data": H[:, i, j],
+            }
+            sets.append(empty | given)
+    pyuff.UFF(str(target / "frf.uff")).write_sets(sets, "overwrite")
+    return {"code": "scikit-fem, quadratic hexahedra", "effects": effects}
+
+
+def main(argv):
+    folder, names = Path(argv[0]), argv[1:] or list(CASES)
+    folder.mkdir(parents=True, exist_ok=True)
+    truth = folder / "truth.json"
+    known = json.loads(truth.read_text(encoding="utf-8")) if truth.exists() else {}
+    for name in names:
+        known[name] = write(folder, name)
+        truth.write_text(json.dumps(known, indent=1), encoding="utf-8")
+        sys.stderr.write(f"{folder / name}\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

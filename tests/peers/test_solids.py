@@ -1,0 +1,75 @@
+"""The cases made of solid elements: bars vibrate as closed forms say, and a case becomes a study that fits."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+from study import load_study
+from study.run import fit_problem
+from tests.conftest import PEERS_PYTHON, ROOT
+from tests.independent.convert import convert
+
+pytestmark = pytest.mark.peer
+SOLIDS = ROOT / "tests" / "independent" / "solids.py"
+
+DRIVER = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+import solids
+bar = solids.Bar((0.0, 0.0, 0.0), "y", 1.0, 0.03, 0.01)
+solid = solids.Solid(bar, solids.E, solids.RHO, bar.h, None)
+ends = np.hstack([solid.point(0.0), solid.patch(0.5, np.array([0.0, 0.5, 0.02]))])
+squares, V = solid.reduced(ends)
+weights = V.T @ (solid.M @ V)
+rigid = np.zeros((len(solid.direction), 3))
+rigid[np.arange(len(rigid)), solid.direction] = 1.0
+turn = np.array([0.0, 0.0, 1.0])  # about z at the patch's point, in local directions too
+X = (bar.rotation @ solid.places).T + bar.start - np.array([0.0, 0.5, 0.02])
+moved = (np.cross(turn, X) @ bar.rotation)[np.arange(len(X)), solid.direction]
+print(json.dumps({
+    "frequency": (np.sqrt(squares) / (2 * np.pi)).tolist(),
+    "orthonormal": float(np.abs(weights - np.eye(len(weights))).max()),
+    "mass": float(rigid[:, 0] @ (solid.M @ rigid[:, 0])),
+    "patch": (ends[:, 3:].T @ moved).tolist(),
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def bar():
+    command = [str(PEERS_PYTHON), "-c", DRIVER, str(SOLIDS.parent)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    return json.loads(done.stdout)
+
+
+def test_a_bar_of_solids_has_the_frequencies_of_a_slender_beam(bar):
+    E, rho, length = 210e9, 7850.0, 1.0
+    f = np.array(bar["frequency"])
+    assert np.abs(f[:6]).max() < 0.1
+    for h in (0.01, 0.03):  # free ends, Blevins, Formulas for Natural Frequency and Mode Shape, table 8-1
+        expected = 4.730041**2 / (2 * np.pi * length**2) * np.sqrt(E * h**2 / 12 / rho)
+        assert np.abs(f / expected - 1).min() < 0.005
+    assert np.abs(f / (np.sqrt(E / rho) / (2 * length)) - 1).min() < 0.001
+    assert bar["orthonormal"] < 1e-8
+    assert bar["mass"] == pytest.approx(rho * 0.03 * 0.01 * length)
+
+
+def test_a_joint_takes_the_mean_motion_of_what_it_holds(bar):
+    assert bar["patch"] == pytest.approx([0, 0, 0, 0, 0, 1], abs=1e-12)
+
+
+def test_a_case_becomes_a_study_whose_model_comes_near(tmp_path):
+    command = [str(PEERS_PYTHON), str(SOLIDS), str(tmp_path), "cross-nothing"]
+    subprocess.run(command, capture_output=True, text=True, check=True, timeout=180)
+    assert json.loads((tmp_path / "truth.json").read_text(encoding="utf-8")).keys() == {"cross-nothing"}
+    case, study = tmp_path / "cross-nothing", tmp_path / "study.toml"
+    nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
+    study.write_text(convert(nominal, case, study), encoding="utf-8")
+    problem = fit_problem(load_study(study))
+    fitted = problem.fit()
+    assert fitted.fit_db < 2.0  # 1.5, most of it near 3 kHz
+    low = problem.lines_up_to(500.0, 100)
+    assert problem.level(problem.log_ratio(fitted, low), low) < 0.2
