@@ -191,6 +191,9 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     accepted = by_name.get(found.effect.name) if found else None
     levels = [r.level * DB_PER_NEPER for r in ranked]
     outcome = f"{accepted} is accepted" if accepted else "none of them lowers it enough"
+    how = "The best must reach the dotted line to be accepted."
+    if found and found.strain is None and ranked[0].level > ranked[0].asked:
+        how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
 
     def draw(path: Path) -> None:
         figure = curves.plot_ranking(
@@ -210,7 +213,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
         f"Round {k + 1}: residual level that each of {len(ranked)} candidates leaves; {outcome}.",
         f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
         "uncertain "
-        f"parameters; {outcome}. The best must reach the dotted line to be accepted.",
+        f"parameters; {outcome}. {how}",
     )
 
 

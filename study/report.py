@@ -118,8 +118,8 @@ def _steps(result: RunResult) -> Markup:
             table(head, rows, numbers=range(1, len(head))),
             paragraph(
                 "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
-                "also counts the phase and weighs outliers less; "
-                "it is what fits minimise and candidates are ranked by."
+                "also counts the phase and weighs outliers less. Candidates are ranked by how likely "
+                "the data are with them, each of up to four bands having an error level of its own."
             ),
         ]
     )
@@ -465,8 +465,8 @@ def _search(result: RunResult, album: Album) -> Markup:
             "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
             "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
             "best of these fully. The best is accepted if the residual level falls enough, on the lines of "
-            "the fit and on held-out lines; then the search is repeated with it. Those that were fitted are "
-            "listed."
+            "the fit and on held-out lines, or if it is the first and makes the data much more likely, as "
+            "in a part of the band; then the search is repeated with it. Those that were fitted are listed."
         )
     ]
     for k, ranked in enumerate(d.rounds):

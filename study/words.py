@@ -347,6 +347,9 @@ def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
     return next((r for r in ranked if r.refined and r.name not in same), None)
 
 
+MORE_LIKELY = "; the data are more likely with it, as each band has an error level of its own."
+
+
 def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
     subject = effect_label(finding.effect.kind, finding.effect.where) if name_it else "It"
     if finding.twins:
@@ -359,7 +362,8 @@ def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
     rival = rival_of(finding, ranked)
     own = next((r for r in ranked if r.name == finding.effect.name), None)
     if rival and own:
-        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB."
+        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB"
+        text += "." if rival.fit_db >= own.fit_db else MORE_LIKELY
     return text
 
 

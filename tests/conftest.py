@@ -41,7 +41,7 @@ def pytest_collection_modifyitems(items):
         if item.get_closest_marker("browser") and not CHROMIUM:
             item.add_marker(pytest.mark.skip("needs Chromium: `chromium` on the PATH"))
         if item.get_closest_marker("peer") and not PEERS_PYTHON.exists():
-            item.add_marker(pytest.mark.skip("needs OpenSeesPy, PyNite, sdypy-EMA and scikit-fem: `make peers`"))
+            item.add_marker(pytest.mark.skip("needs the programs that `make peers` installs"))
 
 
 @pytest.fixture(scope="session")

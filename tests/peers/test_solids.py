@@ -1,4 +1,4 @@
-"""The cases made of solid elements: bars vibrate as closed forms say, and a case becomes a study that fits."""
+"""The cases of solid elements: bars vibrate as closed forms say, and a case becomes a study that fits."""
 
 import json
 import subprocess
