@@ -192,7 +192,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     levels = [r.level * DB_PER_NEPER for r in ranked]
     outcome = f"{accepted} is accepted" if accepted else "none of them lowers it enough"
     how = "The best must reach the dotted line to be accepted."
-    if found and found.strain is None and ranked[0].level > ranked[0].asked:
+    if found and not found.strain and ranked[0].level > ranked[0].asked:
         how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
 
     def draw(path: Path) -> None:
