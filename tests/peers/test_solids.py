@@ -53,6 +53,10 @@ def test_a_bar_of_solids_has_the_frequencies_of_a_slender_beam(bar):
         expected = 4.730041**2 / (2 * np.pi * length**2) * np.sqrt(E * h**2 / 12 / rho)
         assert np.abs(f / expected - 1).min() < 0.005
     assert np.abs(f / (np.sqrt(E / rho) / (2 * length)) - 1).min() < 0.001
+    # torsion: J = 0.26332 b h³ for sides of 3 to 1, Timoshenko & Goodier, Theory of Elasticity, section 109
+    polar, J = 0.03 * 0.01 * (0.03**2 + 0.01**2) / 12, 0.26332 * 0.03 * 0.01**3
+    torsion = np.sqrt(E / 2.6 * J / (rho * polar)) / (2 * length)
+    assert np.abs(f / torsion - 1).min() < 0.004
     assert bar["orthonormal"] < 1e-8
     assert bar["mass"] == pytest.approx(rho * 0.03 * 0.01 * length)
 
