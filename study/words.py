@@ -363,7 +363,9 @@ def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
     own = next((r for r in ranked if r.name == finding.effect.name), None)
     if rival and own:
         text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB"
-        text += "." if rival.fit_db >= own.fit_db else MORE_LIKELY
+        likely = own.result.solution.cost < rival.result.solution.cost
+        told = rival.fit_db < own.fit_db and likely and not finding.effect.amplitude_dependent
+        text += MORE_LIKELY if told else "."
     return text
 
 

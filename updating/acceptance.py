@@ -22,9 +22,10 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
-ACCEPT_GAIN, ACCEPT_GAIN_HELD_OUT = 30.0, 0.95
-"""Or, of one alone, the score must fall by more than the first, and the level on held-out lines by more than
-the second factor: what acts in a part of the band, as a soft spring to the ground, lowers the level there."""
+ACCEPT_GAIN, ACCEPT_GAIN_SHARE, ACCEPT_GAIN_HELD_OUT = 30.0, 0.1, 0.95
+"""Or, of one alone, the score must fall by more than the first and by more than the second share of the
+independent data, and the level on held-out lines by more than the third factor: what acts in a part of the
+band, as a soft spring to the ground, lowers the level there."""
 PLAIN_LEVEL, PLAIN_HELD_OUT = 2.0, 0.9
 """Where the form is right and the level falls by more than the first factor, that on held-out lines need only
 fall by more than the second, that is, not rise by more than chance can do."""
@@ -74,7 +75,8 @@ class Rule:
     def pays(self, after: FitResult) -> bool:
         """Whether a fit with one more effect is enough better than that without, and not within tolerance."""
         alone = not self.before.effects
-        if not (self.form_right and alone) and _within_tolerance(self.problem, after):
+        last = after.effects[-1].name
+        if not (self.form_right and alone) and within_tolerance(self.problem, after, last):
             return False
         if alone and not (self.settled and self.form_right) and gains(self.problem, self.before, after):
             return True
@@ -98,7 +100,7 @@ def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
     uncertain parameter far from its nominal value counts against a candidate that asks for it. The level of
     an effect that also damps counts ``DAMPING_MARGIN`` times.
     """
-    n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+    n = _n_independent(problem)
     last = fit.effects[len(fit.effects) - n_last :]
     margin = np.log(DAMPING_MARGIN) if any(damps(problem, effect) for effect in last) else 0.0
     k = sum(len(e.parameters()) for e in last)
@@ -106,9 +108,14 @@ def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
 
 
 def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
-    """Whether the only effect lowers the score by more than ``ACCEPT_GAIN``, and held-out lines allow it."""
+    """Whether the only effect lowers the score as ``ACCEPT_GAIN`` asks, and held-out lines allow it."""
     gain = score(problem, before, 0) - score(problem, after)
-    return gain > ACCEPT_GAIN and before.held_out_level > ACCEPT_GAIN_HELD_OUT * after.held_out_level
+    least = max(ACCEPT_GAIN, ACCEPT_GAIN_SHARE * _n_independent(problem))
+    return gain > least and before.held_out_level > ACCEPT_GAIN_HELD_OUT * after.held_out_level
+
+
+def _n_independent(problem: FitProblem) -> float:
+    return problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
 
 
 def damps(problem: FitProblem, effect: Effect) -> bool:
@@ -126,12 +133,12 @@ def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> tuple[
     return ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
 
 
-def _within_tolerance(problem: FitProblem, fit: FitResult) -> bool:
-    """Whether the last effect is but a loss factor that the tolerance of damping allows for.
+def within_tolerance(problem: FitProblem, fit: FitResult, name: str) -> bool:
+    """Whether an effect of a fit is but a loss factor that the tolerance of damping allows for.
 
     Members and joints are not damped alike to a tenth of their damping; that is no effect that a model lacks.
     """
-    effect, curve = fit.effects[-1], problem.damping
+    curve, effect = problem.damping, next(e for e in fit.effects if e.name == name)
     p, *others = effect.parameters()
     if others or p.name != "loss_factor":
         return False

@@ -414,6 +414,9 @@ def _verdict(
                 f"the fit needs the uncertain value in its place {off:.2g} standard deviations off nominal"
             )
             return EFFECT, f"without {names} {strained}"
+        if right and level == before:
+            likely = f"{names} makes the data much more likely"
+            return EFFECT, f"{likely}, though the residual level stays at {level} dB"
         if right:
             return EFFECT, f"{names} lowers the residual level from {before} to {level} dB"
         left = f"the {level} dB that are left are more than a right model leaves"

@@ -36,7 +36,7 @@ class Ranked:
     refined : bool
         False if only the quick screening fit was made.
     asked : float
-        Level that it had to reach to be accepted [nepers].
+        Level that it had to reach to be accepted by the level [nepers].
     result : FitResult
         The fit.
     """

@@ -195,10 +195,11 @@ def screen(
     """Put the candidates that the data see in the order in which they deserve a fit.
 
     Each point of each grid is judged by six residual levels: with the nuisance parameters as they are fitted
-    now and with their nominal values, in each case on the whole band, on the low band (where a wrong modulus
-    shifts resonances by less than their width), and on the whole band after the part has been taken off that
-    a small change of the nuisance parameters explains; of very many candidates also by the measures of
-    the short list. What counts is the measure by which a candidate does best.
+    now and, unless the model is settled, with their nominal values, in each case on the whole band, on the
+    low band (where a wrong modulus shifts resonances by less than their width), and on the whole band after
+    the part has been taken off that a small change of the nuisance parameters explains; of very many
+    candidates also by the measures of the short list. What counts is the measure by which a candidate does
+    best.
 
     Where the model is right but for noise, what may be left to find is weak. Then each candidate is judged
     by the level that the best strength of it would leave if the FRFs changed in proportion, again without

@@ -18,6 +18,8 @@ from updating.acceptance import (
     gains,
     score,
     weak_factors,
+    whole_level,
+    within_tolerance,
 )
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.findings import (
@@ -48,7 +50,7 @@ NEARLY_RIGHT, NEARLY_ALL = 1.5, 0.02
 """There they are believed up to the first multiple of what noise and the mesh leave, if they bring the
 level's square below the second share."""
 TWIN_SHARE = 0.9
-"""A candidate that brings more than this share of the best one's reduction of ln level is its twin."""
+"""A candidate that brings more than this share of what the log posterior gains with the best is its twin."""
 FINALS_SETTLED = 3
 """So many are fitted fully where the model is right already."""
 N_RIVALS = 4
@@ -238,7 +240,8 @@ def _others(
     The first of them, though it may be a twin that had to stand back, and the best, though it may not pay
     alone; then those that do something else to the FRFs than any before. Each with the problem on its basis.
     """
-    best = min(ranked, key=lambda r: score(begin.problem, r.result))
+    refined = [r for r in ranked if r.refined] or ranked
+    best = min(refined, key=lambda r: score(begin.problem, r.result))
     first = next((r for r in ranked if r.name not in tried), best)
     out: list[tuple[Ranked, FitProblem]] = []
     before: list[NDArray[np.complex128]] = []
@@ -262,7 +265,7 @@ def _worth(search: Search) -> float:
 
 def _as_good(alone: Search, several: Search) -> bool:
     """Whether one effect is preferred to several: it leaves little more, and is not much less likely."""
-    if _worth(alone) > _worth(several) + ACCEPT_GAIN:
+    if alone.current.solution.cost > several.current.solution.cost + ACCEPT_GAIN:
         return False
     return alone.current.level < AS_GOOD_ALONE * several.current.level
 
@@ -374,7 +377,8 @@ def best_addition(
     last = search.rounds[most - 1] if len(search.rounds) >= most else ()
     if len(search.findings) == most:
         return begin.current, search.current
-    return search.current, last[0].result if last else search.current
+    fits = [r.result for r in last if r.refined]
+    return search.current, min(fits, key=whole_level, default=search.current)
 
 
 def settled_limits(floor: float, model_error: float) -> tuple[float, float]:
@@ -613,9 +617,11 @@ def _without_idle(
         usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
         factors = weak_factors(problem, finding.effect, beside=bool(rest)) if weak else usual
-        if not weak and not rest and gains(problem, less, current):
+        if not rest and gains(problem, less, current):
             continue
-        if not falls(less, current, factors, weak_limit > 0):
+        if (rest and within_tolerance(problem, current, finding.effect.name)) or not falls(
+            less, current, factors, weak_limit > 0
+        ):
             findings = [
                 replace(f, effect=e, parameters=parameters_of(e, less))
                 for f, e in zip(rest, less.effects, strict=True)
@@ -683,10 +689,10 @@ def _explained(
     problem: FitProblem, ranked: Sequence[Ranked], current: FitResult
 ) -> tuple[tuple[Ranked, ...], Ranked | None, tuple[Decisive, ...], tuple[tuple[Proposal, ...], ...]]:
     """Return the twins of the best candidate, its rival, what decides, and what would separate the twins."""
-    best = ranked[0]
-    gain = np.log(current.level / best.level)
+    best, before = ranked[0], current.solution.cost
+    gain = before - best.result.solution.cost
     refined = [r for r in ranked[1:] if r.refined]
-    twins = tuple(r for r in refined if np.log(current.level / r.level) > TWIN_SHARE * gain)
+    twins = tuple(r for r in refined if before - r.result.solution.cost > TWIN_SHARE * gain)
     rival = next((r for r in refined if r not in twins), None)
     against = rival or (twins[0] if twins else None)
     decisive = what_decides(problem, best.result, against.result) if against else ()

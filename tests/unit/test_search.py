@@ -80,7 +80,7 @@ def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
         return whole_fit(self, effects, starts, **options)
 
     def screen(*args, **options):
-        looked.append(args)
+        looked.append(options)
         return whole_screen(*args, **options)
 
     whole_fit, whole_screen = FitProblem.fit, search.screen
@@ -98,7 +98,9 @@ def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
     fitted.clear()
     anew, best_anew = search._Round(problem, null, False, grids).run(rule, 20, lambda text, done: None)
     assert len(fitted) < quickly + 3  # what the first run fitted fully may not be among the best of all
-    assert len(looked) == 2
+    assert looked == 2 * [{"weak_only": True}]
+    search._Round(problem, null, True, grids).run(replace(rule, form_right=False), 1, lambda text, done: None)
+    assert looked[2:] == [{"weak_only": False}]  # a part of the level may be the model's own error
     assert {r.name for r in more} == {r.name for r in anew}
     assert {r.name for r in few if r.refined} <= {r.name for r in more if r.refined}
     assert best.values == best_anew.values
@@ -433,6 +435,65 @@ def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_litt
     assert not pays(enough, 0.2, settled=False, form_right=False)
     null = replace(null, effects=())
     assert not pays(enough, 0.2, settled=True, form_right=True)  # weak effects have thresholds of their own
+
+
+def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    kinds = ("member_density", "member_damping")
+    heavier, damped = (propose(case.model, [kind])[0] for kind in kinds)
+    damped = damped.with_values(loss_factor=1e-5)
+    null = replace(problem.nominal(), level=0.20, held_out_level=0.20)
+
+    def left(effects, before, gained):
+        """Return what stays of effects without each of which the level is ``before``."""
+        values = {(e.name, p.name): p.value for e in effects for p in e.parameters()}
+        std = dict.fromkeys(values, 0.1)
+        levels = {"level": 0.19, "held_out_level": 0.19}
+        fit = replace(null, effects=tuple(effects), values=null.values | values, std=std, **levels)
+        monkeypatch.setattr(search, "gains", lambda *args: gained)
+        monkeypatch.setattr(
+            FitProblem,
+            "fit_without",
+            lambda self, r, name: replace(
+                r,
+                effects=tuple(e for e in r.effects if e.name != name),
+                level=before,
+                held_out_level=before,
+            ),
+        )
+        taken = [findings.Finding(e, findings.parameters_of(e, fit), ()) for e in effects]
+        return [f.effect.kind for f in search._without_idle(problem, taken, fit, 0.0)[0]]
+
+    assert left([heavier], 0.20, True) == ["member_density"]
+    assert left([heavier], 0.20, False) == []
+    assert left([heavier], 0.40, False) == ["member_density"]
+    # a loss factor that the tolerance of damping allows for does not stay beside another effect
+    assert left([heavier, damped], 0.40, False) == ["member_density"]
+    assert left([damped], 0.40, False) == ["member_damping"]
+
+
+def test_twins_gain_as_much_of_the_posterior_not_of_the_level():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null = problem.fit()
+    rule = acceptance.Rule(problem, 0.3, True, null, False)
+    effects = propose(case.model, ["member_density", "member_stiffness"])
+
+    def entry(effect, gain, level):
+        solution = replace(null.solution, cost=null.solution.cost - gain)
+        values = {**null.values, (effect.name, "change"): 0.01}
+        fit = replace(null, effects=(effect,), values=values, solution=solution, level=level * null.level)
+        return rule.ranked(replace(fit, std=dict.fromkeys(values, 0.1)), 1.0, True)
+
+    best, as_likely, as_low = (
+        entry(effects[0], 50, 0.99),
+        entry(effects[1], 47, 1.0),
+        entry(effects[2], 5, 0.9),
+    )
+    twins, rival, *_ = search._explained(problem, (best, as_likely, as_low), null)
+    assert twins == (as_likely,)
+    assert rival is as_low
 
 
 def test_one_effect_does_not_take_the_place_of_two_that_are_much_more_likely():
