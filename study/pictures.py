@@ -191,8 +191,9 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     accepted = by_name.get(found.effect.name) if found else None
     levels = [r.level * DB_PER_NEPER for r in ranked]
     outcome = f"{accepted} is accepted" if accepted else "none of them lowers it enough"
-    how = "The best must reach the dotted line to be accepted."
+    limit, how = "to be accepted", "The best must reach the dotted line to be accepted."
     if found and not found.strain and ranked[0].level > ranked[0].asked:
+        limit = "asked of the level alone"
         how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
 
     def draw(path: Path) -> None:
@@ -204,7 +205,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
             accepted=accepted,
             xlabel="residual level, amplitude and phase [dB]",
         )
-        _mark_limit(figure.axes[0], ranked[0].asked * DB_PER_NEPER)
+        _mark_limit(figure.axes[0], ranked[0].asked * DB_PER_NEPER, limit)
         save(figure, path, DPI)
 
     album.add(
@@ -217,14 +218,14 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     )
 
 
-def _mark_limit(ax: Any, limit: float) -> None:
-    """Draw the level that a candidate must reach to be accepted."""
+def _mark_limit(ax: Any, limit: float, text: str) -> None:
+    """Draw the level that a candidate must reach to be accepted by it."""
     low, high = ax.get_xlim()
     ax.set_xlim(min(low, limit - 0.06 * (high - min(low, limit))), high)
     ax.axvline(limit, color=style.EFFECT, linewidth=1, linestyle=":", zorder=1)
     ax.annotate(
-        "to be accepted", (limit, 1), xycoords=("data", "axes fraction"), xytext=(0, 1),
-        textcoords="offset points", fontsize=7.5, color=style.EFFECT, ha="center", va="bottom",
+        text, (limit, 1), xycoords=("data", "axes fraction"), xytext=(0, 1),
+        textcoords="offset points", fontsize=7.5, color=style.EFFECT, ha="left", va="bottom",
     )  # fmt: skip
 
 
