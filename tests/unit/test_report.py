@@ -286,11 +286,17 @@ def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
 
 
 def test_the_line_of_a_ranking_stands_where_the_best_had_to_come_to(found, tmp_path, monkeypatch):
-    limits = []
-    monkeypatch.setattr(pictures, "_mark_limit", lambda ax, limit: limits.append(limit))
+    limits, texts, captions = [], [], []
+
+    def mark(ax, limit, text):
+        limits.append(limit)
+        texts.append(text)
+
+    monkeypatch.setattr(pictures, "_mark_limit", mark)
 
     class Drawn:
         def add(self, name, draw, alt, caption):
+            captions.append(caption)
             draw(tmp_path / f"{name}.png")
 
     rounds = found.diagnosis.rounds
@@ -303,3 +309,9 @@ def test_the_line_of_a_ranking_stands_where_the_best_had_to_come_to(found, tmp_p
         for k, limit in ((1, limits[0]), (-1, limits[-1]))
     )
     assert (first, last) == pytest.approx((STEP_LEVEL, ACCEPT_SETTLED), rel=0.02)
+    assert set(texts) == {"to be accepted"}
+    short = replace(rounds[0][0], asked=0.5 * rounds[0][0].level)  # accepted, though not by the level
+    pictures._draw_ranking(found, 0, (short, *rounds[0][1:]), Drawn())
+    assert texts[-1] == "asked of the level alone"
+    assert "short of the dotted line" in captions[-1]
+    assert not any("short of" in caption for caption in captions[:-1])

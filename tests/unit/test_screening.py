@@ -6,6 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from fem.model import parameter_values
 from tests.hidden.cases import make_case
 from updating import screening
 from updating.diagnosis import propose
@@ -139,22 +140,31 @@ def test_a_weak_effect_leads_by_its_score(prepared):
     assert weak.where in (first.effect.where, second.effect.where)
 
 
-def test_strong_effects_are_looked_at_too_where_the_models_error_may_hide_them(prepared):
+def test_strong_effects_are_looked_at_too_where_the_models_error_may_hide_them(prepared, monkeypatch):
     _, problem, null, candidates = prepared
     grids = [Grid.of(problem, e) for e in candidates]
-    weak, strong, both = (
-        screen(problem, null, grids, settled, silent, weak_only=only)
-        for settled, only in ((True, True), (False, True), (True, False))
+
+    def looked(*weak):
+        monkeypatch.setattr(screening, "_screen_weak", lambda *args: weak)
+        return screen(problem, null, grids, True, silent, weak_only=False)
+
+    strong = looked()
+    assert len(strong) > 2
+    assert all(c.rank < screening.N_BEST_STRONG for c in strong)
+    names = [c.effect.name for c in strong]
+    other = next(g for g in grids if g.effect.name not in names)
+    known = strong[1].effect
+    weak = (
+        screening.Screened(known, (parameter_values(known),)),
+        screening.Screened(other.effect, (other.points[0],)),
     )
-    assert [c.effect.name for c in both[: len(weak)]] == [c.effect.name for c in weak]
-    assert all(b.starts[:1] == w.starts for b, w in zip(both, weak, strict=False))
-    more = {c.effect.name for c in both[len(weak) :]}
-    assert more
-    best = {c.effect.name: c.starts[0] for c in strong if c.rank == 0}
-    begun = {c.effect.name: c.starts for c in both}
-    assert {c.effect.name for c in weak} & best.keys()  # these have both starts
-    assert all(start in begun[name] for name, start in best.items() if name not in more)
-    assert {c.effect.name for c in strong if c.rank == 0} & {c.effect.name for c in both}
+    first, second, *rest = looked(*weak)
+    assert first.starts == (*weak[0].starts, strong[1].starts[0])  # what is among both has both starts
+    assert second.starts == weak[1].starts
+    assert [(c.effect.name, c.starts) for c in rest] == [
+        (c.effect.name, c.starts) for c in strong if c.effect.name != known.name
+    ]
+    assert screen(problem, null, grids, True, silent) == weak
 
 
 def test_the_best_of_the_short_list_go_on_whatever_the_grids_say(prepared, monkeypatch):
