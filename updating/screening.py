@@ -250,13 +250,10 @@ def screen(
         out.append(Screened(grids[i].effect, starts, int(rank[i].min())))
     if not settled:
         return tuple(out)
-    strong = {s.effect.name: s for s in out if s.rank < N_BEST_STRONG}
-    both = (replace(s, starts=s.starts + _starts(strong.pop(s.effect.name, None))) for s in weak)
-    return (*both, *strong.values())
-
-
-def _starts(screened: Screened | None) -> tuple[dict[str, float], ...]:
-    return screened.starts[:1] if screened else ()
+    strong = [s for s in out if s.rank < N_BEST_STRONG]
+    more = {s.effect.name: s.starts[:1] for s in strong}
+    both = [replace(s, starts=s.starts + more.pop(s.effect.name, ())) for s in weak]
+    return (*both, *(s for s in strong if s.effect.name in more))
 
 
 def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:

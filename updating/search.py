@@ -619,9 +619,8 @@ def _without_idle(
         factors = weak_factors(problem, finding.effect, beside=bool(rest)) if weak else usual
         if not rest and gains(problem, less, current):
             continue
-        if (rest and within_tolerance(problem, current, finding.effect.name)) or not falls(
-            less, current, factors, weak_limit > 0
-        ):
+        idle = not falls(less, current, factors, weak_limit > 0)
+        if idle or (rest and within_tolerance(problem, current, name)):
             findings = [
                 replace(f, effect=e, parameters=parameters_of(e, less))
                 for f, e in zip(rest, less.effects, strict=True)
