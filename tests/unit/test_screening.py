@@ -272,3 +272,17 @@ def test_an_unknown_at_its_bound_does_not_hide_a_weak_effect(prepared):
 
     assert hidden(zeta) < 0.85 * hidden(zeta, at_bounds=False)
     assert hidden(base.zeta, at_bounds=False) == pytest.approx(hidden(base.zeta))
+
+
+def test_a_loss_that_an_unknown_at_its_bound_would_hide_leads_the_weak(monkeypatch):
+    case = make_case(1, "cross", "joint_stiffness")
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    zeta = problem.nominal().zeta.copy()
+    zeta[-2] = np.exp(problem.damping.limits[-2, 1])
+    base = replace(problem.nominal(), zeta=zeta)
+    (effect,) = propose(case.model, ["joint_structural_damping"])
+    (seen,) = screen(problem, base, [Grid.of(problem, effect)], True, silent)
+    look = screening._Look.of
+    monkeypatch.setattr(screening._Look, "of", lambda *args, at_bounds: look(*args))
+    (hidden,) = screen(problem, base, [Grid.of(problem, effect)], True, silent)
+    assert seen.starts != hidden.starts  # how much of it there may be depends on what the unknown takes
