@@ -415,7 +415,7 @@ def _verdict(
             )
             return EFFECT, f"without {names} {strained}"
         if right and level == before:
-            likely = f"{names} makes the data much more likely"
+            likely = f"the data are more likely with {names}"
             return EFFECT, f"{likely}, though the residual level stays at {level} dB"
         if right:
             return EFFECT, f"{names} lowers the residual level from {before} to {level} dB"

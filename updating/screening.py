@@ -194,10 +194,11 @@ def screen(
 ) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
-    Each point of each grid is judged by six residual levels: with the nuisance parameters as they are fitted
+    Each point of each grid is judged by residual levels, six at most: with the nuisance parameters as they are fitted
     now and, unless the model is settled, with their nominal values, in each case on the whole band, on the
-    low band (where a wrong modulus shifts resonances by less than their width), and on the whole band after
-    the part has been taken off that a small change of the nuisance parameters explains; of very many
+    low band (where a wrong modulus shifts resonances by less than their width; not if it is settled), and on
+    the whole band after the part has been taken off that a small change of the nuisance parameters explains;
+    of very many
     candidates also by the measures of the short list. What counts is the measure by which a candidate does
     best.
 
@@ -227,14 +228,15 @@ def screen(
     weak = _screen_weak(problem, current, grids, say) if settled else ()
     if settled and weak_only:
         return weak
-    n = 3 * len(bases)
+    each = 2 if settled else 3
+    n = each * len(bases)
     levels = [np.full((n, len(g.points)), np.inf) for g in grids]
     for b, base in enumerate(bases):
-        look = _Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
+        look = _Look.of(problem, base, N_WHOLE, 0 if settled else N_LOW, MOST_VALUES)
         for i, grid in enumerate(grids):
             say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
-            levels[i][3 * b : 3 * b + 3] = look.levels(grid)
-    best = np.array([each.min(axis=1) for each in levels]).reshape(len(grids), n)
+            levels[i][each * b : each * (b + 1)] = look.levels(grid)
+    best = np.array([rows.min(axis=1) for rows in levels]).reshape(len(grids), n)
     best = np.hstack([best, np.where(np.isfinite(best).any(axis=1, keepdims=True), more, np.inf)])
     rank = np.argsort(np.argsort(best, axis=0), axis=0)
     out = []

@@ -191,8 +191,7 @@ def _exchanged(
     for i in range(len(search.findings) - 1):
         begin = search.without(search.findings[i].effect.name)
         again = _forward(begin, candidates, grids, limits, N_BEST, say, most=len(search.findings))
-        if _worth(again) < _worth(best):
-            best = again
+        best = _better(again, best)
     return best
 
 
@@ -224,8 +223,7 @@ def _branched(
         steps = (*begin.steps, step_added([effect], best))
         branch = Search(problem, (finding,), (order,), steps, best)
         end = _forward(branch, candidates, {}, limits, n_best, say, most=2)
-        if _worth(end) < _worth(ended):
-            ended = end
+        ended = _better(end, ended)
         if ended.current.level <= enough:
             break
     may_go_on = ended is not search and len(ended.findings) == 2
@@ -258,16 +256,31 @@ def _others(
     return out
 
 
-def _worth(search: Search) -> float:
-    """Return the score of all effects of a search together."""
-    return score(search.problem, search.current, len(search.findings))
+def _better(one: Search, other: Search) -> Search:
+    """Return that of two searches whose effects have the lower score together; the other if they are equal."""
+    first, second = _on_as_many_lines(one, other)
+    mine, others = (score(s.problem, s.current, len(s.findings)) for s in (first, second))
+    return one if mine < others else other
 
 
 def _as_good(alone: Search, several: Search) -> bool:
     """Whether one effect is preferred to several: it leaves little more, and is not much less likely."""
-    if alone.current.solution.cost > several.current.solution.cost + ACCEPT_GAIN:
+    first, second = _on_as_many_lines(alone, several)
+    if first.current.solution.cost > second.current.solution.cost + ACCEPT_GAIN:
         return False
     return alone.current.level < AS_GOOD_ALONE * several.current.level
+
+
+def _on_as_many_lines(*searches: Search) -> list[Search]:
+    """Return searches fitted to as many lines as that with the most: their posteriors may be compared."""
+    most = max(s.problem.n_lines for s in searches)
+    out = []
+    for s in searches:
+        if s.problem.n_lines < most:
+            problem = replace(s.problem, n_lines=most)
+            s = replace(s, problem=problem, current=problem.refit(s.current, assess=False))
+        out.append(s)
+    return out
 
 
 def _on_own_basis(search: Search) -> Search:

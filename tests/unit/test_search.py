@@ -352,7 +352,19 @@ def test_what_stood_for_another_effect_gives_way_to_it():
     assert ended.rounds[0][0].name == left.effect.name
     # what is right stays
     assert search._exchanged(ended, candidates, limits, lambda text, done: None) is ended
-    assert search._worth(ended) < search._worth(had)
+    assert search._better(ended, had) is ended
+    assert search._better(had, ended) is ended
+
+
+def test_searches_that_ended_on_few_and_on_many_lines_are_compared_on_as_many():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    problems = (replace(problem, n_lines=n) for n in (30, 300))
+    few, many = (search.Search(p, (), (), (), p.fit()) for p in problems)
+    was = abs(few.current.solution.cost - many.current.solution.cost)
+    cost = [s.current.solution.cost for s in search._on_as_many_lines(few, many)]
+    assert was > 0.5
+    assert cost[0] == pytest.approx(cost[1], abs=0.1)  # what the search calls no gain
 
 
 @pytest.mark.parametrize("kind", ["member_damping", "joint_structural_damping"])
