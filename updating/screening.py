@@ -194,11 +194,11 @@ def screen(
 ) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
-    Each point of each grid is judged by residual levels, six at most: with the nuisance parameters as they are fitted
-    now and, unless the model is settled, with their nominal values, in each case on the whole band, on the
-    low band (where a wrong modulus shifts resonances by less than their width; not if it is settled), and on
-    the whole band after the part has been taken off that a small change of the nuisance parameters explains;
-    of very many
+    Each point of each grid is judged by residual levels, six at most: with the nuisance parameters as they
+    are fitted now and, unless the model is settled, with their nominal values, in each case on the whole
+    band, on the low band (where a wrong modulus shifts resonances by less than their width; not if it is
+    settled), and on the whole band after the part has been taken off that a small change of the nuisance
+    parameters explains; of very many
     candidates also by the measures of the short list. What counts is the measure by which a candidate does
     best.
 

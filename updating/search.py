@@ -257,7 +257,7 @@ def _others(
 
 
 def _better(one: Search, other: Search) -> Search:
-    """Return that of two searches whose effects have the lower score together; the other if they are equal."""
+    """Return that of two searches whose effects have the lower score, the other if they are equal."""
     first, second = _on_as_many_lines(one, other)
     mine, others = (score(s.problem, s.current, len(s.findings)) for s in (first, second))
     return one if mine < others else other

@@ -113,6 +113,28 @@ STRUCTURES = {
         ("A1z", "B2z", "A1y"),
         2000.0,
     ),
+    "grid": Structure(
+        {
+            "P": Bar((0.0, 0.0, -0.011), "x", 0.76, 0.03, 0.01),
+            "Q": Bar((0.0, 0.32, -0.011), "x", 0.76, 0.03, 0.01),
+            "R": Bar((0.16, -0.12, 0.011), "y", 0.6, 0.03, 0.01),
+            "S": Bar((0.56, -0.08, 0.011), "y", 0.5, 0.025, 0.01),
+        },
+        (
+            ("J1", "P", 0.16, "R", 0.12),
+            ("J2", "Q", 0.16, "R", 0.44),
+            ("J3", "P", 0.56, "S", 0.08),
+            ("J4", "Q", 0.56, "S", 0.4),
+        ),
+        (
+            *(("P", 0.0, "yz"), ("P", 0.3, "z"), ("P", 0.46, "z"), ("P", 0.76, "yz")),
+            *(("Q", 0.0, "z"), ("Q", 0.36, "z"), ("Q", 0.66, "z"), ("Q", 0.76, "yz")),
+            *(("R", 0.0, "z"), ("R", 0.28, "xz"), ("R", 0.6, "xz")),
+            *(("S", 0.0, "z"), ("S", 0.24, "z"), ("S", 0.5, "xz")),
+        ),
+        ("P1z", "S3z"),
+        1200.0,
+    ),
 }
 
 
@@ -264,6 +286,88 @@ CASES = {
         [
             named("joint_stiffness", "J1", "rx", value=240.0, unit="N·m/rad"),
             named("point_mass", "A", value=0.05, unit="kg", position=0.6, length=0.7),
+        ],
+    ),
+    "grid-nothing": ("grid", 41, Hidden(), [NOTHING]),
+    "grid-nothing-again": ("grid", 42, Hidden(), [NOTHING]),
+    "grid-soft-joint-rx": (
+        "grid",
+        43,
+        Hidden(joints={("J4", "rx"): 0.1}),
+        [named("joint_stiffness", "J4", "rx", value=300.0, unit="N·m/rad")],
+    ),
+    "grid-soft-joint-rz": (
+        "grid",
+        44,
+        Hidden(joints={("J1", "rz"): 0.02}),
+        [named("joint_stiffness", "J1", "rz", value=100.0, unit="N·m/rad")],
+    ),
+    "grid-notch": (
+        "grid",
+        45,
+        Hidden(weaker={"R": (0.26, 0.28, 0.25)}),
+        [named(("crack", "stiffness_loss"), "R", value=1.14e-4, unit="rad/(N·m)", position=0.27, length=0.6)],
+    ),
+    "grid-mass": (
+        "grid",
+        46,
+        Hidden(masses=(("S", 0.24, 0.04),)),
+        [named("point_mass", "S", value=0.04, unit="kg", position=0.24, length=0.5)],
+    ),
+    "grid-softer": (
+        "grid",
+        47,
+        Hidden(E={"Q": 0.94}),
+        [named("member_stiffness", "Q", value=-0.06, unit="-")],
+    ),
+    "grid-lighter": (
+        "grid",
+        48,
+        Hidden(rho={"R": 0.95}),
+        [named("member_density", "R", value=-0.05, unit="-")],
+    ),
+    "grid-thicker": (
+        "grid",
+        49,
+        Hidden(h={"P": 1.04}),
+        [named("member_section", "P", "along", "local", "z", value=0.04, unit="-")],
+    ),
+    "grid-ground-spring": (
+        "grid",
+        50,
+        Hidden(ground=(("Q", 0.76, "z", 1.5e4, 0.02),)),
+        [named("ground_spring", "end", "2", "of", "Q", "z", value=1.5e4, unit="N/m")],
+    ),
+    "grid-viscous-joint": (
+        "grid",
+        51,
+        Hidden(dashpots={("J3", "ry"): 0.5}),
+        [named("joint_viscous_damping", "J3", "ry", value=0.5, unit="N·m·s/rad")],
+    ),
+    "grid-sensor-masses": (
+        "grid",
+        52,
+        Hidden(
+            masses=tuple(
+                (bar, s, 0.008)
+                for bar, places in {
+                    "P": (0.0, 0.3, 0.46, 0.76),
+                    "Q": (0.0, 0.36, 0.66, 0.76),
+                    "R": (0.0, 0.28, 0.6),
+                    "S": (0.0, 0.24, 0.5),
+                }.items()
+                for s in places
+            )
+        ),
+        [named("sensor_mass", "the", "14", "places", "of", "sensors", value=0.008, unit="kg")],
+    ),
+    "grid-two": (
+        "grid",
+        53,
+        Hidden(joints={("J2", "ry"): 0.06}, E={"S": 1.08}),
+        [
+            named("joint_stiffness", "J2", "ry", value=180.0, unit="N·m/rad"),
+            named("member_stiffness", "S", value=0.08, unit="-"),
         ],
     ),
 }
