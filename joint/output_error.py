@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import zherk
+from scipy.special import ndtri
 
 from joint._checks import (
     BoolArray,
@@ -141,9 +142,7 @@ class JointFit:
         if not 0 < level < 1:
             msg = f"the level is {level}; a probability between 0 and 1 is needed, such as 0.95"
             raise ValueError(msg)
-        from scipy.stats import norm
-
-        half = float(norm.ppf(0.5 + level / 2)) * self.std
+        half = float(ndtri(0.5 + level / 2)) * self.std
         return np.stack([self.values - half, self.values + half], axis=1)
 
     def Z(self, frequency: npt.ArrayLike | None = None) -> ComplexArray:

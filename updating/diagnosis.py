@@ -407,7 +407,7 @@ def _verdict(
     level, before = (f"{r.level * DB_PER_NEPER:.2g}" for r in (current, null))
     right = current.level <= limit
     if findings:
-        names = labels(f.effect for f in findings)
+        names, lower = labels(f.effect for f in findings), "lower" if len(findings) > 1 else "lowers"
         off = next((abs(f.strain) for f in findings if f.strain), 0.0)
         if right and off:
             strained = (
@@ -418,13 +418,13 @@ def _verdict(
             likely = f"the data are more likely with {names}"
             return EFFECT, f"{likely}, though the residual level stays at {level} dB"
         if right:
-            return EFFECT, f"{names} lowers the residual level from {before} to {level} dB"
+            return EFFECT, f"{names} {lower} the residual level from {before} to {level} dB"
         left = f"the {level} dB that are left are more than a right model leaves"
         if current.level <= most_left:
-            return EFFECT, f"{names} lowers the residual level from {before} to {level} dB; {left}"
+            return EFFECT, f"{names} {lower} the residual level from {before} to {level} dB; {left}"
         return (
             UNEXPLAINED,
-            f"the best of the candidates, {names}, lowers the residual level from {before}; {left}",
+            f"the best of the candidates, {names}, {lower} the residual level from {before}; {left}",
         )
     if right:
         if faults:

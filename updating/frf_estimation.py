@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import get_window
 
 from fem.frf import FRF, FRFKind
 
@@ -446,6 +445,8 @@ def _force_window(x: Floats, samples: float) -> Floats:
 def _window(window: str, n: int, decay: float) -> Floats:
     if window == "exponential":
         return np.exp(-decay * np.arange(n))
+    from scipy.signal import get_window  # a second to import, and few need it
+
     name = {"hann": "hann", "rectangular": "boxcar", "flattop": "flattop"}[window]
     return np.asarray(get_window(name, n), dtype=float)
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from fem.frf import FRF, FRFError, FRFKind
 from fem.model import Model, ModelError, ParameterRef
@@ -248,7 +248,7 @@ class UpdatedParameter:
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the interval that holds the truth with a probability; symmetric in ln θ where ``log``."""
-        half = float(norm.ppf(0.5 + level / 2)) * self.std
+        half = float(ndtri(0.5 + level / 2)) * self.std
         if self.log:
             factor = float(np.exp(min(half / self.value, 700.0)))  # beyond is without bounds, as floats go
             return self.value / factor, self.value * factor

@@ -3,7 +3,9 @@
 With noise and wrong nominal values.
 """
 
+import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +13,8 @@ import pytest
 from fem import FRF
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
-from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, diagnose
+from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, diagnose, diagnosis
+from updating.findings import Finding
 from updating.search import BASIS_SHARE
 
 
@@ -60,6 +63,34 @@ def test_a_mass_is_placed_between_the_sensors():
     assert finding.effect.member == case.hidden.member
     assert finding.effect.position == pytest.approx(case.hidden.position, abs=0.003)
     assert finding.effect.mass == pytest.approx(case.hidden.mass, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("level", "n", "strain", "verdict", "reason"),
+    [
+        (0.10, 1, 0.0, EFFECT, r"^mass at A lowers the residual level from 8\.7 to 0\.87 dB$"),
+        (0.10, 2, 0.0, EFFECT, r"^mass at A and mass at B lower the residual level from 8\.7 to 0\.87 dB$"),
+        (0.30, 1, 0.0, EFFECT, r"; the 2\.6 dB that are left are more than a right model leaves$"),
+        (0.50, 1, 0.0, UNEXPLAINED, "^the best of the candidates, mass at A, lowers .* more than a right"),
+        (1.00, 1, 0.0, UNEXPLAINED, "^the best of the candidates"),
+        (0.10, 1, -4.0, EFFECT, "^without mass at A .* in its place 4 standard deviations off nominal$"),
+        (0.50, 0, 0.0, UNEXPLAINED, "none of the candidates lowers it enough$"),
+        (0.10, 0, 0.0, NOTHING, "^no candidate improves"),
+    ],
+)
+def test_a_verdict_gives_its_reason(level, n, strain, verdict, reason):
+    effects = [SimpleNamespace(kind="mass", where=where) for where in "AB"]
+    findings = [Finding(e, (), (), strain=strain) for e in effects[:n]]
+    got = diagnosis._verdict(*(SimpleNamespace(level=x) for x in (1.0, level)), (0.2, 0.4), findings, ())
+    assert got[0] == verdict
+    assert re.search(reason, got[1])
+
+
+def test_an_effect_at_an_equal_level_is_what_makes_the_data_more_likely():
+    level, finding = SimpleNamespace(level=0.1), Finding(SimpleNamespace(kind="mass", where="A"), (), ())
+    verdict, reason = diagnosis._verdict(level, level, (0.2, 0.4), [finding], ())
+    assert verdict == EFFECT
+    assert reason == "the data are more likely with mass at A, though the residual level stays at 0.87 dB"
 
 
 def test_without_the_right_candidate_the_verdict_is_unexplained():
