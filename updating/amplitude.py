@@ -17,7 +17,17 @@ from fem.model import Effect, parameter_values
 from fem.reduced import ParametricFRF
 from updating.correlation import log_ratio
 from updating.faults import Fault
-from updating.fit import LEVEL_FLOOR, ROBUST, FitData, FitProblem, FitResult, by_unknowns, propagated
+from updating.fit import (
+    LEVEL_FLOOR,
+    ROBUST,
+    SYSTEMATIC_SHARE,
+    FitData,
+    FitProblem,
+    FitResult,
+    by_unknowns,
+    noise_squares,
+    propagated,
+)
 from updating.gates import at_level
 from updating.measurement import Measurement
 from updating.parameters import effect_variables
@@ -229,6 +239,8 @@ def _fitted(
             (limits[:, 0], limits[:, 1]),
             n_independent=f.rest.n_independent(stage),
             floor=LEVEL_FLOOR,
+            noise=np.concatenate([noise_squares(d, f.at.lines) for d in f.levels]),
+            systematic=SYSTEMATIC_SHARE,
             groups=f.groups(),
             robust=ROBUST,
             max_iterations=max_iterations,

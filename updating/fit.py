@@ -24,6 +24,13 @@ from updating.solve import Prior, Residual, Solution, solve_robust
 INDEPENDENT_PER_MODE = 8.0
 """How many independent data one mode of the band stands for, against the priors."""
 
+SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
+"""For which share of the independent data that stands, in covariances, which a fit leaves beyond a multiple
+of the noise: an error of the model is much the same at neighbouring lines and sensors."""
+
+ITERATIONS = 14
+"""At most so many iterations in each band of a fit."""
+
 ROBUST = 0.5
 """Residual at which the loss turns from quadratic to linear [nepers]."""
 
@@ -284,7 +291,7 @@ class FitProblem:
         *,
         stages: Iterable[float] | None = None,
         n_lines: int | None = None,
-        max_iterations: int = 14,
+        max_iterations: int = ITERATIONS,
         x_from: FitResult | None = None,
         assess: bool = True,
     ) -> FitResult:
@@ -631,6 +638,8 @@ class FitFunction:
             (limits[:, 0], limits[:, 1]),
             n_independent=self.n_independent(stage),
             floor=LEVEL_FLOOR,
+            noise=noise_squares(p.data, self.lines),
+            systematic=SYSTEMATIC_SHARE,
             groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
             robust=ROBUST,
             max_iterations=max_iterations,
@@ -649,6 +658,12 @@ class FitFunction:
         zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
         covariance = solution.covariance * np.outer(self.units, self.units)
         return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
+
+
+def noise_squares(data: FitData, lines: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return how much of the squares of the weighted residuals at some lines is put down to noise, (m,)."""
+    square = 2 * (SYSTEMATIC_FROM * data.weight[lines] * data.noise[lines]) ** 2
+    return square[data.mask[lines]]
 
 
 def propagated(

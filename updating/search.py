@@ -32,7 +32,7 @@ from updating.findings import (
     step_added,
     step_of,
 )
-from updating.fit import LEVEL_FLOOR, FitProblem, FitResult
+from updating.fit import ITERATIONS, LEVEL_FLOOR, FitProblem, FitResult
 from updating.preparation import basis_error, fitted_model
 from updating.screening import N_BEST, N_BEST_DEEP, Grid, Screened, rivals, screen
 from updating.separation import Decisive, Proposal, next_measurements, what_decides
@@ -63,8 +63,8 @@ N_LINES_WEAK = 480
 """So many where weak effects are looked for: few lines see a narrow resonance or its absence."""
 N_FINE = 2
 """So many of the best candidates are fitted in fine stages as long as much is unexplained."""
-QUICK_LINES = 50
-"""Lines of a quick fit."""
+QUICK_LINES, QUICK_ITERATIONS = 50, 6
+"""Lines of a quick fit, and its iterations in each band, where the model is not settled."""
 QUICK_REACH = 3.0
 """Candidates whose first one ends above so many times the best have no second, but for those that came first
 by a measure."""
@@ -511,7 +511,9 @@ class _Round:
         problem, current, settled = self.problem, self.before, self.settled
         stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
         lines = problem.n_lines if settled else QUICK_LINES
-        quick = {"n_lines": lines, "max_iterations": 6, "assess": False}
+        # What is little is ranked by how little it leaves: those fits must have ended.
+        iterations = ITERATIONS if settled else QUICK_ITERATIONS
+        quick = {"n_lines": lines, "max_iterations": iterations, "assess": False}
         from_current = {"stages": stages[-1:], "x_from": current}
         for i, option in enumerate(chosen):
             name, effects = option.effect.name, [*current.effects, option.effect]

@@ -36,7 +36,8 @@ class Solution:
     misfit : float
         Robust mean square of the weighted residuals.
     covariance : ndarray (n, n)
-        Linearised covariance of x; the bounds count as uniform densities.
+        Linearised covariance of x; the bounds count as uniform densities, and what is systematic in the
+        residuals for fewer data than they are fitted with.
     n_iterations : int
     converged : bool
         False if the iterations ran out first.
@@ -59,6 +60,8 @@ def solve_robust(
     n_independent: float,
     floor: float,
     groups: NDArray[np.int64] | None = None,
+    noise: NDArray[np.float64] | None = None,
+    systematic: float = 1.0,
     robust: float = 0.5,
     max_iterations: int = 20,
     tolerance: float = 5e-3,
@@ -86,6 +89,10 @@ def solve_robust(
         Residual level s below which nothing is gained [same unit as r].
     groups : ndarray of int (m,), optional
         Group of each residual; all in one unless given. Groups count by their size.
+    noise : ndarray (m,), optional
+        How much of each residual's square is put down to independent noise.
+    systematic : float
+        For how many of the independent data the rest stands, as a share of them, in the covariance.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int
@@ -114,7 +121,7 @@ def solve_robust(
     misfit = loss(r)
     cost = total(x, misfit)
     damping, converged, iteration = 1e-2, False, 0
-    A = np.eye(len(x))
+    A, JH, w = np.eye(len(x)), np.zeros((len(x), 0)), np.zeros(0)
     for iteration in range(1, max_iterations + 1):
         w = 1 / np.sqrt(1 + np.abs(r) ** 2 / robust**2)
         w = w * (n_independent / len(r) / (floor**2 + misfit))[member]
@@ -162,6 +169,11 @@ def solve_robust(
             assert J is not None
     # What the data leave open is as uncertain as its bounds are wide, those of a uniform density; an inverse
     # that leaves such directions out would call them certain.
+    if noise is not None:
+        independent = np.bincount(member, noise, minlength=len(size)) / size
+        rest = np.maximum(0.0, 1 - (floor**2 + independent) / (floor**2 + misfit))
+        w = w / (1 + (1 / systematic - 1) * rest)[member]
+        A = (JH * np.concatenate([w, w])) @ JH.T + np.diag(weight)
     wide = np.isfinite(hi - lo) & (hi > lo) & (weight == 0)
     A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
     covariance: Any = np.linalg.pinv(A, hermitian=True)
