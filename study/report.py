@@ -323,7 +323,8 @@ def _missing(result: RunResult, album: Album) -> Markup:
     parts.append(
         paragraph(
             "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
-            "parameters vary with it. They do not cover errors of the model that no parameter describes."
+            "parameters vary with it. What is left beyond noise counts in them as an error of the model that "
+            "is much the same at neighbouring lines; a model that is wrong throughout may shift values further."
         )
     )
     parts += [_figure(p) for p in album.starting("chance-")]

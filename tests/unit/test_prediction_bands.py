@@ -8,6 +8,7 @@ import pytest
 from tests.hidden.cases import make_case
 from updating import build_problem
 from updating.diagnosis import propose
+from updating.fit import SYSTEMATIC_SHARE
 from viz.curves import plot_frf, plot_frf_error
 
 STEP = 1e-5
@@ -55,6 +56,21 @@ def test_bands_do_not_depend_on_where_a_fit_began(fitted):
         assert np.sqrt(fit.covariance[k, k]) == pytest.approx(fit.std[ref], rel=1e-9)
     lines = np.arange(0, len(problem.data.frequency), 17)
     np.testing.assert_allclose(problem.deviation(near, lines), problem.deviation(far, lines), rtol=0.05)
+
+
+def test_deviations_grow_where_a_model_leaves_more_than_noise(fitted):
+    """Within the margin for noise they are what noise gives; with data said to be far more exact than what is
+    left of them, up to 1/√SYSTEMATIC_SHARE times that, less where the prior holds."""
+    problem, fit = fitted
+    tiny = np.full_like(problem.data.noise, 1e-9)
+    exact = replace(problem, data=replace(problem.data, noise=tiny)).refit(fit)
+    for ref, value in fit.values.items():
+        assert exact.values[ref] == pytest.approx(value, rel=1e-9)
+    growth = np.sqrt(np.diag(exact.covariance) / np.diag(fit.covariance))
+    assert growth.max() == pytest.approx(SYSTEMATIC_SHARE**-0.5, rel=0.1)
+    assert (growth > 1).all()
+    loud = replace(problem, data=replace(problem.data, noise=3 * problem.data.noise)).refit(fit)
+    np.testing.assert_allclose(loud.covariance, problem.refit(fit).covariance, rtol=1e-9)
 
 
 def test_bands_are_drawn_also_where_next_to_nothing_is_known(fitted):

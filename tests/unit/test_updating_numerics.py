@@ -223,6 +223,45 @@ def test_without_outliers_it_is_least_squares():
     np.testing.assert_allclose(result.covariance, s2 * np.linalg.inv(both.T @ both) * 200 / 400, rtol=0.02)
 
 
+def test_what_is_left_beyond_noise_stands_for_few_data_in_the_covariance():
+    residual, _, b, _ = linear_problem()
+    plain = solve(residual, 3, robust=1e3)
+    square = np.full(len(b), plain.misfit)
+
+    def like(**more):
+        result = solve(residual, 3, robust=1e3, **more)
+        np.testing.assert_array_equal(result.x, plain.x)  # of the values it says nothing
+        assert result.cost == plain.cost
+        return result.covariance
+
+    np.testing.assert_allclose(like(noise=square, systematic=0.1), plain.covariance, rtol=1e-9)
+    np.testing.assert_allclose(like(noise=2 * square, systematic=0.1), plain.covariance, rtol=1e-9)
+    np.testing.assert_allclose(like(noise=0 * square, systematic=1.0), plain.covariance, rtol=1e-9)
+    # all of it systematic, or a quarter
+    np.testing.assert_allclose(like(noise=0 * square, systematic=0.1), 10 * plain.covariance, rtol=1e-3)
+    quarter = like(noise=0.75 * square, systematic=0.1)
+    np.testing.assert_allclose(quarter, (1 + 0.25 * 9) * plain.covariance, rtol=1e-3)
+
+
+def test_a_group_at_its_noise_keeps_its_say_beside_one_that_the_model_misses():
+    residual, A, b, _ = linear_problem(n=2, m=400)
+    A[:200, 1] = A[200:, 0] = 0.0  # the first half says all of the first unknown, the second of the other
+    b[:] = A @ np.array([0.5, -0.5]) + 0.01 * complex_array(np.random.default_rng(5), 400)
+    groups = np.repeat([0, 1], 200)
+    plain = solve(residual, 2, robust=1e3, groups=groups)
+    noise = np.where(groups == 0, 1.0, 0.0)
+    found = solve(residual, 2, robust=1e3, groups=groups, noise=noise, systematic=0.1)
+    growth = np.diag(found.covariance) / np.diag(plain.covariance)
+    np.testing.assert_allclose(growth, [1.0, 10.0], rtol=1e-2)
+
+
+def test_what_is_systematic_leaves_the_prior_alone():
+    residual, _, b, _ = linear_problem()
+    known = Prior(np.zeros(3), np.full(3, 1e-6))
+    found = solve(residual, 3, prior=known, noise=np.zeros(len(b)), systematic=0.01)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), 1e-6, rtol=1e-2)
+
+
 def test_outliers_hardly_move_it():
     _, A, b, truth = linear_problem()
     spoilt = b.copy()
