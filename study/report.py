@@ -324,7 +324,7 @@ def _missing(result: RunResult, album: Album) -> Markup:
         paragraph(
             "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
             "parameters vary with it. What is left beyond noise counts in them as an error of the model that "
-            "is much the same at neighbouring lines; a model that is wrong throughout may shift values further."
+            "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
         )
     )
     parts += [_figure(p) for p in album.starting("chance-")]

@@ -251,7 +251,7 @@ def _fitted(
     deviation = np.sqrt(np.maximum(np.diag(solution.covariance)[n_rest:], 0.0))
     values, std = dict(rest.values), dict(rest.std)
     for v, xi, s in zip(f.own, x[n_rest:], deviation, strict=True):
-        values[v.ref], std[v.ref] = v.to_value(xi), abs(v.slope(xi)) * float(s)
+        values[v.ref], std[v.ref] = v.to_value(xi), v.deviation(xi, float(s))
     found = f.element(x)
     result = replace(
         rest, solution=solution, values=values, std=std, effects=(*rest.effects, found), level=np.nan,

@@ -173,7 +173,8 @@ class FitResult:
     values : mapping of (effect, parameter) to float
         Values of all parameters that varied.
     std : mapping of (effect, parameter) to float
-        Linearised standard deviations.
+        Standard deviations: linearised, of positive parameters in the logarithm, and given as half the width
+        of the interval.
     zeta : ndarray (n_unknowns,)
         The damping curve's unknowns: first the ratios at its knots [-].
     effects : tuple of Effect
@@ -651,7 +652,7 @@ class FitFunction:
         values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)}
         sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
         known = zip(self.variables, x[:n_par], sd[:n_par], strict=True)
-        std = {v.ref: abs(v.slope(xi)) * deviation for v, xi, deviation in known}
+        std = {v.ref: v.deviation(xi, deviation) for v, xi, deviation in known}
         fitted = tuple(
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )

@@ -127,6 +127,14 @@ class Variable:
         """Return dθ/dx."""
         return float(np.exp(x)) if self.parameter.log else self.scale
 
+    def deviation(self, x: float, std: float) -> float:
+        """Return half the width of the interval of θ for x ± its deviation, θ sinh(std) of θ = exp x.
+
+        For small deviations that is |dθ/dx| std; of a stiffness that may be anything the first order would
+        say that it is known to a few times its value.
+        """
+        return float(np.exp(x) * np.sinh(std)) if self.parameter.log else abs(self.scale) * std
+
     @property
     def unit(self) -> float:
         """Size of one unit of x: 1 where x = ln θ, or in that of θ."""

@@ -188,8 +188,8 @@ def spread_by_differences(found):
     variables = (*problem.function(fit.effects[:-1], [], lines).variables, *own)
     for k, v in enumerate(variables):
         units[k] = v.unit
-        size = abs(v.slope(v.to_x(fit.values[v.ref]))) / v.unit
-        assert fit.std[v.ref] == pytest.approx(size * np.sqrt(fit.covariance[k, k]), rel=1e-6)
+        of_x = np.sqrt(fit.covariance[k, k]) / v.unit
+        assert fit.std[v.ref] == pytest.approx(v.deviation(v.to_x(fit.values[v.ref]), of_x), rel=1e-6)
         for step in (1e-5, -1e-5):
             value = v.to_value(v.to_x(fit.values[v.ref]) + step)
             effect = element.with_values(**({v.ref[1]: value} if v.ref[0] == element.name else {}))

@@ -6,11 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem.frf import FRF, FRFError
+from fem.model import Parameter
 from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.noise import relative_noise
-from updating.parameters import DampingCurve
+from updating.parameters import DampingCurve, Variable
 from updating.solve import Prior, solve_robust
 
 modest = settings(max_examples=40, derandomize=True, deadline=None)
@@ -260,6 +261,16 @@ def test_what_is_systematic_leaves_the_prior_alone():
     known = Prior(np.zeros(3), np.full(3, 1e-6))
     found = solve(residual, 3, prior=known, noise=np.zeros(len(b)), systematic=0.01)
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), 1e-6, rtol=1e-2)
+
+
+@pytest.mark.parametrize("std", [1e-4, 0.3, 8.0])
+@pytest.mark.parametrize("log", [True, False])
+def test_a_deviation_is_half_the_width_of_the_interval_of_the_value(log, std):
+    p = Parameter("stiffness", "N/m", 250.0, np.inf, 0.0, np.inf, log=log)
+    v = Variable(("spring", "stiffness"), p, 40.0, None, None)
+    x = v.to_x(250.0)
+    width = v.to_value(x + std) - v.to_value(x - std)
+    assert v.deviation(x, std) == pytest.approx(width / 2, rel=1e-9)
 
 
 def test_outliers_hardly_move_it():
