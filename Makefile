@@ -30,7 +30,7 @@ help:
 	@echo 'make test        python -m pytest'
 	@echo 'make slow        the tests marked slow'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
-	@echo 'make solids      the same of bars of solid elements, made here; 20 minutes'
+	@echo 'make solids      the same of bars of solid elements, made here; 40 minutes'
 	@echo 'make extras      install sectionproperties (sections of any outline) and PARDISO'
 	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
 	@echo 'make peers       install OpenSeesPy, PyNite, sdypy-EMA and scikit-fem beside Dovetail: tests marked peer then run'
