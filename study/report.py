@@ -339,7 +339,10 @@ def _absent(finding: Finding, name: str) -> str:
 
 
 def _percent(std: float, value: float) -> str:
-    return f"{100 * std / abs(value):.2g}" if value and math.isfinite(std) and std > 0 else "–"
+    if not value or not math.isfinite(std) or std <= 0:
+        return "–"
+    share = 100 * std / abs(value)
+    return f"{share:.2g}" if share < 1000 else "> 1000"
 
 
 def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:

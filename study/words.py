@@ -66,7 +66,7 @@ def with_unit(value: float, unit: str, std: float = math.nan, like: float | None
     if not -3 <= decimals <= 6:
         return f"{number(value)} ± {number(std, 2)}{after}"
     rounded, spread = round(value, decimals), round(std, decimals)
-    if not rounded and value:  # next to nothing beside its deviation, but a stiffness of 0 would be none
+    if not rounded and value > 0 and unit[:1] == "N":  # a stiffness of 0 would be none
         return f"{number(value, 2)} ± {number(std, 2)}{after}"
     shown = max(decimals, 0)
     return f"{rounded:.{shown}f} ± {spread:.{shown}f}{after}".replace("-", "−")

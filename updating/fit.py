@@ -173,8 +173,8 @@ class FitResult:
     values : mapping of (effect, parameter) to float
         Values of all parameters that varied.
     std : mapping of (effect, parameter) to float
-        Standard deviations: linearised, of positive parameters in the logarithm, and given as half the width
-        of the interval.
+        Standard deviations: linearised, of parameters that are fitted in the logarithm half the width of the
+        interval.
     zeta : ndarray (n_unknowns,)
         The damping curve's unknowns: first the ratios at its knots [-].
     effects : tuple of Effect

@@ -224,18 +224,18 @@ def screen(
     more = np.zeros((len(grids), 0))
     if len(grids) > MOST_CANDIDATES:
         listed, more = shortlist(problem, bases, grids, say)
-        grids = [grids[i] for i in listed]
+        grids, more = [grids[i] for i in listed], more[:, ::2] if settled else more
     weak = _screen_weak(problem, current, grids, say) if settled else ()
     if settled and weak_only:
         return weak
-    each = 2 if settled else 3
-    n = each * len(bases)
+    n_levels = 2 if settled else 3
+    n = n_levels * len(bases)
     levels = [np.full((n, len(g.points)), np.inf) for g in grids]
     for b, base in enumerate(bases):
         look = _Look.of(problem, base, N_WHOLE, 0 if settled else N_LOW, MOST_VALUES)
         for i, grid in enumerate(grids):
             say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
-            levels[i][each * b : each * (b + 1)] = look.levels(grid)
+            levels[i][n_levels * b : n_levels * (b + 1)] = look.levels(grid)
     best = np.array([rows.min(axis=1) for rows in levels]).reshape(len(grids), n)
     best = np.hstack([best, np.where(np.isfinite(best).any(axis=1, keepdims=True), more, np.inf)])
     rank = np.argsort(np.argsort(best, axis=0), axis=0)

@@ -268,7 +268,7 @@ def _as_good(alone: Search, several: Search) -> bool:
     first, second = _on_as_many_lines(alone, several)
     if first.current.solution.cost > second.current.solution.cost + ACCEPT_GAIN:
         return False
-    return alone.current.level < AS_GOOD_ALONE * several.current.level
+    return first.current.level < AS_GOOD_ALONE * second.current.level
 
 
 def _on_as_many_lines(*searches: Search) -> list[Search]:
@@ -511,7 +511,7 @@ class _Round:
         problem, current, settled = self.problem, self.before, self.settled
         stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
         lines = problem.n_lines if settled else QUICK_LINES
-        # What is little is ranked by how little it leaves: those fits must have ended.
+        # What is little is ranked by how little it gains, and six iterations may end before that.
         iterations = ITERATIONS if settled else QUICK_ITERATIONS
         quick = {"n_lines": lines, "max_iterations": iterations, "assess": False}
         from_current = {"stages": stages[-1:], "x_from": current}

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from fem.model import Model, parameter_values
 from fem.reduced import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.fit import LEVEL_FLOOR, FitProblem, FitResult
+from updating.fit import LEVEL_FLOOR, SYSTEMATIC_FROM, SYSTEMATIC_SHARE, FitProblem, FitResult
 from updating.measurement import Sensor
+from updating.solve import inflation
 
 N_LINES = 60
 """Lines at which predictions are compared."""
@@ -121,7 +122,8 @@ def next_measurements(
     moving its parameters, whose posterior covariance is C and by which its prediction changes with J. With an
     error level s of the data, what remains is ½ dᵀ (s² I + J C Jᵀ)⁻¹ d, the expected log likelihood ratio
     (Lindley, Ann. Math. Stat. 27, 1956, in the linear case). As in the fits, lines stand for
-    :data:`updating.fit.INDEPENDENT_PER_MODE` independent data a mode, not for as many as there are.
+    :data:`updating.fit.INDEPENDENT_PER_MODE` independent data a mode, not for as many as there are, and what
+    is left beyond noise for :data:`updating.fit.SYSTEMATIC_SHARE` of these.
 
     Parameters
     ----------
@@ -212,10 +214,12 @@ class _Prediction:
         d: Complexes = log_ratio(H1, H2)
         n_independent = p.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
         reach = (frequency[-1] - frequency[0]) / p.data.frequency[-1]
-        # The data's own error level, and the share of independent data that one value stands for.
-        s2 = (LEVEL_FLOOR**2 + min(self.first.level, self.second.level) ** 2) * (
-            d[:, 0].size / (n_independent * reach * inputs.shape[1] / max(p.data.H.shape[2], 1))
-        )
+        # The data's own error level, and the share of independent data that one value stands for, fewer where
+        # the model's error is in it, as in the covariance.
+        misfit = min(self.first.level, self.second.level) ** 2
+        noise = (SYSTEMATIC_FROM * p.data.noise_level) ** 2
+        s2 = (LEVEL_FLOOR**2 + misfit) * inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE)
+        s2 *= d[:, 0].size / (n_independent * reach * inputs.shape[1] / max(p.data.H.shape[2], 1))
         covariance = self.second.covariance[:n_par, :n_par]
         std = np.sqrt(covariance.diagonal())
         own_units = np.outer(*2 * (np.where(std > 0, std, 1.0),))

@@ -92,7 +92,8 @@ def solve_robust(
     noise : ndarray (m,), optional
         How much of each residual's square is put down to independent noise.
     systematic : float
-        For how many of the independent data the rest stands, as a share of them, in the covariance.
+        For how many of the independent data the rest stands, as a share of them, in the covariance; of no
+        effect without ``noise``.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int
@@ -112,6 +113,14 @@ def solve_robust(
     def total(x: NDArray[np.float64], misfit: NDArray[np.float64]) -> float:
         return 0.5 * float(share @ np.log(floor**2 + misfit)) + 0.5 * float(weight @ (x - mean) ** 2)
 
+    def normal(
+        r: NDArray[np.complex128], J: NDArray[np.complex128], worth: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return Σ w J r and the normal equations' matrix, with what each group's residuals are worth."""
+        w = worth[member] / np.sqrt(1 + np.abs(r) ** 2 / robust**2)
+        JH, w2 = np.hstack([J.real, J.imag]), np.concatenate([w, w])
+        return JH @ (w2 * np.concatenate([r.real, r.imag])), (JH * w2) @ JH.T + np.diag(weight)
+
     x = np.clip(x0, lo, hi)
     r, J = residual(x, True)
     assert J is not None
@@ -121,13 +130,9 @@ def solve_robust(
     misfit = loss(r)
     cost = total(x, misfit)
     damping, converged, iteration = 1e-2, False, 0
-    A, JH, w = np.eye(len(x)), np.zeros((len(x), 0)), np.zeros(0)
     for iteration in range(1, max_iterations + 1):
-        w = 1 / np.sqrt(1 + np.abs(r) ** 2 / robust**2)
-        w = w * (n_independent / len(r) / (floor**2 + misfit))[member]
-        JH = np.hstack([J.real, J.imag])
-        A = (JH * np.concatenate([w, w])) @ JH.T + np.diag(weight)
-        g = JH @ np.concatenate([w * r.real, w * r.imag]) + weight * (x - mean)
+        g, A = normal(r, J, n_independent / len(r) / (floor**2 + misfit))
+        g = g + weight * (x - mean)
         pinned = ((x <= lo) & (g > 0)) | ((x >= hi) & (g < 0))
         free = ~pinned
         if not free.any():
@@ -167,14 +172,32 @@ def solve_robust(
         if iteration < max_iterations:
             r, J = residual(x, True)
             assert J is not None
-    # What the data leave open is as uncertain as its bounds are wide, those of a uniform density; an inverse
-    # that leaves such directions out would call them certain.
+    worth = n_independent / len(r) / (floor**2 + misfit)
     if noise is not None:
         independent = np.bincount(member, noise, minlength=len(size)) / size
-        rest = np.maximum(0.0, 1 - (floor**2 + independent) / (floor**2 + misfit))
-        w = w / (1 + (1 / systematic - 1) * rest)[member]
-        A = (JH * np.concatenate([w, w])) @ JH.T + np.diag(weight)
+        worth = worth / inflation(misfit, independent, floor, systematic)
+    _, A = normal(r, J, worth)
+    # What the data leave open is as uncertain as its bounds are wide, those of a uniform density; an inverse
+    # that leaves such directions out would call them certain.
     wide = np.isfinite(hi - lo) & (hi > lo) & (weight == 0)
     A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
     covariance: Any = np.linalg.pinv(A, hermitian=True)
     return Solution(x, cost, float(misfit @ size / len(r)), covariance, iteration, converged)
+
+
+def inflation(
+    misfit: NDArray[np.float64] | float, noise: NDArray[np.float64] | float, floor: float, systematic: float
+) -> Any:
+    """Return by what variances grow if what is left beyond noise stands for few data.
+
+    1 + (1/systematic - 1) · max(0, 1 - (s² + noise)/(s² + misfit)), s the floor.
+
+    Parameters
+    ----------
+    misfit, noise : ndarray or float
+        Mean square of residuals, and how much of it is put down to independent noise.
+    floor : float
+    systematic : float
+        For which share of the independent data the rest stands.
+    """
+    return 1 + (1 / systematic - 1) * np.maximum(0.0, 1 - (floor**2 + noise) / (floor**2 + misfit))

@@ -347,18 +347,7 @@ CASES = {
     "grid-sensor-masses": (
         "grid",
         52,
-        Hidden(
-            masses=tuple(
-                (bar, s, 0.008)
-                for bar, places in {
-                    "P": (0.0, 0.3, 0.46, 0.76),
-                    "Q": (0.0, 0.36, 0.66, 0.76),
-                    "R": (0.0, 0.28, 0.6),
-                    "S": (0.0, 0.24, 0.5),
-                }.items()
-                for s in places
-            )
-        ),
+        Hidden(masses=tuple((bar, s, 0.008) for bar, s, _ in STRUCTURES["grid"].sensors)),
         [named("sensor_mass", "the", "14", "places", "of", "sensors", value=0.008, unit="kg")],
     ),
     "grid-two": (

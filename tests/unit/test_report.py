@@ -216,7 +216,7 @@ def test_every_threshold_says_what_it_means():
         (0.0, "kg", 0.0, "0.00\u00a0kg"),
         (4830.0, "N", 1234.0, "4.8 ± 1.2\u00a0kN"),
         (0.494, "N·m/rad", 51.0, "0.49 ± 51\u00a0N·m/rad"),
-        (0.0, "-", 0.02, "0.000 ± 0.020"),
+        (-0.0004, "-", 0.012, "−0.000 ± 0.012"),
     ],
 )
 def test_numbers_are_as_long_as_they_are_known(value, unit, std, shown):

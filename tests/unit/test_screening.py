@@ -165,6 +165,15 @@ def test_strong_effects_are_looked_at_too_where_the_models_error_may_hide_them(p
         (c.effect.name, c.starts) for c in strong if c.effect.name != known.name
     ]
     assert screen(problem, null, grids, True, silent) == weak
+    # of the low band, which few lines see apart from the whole, only while much is unexplained
+    asked = []
+    look = screening._Look.of
+    monkeypatch.setattr(
+        screening._Look, "of", lambda *args, **more: asked.append(args[3]) or look(*args, **more)
+    )
+    looked()
+    screen(problem, null, grids[:2], False, silent)
+    assert asked == [0, screening.N_LOW, screening.N_LOW]
 
 
 def test_the_best_of_the_short_list_go_on_whatever_the_grids_say(prepared, monkeypatch):

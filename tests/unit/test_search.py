@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fem.model import parameter_values
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
-from updating import acceptance, findings, preparation, search
+from updating import acceptance, findings, preparation, screening, search
 from updating.bootstrap import bootstrap
 from updating.diagnosis import EXPLAINED_LEVEL, diagnose, propose
-from updating.fit import FitProblem
+from updating.fit import ITERATIONS, FitProblem
 from updating.preparation import build_problem
 from updating.screening import Grid
 
@@ -361,10 +362,41 @@ def test_searches_that_ended_on_few_and_on_many_lines_are_compared_on_as_many():
     problem = build_problem(case.model, case.measurement, case.nuisances)
     problems = (replace(problem, n_lines=n) for n in (30, 300))
     few, many = (search.Search(p, (), (), (), p.fit()) for p in problems)
+    more = many.problem
     was = abs(few.current.solution.cost - many.current.solution.cost)
     cost = [s.current.solution.cost for s in search._on_as_many_lines(few, many)]
     assert was > 0.5
     assert cost[0] == pytest.approx(cost[1], abs=0.1)  # what the search calls no gain
+
+    def told(found, cost):  # as its own lines may have it
+        off = replace(found.current, solution=replace(found.current.solution, cost=cost))
+        return replace(found, current=off)
+
+    right = case.hidden
+    better = search.Search(more, (), (), (), more.fit([right], [parameter_values(right)]))
+    low = better.current.solution.cost - 100
+    assert search._better(told(few, low), better) is better
+    assert search._better(better, told(few, low)) is better
+    high = few.current.solution.cost + 10 * acceptance.ACCEPT_GAIN
+    assert search._as_good(told(few, high), many)
+
+
+def test_short_fits_are_cut_short_only_where_much_is_unexplained(monkeypatch):
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null, grid = problem.fit(), Grid.of(problem, case.hidden)
+    option = screening.Screened(case.hidden, grid.points[:1])
+    fit, asked = type(problem).fit, []
+
+    def spy(self, *args, **options):
+        asked.append((options["max_iterations"], options["n_lines"]))
+        return fit(self, *args, **options)
+
+    monkeypatch.setattr(type(problem), "fit", spy)
+    for settled in (False, True):
+        search._Round(problem, null, settled, (grid,))._fit_quickly([option], lambda text, done: None)
+    assert set(asked[:-1]) == {(search.QUICK_ITERATIONS, search.QUICK_LINES)}
+    assert asked[-1] == (ITERATIONS, problem.n_lines)
 
 
 @pytest.mark.parametrize("kind", ["member_damping", "joint_structural_damping"])

@@ -9,6 +9,7 @@ import fem
 from fem.effects import PointMass
 from fem.frf import FRF
 from updating import Measurement, Sensor, place_sensors
+from updating.fit import SYSTEMATIC_SHARE
 from updating.preparation import build_problem
 from updating.separation import next_measurements, what_decides
 
@@ -78,6 +79,23 @@ def test_the_same_explanation_needs_no_measurement(fits):
     for p in next_measurements(problem, right, right):
         assert p.evidence < 1e-12
         assert p.difference_db < 1e-9
+
+
+def test_an_error_of_the_model_takes_evidence_away(fits):
+    """Fits that leave far more than noise promise less, down to SYSTEMATIC_SHARE of it at one covariance."""
+    problem, right, wrong = fits
+
+    def evidence(noise):
+        data = replace(problem.data, noise=noise)
+        found = next_measurements(replace(problem, data=data), right, wrong, most=1000)
+        return {(p.kind, p.where): p.evidence for p in found}
+
+    known, loud = evidence(problem.data.noise), evidence(3 * problem.data.noise)
+    exact = evidence(np.full_like(problem.data.noise, 1e-9))
+    assert loud == known  # what is within the noise is none
+    shares = [exact[what] / value for what, value in known.items() if value > 1.0]
+    assert min(shares) > 0.5 * SYSTEMATIC_SHARE
+    assert max(shares) < 0.5
 
 
 def test_a_sensor_on_the_other_beam_separates_masses_on_either(fits):
