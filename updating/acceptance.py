@@ -4,6 +4,7 @@ The thresholds were set on cases with nothing hidden; `docs/finding-effects.md` 
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,10 +36,29 @@ together, and that on held-out lines."""
 ACCEPT_WEAK_BESIDE = 1.05
 """The first factor for one beside other effects, which may be a little otherwise than they are modelled."""
 ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING_BESIDE = 1.05, 1.12
-"""Both factors for an effect that also damps, alone and beside others, as the curve of modal damping is no
-exact model; the second number is the first factor for gyroscopic forces."""
+"""Both factors for an effect that also damps, alone and beside others, and that on the fitted lines by
+themselves, as the curve of modal damping is no exact model; the second number is the first factor for
+gyroscopic forces."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""
+
+
+class Factors(NamedTuple):
+    """By how much levels must fall with an effect.
+
+    Attributes
+    ----------
+    level : float
+        On fitted lines or, where the form is right, on all lines together.
+    held_out : float
+        On held-out lines.
+    fitted : float
+        On fitted lines by themselves.
+    """
+
+    level: float
+    held_out: float
+    fitted: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,12 +84,12 @@ class Rule:
     before: FitResult
     form_right: bool
 
-    def factors(self, effect: Effect) -> tuple[float, float]:
-        """Return by how much the levels on fitted and on held-out lines must fall with an effect."""
+    def factors(self, effect: Effect) -> Factors:
+        """Return by how much the levels must fall with an effect."""
         if not self.settled:
-            return STEP_LEVEL, STEP_LEVEL
+            return Factors(STEP_LEVEL, STEP_LEVEL)
         if not self.form_right:
-            return ACCEPT_SETTLED, ACCEPT_SETTLED
+            return Factors(ACCEPT_SETTLED, ACCEPT_SETTLED)
         return weak_factors(self.problem, effect, beside=bool(self.before.effects))
 
     def pays(self, after: FitResult) -> bool:
@@ -87,7 +107,7 @@ class Rule:
         effect = fit.effects[-1]
         return Ranked(
             effect.name, effect.kind, effect.where, parameters_of(effect, fit), fit.level, fit.fit_db,
-            fit.held_out_db, similarity, refined, self.before.level / self.factors(effect)[0], fit,
+            fit.held_out_db, similarity, refined, self.before.level / self.factors(effect).level, fit,
         )  # fmt: skip
 
 
@@ -123,14 +143,14 @@ def damps(problem: FitProblem, effect: Effect) -> bool:
     return any(_damps(problem, effect, p) for p in effect.parameters())
 
 
-def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> tuple[float, float]:
+def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> Factors:
     """Return the factors by which the levels must fall with a weak effect, alone or beside others."""
     if damps(problem, effect):
         damping = ACCEPT_WEAK_DAMPING_BESIDE if beside else ACCEPT_WEAK_DAMPING
-        return damping, damping
+        return Factors(damping, damping, damping)
     if any(_is_gyroscopic(problem, effect, p) for p in effect.parameters()):
-        return ACCEPT_WEAK_DAMPING_BESIDE, ACCEPT_WEAK_HELD_OUT
-    return ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT
+        return Factors(ACCEPT_WEAK_DAMPING_BESIDE, ACCEPT_WEAK_HELD_OUT)
+    return Factors(ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT)
 
 
 def within_tolerance(problem: FitProblem, fit: FitResult, name: str) -> bool:
@@ -169,23 +189,23 @@ def _changed(problem: FitProblem, effect: Effect, p: Parameter) -> set[str]:
     return out | ({"law"} if term.laws else set())
 
 
-def falls(
-    before: FitResult, after: FitResult, factors: tuple[float, float], form_right: bool = False
-) -> bool:
-    """Whether the levels on fitted and on held-out lines fall by more than two factors.
+def falls(before: FitResult, after: FitResult, factors: Factors, form_right: bool = False) -> bool:
+    """Whether the levels fall by more than factors.
 
     Where the model's form is right the first counts for all lines together, as chance gains little there,
     and held-out lines need only fall by ``PLAIN_HELD_OUT`` if the fitted ones fall by ``PLAIN_LEVEL``: a
     narrow resonance may lie between them.
     """
-    whole, held_out = factors
-    if not form_right:
-        return before.held_out_level > held_out * after.held_out_level and before.level > whole * after.level
-    if before.level > max(PLAIN_LEVEL, whole) * after.level:
-        held_out = PLAIN_HELD_OUT
-    return before.held_out_level > held_out * after.held_out_level and whole_level(
-        before
-    ) > whole * whole_level(after)
+    held_out = factors.held_out
+    if form_right:
+        lower = whole_level(before) > factors.level * whole_level(after)
+        held_out = (
+            PLAIN_HELD_OUT if before.level > max(PLAIN_LEVEL, factors.level) * after.level else held_out
+        )
+    else:
+        lower = before.level > factors.level * after.level
+    by_themselves = before.level > factors.fitted * after.level
+    return lower and by_themselves and before.held_out_level > held_out * after.held_out_level
 
 
 def whole_level(fit: FitResult) -> float:

@@ -12,6 +12,7 @@ from updating.acceptance import (
     ACCEPT_GAIN,
     ACCEPT_HELD_OUT,
     ACCEPT_LEVEL,
+    Factors,
     Rule,
     damps,
     falls,
@@ -629,7 +630,7 @@ def _without_idle(
         name = finding.effect.name
         rest = [f for f in findings if f.effect.name != name]
         less = problem.fit_without(current, name)
-        usual = (ACCEPT_LEVEL, ACCEPT_HELD_OUT)
+        usual = Factors(ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
         factors = weak_factors(problem, finding.effect, beside=bool(rest)) if weak else usual
         if not rest and gains(problem, less, current):

@@ -36,9 +36,9 @@ def test_effects_with_a_parameter_of_damping_must_gain_more():
     assert all(damps[kind] for kind in loose if kind in damps)
     assert damps["rotor"] is False  # what is skew takes no energy
     factors = {e.kind: acceptance.weak_factors(problem, e, beside=False) for e in propose(case.model)}
-    assert factors["member_damping"] == (1.05, 1.05)
-    assert factors["rotor"] == (1.12, 0.95)  # but makes modes complex, as damping out of proportion does
-    assert factors["member_stiffness"] == (1.02, 0.95)
+    assert factors["member_damping"] == (1.05, 1.05, 1.05)
+    assert factors["rotor"] == (1.12, 0.95, 0)  # but makes modes complex, as damping out of proportion does
+    assert factors["member_stiffness"] == (1.02, 0.95, 0)
     assert {"member_damping", "member_stiffness"} <= damps.keys()
 
 
@@ -124,8 +124,27 @@ def test_weak_effects_count_on_all_lines_together(after, falls):
     problem = build_problem(case.model, case.measurement, case.nuisances)
     one = replace(problem.nominal(), level=1.0, held_out_level=1.0)
     less = replace(one, level=after[0], held_out_level=after[1])
-    weak = acceptance.ACCEPT_WEAK, acceptance.ACCEPT_WEAK_HELD_OUT
+    weak = acceptance.Factors(acceptance.ACCEPT_WEAK, acceptance.ACCEPT_WEAK_HELD_OUT)
     assert acceptance.falls(one, less, weak, form_right=True) is falls
+
+
+@pytest.mark.parametrize("form_right", [True, False])
+@pytest.mark.parametrize(
+    ("after", "falls"),
+    [
+        ((0.92, 0.92), True),
+        ((0.973, 0.877), False),  # on all lines together by 1.05, of which held-out ones say most
+        ((0.92, 0.98), False),
+    ],
+)
+def test_what_damps_must_do_so_on_the_fitted_lines_by_themselves(after, falls, form_right):
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    one = replace(problem.nominal(), level=1.0, held_out_level=1.0)
+    less = replace(one, level=after[0], held_out_level=after[1])
+    (damping,) = propose(case.model, ["member_damping"])[:1]
+    factors = acceptance.weak_factors(problem, damping, beside=False)
+    assert acceptance.falls(one, less, factors, form_right=form_right) is falls
 
 
 def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise():
@@ -443,8 +462,8 @@ def test_what_damps_must_do_more_and_so_must_what_comes_beside_others():
     assert acceptance.weak_factors(problem, heavier, beside=False)[0] == acceptance.ACCEPT_WEAK
     assert acceptance.weak_factors(problem, heavier, beside=True)[0] == acceptance.ACCEPT_WEAK_BESIDE
     alone, among = (acceptance.weak_factors(problem, damped, beside=beside) for beside in (False, True))
-    assert alone == (acceptance.ACCEPT_WEAK_DAMPING,) * 2
-    assert among == (acceptance.ACCEPT_WEAK_DAMPING_BESIDE,) * 2
+    assert alone == (acceptance.ACCEPT_WEAK_DAMPING,) * 3
+    assert among == (acceptance.ACCEPT_WEAK_DAMPING_BESIDE,) * 3
     fit = problem.nominal()
     fit = replace(fit, level=0.5, solution=replace(fit.solution, cost=-10.0))
     scores = [acceptance.score(problem, replace(fit, effects=(e,))) for e in (heavier, damped)]
