@@ -39,6 +39,9 @@ ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING_BESIDE = 1.05, 1.12
 """Both factors for an effect that also damps, alone and beside others, and that on the fitted lines by
 themselves, as the curve of modal damping is no exact model; the second number is the first factor for
 gyroscopic forces."""
+LOSS_ALIKE = 0.2
+"""Where the form is right and nothing stands beside it, a loss factor of less than this share of all damping
+is no effect: members and joints are damped alike to a tenth at best."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""
 
@@ -96,7 +99,7 @@ class Rule:
         """Whether a fit with one more effect is enough better than that without, and not within tolerance."""
         alone = not self.before.effects
         last = after.effects[-1].name
-        if not (self.form_right and alone) and within_tolerance(self.problem, after, last):
+        if within_tolerance(self.problem, after, last, LOSS_ALIKE if self.form_right and alone else None):
             return False
         if alone and not (self.settled and self.form_right) and gains(self.problem, self.before, after):
             return True
@@ -153,8 +156,8 @@ def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> Factor
     return Factors(ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT)
 
 
-def within_tolerance(problem: FitProblem, fit: FitResult, name: str) -> bool:
-    """Whether an effect of a fit is but a loss factor that the tolerance of damping allows for.
+def within_tolerance(problem: FitProblem, fit: FitResult, name: str, share: float | None = None) -> bool:
+    """Whether an effect of a fit is but a loss factor that the tolerance of damping allows for, or a share.
 
     Members and joints are not damped alike to a tenth of their damping; that is no effect that a model lacks.
     """
@@ -163,7 +166,7 @@ def within_tolerance(problem: FitProblem, fit: FitResult, name: str) -> bool:
     if others or p.name != "loss_factor":
         return False
     mean = float(np.exp(np.log(fit.zeta[: len(curve.knots)]).mean()))
-    return abs(p.value) < curve.std * 2 * mean
+    return abs(p.value) < (curve.std if share is None else share) * 2 * mean
 
 
 def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:

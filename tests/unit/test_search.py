@@ -428,8 +428,11 @@ def test_a_loss_factor_within_the_tolerance_of_damping_is_no_effect(kind, share,
     effect = propose(case.model, [kind])[0].with_values(loss_factor=share * tolerance)
     better = replace(null, effects=(effect,), level=0.1, held_out_level=0.1)
     assert acceptance.Rule(problem, 0.0, False, null, False).pays(better) is pays
-    # where nothing but noise stands against it, it is one, but not beside another
+    # where nothing but noise stands against it, much less is one, but not beside another
     assert acceptance.Rule(problem, 2.0, True, null, True).pays(better)
+    little = effect.with_values(loss_factor=share * acceptance.LOSS_ALIKE / problem.damping.std * tolerance)
+    within = replace(better, effects=(little,))
+    assert acceptance.Rule(problem, 2.0, True, null, True).pays(within) is pays
     beside = replace(null, effects=(propose(case.model, ["member_density"])[0],))
     assert acceptance.Rule(problem, 2.0, True, beside, True).pays(better) is pays
 
