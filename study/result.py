@@ -154,10 +154,8 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
     if any(e.connection for e in d.model.effects):
         names += [CONNECTIONS_LEVEL, CONNECTIONS_POWER]
     for name, nominal, fitted, s in zip(names, curve.start, final.zeta, sd, strict=False):
-        moved, known = (
-            float(np.log(fitted / nominal)),
-            (nominal, fitted, nominal * curve.std, fitted * np.sinh(s)),
-        )
+        moved = float(np.log(fitted / nominal))
+        known = nominal, fitted, nominal * curve.std, fitted * np.sinh(s)
         if name == CONNECTIONS_POWER:  # its unknown is e to it
             known = 0.0, moved, curve.std, s
         before, after, prior, std = map(float, known)

@@ -202,9 +202,8 @@ def falls(before: FitResult, after: FitResult, factors: Factors, form_right: boo
     held_out = factors.held_out
     if form_right:
         lower = whole_level(before) > factors.level * whole_level(after)
-        held_out = (
-            PLAIN_HELD_OUT if before.level > max(PLAIN_LEVEL, factors.level) * after.level else held_out
-        )
+        if before.level > max(PLAIN_LEVEL, factors.level) * after.level:
+            held_out = PLAIN_HELD_OUT
     else:
         lower = before.level > factors.level * after.level
     by_themselves = before.level > factors.fitted * after.level

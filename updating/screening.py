@@ -198,9 +198,8 @@ def screen(
     are fitted now and, unless the model is settled, with their nominal values, in each case on the whole
     band, on the low band (where a wrong modulus shifts resonances by less than their width; not if it is
     settled), and on the whole band after the part has been taken off that a small change of the nuisance
-    parameters explains; of very many
-    candidates also by the measures of the short list. What counts is the measure by which a candidate does
-    best.
+    parameters explains; of very many candidates also by the measures of the short list. What counts is the
+    measure by which a candidate does best.
 
     Where the model is right but for noise, what may be left to find is weak. Then each candidate is judged
     by the level that the best strength of it would leave if the FRFs changed in proportion, again without
@@ -253,9 +252,9 @@ def screen(
     if not settled:
         return tuple(out)
     strong = [s for s in out if s.rank < N_BEST_STRONG]
-    more = {s.effect.name: s.starts[:1] for s in strong}
-    both = [replace(s, starts=s.starts + more.pop(s.effect.name, ())) for s in weak]
-    return (*both, *(s for s in strong if s.effect.name in more))
+    others = {s.effect.name: s.starts[:1] for s in strong}
+    both = [replace(s, starts=s.starts + others.pop(s.effect.name, ())) for s in weak]
+    return (*both, *(s for s in strong if s.effect.name in others))
 
 
 def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
