@@ -42,6 +42,9 @@ gyroscopic forces."""
 LOSS_ALIKE = 0.2
 """Where the form is right and nothing stands beside it, a loss factor of less than this share of all damping
 is no effect: members and joints are damped alike to a tenth at best."""
+CERTAIN = 2.0
+"""Where the model is settled, an effect with one parameter is none if it lies within so many standard
+deviations of its absence."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""
 
@@ -96,10 +99,15 @@ class Rule:
         return weak_factors(self.problem, effect, beside=bool(self.before.effects))
 
     def pays(self, after: FitResult) -> bool:
-        """Whether a fit with one more effect is enough better than that without, and not within tolerance."""
-        alone = not self.before.effects
-        last = after.effects[-1].name
-        if within_tolerance(self.problem, after, last, LOSS_ALIKE if self.form_right and alone else None):
+        """Whether a fit with one more effect is enough better than that without.
+
+        And not within tolerance nor, where the model is settled, within ``CERTAIN`` deviations of nothing.
+        """
+        alone, last = not self.before.effects, after.effects[-1]
+        share = LOSS_ALIKE if self.form_right and alone else None
+        if within_tolerance(self.problem, after, last.name, share):
+            return False
+        if self.settled and not stands_out(after, last.name):
             return False
         if alone and not (self.settled and self.form_right) and gains(self.problem, self.before, after):
             return True
@@ -167,6 +175,23 @@ def within_tolerance(problem: FitProblem, fit: FitResult, name: str, share: floa
         return False
     mean = float(np.exp(np.log(fit.zeta[: len(curve.knots)]).mean()))
     return abs(p.value) < (curve.std if share is None else share) * 2 * mean
+
+
+def stands_out(fit: FitResult, name: str) -> bool:
+    """Whether the only parameter of an effect is ``CERTAIN`` standard deviations from where it is absent.
+
+    Of the logarithm where it is fitted in it and that of absence is finite. Of several parameters one may be
+    uncertain because another is, as a mass near a support with its position: they pass.
+    """
+    effect = next(e for e in fit.effects if e.name == name)
+    p, *others = effect.parameters()
+    std = fit.std[name, p.name]
+    if others or not std > 0:
+        return True
+    if p.log and 0 < p.absent < np.inf:
+        return bool(abs(np.log(p.value / p.absent)) > CERTAIN * np.arcsinh(std / p.value))
+    distance = p.value if np.isinf(p.absent) else abs(p.value - p.absent)
+    return bool(distance > CERTAIN * std)
 
 
 def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:

@@ -18,6 +18,7 @@ from updating.acceptance import (
     falls,
     gains,
     score,
+    stands_out,
     weak_factors,
     whole_level,
     within_tolerance,
@@ -372,7 +373,7 @@ def _forward(
         current = best
         steps.append(step_added([last], best))
     before = findings
-    findings, current = _without_idle(problem, findings, current, weak_limit)
+    findings, current = _without_idle(problem, findings, current, limit, weak_limit)
     if len(findings) < len(before):
         left = {f.effect.name for f in findings}
         kept = [k for k, f in enumerate(before) if f.effect.name in left]
@@ -620,11 +621,12 @@ def _believed(fit: FitResult) -> FitResult:
 
 
 def _without_idle(
-    problem: FitProblem, findings: list[Finding], current: FitResult, weak_limit: float
+    problem: FitProblem, findings: list[Finding], current: FitResult, limit: float, weak_limit: float
 ) -> tuple[list[Finding], FitResult]:
-    """Drop effects without which the fit is nearly as good.
+    """Drop effects without which the fit is nearly as good, or that may as well be absent.
 
-    Up to the level ``weak_limit``, which is 0 unless the model's form is right, weak effects stay.
+    The latter up to the level ``limit``. Up to ``weak_limit``, which is 0 unless the model's form is right,
+    weak effects stay.
     """
     for finding in list(findings):
         name = finding.effect.name
@@ -633,9 +635,10 @@ def _without_idle(
         usual = Factors(ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
         factors = weak_factors(problem, finding.effect, beside=bool(rest)) if weak else usual
-        if not rest and gains(problem, less, current):
+        certain = current.level >= limit or stands_out(current, name)
+        if certain and not rest and gains(problem, less, current):
             continue
-        idle = not falls(less, current, factors, weak_limit > 0)
+        idle = not certain or not falls(less, current, factors, weak_limit > 0)
         if idle or (rest and within_tolerance(problem, current, name)):
             findings = [
                 replace(f, effect=e, parameters=parameters_of(e, less))
