@@ -426,7 +426,8 @@ def test_a_loss_factor_within_the_tolerance_of_damping_is_no_effect(kind, share,
     null = replace(problem.nominal(), level=1.0, held_out_level=1.0)
     tolerance = problem.damping.std * 2 * np.exp(np.log(null.zeta).mean())
     effect = propose(case.model, [kind])[0].with_values(loss_factor=share * tolerance)
-    better = replace(null, effects=(effect,), level=0.1, held_out_level=0.1)
+    std = {(effect.name, "loss_factor"): 0.01 * tolerance}
+    better = replace(null, effects=(effect,), std=std, level=0.1, held_out_level=0.1)
     assert acceptance.Rule(problem, 0.0, False, null, False).pays(better) is pays
     # where nothing but noise stands against it, much less is one, but not beside another
     assert acceptance.Rule(problem, 2.0, True, null, True).pays(better)
@@ -435,6 +436,36 @@ def test_a_loss_factor_within_the_tolerance_of_damping_is_no_effect(kind, share,
     assert acceptance.Rule(problem, 2.0, True, null, True).pays(within) is pays
     beside = replace(null, effects=(propose(case.model, ["member_density"])[0],))
     assert acceptance.Rule(problem, 2.0, True, beside, True).pays(better) is pays
+
+
+def test_an_effect_that_may_as_well_be_absent_does_not_pay_where_the_model_is_settled():
+    kinds = ("member_density", "joint_stiffness", "point_mass")
+    crossed, standing = (make_case(i, family) for i, family in ((0, "cross"), (1, "portal")))
+    heavier, joint, mass = (propose(crossed.model, [kind])[0] for kind in kinds)
+    support = propose(standing.model, ["support_flexibility"])[0]
+
+    def pays(effect, deviation, settled=True):
+        case = standing if effect is soft else crossed
+        problem = build_problem(case.model, case.measurement, case.nuisances)
+        null = replace(problem.nominal(), level=1.0, held_out_level=1.0)
+        p, *_ = effect.parameters()
+        fit = replace(null, effects=(effect,), level=0.1, held_out_level=0.1)
+        fit = replace(fit, std={(effect.name, p.name): deviation})
+        return acceptance.Rule(problem, 2.0, settled, null, False).pays(fit)
+
+    soft = support.with_values(stiffness=1e6)
+    assert np.isinf(soft.parameters()[0].absent)
+    assert [pays(soft, x) for x in (4.9e5, 5.1e5)] == [True, False]
+    more = heavier.with_values(change=0.01)
+    assert [pays(more, x) for x in (0.0049, 0.0051)] == [True, False]
+    assert pays(more, 0.0051, settled=False)  # more may be missing, and make everything uncertain
+    assert [pays(heavier.with_values(change=-0.01), x) for x in (0.0049, 0.0051)] == [True, False]
+    (p,) = joint.parameters()
+    assert np.isfinite(p.absent)
+    softer = joint.with_values(stiffness=p.absent / 1.2)  # ln 1.2 = 0.182
+    deviations = (p.absent / 1.2 * np.sinh(x) for x in (0.090, 0.092))
+    assert [pays(softer, x) for x in deviations] == [True, False]
+    assert pays(mass, 1e3)  # with its place, as which it may be uncertain
 
 
 def test_fits_are_repeated_from_where_they_are_on_the_whole_band():
@@ -511,7 +542,7 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
     damped = damped.with_values(loss_factor=1e-5)
     null = replace(problem.nominal(), level=0.20, held_out_level=0.20)
 
-    def left(effects, before, gained):
+    def left(effects, before, gained, limit=0.0):
         """Return what stays of effects without each of which the level is ``before``."""
         values = {(e.name, p.name): p.value for e in effects for p in e.parameters()}
         std = dict.fromkeys(values, 0.1)
@@ -529,7 +560,7 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
             ),
         )
         taken = [findings.Finding(e, findings.parameters_of(e, fit), ()) for e in effects]
-        return [f.effect.kind for f in search._without_idle(problem, taken, fit, 0.0)[0]]
+        return [f.effect.kind for f in search._without_idle(problem, taken, fit, limit, 0.0)[0]]
 
     assert left([heavier], 0.20, True) == ["member_density"]
     assert left([heavier], 0.20, False) == []
@@ -537,6 +568,11 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
     # a loss factor that the tolerance of damping allows for does not stay beside another effect
     assert left([heavier, damped], 0.40, False) == ["member_density"]
     assert left([damped], 0.40, False) == ["member_damping"]
+    # nor does what may as well be absent, where the model is right with it
+    uncertain = heavier.with_values(change=0.15)  # ± 0.1
+    assert left([uncertain], 0.40, True) == ["member_density"]
+    assert left([uncertain], 0.40, True, limit=0.2) == []
+    assert left([heavier.with_values(change=0.25)], 0.40, True, limit=0.2) == ["member_density"]
 
 
 def test_twins_gain_as_much_of_the_posterior_not_of_the_level():
