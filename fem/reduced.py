@@ -286,15 +286,18 @@ class ReducedModel:
         """
         if self.model.n_dof > RESIDUAL_LIMIT:
             return None
-        b, key = self.basis, ("flexibility", dofs.tobytes(), motions.tobytes())
+        b, few = self.basis, len(dofs) <= 12
+        # That of an element serves every effect on it.
+        key = ("flexibility", dofs.tobytes(), b"" if few else motions.tobytes())
         if key not in self._sparse:
-            forces = np.asarray(self.system.Q.T.tocsc()[:, dofs] @ motions)
+            forces = np.asarray(self.system.Q.T.tocsc()[:, dofs] @ (np.eye(len(dofs)) if few else motions))
             self._sparse[key] = forces.T @ b.factor.solve(forces)
         if "static" not in self._cache:
             total, m = self.base_sum(), b.n_main
             self._cache["static"] = np.linalg.inv(total["K"][:m, :m] - b.shift * total["M"][:m, :m])
         T = motions.T @ b.T[dofs, : b.n_main]
-        return self._sparse[key] - T @ self._cache["static"] @ T.T
+        full = motions.T @ self._sparse[key] @ motions if few else self._sparse[key]
+        return full - T @ self._cache["static"] @ T.T
 
     def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""

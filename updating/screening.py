@@ -102,7 +102,7 @@ class Grid:
             strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
             weakest = int(np.argmin(strength))
             most = float(strength[np.isfinite(strength)].max(initial=0.0) / strength[weakest])
-            out += [(self.scaled(points[weakest], f), most / f) for f in (WEAKER, 1.0)]
+            out += [(_scaled(p, points[weakest], f), most / f) for f in (WEAKER, 1.0)]
         return tuple(out)
 
     def looked_at(self, weak: bool) -> Sequence[dict[str, float]]:
@@ -117,7 +117,7 @@ class Grid:
             self._made[key] = tuple(map(problem.reduced.value_of, effects))
         return self._made[key]
 
-    def near(self, model: Model, places: Floats, reach: float) -> "Grid | None":
+    def near(self, model: Model, places: Floats, reach: float, longest: float = np.inf) -> "Grid | None":
         """Return the points of the grid at which the effect sits near one of some places; None without any.
 
         Parameters
@@ -127,15 +127,23 @@ class Grid:
             Points [m].
         reach : float
             Largest distance [m].
+        longest : float
+            Length of the longest member [m]: no effect moves farther along its own.
         """
 
-        def is_near(effect: Effect) -> bool:
+        def distance(effect: Effect) -> float:
             marks = effect.locations(model)
-            return bool((np.linalg.norm(marks[:, None] - places, axis=2) <= reach).any())
+            return float(np.linalg.norm(marks[:, None] - places, axis=2).min(initial=np.inf))
 
-        if not any(p.name == "position" for p in self.effect.parameters()):
-            return self if is_near(self.effect) else None
-        points = tuple(p for p in self.points if is_near(self.effect.with_values(**p)))
+        now = distance(self.effect)
+        position = next((p for p in self.effect.parameters() if p.name == "position"), None)
+        if position is None:
+            return self if now <= reach else None
+        if now > reach + longest:
+            return None
+        places_of_it = {p["position"]: p for p in self.points}
+        near = {s for s, p in places_of_it.items() if distance(self.effect.with_values(**p)) <= reach}
+        points = tuple(p for p in self.points if p["position"] in near)
         return Grid(self.effect, points) if points else None
 
     def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
@@ -144,19 +152,23 @@ class Grid:
         Of a stiffness that is infinite where it is absent, the flexibility is scaled. The result lies within
         the parameter's bounds.
         """
-        p = self.effect.with_values(**point).parameters()[0]
-        if np.isinf(p.absent):
-            value = point[p.name] / max(factor, 1e-12)
-        elif p.log and p.absent > 0:
-            value = p.absent * (point[p.name] / p.absent) ** factor
-        else:
-            value = p.absent + factor * (point[p.name] - p.absent)
-        return {**point, p.name: float(np.clip(value, p.lower, p.upper))}
+        return _scaled(self.effect.with_values(**point).parameters()[0], point, factor)
 
     def one_sided(self) -> bool:
         """Whether the first parameter can lie on one side only of where it is absent."""
         p = self.effect.parameters()[0]
         return bool(np.isinf(p.absent) or p.lower >= p.absent or p.upper <= p.absent)
+
+
+def _scaled(p: Parameter, point: dict[str, float], factor: float) -> dict[str, float]:
+    """Return what :meth:`Grid.scaled` does, with the first parameter."""
+    if np.isinf(p.absent):
+        value = point[p.name] / max(factor, 1e-12)
+    elif p.log and p.absent > 0:
+        value = p.absent * (point[p.name] / p.absent) ** factor
+    else:
+        value = p.absent + factor * (point[p.name] - p.absent)
+    return {**point, p.name: float(min(max(value, p.lower), p.upper))}
 
 
 def _strength(p: Parameter, value: float) -> float:

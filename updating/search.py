@@ -584,7 +584,7 @@ def _against_rivals(
     longest = max(model.mesh.member_length(m) for m in model.mesh.members)
     reach = min(SAME_PLACE * model.mesh.size, SAME_MEMBER * longest)
     others, places = (grids[e.name] for e in candidates if e.name != winner.name), winner.locations(model)
-    near = [part for grid in others if (part := grid.near(model, places, reach))]
+    near = [part for grid in others if (part := grid.near(model, places, reach, longest))]
     shift = change_of(problem, best, rule.before)
     entries = {r.name: r for r in ranked}
     entries[winner.name] = rule.ranked(best, 1.0, True)

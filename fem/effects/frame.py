@@ -545,12 +545,10 @@ class Frame(Effect):
             Weights of the axial, shear y, shear z, torsion, bending y and bending z parts [-].
         """
         g, lo, hi = self._stretch(model.mesh, member, start, stop)
-        K: Array = np.zeros((len(g.L), 12, 12))
-        for x, weight in zip(*_gauss(3), strict=True):
-            B = _strain(g, lo + x * (hi - lo))
-            scale = (weight * (hi - lo) * g.L)[:, None] * _rigidity(g) * np.asarray(factors)
-            K = K + np.einsum("bki,bk,bkj->bij", B, scale, B, optimize=True)
-        K = _to_global(K, g.T)
+        x, weight = (each[:, None] for each in _gauss(3))
+        B = _strain(g, lo + x * (hi - lo))
+        scale = (weight * (hi - lo) * g.L)[..., None] * _rigidity(g) * np.asarray(factors)
+        K = _to_global((np.swapaxes(B, -1, -2) @ (scale[..., None] * B)).sum(axis=0), g.T)
         return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
     def _stretch(self, mesh: Mesh, member: str, start: Any, stop: Any) -> tuple[_Lines, Array, Array]:
@@ -585,11 +583,10 @@ class Frame(Effect):
             Mass and rotary inertia per length in local x y z rx ry rz [kg/m, kg·m].
         """
         g, lo, hi = self._stretch(model.mesh, member, start, stop)
-        M: Array = np.zeros((len(g.L), 12, 12))
-        for x, weight in zip(*_gauss(4), strict=True):
-            N = _shape(g, lo + x * (hi - lo))
-            scale = (weight * (hi - lo) * g.L)[:, None] * np.asarray(weights)
-            M = M + np.swapaxes(N, 1, 2) @ (scale[:, :, None] * N)
+        x, weight = (each[:, None] for each in _gauss(4))
+        N = _shape(g, lo + x * (hi - lo))
+        scale = (weight * (hi - lo) * g.L)[..., None] * np.asarray(weights)
+        M = (np.swapaxes(N, -1, -2) @ (scale[..., None] * N)).sum(axis=0)
         return Contribution(g.dofs, M=_to_global(M, g.T))
 
     def cut(self, model: Model, member: str, position: Any, direction: str, compliance: Any) -> Contribution:
@@ -617,7 +614,7 @@ class Frame(Effect):
         """
         mesh = model.mesh
         at = mesh.locate(member, float(np.real(position)))
-        g = self._lines(mesh, [at.line])
+        g, K0 = _uncut(self, mesh, at.line)
         xi = at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0.0)
         x = _flexible(g, np.atleast_1d(xi))[0]
         i = DIRECTIONS.index(direction)
@@ -628,7 +625,7 @@ class Frame(Effect):
             m[8] = -arm
         if direction == "rz":
             m[7] = arm
-        q = _with_ends(g, _stiffness(_unslipped(g)))[0] @ m
+        q = K0 @ m
         K = -compliance / (1 + compliance * (m @ q)) * np.outer(q, q)
         K = _to_global(K[None], g.T_nodes)
         return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
@@ -931,6 +928,13 @@ def _unit_tension(frame: Frame, model: Model, member: str) -> Contribution:
     return Contribution(g.dofs, _tension(g))
 
 
+@lru_cache(maxsize=16)  # cuts of one line are asked for together, in all directions
+def _uncut(frame: Frame, mesh: Mesh, line: int) -> tuple[_Lines, Array]:
+    """Return a line of the mesh and its local stiffness (12, 12) from node to node."""
+    g = frame._lines(mesh, [line])
+    return g, _with_ends(g, _stiffness(_unslipped(g)))[0]
+
+
 def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: str) -> NDArray[np.float64]:
     """Return local axes as rows for line directions ``t`` (b, 3), shape (b, 3, 3).
 
@@ -1008,7 +1012,18 @@ def _inertia(g: _Lines) -> Array:
 
 def _stiffness(g: _Lines) -> Array:
     """Return ∫ Bᵀ diag(EA, …) B dx of the flexible parts, local, shape (b, 12, 12)."""
-    return _spread(np.broadcast_to(np.eye(3), (len(g.L), 3, 3)), *_plain_stiffness(g))
+    tt, tt2, tr, tr2, rr, rr2 = _plain_stiffness(g)
+    K = np.zeros((len(g.L), 12, 12), dtype=np.result_type(tt, tr, rr))
+    for i in range(3):
+        K[:, i, i] = K[:, 6 + i, 6 + i] = tt[i]
+        K[:, i, 6 + i] = K[:, 6 + i, i] = tt2[i]
+        K[:, 3 + i, 3 + i] = K[:, 9 + i, 9 + i] = rr[i]
+        K[:, 3 + i, 9 + i] = K[:, 9 + i, 3 + i] = rr2[i]
+    for (p, q), first, second in ((tr, (0, 3), (6, 9)), (tr2, (0, 9), (6, 3))):
+        for (r, c), sign in ((first, 1), (second, -1)):
+            K[:, r + 1, c + 2] = K[:, c + 2, r + 1] = sign * p
+            K[:, r + 2, c + 1] = K[:, c + 1, r + 2] = -sign * q
+    return K
 
 
 def _unslipped(g: _Lines) -> _Lines:
@@ -1172,22 +1187,35 @@ def _to_global(matrix: Array, T: Array) -> Array:
     return np.swapaxes(T, 1, 2) @ matrix @ T
 
 
-def _plane(xi: Array, L: Array, phi: Array) -> tuple[Array, Array, Array, Array]:
-    """Return deflection, rotation, curvature and slope for (v1, θ1, v2, θ2), each (b, 4)."""
-    d = 1 / (1 + phi)
-    v = [2 * xi**3 - 3 * xi**2 - phi * xi + 1 + phi, L * (xi**3 - (2 + phi / 2) * xi**2 + (1 + phi / 2) * xi),
-         -2 * xi**3 + 3 * xi**2 + phi * xi, L * (xi**3 - (1 - phi / 2) * xi**2 - phi / 2 * xi)]  # fmt: skip
-    r = [
-        6 * (xi**2 - xi) / L,
-        3 * xi**2 - (4 + phi) * xi + 1 + phi,
-        -6 * (xi**2 - xi) / L,
-        3 * xi**2 - (2 - phi) * xi,
-    ]
-    c = [(12 * xi - 6) / L**2, (6 * xi - 4 - phi) / L, (6 - 12 * xi) / L**2, (6 * xi - 2 + phi) / L]
-    s = [(6 * xi**2 - 6 * xi - phi) / L, 3 * xi**2 - (4 + phi) * xi + 1 + phi / 2,
-         (-6 * xi**2 + 6 * xi + phi) / L, 3 * xi**2 - (2 - phi) * xi - phi / 2]  # fmt: skip
-    v, r, c, s = (np.stack([d * q for q in group], axis=1) for group in (v, r, c, s))
-    return v, r, c, s
+def _plane(xi: Array, L: Array, phi: Array, wanted: str) -> list[Array]:
+    """Return what is wanted of v, r, c and s, each (…, b, 4), at places xi (…, b).
+
+    Deflection, rotation, curvature and slope for (v1, θ1, v2, θ2).
+    """
+
+    def of(which: str) -> list[Array]:
+        if which == "v":
+            return [
+                2 * xi**3 - 3 * xi**2 - phi * xi + 1 + phi,
+                L * (xi**3 - (2 + phi / 2) * xi**2 + (1 + phi / 2) * xi),
+                -2 * xi**3 + 3 * xi**2 + phi * xi,
+                L * (xi**3 - (1 - phi / 2) * xi**2 - phi / 2 * xi),
+            ]
+        if which == "r":
+            turn = 6 * (xi**2 - xi) / L
+            return [turn, 3 * xi**2 - (4 + phi) * xi + 1 + phi, -turn, 3 * xi**2 - (2 - phi) * xi]
+        if which == "c":
+            bend = (12 * xi - 6) / L**2
+            return [bend, (6 * xi - 4 - phi) / L, -bend, (6 * xi - 2 + phi) / L]
+        rise = (6 * xi**2 - 6 * xi - phi) / L
+        first, second = (
+            3 * xi**2 - (4 + phi) * xi + 1 + phi / 2,
+            3 * xi**2 - (2 - phi) * xi - phi / 2,
+        )
+        return [rise, first, -rise, second]
+
+    d = (1 / (1 + phi))[:, None]
+    return [d * np.stack(of(which), axis=-1) for which in wanted]
 
 
 def _flexible(g: _Lines, xi: Array) -> Array:
@@ -1227,44 +1255,47 @@ _SIGN = np.array([1.0, -1.0, 1.0, -1.0])  # θy = -dw/dx
 
 
 def _shape(g: _Lines, xi: Array) -> Array:
-    vy, ry, _, _ = _plane(xi, g.L, g.phi_y)
-    vz, rz, _, _ = _plane(xi, g.L, g.phi_z)
-    N = np.zeros((len(g.L), 6, 12), dtype=np.result_type(vy, vz))
-    N[:, 0, 0] = N[:, 3, 3] = 1 - xi
-    N[:, 0, 6] = N[:, 3, 9] = xi
-    N[:, 1, _Y], N[:, 5, _Y] = vy, ry
-    N[:, 2, _Z], N[:, 4, _Z] = vz * _SIGN, -rz * _SIGN
+    """Return the local motion (…, b, 6, 12) of places xi (…, b) on the flexible parts from their ends'."""
+    vy, ry = _plane(xi, g.L, g.phi_y, "vr")
+    vz, rz = _plane(xi, g.L, g.phi_z, "vr")
+    N = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(vy, vz))
+    N[..., 0, 0] = N[..., 3, 3] = 1 - xi
+    N[..., 0, 6] = N[..., 3, 9] = xi
+    N[..., 1, _Y], N[..., 5, _Y] = vy, ry
+    N[..., 2, _Z], N[..., 4, _Z] = vz * _SIGN, -rz * _SIGN
     bar = g.bar != 0
     if bar.any():
-        N[bar] = _bar_shape(xi[bar], g.L[bar])
+        N[..., bar, :, :] = _bar_shape(xi[..., bar], g.L[bar])
     return N
 
 
 def _bar_shape(xi: Array, L: Array) -> Array:
     """Return the motion of a bar: straight between its ends; about its own axis it turns as they do."""
-    N = np.zeros((len(L), 6, 12), dtype=np.result_type(xi, L))
+    N = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(xi, L))
     for d in range(4):
-        N[:, d, d], N[:, d, 6 + d] = 1 - xi, xi
-    N[:, 4, 2], N[:, 4, 8] = 1 / L, -1 / L
-    N[:, 5, 1], N[:, 5, 7] = -1 / L, 1 / L
+        N[..., d, d], N[..., d, 6 + d] = 1 - xi, xi
+    N[..., 4, 2], N[..., 4, 8] = 1 / L, -1 / L
+    N[..., 5, 1], N[..., 5, 7] = -1 / L, 1 / L
     return N
 
 
 def _strain(g: _Lines, xi: Array) -> Array:
-    _, ry, cy, sy = _plane(xi, g.L, g.phi_y)
-    _, rz, cz, sz = _plane(xi, g.L, g.phi_z)
-    B = np.zeros((len(g.L), 6, 12), dtype=np.result_type(cy, cz))
-    B[:, 0, 0] = B[:, 3, 3] = -1 / g.L
-    B[:, 0, 6] = B[:, 3, 9] = 1 / g.L
-    B[:, 1, _Y], B[:, 5, _Y] = sy - ry, cy
-    B[:, 2, _Z], B[:, 4, _Z] = (sz - rz) * _SIGN, -cz * _SIGN
+    """Return the strains (…, b, 6, 12) at places xi (…, b) on the flexible parts from their ends' motion."""
+    ry, cy, sy = _plane(xi, g.L, g.phi_y, "rcs")
+    rz, cz, sz = _plane(xi, g.L, g.phi_z, "rcs")
+    B = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(cy, cz))
+    B[..., 0, 0] = B[..., 3, 3] = -1 / g.L
+    B[..., 0, 6] = B[..., 3, 9] = 1 / g.L
+    B[..., 1, _Y], B[..., 5, _Y] = sy - ry, cy
+    B[..., 2, _Z], B[..., 4, _Z] = (sz - rz) * _SIGN, -cz * _SIGN
     return B
 
 
 def _slope(g: _Lines, xi: Array) -> Array:
     S = np.zeros((len(g.L), 2, 12))
-    S[:, 0, _Y] = _plane(xi, g.L, g.phi_y)[3]
-    S[:, 1, _Z] = _plane(xi, g.L, g.phi_z)[3] * _SIGN
+    (S[:, 0, _Y],) = _plane(xi, g.L, g.phi_y, "s")
+    (rise,) = _plane(xi, g.L, g.phi_z, "s")
+    S[:, 1, _Z] = rise * _SIGN
     bar = g.bar != 0
     if bar.any():
         S[bar] = 0.0
