@@ -329,6 +329,27 @@ def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
     assert taken.effects[-1].kind == "crack"
 
 
+def test_candidates_near_a_place_are_those_with_a_point_there():
+    case = make_case(3, "portal", "support_flexibility")
+    model, mesh = case.model, case.model.mesh
+    problem = build_problem(model, case.measurement, case.nuisances)
+    longest = max(mesh.member_length(m) for m in mesh.members)
+    reach = 0.1 * mesh.size
+    kept = 0
+    for place in mesh.points[[0, len(mesh.points) // 2, -1]]:
+        for effect in propose(model, ["crack", "distributed_mass", "support_flexibility"]):
+            grid = Grid.of(problem, effect)
+            there = [
+                p
+                for p in grid.points
+                if (np.linalg.norm(effect.with_values(**p).locations(model) - place, axis=1) <= reach).any()
+            ]
+            near = grid.near(model, place[None], reach, longest)
+            assert list(near.points if near else ()) == there
+            kept += len(there)
+    assert kept > 20
+
+
 def test_what_is_half_a_member_away_is_at_another_place(monkeypatch):
     case = make_case(3, "portal", "support_flexibility")
     model = case.model
@@ -511,14 +532,19 @@ def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_litt
     problem = build_problem(case.model, case.measurement, case.nuisances)
     null = problem.nominal()
     null = replace(null, level=0.2, held_out_level=0.2, solution=replace(null.solution, cost=0.0))
-    spring = propose(case.model, ["ground_spring"])[0]
+    spring = propose(case.model, ["ground_spring"])[0].with_values(stiffness=1e3)
     n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
 
     def pays(gain, held_out, *, settled, form_right):
         penalty = 0.5 * len(spring.parameters()) * np.log(n)
         solution = replace(null.solution, cost=-penalty - gain)
         after = replace(
-            null, effects=(*null.effects, spring), level=0.199, held_out_level=held_out, solution=solution
+            null,
+            effects=(*null.effects, spring),
+            std={(spring.name, "stiffness"): 1.0},
+            level=0.199,
+            held_out_level=held_out,
+            solution=solution,
         )
         return acceptance.Rule(problem, 0.3, settled, null, form_right).pays(after)
 
