@@ -42,7 +42,7 @@ gyroscopic forces."""
 LOSS_ALIKE = 0.2
 """Where the form is right and nothing stands beside it, a loss factor of less than this share of all damping
 is no effect: members and joints are damped alike to a tenth at best."""
-CERTAIN = 2.0
+CERTAIN = 3.0
 """Where the model is settled, an effect with one parameter is none if it lies within so many standard
 deviations of its absence."""
 DAMPING_MARGIN = 1.1

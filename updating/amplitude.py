@@ -19,6 +19,7 @@ from updating.correlation import log_ratio
 from updating.faults import Fault
 from updating.fit import (
     LEVEL_FLOOR,
+    NOISE_COUNTED,
     ROBUST,
     SYSTEMATIC_SHARE,
     FitData,
@@ -241,6 +242,7 @@ def _fitted(
             floor=LEVEL_FLOOR,
             noise=np.concatenate([noise_squares(d, f.at.lines) for d in f.levels]),
             systematic=SYSTEMATIC_SHARE,
+            counted=NOISE_COUNTED,
             groups=f.groups(),
             robust=ROBUST,
             max_iterations=max_iterations,

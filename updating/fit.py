@@ -28,6 +28,9 @@ SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
 """For which share of the independent data that stands, in covariances, which a fit leaves beyond a multiple
 of the noise: an error of the model is much the same at neighbouring lines and sensors."""
 
+NOISE_COUNTED = 4.0
+"""For how many times the independent data noise stands there: it is another at every line and sensor."""
+
 ITERATIONS = 14
 """At most so many iterations in each band of a fit."""
 
@@ -641,6 +644,7 @@ class FitFunction:
             floor=LEVEL_FLOOR,
             noise=noise_squares(p.data, self.lines),
             systematic=SYSTEMATIC_SHARE,
+            counted=NOISE_COUNTED,
             groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
             robust=ROBUST,
             max_iterations=max_iterations,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fem.model import Model, parameter_values
 from fem.reduced import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.fit import LEVEL_FLOOR, SYSTEMATIC_FROM, SYSTEMATIC_SHARE, FitProblem, FitResult
+from updating.fit import LEVEL_FLOOR, NOISE_COUNTED, SYSTEMATIC_FROM, SYSTEMATIC_SHARE, FitProblem, FitResult
 from updating.measurement import Sensor
 from updating.solve import inflation
 
@@ -122,8 +122,9 @@ def next_measurements(
     moving its parameters, whose posterior covariance is C and by which its prediction changes with J. With an
     error level s of the data, what remains is ½ dᵀ (s² I + J C Jᵀ)⁻¹ d, the expected log likelihood ratio
     (Lindley, Ann. Math. Stat. 27, 1956, in the linear case). As in the fits, lines stand for
-    :data:`updating.fit.INDEPENDENT_PER_MODE` independent data a mode, not for as many as there are, and what
-    is left beyond noise for :data:`updating.fit.SYSTEMATIC_SHARE` of these.
+    :data:`updating.fit.INDEPENDENT_PER_MODE` independent data a mode, not for as many as there are; noise
+    for :data:`updating.fit.NOISE_COUNTED` times these, and what is left beyond it for
+    :data:`updating.fit.SYSTEMATIC_SHARE` of them.
 
     Parameters
     ----------
@@ -218,7 +219,8 @@ class _Prediction:
         # the model's error is in it, as in the covariance.
         misfit = min(self.first.level, self.second.level) ** 2
         noise = (SYSTEMATIC_FROM * p.data.noise_level) ** 2
-        s2 = (LEVEL_FLOOR**2 + misfit) * inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE)
+        counts = SYSTEMATIC_SHARE, NOISE_COUNTED
+        s2 = (LEVEL_FLOOR**2 + misfit) * inflation(misfit, noise, LEVEL_FLOOR, *counts)
         s2 *= d[:, 0].size / (n_independent * reach * inputs.shape[1] / max(p.data.H.shape[2], 1))
         covariance = self.second.covariance[:n_par, :n_par]
         std = np.sqrt(covariance.diagonal())

@@ -62,6 +62,7 @@ def solve_robust(
     groups: NDArray[np.int64] | None = None,
     noise: NDArray[np.float64] | None = None,
     systematic: float = 1.0,
+    counted: float = 1.0,
     robust: float = 0.5,
     max_iterations: int = 20,
     tolerance: float = 5e-3,
@@ -92,8 +93,10 @@ def solve_robust(
     noise : ndarray (m,), optional
         How much of each residual's square is put down to independent noise.
     systematic : float
-        For how many of the independent data the rest stands, as a share of them, in the covariance; of no
+        For how many of the independent data the rest stands, in multiples of them, in the covariance; of no
         effect without ``noise``.
+    counted : float
+        For how many the noise stands there.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int
@@ -175,7 +178,7 @@ def solve_robust(
     worth = n_independent / len(r) / (floor**2 + misfit)
     if noise is not None:
         independent = np.bincount(member, noise, minlength=len(size)) / size
-        worth = worth / inflation(misfit, independent, floor, systematic)
+        worth = worth / inflation(misfit, independent, floor, systematic, counted)
     _, A = normal(r, J, worth)
     # What the data leave open is as uncertain as its bounds are wide, those of a uniform density; an inverse
     # that leaves such directions out would call them certain.
@@ -186,18 +189,23 @@ def solve_robust(
 
 
 def inflation(
-    misfit: NDArray[np.float64] | float, noise: NDArray[np.float64] | float, floor: float, systematic: float
+    misfit: NDArray[np.float64] | float,
+    noise: NDArray[np.float64] | float,
+    floor: float,
+    systematic: float,
+    counted: float = 1.0,
 ) -> Any:
-    """Return by what variances grow if what is left beyond noise stands for few data.
+    """Return by what variances grow if noise stands for other than n data, and the rest for still others.
 
-    1 + (1/systematic - 1) · max(0, 1 - (s² + noise)/(s² + misfit)), s the floor.
+    q/counted + (1 - q)/systematic with q = min(1, (s² + noise)/(s² + misfit)), s the floor.
 
     Parameters
     ----------
     misfit, noise : ndarray or float
         Mean square of residuals, and how much of it is put down to independent noise.
     floor : float
-    systematic : float
-        For which share of the independent data the rest stands.
+    systematic, counted : float
+        For how many times n data the rest and the noise stand.
     """
-    return 1 + (1 / systematic - 1) * np.maximum(0.0, 1 - (floor**2 + noise) / (floor**2 + misfit))
+    share = np.minimum(1.0, (floor**2 + noise) / (floor**2 + misfit))
+    return share / counted + (1 - share) / systematic

@@ -242,6 +242,10 @@ def test_what_is_left_beyond_noise_stands_for_few_data_in_the_covariance():
     np.testing.assert_allclose(like(noise=0 * square, systematic=0.1), 10 * plain.covariance, rtol=1e-3)
     quarter = like(noise=0.75 * square, systematic=0.1)
     np.testing.assert_allclose(quarter, (1 + 0.25 * 9) * plain.covariance, rtol=1e-3)
+    # noise stands for more
+    np.testing.assert_allclose(like(noise=square, counted=4.0), plain.covariance / 4, rtol=1e-3)
+    both = like(noise=0.75 * square, systematic=0.1, counted=4.0)
+    np.testing.assert_allclose(both, (0.75 / 4 + 0.25 * 10) * plain.covariance, rtol=1e-3)
 
 
 def test_a_group_at_its_noise_keeps_its_say_beside_one_that_the_model_misses():
