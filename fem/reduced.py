@@ -26,6 +26,9 @@ in factored form; forces for a basis are taken from the former."""
 RESIDUAL_LIMIT = 20_000
 """Models with at most this many DOFs get the residual flexibility at the places of candidates."""
 
+_ELEMENT = 12
+"""DOFs of one element."""
+
 _MANY = 12
 """Of more motions than this at a place, those are kept that forces at inputs and outputs bring about."""
 
@@ -286,8 +289,8 @@ class ReducedModel:
         """
         if self.model.n_dof > RESIDUAL_LIMIT:
             return None
-        b, few = self.basis, len(dofs) <= 12
-        # That of an element serves every effect on it.
+        b, few = self.basis, len(dofs) <= _ELEMENT
+        # All of an element's is solved for at once: it serves every effect there.
         key = ("flexibility", dofs.tobytes(), b"" if few else motions.tobytes())
         if key not in self._sparse:
             forces = np.asarray(self.system.Q.T.tocsc()[:, dofs] @ (np.eye(len(dofs)) if few else motions))

@@ -44,7 +44,7 @@ LOSS_ALIKE = 0.2
 is no effect: members and joints are damped alike to a tenth at best."""
 CERTAIN = 3.0
 """Where the model is settled, an effect with one parameter is none if it lies within so many standard
-deviations of its absence."""
+deviations of its absence, unless the level falls with it by more than ``ACCEPT_LEVEL``."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""
 
@@ -107,11 +107,11 @@ class Rule:
         share = LOSS_ALIKE if self.form_right and alone else None
         if within_tolerance(self.problem, after, last.name, share):
             return False
-        if self.settled and not stands_out(after, last.name):
+        if self.settled and not stands_out(self.before, after, last.name):
             return False
         if alone and not (self.settled and self.form_right) and gains(self.problem, self.before, after):
             return True
-        return falls(self.before, after, self.factors(after.effects[-1]), self.form_right)
+        return falls(self.before, after, self.factors(last), self.form_right)
 
     def ranked(self, fit: FitResult, similarity: float, refined: bool) -> Ranked:
         """Return a candidate's fit as an entry of the ranking."""
@@ -177,16 +177,18 @@ def within_tolerance(problem: FitProblem, fit: FitResult, name: str, share: floa
     return abs(p.value) < (curve.std if share is None else share) * 2 * mean
 
 
-def stands_out(fit: FitResult, name: str) -> bool:
+def stands_out(without: FitResult, fit: FitResult, name: str) -> bool:
     """Whether the only parameter of an effect is ``CERTAIN`` standard deviations from where it is absent.
 
-    Of the logarithm where it is fitted in it and that of absence is finite. Of several parameters one may be
-    uncertain because another is, as a mass near a support with its position: they pass.
+    Of the logarithm where it is fitted in it and that of absence is finite; a value that would have to be
+    infinite must be so many deviations above 0. Of several parameters one may be uncertain because another
+    is, as a mass near a support with its position: they pass. So does what lowers the level by more than
+    ``ACCEPT_LEVEL``: a support that is loose, or a contact that is rigid, may be uncertain by any factor.
     """
     effect = next(e for e in fit.effects if e.name == name)
     p, *others = effect.parameters()
     std = fit.std[name, p.name]
-    if others or not std > 0:
+    if others or not std > 0 or without.level > ACCEPT_LEVEL * fit.level:
         return True
     if p.log and 0 < p.absent < np.inf:
         return bool(abs(np.log(p.value / p.absent)) > CERTAIN * np.arcsinh(std / p.value))

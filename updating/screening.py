@@ -141,8 +141,8 @@ class Grid:
             return self if now <= reach else None
         if now > reach + longest:
             return None
-        places_of_it = {p["position"]: p for p in self.points}
-        near = {s for s, p in places_of_it.items() if distance(self.effect.with_values(**p)) <= reach}
+        along = {p["position"] for p in self.points}
+        near = {s for s in along if distance(self.effect.with_values(position=s)) <= reach}
         points = tuple(p for p in self.points if p["position"] in near)
         return Grid(self.effect, points) if points else None
 

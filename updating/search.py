@@ -635,7 +635,7 @@ def _without_idle(
         usual = Factors(ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
         factors = weak_factors(problem, finding.effect, beside=bool(rest)) if weak else usual
-        certain = current.level >= limit or stands_out(current, name)
+        certain = current.level >= limit or stands_out(less, current, name)
         if certain and not rest and gains(problem, less, current):
             continue
         idle = not certain or not falls(less, current, factors, weak_limit > 0)

@@ -122,9 +122,9 @@ def next_measurements(
     moving its parameters, whose posterior covariance is C and by which its prediction changes with J. With an
     error level s of the data, what remains is ½ dᵀ (s² I + J C Jᵀ)⁻¹ d, the expected log likelihood ratio
     (Lindley, Ann. Math. Stat. 27, 1956, in the linear case). As in the fits, lines stand for
-    :data:`updating.fit.INDEPENDENT_PER_MODE` independent data a mode, not for as many as there are; noise
-    for :data:`updating.fit.NOISE_COUNTED` times these, and what is left beyond it for
-    :data:`updating.fit.SYSTEMATIC_SHARE` of them.
+    :data:`updating.fit.INDEPENDENT_PER_MODE` independent data a mode, not for as many as there are, and what
+    is left beyond noise for :data:`updating.fit.SYSTEMATIC_SHARE` of these; the covariance, in which noise
+    counts for more, is taken as it would be with these.
 
     Parameters
     ----------
@@ -219,10 +219,12 @@ class _Prediction:
         # the model's error is in it, as in the covariance.
         misfit = min(self.first.level, self.second.level) ** 2
         noise = (SYSTEMATIC_FROM * p.data.noise_level) ** 2
-        counts = SYSTEMATIC_SHARE, NOISE_COUNTED
-        s2 = (LEVEL_FLOOR**2 + misfit) * inflation(misfit, noise, LEVEL_FLOOR, *counts)
+        as_in_fits, in_covariance = (
+            inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE, n) for n in (1.0, NOISE_COUNTED)
+        )
+        s2 = (LEVEL_FLOOR**2 + misfit) * as_in_fits
         s2 *= d[:, 0].size / (n_independent * reach * inputs.shape[1] / max(p.data.H.shape[2], 1))
-        covariance = self.second.covariance[:n_par, :n_par]
+        covariance = self.second.covariance[:n_par, :n_par] * (as_in_fits / in_covariance)
         std = np.sqrt(covariance.diagonal())
         own_units = np.outer(*2 * (np.where(std > 0, std, 1.0),))
         A = np.linalg.pinv(covariance / own_units, hermitian=True) / own_units

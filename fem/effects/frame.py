@@ -932,7 +932,10 @@ def _unit_tension(frame: Frame, model: Model, member: str) -> Contribution:
 def _uncut(frame: Frame, mesh: Mesh, line: int) -> tuple[_Lines, Array]:
     """Return a line of the mesh and its local stiffness (12, 12) from node to node."""
     g = frame._lines(mesh, [line])
-    return g, _with_ends(g, _stiffness(_unslipped(g)))[0]
+    K = _with_ends(g, _stiffness(_unslipped(g)))[0]
+    for shared in (g.dofs, g.T, K):
+        shared.flags.writeable = False
+    return g, K
 
 
 def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: str) -> NDArray[np.float64]:
@@ -1011,7 +1014,10 @@ def _inertia(g: _Lines) -> Array:
 
 
 def _stiffness(g: _Lines) -> Array:
-    """Return ∫ Bᵀ diag(EA, …) B dx of the flexible parts, local, shape (b, 12, 12)."""
+    """Return ∫ Bᵀ diag(EA, …) B dx of the flexible parts, local, shape (b, 12, 12).
+
+    That is :func:`_spread` on the global axes.
+    """
     tt, tt2, tr, tr2, rr, rr2 = _plain_stiffness(g)
     K = np.zeros((len(g.L), 12, 12), dtype=np.result_type(tt, tr, rr))
     for i in range(3):

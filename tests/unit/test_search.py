@@ -465,18 +465,19 @@ def test_an_effect_that_may_as_well_be_absent_does_not_pay_where_the_model_is_se
     heavier, joint, mass = (propose(crossed.model, [kind])[0] for kind in kinds)
     support = propose(standing.model, ["support_flexibility"])[0]
 
-    def pays(effect, deviation, settled=True):
+    def pays(effect, deviation, settled=True, level=0.9):
         case = standing if effect is soft else crossed
         problem = build_problem(case.model, case.measurement, case.nuisances)
         null = replace(problem.nominal(), level=1.0, held_out_level=1.0)
         p, *_ = effect.parameters()
-        fit = replace(null, effects=(effect,), level=0.1, held_out_level=0.1)
+        fit = replace(null, effects=(effect,), level=level, held_out_level=level)
         fit = replace(fit, std={(effect.name, p.name): deviation})
-        return acceptance.Rule(problem, 2.0, settled, null, False).pays(fit)
+        return acceptance.Rule(problem, 2.0, settled, null, True).pays(fit)
 
     soft = support.with_values(stiffness=1e6)
     assert np.isinf(soft.parameters()[0].absent)
     assert [pays(soft, x) for x in (3.3e5, 3.4e5)] == [True, False]
+    assert pays(soft, 1e9, level=0.7)  # the FRFs of one that is loose no longer change with it
     more = heavier.with_values(change=0.01)
     assert [pays(more, x) for x in (0.0033, 0.0034)] == [True, False]
     assert pays(more, 0.0034, settled=False)  # more may be missing, and make everything uncertain
@@ -596,9 +597,10 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
     assert left([damped], 0.40, False) == ["member_damping"]
     # nor does what may as well be absent, where the model is right with it
     uncertain = heavier.with_values(change=0.29)  # ± 0.1
-    assert left([uncertain], 0.40, True) == ["member_density"]
-    assert left([uncertain], 0.40, True, limit=0.2) == []
-    assert left([heavier.with_values(change=0.31)], 0.40, True, limit=0.2) == ["member_density"]
+    assert left([uncertain], 0.22, True) == ["member_density"]
+    assert left([uncertain], 0.22, True, limit=0.2) == []
+    assert left([uncertain], 0.24, True, limit=0.2) == ["member_density"]
+    assert left([heavier.with_values(change=0.31)], 0.22, True, limit=0.2) == ["member_density"]
 
 
 def test_twins_gain_as_much_of_the_posterior_not_of_the_level():

@@ -9,7 +9,7 @@ import fem
 from fem.effects import PointMass
 from fem.frf import FRF
 from updating import Measurement, Sensor, place_sensors
-from updating.fit import NOISE_COUNTED, SYSTEMATIC_SHARE
+from updating.fit import SYSTEMATIC_SHARE
 from updating.preparation import build_problem
 from updating.separation import next_measurements, what_decides
 
@@ -82,7 +82,7 @@ def test_the_same_explanation_needs_no_measurement(fits):
 
 
 def test_an_error_of_the_model_takes_evidence_away(fits):
-    """Fits that leave far more than noise promise less: SYSTEMATIC_SHARE for NOISE_COUNTED of it, no less."""
+    """Fits that leave far more than noise promise less, down to SYSTEMATIC_SHARE of it at one covariance."""
     problem, right, wrong = fits
 
     def evidence(noise):
@@ -94,7 +94,7 @@ def test_an_error_of_the_model_takes_evidence_away(fits):
     exact = evidence(np.full_like(problem.data.noise, 1e-9))
     assert loud == known  # what is within the noise is none
     shares = [exact[what] / value for what, value in known.items() if value > 1.0]
-    assert min(shares) > 0.5 * SYSTEMATIC_SHARE / NOISE_COUNTED
+    assert min(shares) > 0.5 * SYSTEMATIC_SHARE
     assert max(shares) < 0.5
 
 
