@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fem.effects import frame as frames
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
@@ -195,3 +196,13 @@ def test_long_chains_keep_their_order_and_direction(closed):
     fractions = mesh.arc_fractions()[mesh.members["ring"]]
     np.testing.assert_allclose(fractions[:, 1], np.arange(1, len(lines) + 1) / len(lines), rtol=1e-9)
     np.testing.assert_array_equal(fractions[1:, 0], fractions[:-1, 1])
+
+
+def test_local_stiffness_is_that_along_the_global_axes():
+    model = everything()
+    (frame,) = model.of_kind(Frame)
+    lines = frame._lines(model.mesh, np.arange(model.mesh.n_lines))
+    along = np.broadcast_to(np.eye(3), (model.mesh.n_lines, 3, 3))
+    K = frames._stiffness(lines)
+    np.testing.assert_array_equal(K, frames._spread(along, *frames._plain_stiffness(lines)))
+    assert np.linalg.matrix_rank(K[0], tol=1e-9 * np.abs(K[0]).max()) == 6
