@@ -19,7 +19,6 @@ from updating.correlation import log_ratio
 from updating.faults import Fault
 from updating.fit import (
     LEVEL_FLOOR,
-    NOISE_COUNTED,
     ROBUST,
     SYSTEMATIC_SHARE,
     FitData,
@@ -242,7 +241,7 @@ def _fitted(
             floor=LEVEL_FLOOR,
             noise=np.concatenate([noise_squares(d, f.at.lines) for d in f.levels]),
             systematic=SYSTEMATIC_SHARE,
-            counted=NOISE_COUNTED,
+            counted=problem.noise_counted,
             groups=f.groups(),
             robust=ROBUST,
             max_iterations=max_iterations,

@@ -27,7 +27,7 @@ from updating.findings import (
     step_added,
     step_of,
 )
-from updating.fit import LEVEL_FLOOR, FitData, FitProblem, FitResult
+from updating.fit import LEVEL_FLOOR, NOISE_COUNTED, FitData, FitProblem, FitResult
 from updating.gates import Gates, check_gates, with_last_faults
 from updating.measurement import Measurement, instruments_on
 from updating.parameters import Nuisance
@@ -221,7 +221,7 @@ def diagnose(
     candidates = propose(model, kinds, exclude, measurements[0])
     build = partial(
         build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,
-        n_lines=n_lines, connections=True,
+        n_lines=n_lines, connections=True, noise_counted=1.0 if model_error > 0 else NOISE_COUNTED,
     )  # fmt: skip
     problem = build(model)
     mesh_db, mesh_level = discretisation_error(problem)

@@ -29,7 +29,8 @@ SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
 of the noise: an error of the model is much the same at neighbouring lines and sensors."""
 
 NOISE_COUNTED = 4.0
-"""For how many times the independent data noise stands there: it is another at every line and sensor."""
+"""For how many times the independent data noise stands there, where the model's form is said to be right: it
+is another at every line and sensor."""
 
 ITERATIONS = 14
 """At most so many iterations in each band of a fit."""
@@ -221,6 +222,8 @@ class FitProblem:
         At most this many lines are fitted.
     fine_stages : ndarray
         More stages, for a fit that has ended in a minimum far from the data [Hz].
+    noise_counted : float
+        For how many times the independent data noise stands in covariances.
     """
 
     reduced: ReducedModel
@@ -231,6 +234,7 @@ class FitProblem:
     n_modes: int = 10
     n_lines: int = 160
     fine_stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
+    noise_counted: float = 1.0
 
     @property
     def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -644,7 +648,7 @@ class FitFunction:
             floor=LEVEL_FLOOR,
             noise=noise_squares(p.data, self.lines),
             systematic=SYSTEMATIC_SHARE,
-            counted=NOISE_COUNTED,
+            counted=p.noise_counted,
             groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
             robust=ROBUST,
             max_iterations=max_iterations,

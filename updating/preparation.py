@@ -64,6 +64,7 @@ def build_problem(
     band: tuple[float, float] | None = None,
     n_lines: int = N_LINES,
     connections: bool = False,
+    noise_counted: float = 1.0,
 ) -> FitProblem:
     """Reduce a model and prepare the data for fits.
 
@@ -82,6 +83,8 @@ def build_problem(
         At most this many lines are fitted.
     connections : bool
         Whether connections may be damped otherwise than members.
+    noise_counted : float
+        For how many times the independent data noise stands in covariances.
 
     Raises
     ------
@@ -140,7 +143,8 @@ def build_problem(
     fine = np.array([*(np.sqrt(modes[n - 1] * modes[n]) for n in ends[ends < k]), highest])
     enough = np.searchsorted(counted, fine, "right") >= STAGE_LINES
     enough[-1] = True
-    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine[enough])
+    fine = fine[enough]
+    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine, noise_counted)
 
 
 def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fem.model import Model, parameter_values
 from fem.reduced import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.fit import LEVEL_FLOOR, NOISE_COUNTED, SYSTEMATIC_FROM, SYSTEMATIC_SHARE, FitProblem, FitResult
+from updating.fit import LEVEL_FLOOR, SYSTEMATIC_FROM, SYSTEMATIC_SHARE, FitProblem, FitResult
 from updating.measurement import Sensor
 from updating.solve import inflation
 
@@ -220,7 +220,7 @@ class _Prediction:
         misfit = min(self.first.level, self.second.level) ** 2
         noise = (SYSTEMATIC_FROM * p.data.noise_level) ** 2
         as_in_fits, in_covariance = (
-            inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE, n) for n in (1.0, NOISE_COUNTED)
+            inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE, n) for n in (1.0, p.noise_counted)
         )
         s2 = (LEVEL_FLOOR**2 + misfit) * as_in_fits
         s2 *= d[:, 0].size / (n_independent * reach * inputs.shape[1] / max(p.data.H.shape[2], 1))

@@ -15,6 +15,7 @@ from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, diagnose, diagnosis
 from updating.findings import Finding
+from updating.fit import NOISE_COUNTED
 from updating.search import BASIS_SHARE
 
 
@@ -51,6 +52,8 @@ def test_elements_are_cut_where_the_mesh_leaves_more_than_a_tenth_of_the_noise()
     assert coarse.discretisation_db < 0.1 * coarse.noise_db
     # as long as a model of beams need not be right to more than 0.3 neper, the mesh is good enough
     as_given = run(case, kinds=alone)
+    # nor does noise count for more in deviations there
+    assert (coarse.problem.noise_counted, as_given.problem.noise_counted) == (NOISE_COUNTED, 1.0)
     assert as_given.problem.reduced.model.n_dof == case.model.n_dof
     # cut in two: bending converges with the fourth power, shear with the second
     assert 4 * coarse.discretisation_db < as_given.discretisation_db
