@@ -136,8 +136,7 @@ class Grid:
             return float(np.linalg.norm(marks[:, None] - places, axis=2).min(initial=np.inf))
 
         now = distance(self.effect)
-        position = next((p for p in self.effect.parameters() if p.name == "position"), None)
-        if position is None:
+        if not any(p.name == "position" for p in self.effect.parameters()):
             return self if now <= reach else None
         if now > reach + longest:
             return None

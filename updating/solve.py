@@ -93,10 +93,9 @@ def solve_robust(
     noise : ndarray (m,), optional
         How much of each residual's square is put down to independent noise.
     systematic : float
-        For how many of the independent data the rest stands, in multiples of them, in the covariance; of no
-        effect without ``noise``.
+        For how many of the independent data the rest stands, in multiples of them, in the covariance.
     counted : float
-        For how many the noise stands there.
+        For how many the noise stands there. Neither is of any effect without ``noise``.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int

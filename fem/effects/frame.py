@@ -1214,11 +1214,7 @@ def _plane(xi: Array, L: Array, phi: Array, wanted: str) -> list[Array]:
             bend = (12 * xi - 6) / L**2
             return [bend, (6 * xi - 4 - phi) / L, -bend, (6 * xi - 2 + phi) / L]
         rise = (6 * xi**2 - 6 * xi - phi) / L
-        first, second = (
-            3 * xi**2 - (4 + phi) * xi + 1 + phi / 2,
-            3 * xi**2 - (2 - phi) * xi - phi / 2,
-        )
-        return [rise, first, -rise, second]
+        return [rise, 3 * xi**2 - (4 + phi) * xi + 1 + phi / 2, -rise, 3 * xi**2 - (2 - phi) * xi - phi / 2]
 
     d = (1 / (1 + phi))[:, None]
     return [d * np.stack(of(which), axis=-1) for which in wanted]
