@@ -64,7 +64,8 @@ class Basis:
         if not more.shape[1]:
             return self
         V = _orthonormal(system, [self.V, more])
-        T = np.hstack([system.Q @ V, self.T[:, self.n_main :]])
+        added = np.asarray(system.Q @ V[:, self.n_main :])
+        T = np.hstack([self.T[:, : self.n_main], added, self.T[:, self.n_main :]])
         return replace(self, T=T, n_main=V.shape[1], V=V)
 
 

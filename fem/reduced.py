@@ -32,6 +32,10 @@ _ELEMENT = 12
 _MANY = 12
 """Of more motions than this at a place, those are kept that forces at inputs and outputs bring about."""
 
+_ALIKE, _ALIKE_COLUMNS, _ALIKE_PLACES = 64, 256, 4
+"""Of so many elements or more with one matrix, what each pair of their DOFs makes of it is kept for the last
+few such sets, on bases of at most so many vectors."""
+
 _ENERGY = 1e-9
 """Motions with less than this share of the strongest one's energy are left out."""
 
@@ -198,7 +202,9 @@ class ReducedModel:
     model: Model
     basis: Basis
     system: System
-    _cache: dict[Any, Any] = field(default_factory=lambda: {"base": {}, "linear": {}, "unit": {}}, repr=False)
+    _cache: dict[Any, Any] = field(
+        default_factory=lambda: {"base": {}, "linear": {}, "unit": {}, "alike": {}}, repr=False
+    )
     # What does not depend on the basis is shared with the models on others.
     _scalings: dict[Any, Any] = field(default_factory=dict, repr=False)
     _sparse: dict[Any, Any] = field(default_factory=dict, repr=False)
@@ -304,6 +310,8 @@ class ReducedModel:
 
     def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> _Term:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
+        if (alike := self._alike(contributions, imaginary)) is not None:
+            return alike
         if imaginary:  # where a stretch ends matters at its ends alone
             contributions = [_acting(c) for c in contributions]
         dofs = np.unique(
@@ -343,6 +351,46 @@ class ReducedModel:
         ]
         laws = tuple((f, X) for f, X in laws if X is not None)
         return _Term(T[dofs], K, M, C, D, laws, dofs)
+
+    def _alike(self, contributions: Sequence[Contribution], imaginary: bool) -> _Term | None:
+        """Project many elements that have one matrix, Σ x_ij Σ_e T_eiᵀ T_ej; None for others.
+
+        The inner sums are computed once for all matrices: a matrix costs the same on any mesh.
+        """
+        if len(contributions) != 1 or self.basis.T.shape[1] > _ALIKE_COLUMNS:
+            return None
+        (c,) = contributions
+        matrices = [X for X in (c.K, c.M, c.C, c.D) if X is not None]
+        one = all(X.strides[0] == 0 for X in matrices)
+        if c.law is not None or len(c.dofs) < _ALIKE or not one:
+            return None
+        known, at = self._cache["alike"], c.dofs.tobytes()
+        if at not in known:
+            while len(known) >= _ALIKE_PLACES:
+                known.pop(next(iter(known)))
+            known[at] = self._pairs(c.dofs)
+        first, second = np.triu_indices(c.dofs.shape[1])
+
+        def total(X: NDArray[Any] | None) -> NDArray[Any] | None:
+            if X is None:
+                return None
+            x = _part(X[0], imaginary)[first, second]
+            used = np.flatnonzero(x)
+            return np.tensordot(x[used], known[at][used], axes=1) if used.size else None
+
+        K, M, C, D = map(total, (c.K, c.M, c.C, c.D))
+        return _Term(None, K, M, C, D)
+
+    def _pairs(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return Σ_e T_eiᵀ T_ej, and its transpose with it where i ≠ j, for each pair i ≤ j of DOFs."""
+        T = self.basis.T
+        each = [np.ascontiguousarray(T[dofs[:, i]]) for i in range(dofs.shape[1])]
+        out = np.empty((len(each) * (len(each) + 1) // 2, *2 * T.shape[1:]))
+        for n, (i, j) in enumerate(zip(*np.triu_indices(len(each)), strict=True)):
+            out[n] = each[i].T @ each[j]
+            if i != j:
+                out[n] += out[n].T.copy()
+        return out
 
     def value_of(self, effect: Effect, model: Model | None = None) -> _Term:
         """Project an effect at its present values, on the nominal model or on one with other values."""

@@ -18,6 +18,8 @@ _BATCH = 2048
 """Elements that are formed at a time: what they need stays within some megabytes."""
 _MANY_LINES = 100_000
 """Axes and lengths of all lines are kept for meshes of at most so many."""
+_ALIKE = 1e-10
+"""Relative difference of lengths and axes up to which elements count as alike: coordinates are rounded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -314,6 +316,10 @@ class Frame(Effect):
         """Return the local axes of some or all lines of the mesh as rows, shape (n_lines, 3, 3)."""
         rows = np.arange(mesh.n_lines) if lines is None else np.asarray(lines, dtype=np.int64)
         return _place(_layout(self, mesh), mesh, rows)[0]
+
+    def alike(self, mesh: Mesh, member: str) -> bool:
+        """Whether all elements of a member have the same matrices: equally long, in one line, no offsets."""
+        return _alike(_Same(self.members), mesh, member)
 
     def _lines(
         self, mesh: Mesh, rows: ArrayLike, maps: bool = True, change: SectionChange = _NO_CHANGE
@@ -926,6 +932,14 @@ _kept_contribution = lru_cache(maxsize=1024)(_contribution)
 def _unit_tension(frame: Frame, model: Model, member: str) -> Contribution:
     g = frame._lines(model.mesh, model.mesh.members[member])
     return Contribution(g.dofs, _tension(g))
+
+
+@lru_cache(maxsize=1024)
+def _alike(members: _Same, mesh: Mesh, member: str) -> bool:
+    layout, rows = _layout_of(members, mesh), mesh.members[member]
+    R, _, _, L = _place(layout, mesh, rows)
+    same = layout.plain[rows].all() and (layout.kind[rows] == layout.kind[rows[0]]).all()
+    return bool(same and np.ptp(L) <= _ALIKE * L[0] and np.abs(R - R[0]).max() <= _ALIKE)
 
 
 @lru_cache(maxsize=16)  # cuts of one line are asked for together, in all directions

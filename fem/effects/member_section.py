@@ -8,7 +8,7 @@ import numpy as np
 
 from fem.effects.frame import Frame, SectionChange, member_contribution
 from fem.effects.places import OnMember, frame_of, is_bar, material_of
-from fem.model import Array, Contribution, Effect, Model, Parameter, ParameterRef
+from fem.model import Array, Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
 
 
 def changed_member(
@@ -16,25 +16,30 @@ def changed_member(
 ) -> tuple[Contribution, ...]:
     """Return what other sections add to a member's K, M and D.
 
-    ``instead_of`` gives the sections that the model has; those of its frame unless given.
+    ``instead_of`` gives the sections that the model has; those of its frame unless given. Of elements that
+    are alike one is formed, and stands for all.
     """
-    frame = frame_of(model)
-    rows = model.mesh.members[member]
-    new = frame.contribution_of(model, rows, change)
+    frame, mesh = frame_of(model), model.mesh
+    rows = mesh.members[member]
+    alike = frame.alike(mesh, member)
+    some = rows[:1] if alike else rows
+    new = frame.contribution_of(model, some, change)
     old = (
         member_contribution(frame, model, member)
-        if instead_of is None
-        else frame.contribution_of(model, rows, instead_of)
+        if instead_of is None and not alike
+        else frame.contribution_of(model, some, instead_of or SectionChange())
     )
+    dofs = dofs_of(mesh.lines[rows]).reshape(len(rows), 12)
 
     def minus(a: Array | None, b: Array | None) -> Array | None:
         if a is None or b is None:
             return None
         change = a - b  # symmetric but for the rounding of what cancels
-        return (change + np.swapaxes(change, 1, 2)) / 2
+        change = (change + np.swapaxes(change, 1, 2)) / 2
+        return np.broadcast_to(change, (len(rows), 12, 12)) if alike else change
 
     return tuple(
-        Contribution(c.dofs, minus(c.K, o.K), minus(c.M, o.M), D=minus(c.D, o.D))
+        Contribution(dofs if alike else c.dofs, minus(c.K, o.K), minus(c.M, o.M), D=minus(c.D, o.D))
         for c, o in zip(new, old, strict=True)
     )
 

@@ -1,5 +1,7 @@
 """The reduced model and its parametric FRFs against direct solves of every line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,12 +15,13 @@ from fem.effects import (
     SupportFlexibility,
 )
 from fem.effects.crack import Crack
+from fem.effects.frame import Frame
 from fem.effects.joint import Joint
 from fem.effects.joint_coupling import JointCoupling
 from fem.effects.joint_offset import JointOffset
 from fem.effects.joint_viscoelastic import JointZener
 from fem.effects.member_damping import MemberDamping
-from fem.effects.member_section import MemberSection, MemberTorsion
+from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
 from fem.effects.support import Support
 from fem.frf import compute_frf, dof_vectors
 from fem.model import Damping
@@ -207,6 +210,43 @@ def test_an_extended_basis_projects_what_is_new_alone_and_the_same():
     assert np.abs(H - expected).max() < 1e-6 * np.abs(expected).max()
     for mine, right in zip(dH, slopes, strict=True):
         assert np.abs(mine - right).max() < 1e-6 * np.abs(right).max()
+
+
+@pytest.mark.parametrize("mine", ["section", "shear"])
+def test_elements_that_are_alike_are_formed_and_projected_as_one(mine, monkeypatch):
+    model = cross_beam()
+    model = model.with_mesh(model.mesh.split(5))  # 80 elements each
+    effect = {
+        "section": MemberSection(name="c", member="upper", direction="z", change=0.1),
+        "shear": MemberShear(name="c", member="upper", euler=False, share=2.0),
+    }[mine]
+    reduced = reduce_model(model, attachments(model), FREQUENCY[-1])
+    name, value = effect.parameters()[0].name, effect.parameters()[0].value
+
+    def both():
+        fresh = ReducedModel(model, reduced.basis, reduced.system)
+        return fresh.value_of(effect), fresh.derivative_of(effect, name, value), fresh._cache["alike"]
+
+    *together, kept = both()
+    assert len(kept) == 1
+    monkeypatch.setattr(Frame, "alike", lambda *args: False)
+    *one_by_one, kept = both()
+    assert not kept
+    for found, expected in zip(together, one_by_one, strict=True):
+        for key in "KM":
+            X = expected.dense(key)
+            np.testing.assert_allclose(found.dense(key), X, rtol=0, atol=1e-10 * np.abs(X).max())
+
+
+def test_elements_of_another_length_are_not_alike():
+    model = cross_beam()
+    (frame,) = model.of_kind(Frame)
+    assert all(frame.alike(model.mesh, m) for m in model.mesh.members)
+    for direction in (0, 2):  # along the member, and out of line
+        points = model.mesh.points.copy()
+        points[model.mesh.lines[model.mesh.members["lower"][2], 1], direction] += 1e-5
+        moved = replace(model.mesh, points=points)
+        assert [frame.alike(moved, m) for m in ("lower", "upper")] == [False, True]
 
 
 @pytest.mark.parametrize("place", [0.2531, 0.307])
