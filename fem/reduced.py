@@ -374,7 +374,8 @@ class ReducedModel:
         def total(X: NDArray[Any] | None) -> NDArray[Any] | None:
             if X is None:
                 return None
-            x = _part(X[0], imaginary)[first, second]
+            x: Any = _part(X[0], imaginary)
+            x = x[first, second]
             used = np.flatnonzero(x)
             return np.tensordot(x[used], known[at][used], axes=1) if used.size else None
 

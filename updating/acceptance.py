@@ -3,7 +3,7 @@
 The thresholds were set on cases with nothing hidden; `docs/finding-effects.md` says which.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +45,9 @@ is no effect: members and joints are damped alike to a tenth at best."""
 CERTAIN = 3.0
 """Where the model is settled, an effect with one parameter is none if it lies within so many standard
 deviations of its absence, unless the level falls with it by more than ``ACCEPT_LEVEL``."""
+STRAINED = 3.0
+"""An uncertain parameter is what the model says up to so many prior standard deviations from it, and an
+effect that sets it within these is none; beyond them it is an effect, where the model's form is right."""
 DAMPING_MARGIN = 1.1
 """Of two candidates, the level of one that also damps counts as so much higher."""
 
@@ -105,7 +108,9 @@ class Rule:
         """
         alone, last = not self.before.effects, after.effects[-1]
         share = LOSS_ALIKE if self.form_right and alone else None
-        if within_tolerance(self.problem, after, last.name, share):
+        if within_tolerance(self.problem, after, last.name, share) or known_already(
+            self.problem, after, last.name
+        ):
             return False
         if self.settled and not stands_out(self.before, after, last.name):
             return False
@@ -175,6 +180,19 @@ def within_tolerance(problem: FitProblem, fit: FitResult, name: str, share: floa
         return False
     mean = float(np.exp(np.log(fit.zeta[: len(curve.knots)]).mean()))
     return abs(p.value) < (curve.std if share is None else share) * 2 * mean
+
+
+def known_already(problem: FitProblem, fit: FitResult, name: str) -> bool:
+    """Whether an effect but sets an uncertain parameter within ``STRAINED`` deviations of its nominal value.
+
+    Such as the stiffness of a joint whose tolerance the caller gives: free of it, it fits a little better.
+    """
+    effect = next(e for e in fit.effects if e.name == name)
+    own, replaced = effect.parameters(), effect.replaces()
+    if not len(own) == len(replaced) == 1:
+        return False
+    strains = problem.strains(replace(fit, values={replaced[0]: own[0].value}))
+    return any(abs(strain) <= STRAINED for strain in strains.values())
 
 
 def stands_out(without: FitResult, fit: FitResult, name: str) -> bool:

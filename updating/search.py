@@ -12,11 +12,13 @@ from updating.acceptance import (
     ACCEPT_GAIN,
     ACCEPT_HELD_OUT,
     ACCEPT_LEVEL,
+    STRAINED,
     Factors,
     Rule,
     damps,
     falls,
     gains,
+    known_already,
     score,
     stands_out,
     weak_factors,
@@ -86,8 +88,6 @@ AS_GOOD_ALONE = 1.2
 """One effect is preferred to several if its level is no more than this factor above theirs."""
 AS_GOOD = 3.0
 """Optima whose negative log posterior is no more than this above the best count as possible values."""
-STRAINED = 3.0
-"""An uncertain parameter so many standard deviations off is an effect, where the model's form is right."""
 BASIS_SHARE = 0.03
 """Error of the reduced basis, in parts of the residual level, above which the found model's modes join it."""
 BASIS_REACH = (1.2, 2.0)
@@ -360,9 +360,10 @@ def _forward(
         say(f"checking {label(best.effects[-1])}", (len(rounds) + 0.9) / (len(rounds) + 2))
         attached = _attached(problem, best.effects)
         best = _polish(attached, best)
-        if attached is not problem:  # the position has moved: once more where it is now
+        if attached is not problem:
             problem = _attached(attached, best.effects)
-            best = _polish(problem, best)
+            if problem is not attached:  # the position has moved: once more where it is now
+                best = _polish(problem, best)
             grids = {e.name: Grid.of(problem, e) for e in open_}
         reduced = problem.reduced
         problem, rounds[-1], best = _against_rivals(problem, rule, ranked, best, open_, grids)
@@ -625,26 +626,31 @@ def _without_idle(
 ) -> tuple[list[Finding], FitResult]:
     """Drop effects without which the fit is nearly as good, or that may as well be absent.
 
-    The latter up to the level ``limit``. Up to ``weak_limit``, which is 0 unless the model's form is right,
+    One at a time, that which costs the least first: of two that do much the same, one stays. Those that may
+    be absent go up to the level ``limit``. Up to ``weak_limit``, which is 0 unless the model's form is right,
     weak effects stay.
     """
-    for finding in list(findings):
-        name = finding.effect.name
-        rest = [f for f in findings if f.effect.name != name]
-        less = problem.fit_without(current, name)
+
+    def is_idle(effect: Effect, less: FitResult) -> bool:
+        name, rest = effect.name, len(findings) > 1
         usual = Factors(ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
-        factors = weak_factors(problem, finding.effect, beside=bool(rest)) if weak else usual
+        factors = weak_factors(problem, effect, beside=rest) if weak else usual
         certain = current.level >= limit or stands_out(less, current, name)
+        if known_already(problem, current, name) or (rest and within_tolerance(problem, current, name)):
+            return True
         if certain and not rest and gains(problem, less, current):
-            continue
-        idle = not certain or not falls(less, current, factors, weak_limit > 0)
-        if idle or (rest and within_tolerance(problem, current, name)):
-            findings = [
-                replace(f, effect=e, parameters=parameters_of(e, less))
-                for f, e in zip(rest, less.effects, strict=True)
-            ]
-            current = less
+            return False
+        return not certain or not falls(less, current, factors, weak_limit > 0)
+
+    while findings:
+        without = [problem.fit_without(current, f.effect.name) for f in findings]
+        idle = [k for k, f in enumerate(findings) if is_idle(f.effect, without[k])]
+        if not idle:
+            break
+        least = min(idle, key=lambda k: without[k].solution.cost)
+        current = without[least]
+        findings = at_values_of(current, findings[:least] + findings[least + 1 :])
     return findings, current
 
 
