@@ -490,6 +490,36 @@ def test_an_effect_that_may_as_well_be_absent_does_not_pay_where_the_model_is_se
     assert pays(mass, 1e3)  # with its place, as which it may be uncertain
 
 
+def test_what_is_said_to_be_uncertain_is_no_effect_within_its_tolerance():
+    case = make_case(1, "cross", "joint_stiffness")  # joints are known to 3 %
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null = problem.nominal()
+    joint = next(e for e in propose(case.model, ["joint_stiffness"]) if e.replaces() == (("J", "krz"),))
+    (p,) = joint.parameters()
+
+    def known(factor, problem=problem):
+        fit = replace(null, effects=(joint.with_values(stiffness=factor * p.absent),))
+        return acceptance.known_already(problem, fit, joint.name)
+
+    within, beyond = (np.exp(0.03 * acceptance.STRAINED * f) for f in (0.99, 1.01))
+    assert [known(f) for f in (within, 1 / within, beyond, 1 / beyond)] == [True, True, False, False]
+    assert not known(1.0, replace(problem, nuisances=()))  # as certain as the rest of the model
+    assert not acceptance.known_already(
+        problem, replace(null, effects=(propose(case.model, ["member_density"])[0],)), "member_density:U"
+    )
+    fit = replace(
+        null,
+        level=0.5 * null.level,
+        held_out_level=0.5 * null.held_out_level,
+        effects=(joint.with_values(stiffness=within * p.absent),),
+        std={(joint.name, p.name): 1e-9},
+    )
+    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    assert not rule.pays(fit)
+    far = replace(fit, effects=(joint.with_values(stiffness=beyond * p.absent),))
+    assert rule.pays(far)
+
+
 def test_fits_are_repeated_from_where_they_are_on_the_whole_band():
     # On the lower part of the band a mass spread over 0.3 m and one that reaches to the member's end look
     # alike, and a fit that begins there ends in the second, 25 % worse.
@@ -601,6 +631,33 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
     assert left([uncertain], 0.22, True, limit=0.2) == []
     assert left([uncertain], 0.24, True, limit=0.2) == ["member_density"]
     assert left([heavier.with_values(change=0.31)], 0.22, True, limit=0.2) == ["member_density"]
+
+
+def test_of_idle_effects_that_goes_first_which_costs_the_least(monkeypatch):
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    kinds = ("member_density", "point_mass", "member_torsion")
+    effects = tuple(propose(case.model, [kind])[0] for kind in kinds)
+    values = {(e.name, p.name): p.value for e in effects for p in e.parameters()}
+    null = problem.nominal()
+    fit = replace(null, effects=effects, values=null.values | values, std=dict.fromkeys(values, 0.1))
+    # the first two do much the same: one of them may go, and then not the other
+    cost = {"member_density": 3.0, "point_mass": 1.0, "member_torsion": 50.0}
+
+    def without(self, result, name):
+        left = tuple(e for e in result.effects if e.name != name)
+        both = len({e.kind for e in result.effects} & {"member_density", "point_mass"}) > 1
+        gone = next(e.kind for e in result.effects if e.name == name)
+        level = result.level * (1.0 if both and gone != "member_torsion" else 1.5)
+        solution = replace(result.solution, cost=result.solution.cost + cost[gone])
+        return replace(result, effects=left, level=level, held_out_level=level, solution=solution)
+
+    monkeypatch.setattr(FitProblem, "fit_without", without)
+    fit = replace(fit, level=0.2, held_out_level=0.2, solution=replace(fit.solution, cost=0.0))
+    taken = [findings.Finding(e, findings.parameters_of(e, fit), ()) for e in effects]
+    stay, less = search._without_idle(problem, taken, fit, 0.0, 0.0)
+    assert [f.effect.kind for f in stay] == ["member_density", "member_torsion"]
+    assert [e.kind for e in less.effects] == ["member_density", "member_torsion"]
 
 
 def test_twins_gain_as_much_of_the_posterior_not_of_the_level():
