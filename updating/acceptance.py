@@ -48,7 +48,7 @@ deviations of its absence, unless the level falls with it by more than ``ACCEPT_
 STRAINED = 3.0
 """An uncertain parameter is what the model says up to so many prior standard deviations from it, and an
 effect that sets it within these is none; beyond them it is an effect, where the model's form is right."""
-DAMPING_MARGIN = 1.1
+DAMPING_MARGIN = 1.03
 """Of two candidates, the level of one that also damps counts as so much higher."""
 
 
@@ -128,19 +128,18 @@ class Rule:
 
 
 def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
-    """Return what candidates are ranked by: the negative log posterior of a fit + ½ k ln n.
+    """Return what candidates are ranked by: the negative log posterior of a fit + k.
 
-    Schwarz's criterion (Ann. Stat. 6, 1978) with as many independent data n as the fits count and k
-    parameters of the last effects, so that one with more must earn them. The posterior is what was
-    minimised: each band has an error level of its own, so that one that no model reaches says little, and an
-    uncertain parameter far from its nominal value counts against a candidate that asks for it. The level of
-    an effect that also damps counts ``DAMPING_MARGIN`` times.
+    Akaike's criterion (IEEE Trans. Autom. Control 19, 1974) with k parameters of the last effects, so that
+    one with more must earn them. The posterior is what was minimised: each band has an error level of its
+    own, so that one that no model reaches says little, and an uncertain parameter far from its nominal value
+    counts against a candidate that asks for it. The level of an effect that also damps counts
+    ``DAMPING_MARGIN`` times.
     """
-    n = _n_independent(problem)
     last = fit.effects[len(fit.effects) - n_last :]
-    margin = np.log(DAMPING_MARGIN) if any(damps(problem, effect) for effect in last) else 0.0
-    k = sum(len(e.parameters()) for e in last)
-    return float(fit.solution.cost + n * margin + 0.5 * k * np.log(n))
+    damping = any(damps(problem, effect) for effect in last)
+    margin = _n_independent(problem) * np.log(DAMPING_MARGIN) if damping else 0.0
+    return float(fit.solution.cost + margin + sum(len(e.parameters()) for e in last))
 
 
 def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
