@@ -564,7 +564,6 @@ def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_litt
     null = problem.nominal()
     null = replace(null, level=0.2, held_out_level=0.2, solution=replace(null.solution, cost=0.0))
     spring = propose(case.model, ["ground_spring"])[0].with_values(stiffness=1e3)
-    n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
 
     def pays(gain, held_out, *, settled, form_right):
         penalty = len(spring.parameters())
@@ -612,8 +611,8 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
             lambda self, r, name: replace(
                 r,
                 effects=tuple(e for e in r.effects if e.name != name),
-                level=before,
-                held_out_level=before,
+                level=r.level * before / 0.19,
+                held_out_level=r.held_out_level * before / 0.19,
             ),
         )
         taken = [findings.Finding(e, findings.parameters_of(e, fit), ()) for e in effects]
