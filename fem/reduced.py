@@ -7,7 +7,7 @@ candidate effect what its own few DOFs cost.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -32,9 +32,8 @@ _ELEMENT = 12
 _MANY = 12
 """Of more motions than this at a place, those are kept that forces at inputs and outputs bring about."""
 
-_ALIKE, _ALIKE_COLUMNS, _ALIKE_PLACES = 64, 256, 4
-"""Of so many elements or more with one matrix, what each pair of their DOFs makes of it is kept for the last
-few such sets, on bases of at most so many vectors."""
+_ALIKE = 256
+"""On bases of at most so many vectors, what pairs of DOFs of elements with one matrix make of it is kept."""
 
 _ENERGY = 1e-9
 """Motions with less than this share of the strongest one's energy are left out."""
@@ -202,9 +201,7 @@ class ReducedModel:
     model: Model
     basis: Basis
     system: System
-    _cache: dict[Any, Any] = field(
-        default_factory=lambda: {"base": {}, "linear": {}, "unit": {}, "alike": {}}, repr=False
-    )
+    _cache: dict[Any, Any] = field(default_factory=lambda: {"base": {}, "linear": {}, "unit": {}}, repr=False)
     # What does not depend on the basis is shared with the models on others.
     _scalings: dict[Any, Any] = field(default_factory=dict, repr=False)
     _sparse: dict[Any, Any] = field(default_factory=dict, repr=False)
@@ -353,45 +350,26 @@ class ReducedModel:
         return _Term(T[dofs], K, M, C, D, laws, dofs)
 
     def _alike(self, contributions: Sequence[Contribution], imaginary: bool) -> _Term | None:
-        """Project many elements that have one matrix, Σ x_ij Σ_e T_eiᵀ T_ej; None for others.
+        """Project elements that have one symmetric matrix, Σ x_ij Σ_e T_eiᵀ T_ej; None for others.
 
-        The inner sums are computed once for all matrices: a matrix costs the same on any mesh.
+        The inner sums are computed once for all matrices: one costs the same on any mesh. It is less than by
+        way of the elements where there are as many of them as vectors.
         """
-        if len(contributions) != 1 or self.basis.T.shape[1] > _ALIKE_COLUMNS:
+        if len(contributions) != 1 or not len(contributions[0].dofs) >= self.basis.T.shape[1] <= _ALIKE:
             return None
         (c,) = contributions
         matrices = [X for X in (c.K, c.M, c.C, c.D) if X is not None]
-        one = all(X.strides[0] == 0 for X in matrices)
-        if c.law is not None or len(c.dofs) < _ALIKE or not one:
+        if c.law is not None or not all(X.strides[0] == 0 and (X[0] == X[0].T).all() for X in matrices):
             return None
-        known, at = self._cache["alike"], c.dofs.tobytes()
-        if at not in known:
-            while len(known) >= _ALIKE_PLACES:
-                known.pop(next(iter(known)))
-            known[at] = self._pairs(c.dofs)
-        first, second = np.triu_indices(c.dofs.shape[1])
+        m = c.dofs.shape[1]
+        pairs, (first, second) = _pairs(self.basis, c.dofs.tobytes(), m), np.triu_indices(m)
 
         def total(X: NDArray[Any] | None) -> NDArray[Any] | None:
-            if X is None:
-                return None
-            x: Any = _part(X[0], imaginary)
-            x = x[first, second]
-            used = np.flatnonzero(x)
-            return np.tensordot(x[used], known[at][used], axes=1) if used.size else None
+            part: Any = None if X is None else _part(X[0], imaginary)
+            return None if part is None else np.tensordot(part[first, second], pairs, axes=1)
 
         K, M, C, D = map(total, (c.K, c.M, c.C, c.D))
         return _Term(None, K, M, C, D)
-
-    def _pairs(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return Σ_e T_eiᵀ T_ej, and its transpose with it where i ≠ j, for each pair i ≤ j of DOFs."""
-        T = self.basis.T
-        each = [np.ascontiguousarray(T[dofs[:, i]]) for i in range(dofs.shape[1])]
-        out = np.empty((len(each) * (len(each) + 1) // 2, *2 * T.shape[1:]))
-        for n, (i, j) in enumerate(zip(*np.triu_indices(len(each)), strict=True)):
-            out[n] = each[i].T @ each[j]
-            if i != j:
-                out[n] += out[n].T.copy()
-        return out
 
     def value_of(self, effect: Effect, model: Model | None = None) -> _Term:
         """Project an effect at its present values, on the nominal model or on one with other values."""
@@ -490,6 +468,22 @@ class ReducedModel:
         if key not in known:
             known[key] = self.derivative_of(effect, parameter, value)
         return known[key]
+
+
+@lru_cache(maxsize=8)
+def _pairs(basis: Basis, dofs: bytes, n_dofs: int) -> NDArray[np.float64]:
+    """Return Σ_e T_eiᵀ T_ej, and its transpose with it where i ≠ j, for each pair i ≤ j of elements' DOFs.
+
+    Shape (n_dofs (n_dofs + 1)/2, r + p, r + p).
+    """
+    T, rows = basis.T, np.frombuffer(dofs, dtype=np.int64).reshape(-1, n_dofs)
+    each = [np.ascontiguousarray(T[rows[:, i]]) for i in range(n_dofs)]
+    out = np.empty((n_dofs * (n_dofs + 1) // 2, *2 * T.shape[1:]))
+    for n, (i, j) in enumerate(zip(*np.triu_indices(n_dofs), strict=True)):
+        out[n] = each[i].T @ each[j]
+        if i != j:
+            out[n] += out[n].T.copy()
+    return out
 
 
 def reduce_model(

@@ -190,8 +190,11 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     twins = {by_name[t.name] for t in found.twins if t.name in by_name} if found else set()
     accepted = by_name.get(found.effect.name) if found else None
     levels = [r.level * DB_PER_NEPER for r in ranked]
-    outcome = f"{accepted} is accepted" if accepted else "none of them lowers it enough"
+    outcome = f"{accepted} is accepted" if accepted else "none of them is accepted"
     limit, how = "to be accepted", "The best must reach the dotted line to be accepted."
+    if not found and ranked[0].level < ranked[0].asked:
+        limit = "asked of the level"
+        how = "What lies below the dotted line is within tolerance, or worse on lines that were not fitted."
     if found and not found.strain and ranked[0].level > ranked[0].asked:
         limit = "asked of the level alone"
         how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."

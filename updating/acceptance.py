@@ -143,9 +143,15 @@ def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
 
 
 def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
-    """Whether the only effect lowers the score as ``ACCEPT_GAIN`` asks, and held-out lines allow it."""
-    gain = score(problem, before, 0) - score(problem, after)
-    least = max(ACCEPT_GAIN, ACCEPT_GAIN_SHARE * _n_independent(problem))
+    """Whether the only effect lowers the score as ``ACCEPT_GAIN`` asks, and held-out lines allow it.
+
+    One that also damps must take ``ACCEPT_GAIN_SHARE`` more.
+    """
+    gain, share = (
+        score(problem, before, 0) - score(problem, after),
+        ACCEPT_GAIN_SHARE * _n_independent(problem),
+    )
+    least = max(ACCEPT_GAIN, share) + (share if damps(problem, after.effects[-1]) else 0.0)
     return gain > least and before.held_out_level > ACCEPT_GAIN_HELD_OUT * after.held_out_level
 
 
@@ -182,16 +188,17 @@ def within_tolerance(problem: FitProblem, fit: FitResult, name: str, share: floa
 
 
 def known_already(problem: FitProblem, fit: FitResult, name: str) -> bool:
-    """Whether an effect but sets an uncertain parameter within ``STRAINED`` deviations of its nominal value.
+    """Whether an effect but sets uncertain parameters within ``STRAINED`` deviations of their nominal values.
 
-    Such as the stiffness of a joint whose tolerance the caller gives: free of it, it fits a little better.
+    Such as the stiffness of a joint whose tolerance the caller gives: free of it, it fits a little better. Of
+    several joints that are set alike the root of the sum of squares counts.
     """
     effect = next(e for e in fit.effects if e.name == name)
     own, replaced = effect.parameters(), effect.replaces()
-    if not len(own) == len(replaced) == 1:
+    if len(own) != 1 or not replaced:
         return False
-    strains = problem.strains(replace(fit, values={replaced[0]: own[0].value}))
-    return any(abs(strain) <= STRAINED for strain in strains.values())
+    strains = problem.strains(replace(fit, values=dict.fromkeys(replaced, own[0].value)))
+    return len(strains) == len(replaced) and bool(np.linalg.norm(list(strains.values())) <= STRAINED)
 
 
 def stands_out(without: FitResult, fit: FitResult, name: str) -> bool:

@@ -477,6 +477,9 @@ class _Round:
         self._fit_quickly(chosen, say)
         names = sorted((o.effect.name for o in chosen), key=lambda n: score(problem, self._quick[n][0]))
         near = [n for n in names if self._quick[n][0].level < 1.8 * self._quick[names[0]][0].level]
+        # What is known already can only take the place of what is not.
+        able = [n for n in names if not (self.settled and known_already(problem, self._quick[n][0], n))]
+        names = [*able, *(n for n in names if n not in able)]
         finalists = names[: FINALS_SETTLED if self.settled else int(np.clip(len(near), 3, MOST_REFINED))]
         if self.settled and rule.form_right:
             # What damps stands behind all that do nothing, by its margin: its best is tried as well.
@@ -626,29 +629,33 @@ def _without_idle(
 ) -> tuple[list[Finding], FitResult]:
     """Drop effects without which the fit is nearly as good, or that may as well be absent.
 
-    One at a time, that which costs the least first: of two that do much the same, one stays. Those that may
-    be absent go up to the level ``limit``. Up to ``weak_limit``, which is 0 unless the model's form is right,
-    weak effects stay.
+    One at a time: first what is within tolerance, then that without which the score is best, so that of two
+    that do much the same one stays. Those that may be absent go up to the level ``limit``. Up to
+    ``weak_limit``, which is 0 unless the model's form is right, weak effects stay.
     """
 
+    def tolerated(name: str) -> bool:
+        known = known_already(problem, current, name)
+        return known or (len(findings) > 1 and within_tolerance(problem, current, name))
+
     def is_idle(effect: Effect, less: FitResult) -> bool:
-        name, rest = effect.name, len(findings) > 1
+        rest = len(findings) > 1
         usual = Factors(ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < weak_limit
         factors = weak_factors(problem, effect, beside=rest) if weak else usual
-        certain = current.level >= limit or stands_out(less, current, name)
-        if known_already(problem, current, name) or (rest and within_tolerance(problem, current, name)):
-            return True
+        certain = current.level >= limit or stands_out(less, current, effect.name)
         if certain and not rest and gains(problem, less, current):
             return False
         return not certain or not falls(less, current, factors, weak_limit > 0)
 
     while findings:
         without = [problem.fit_without(current, f.effect.name) for f in findings]
-        idle = [k for k, f in enumerate(findings) if is_idle(f.effect, without[k])]
+        n_left = len(findings) - 1
+        first = [k for k, f in enumerate(findings) if tolerated(f.effect.name)]
+        idle = first or [k for k, f in enumerate(findings) if is_idle(f.effect, without[k])]
         if not idle:
             break
-        least = min(idle, key=lambda k: without[k].solution.cost)
+        least = min(idle, key=lambda k: score(problem, without[k], n_left))
         current = without[least]
         findings = at_values_of(current, findings[:least] + findings[least + 1 :])
     return findings, current

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import fem.reduced
 from fem.effects import (
     JointStiffness,
     JointStructuralDamping,
@@ -24,11 +25,14 @@ from fem.effects.member_damping import MemberDamping
 from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
 from fem.effects.support import Support
 from fem.frf import compute_frf, dof_vectors
-from fem.model import Damping
+from fem.model import Damping, Model
 from fem.modes import solve_modes
+from fem.properties import Section
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.system import assemble
-from tests.frames import beam, cross_beam, fix, portal
+from tests.frames import STEEL, beam, cross_beam, fix, portal
+
+WIDE = Section.rectangle(0.04, 0.01)
 
 FREQUENCY = np.linspace(5.0, 1200.0, 160)
 OUT, IN = [(0, "z"), (5, "z"), (2, "y"), (3, "x")], [(0, "z"), (5, "x")]
@@ -215,27 +219,54 @@ def test_an_extended_basis_projects_what_is_new_alone_and_the_same():
 @pytest.mark.parametrize("mine", ["section", "shear"])
 def test_elements_that_are_alike_are_formed_and_projected_as_one(mine, monkeypatch):
     model = cross_beam()
-    model = model.with_mesh(model.mesh.split(5))  # 80 elements each
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    mesh = replace(model.mesh, points=model.mesh.points @ turn).split(5)  # 80 elements each
+    (frame,) = model.of_kind(Frame)
+    lossy = replace(STEEL, loss_factor=0.01)
+    members = {m: replace(p, material=lossy) for m, p in frame.members.items()}
+    model = Model(mesh, (replace(frame, members=members), *model.effects[1:]))
     effect = {
         "section": MemberSection(name="c", member="upper", direction="z", change=0.1),
         "shear": MemberShear(name="c", member="upper", euler=False, share=2.0),
     }[mine]
     reduced = reduce_model(model, attachments(model), FREQUENCY[-1])
+    assert reduced.basis.T.shape[1] <= 80
     name, value = effect.parameters()[0].name, effect.parameters()[0].value
+    projected, sums = [], fem.reduced._pairs
+    monkeypatch.setattr("fem.reduced._pairs", lambda *args: projected.append(1) or sums(*args))
 
     def both():
         fresh = ReducedModel(model, reduced.basis, reduced.system)
-        return fresh.value_of(effect), fresh.derivative_of(effect, name, value), fresh._cache["alike"]
+        stiffer = model.with_values({("frame", "E:steel"): 1.1 * STEEL.E})
+        return [
+            fresh.value_of(effect),
+            fresh.derivative_of(effect, name, value),
+            fresh.foreign_derivative_of(effect, ("frame", "E:steel"), 1.1 * STEEL.E, stiffer),
+        ]
 
-    *together, kept = both()
-    assert len(kept) == 1
+    together = both()
+    assert projected == [1, 1, 1]
     monkeypatch.setattr(Frame, "alike", lambda *args: False)
-    *one_by_one, kept = both()
-    assert not kept
-    for found, expected in zip(together, one_by_one, strict=True):
-        for key in "KM":
+    one_by_one = both()
+    assert projected == [1, 1, 1]
+    for k, (found, expected) in enumerate(zip(together, one_by_one, strict=True)):
+        for key in "KMD" if k < 2 else "KD":
             X = expected.dense(key)
+            assert np.abs(X).max() > 0
             np.testing.assert_allclose(found.dense(key), X, rtol=0, atol=1e-10 * np.abs(X).max())
+
+
+@pytest.mark.parametrize(
+    "own",
+    [{"release1": ("ry",)}, {"offset1": np.array([0, 0, 0.01])}, {"rigid2": 0.02}, {"section2": WIDE}],
+    ids=["release", "offset", "rigid end", "taper"],
+)
+def test_members_with_ends_of_their_own_have_elements_that_differ(own):
+    model = cross_beam()
+    (frame,) = model.of_kind(Frame)
+    members = {**frame.members, "lower": replace(frame.members["lower"], **own)}
+    changed = replace(frame, members=members)
+    assert [changed.alike(model.mesh, m) for m in ("lower", "upper")] == [False, True]
 
 
 def test_elements_of_another_length_are_not_alike():

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from fem.model import parameter_values
+from fem.reduced import reduce_model
 from study.validation.cases import Settings, draw_case
+from tests.frames import chain
 from tests.hidden.cases import make_case
 from updating import acceptance, findings, preparation, screening, search
 from updating.bootstrap import bootstrap
 from updating.diagnosis import EXPLAINED_LEVEL, diagnose, propose
 from updating.fit import ITERATIONS, FitProblem
+from updating.parameters import Nuisance
 from updating.preparation import build_problem
 from updating.screening import Grid
 
@@ -621,6 +624,9 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
     assert left([heavier], 0.20, True) == ["member_density"]
     assert left([heavier], 0.20, False) == []
     assert left([heavier], 0.40, False) == ["member_density"]
+    with monkeypatch.context() as patch:
+        patch.setattr(search, "known_already", lambda problem, fit, name: True)
+        assert left([heavier], 0.40, True) == []
     # a loss factor that the tolerance of damping allows for does not stay beside another effect
     assert left([heavier, damped], 0.40, False) == ["member_density"]
     assert left([damped], 0.40, False) == ["member_damping"]
@@ -630,6 +636,27 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
     assert left([uncertain], 0.22, True, limit=0.2) == []
     assert left([uncertain], 0.24, True, limit=0.2) == ["member_density"]
     assert left([heavier.with_values(change=0.31)], 0.22, True, limit=0.2) == ["member_density"]
+
+
+def test_joints_that_are_set_alike_are_off_together():
+    model = chain(3, 2, stiffness=100.0)
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    nuisances = tuple(Nuisance(f"hinge{i}", "krx", 0.05) for i in (0, 1))
+    reduced = reduce_model(model, np.eye(model.n_dof)[:, :1], 100.0)
+    problem, null = replace(problem, reduced=reduced, nuisances=nuisances), problem.nominal()
+    both = next(
+        e for e in propose(model, ["joint_stiffness"]) if e.name == "joint_stiffness:hinge0+hinge1.rx"
+    )
+
+    def known(deviations, of=nuisances):
+        effect = both.with_values(stiffness=100.0 * np.exp(0.05 * deviations))
+        fit = replace(null, effects=(effect,))
+        return acceptance.known_already(replace(problem, nuisances=of), fit, both.name)
+
+    limit = acceptance.STRAINED / np.sqrt(2)
+    assert [known(0.99 * limit), known(1.01 * limit)] == [True, False]
+    assert not known(0.0, nuisances[:1])  # the other is as certain as the rest of the model
 
 
 def test_of_idle_effects_that_goes_first_which_costs_the_least(monkeypatch):
@@ -711,8 +738,9 @@ def test_little_may_be_left_of_much_where_the_form_is_right():
     assert search.most_left(null, 0.03, 0.3) == pytest.approx(np.sqrt(0.5) * 0.4)
 
 
-def test_what_damps_is_tried_though_what_does_nothing_stands_before_it():
+def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypatch):
     """Its level counts a tenth more where candidates are compared; a weak effect does not make up for it."""
+    monkeypatch.setattr(acceptance, "DAMPING_MARGIN", 1.1)
     case = draw_case(Settings(1511), "weak", 10)  # a fractional joint; with it the level falls by 1.1
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, n_lines=480)
     null = problem.fit()
