@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.places import OnMember, bending_stiffness, frame_of, is_bar, material_of, welded_ends
-from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
 _WORDS = {"rx": "torsion", "ry": "bending about local y", "rz": "bending about local z"}
 
@@ -155,9 +155,9 @@ class EndRelease(OnMember):
         if not model.of_kind(Frame):
             return ()
         out: list[Effect] = []
-        for m, end in welded_ends(model):
-            stiff = np.isinf(frame_of(model).members[m].end_stiffness[6 * end - 3 : 6 * end])
-            for d in (d for d, yes in zip(("rx", "ry", "rz"), stiff, strict=True) if yes):
+        for m, end, axes in welded_ends(model):
+            ends = frame_of(model).members[m].end_stiffness
+            for d in (d for d in axes if np.isinf(ends[6 * end - 6 + DIRECTIONS.index(d)])):
                 reference = model.mesh.member_length(m) / bending_stiffness(model, m, d)
                 name = f"end_release:{m}.{end}.{d}"
                 out.append(

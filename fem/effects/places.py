@@ -178,6 +178,9 @@ def is_bar(model: Model, member: str) -> bool:
     return frame_of(model).members[member].theory == "bar"
 
 
+_PARALLEL = np.cos(np.radians(5))
+
+
 def member_ends(model: Model) -> Iterator[tuple[str, int, int]]:
     """Yield member, end (1 or 2) and point for both ends of every member."""
     for member in model.mesh.members:
@@ -211,19 +214,23 @@ def connected_points(model: Model) -> set[int]:
     return set((every[every < n] // 6).tolist())
 
 
-def welded_ends(model: Model) -> tuple[tuple[str, int], ...]:
-    """Return the ends of members, other than bars, that are welded to another member, as (member, end).
+def welded_ends(model: Model) -> tuple[tuple[str, int, tuple[str, ...]], ...]:
+    """Return where members other than bars are welded to others: member, end, and local axes of turning.
 
-    Where two ends meet and nothing else is, it does not matter which of them gives way: the first is taken.
+    Where two ends meet and nothing else is, it does not matter which of them gives way about an axis that
+    both have: the first is taken.
     """
-    count, others = n_lines_at(model), connected_points(model)
-    seen: set[int] = set()
+    count, others, axes = n_lines_at(model), connected_points(model), frame_of(model).rotations(model.mesh)
+    first: dict[int, NDArray[np.float64]] = {}
     out = []
     for member, end, point in member_ends(model):
-        alone = count[point] == 2 and point not in others
-        if count[point] > 1 and not is_bar(model, member) and not (alone and point in seen):
-            out.append((member, end))
-            seen.add(point)
+        if count[point] < 2 or is_bar(model, member):
+            continue
+        own = axes[model.mesh.members[member][0 if end == 1 else -1]]
+        known = first.get(point, np.zeros((0, 3))) if count[point] == 2 and point not in others else own[:0]
+        new = ~(np.abs(own @ known.T) > _PARALLEL).any(axis=1)
+        out.append((member, end, tuple(d for d, yes in zip(DIRECTIONS[3:], new, strict=True) if yes)))
+        first.setdefault(point, own)
     return tuple(out)
 
 

@@ -441,3 +441,13 @@ def test_where_two_ends_meet_one_of_them_gives_way():
     part = MemberProperties(STEEL, FLAT)
     model = Model(mesh, (Frame(members={"post": part, "arm": part}), fix(0, name="foot")))
     assert {(e.member, e.end) for e in EndRelease.propose(model)} == {("post", 2)}
+
+
+@pytest.mark.parametrize(("rise", "more"), [(0.0, []), (0.6, ["rx", "rz"]), (1e9, [])])
+def test_where_two_ends_meet_the_second_gives_way_about_axes_that_the_first_has_not(rise, more):
+    way = np.array([0.0, 1.0, rise]) / np.hypot(1.0, rise)  # level, askew, and upright
+    mesh = Mesh.from_lines([[1, 0, 0], [0, 0, 0], way], [[0, 1], [1, 2]], {"a": [0], "b": [1]})
+    model = Model(mesh.split(2), (Frame(members=dict.fromkeys("ab", MemberProperties(STEEL, FLAT))),))
+    names = [e.name for e in propose(model, ["end_release"])]
+    assert names[:3] == [f"end_release:a.2.{d}" for d in ("rx", "ry", "rz")]
+    assert names[3:] == [f"end_release:b.1.{d}" for d in more]

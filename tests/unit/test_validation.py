@@ -511,4 +511,6 @@ def test_a_soft_corner_goes_by_either_members_name_but_one_axis():
         "end_release:post.2.rx": True,
         "end_release:post.2.ry": False,
         "end_release:post.2.rz": False,
+        "end_release:arm.1.rx": False,  # askew to the post's y and z
+        "end_release:arm.1.ry": False,
     }
