@@ -259,7 +259,14 @@ def diagnose(
         alone = _amplitude_added(search, levels, nonlinear, between(say, 0.05, 0.2))
         search = alone if alone.current.level <= limit else search
     if not search.depends_on_amplitude:
-        search = search_effects(search, candidates, floor, model_error, between(say, 0.05, 0.9))
+        look = partial(search_effects, candidates=candidates, floor=floor, model_error=model_error)
+        search = look(search, say=between(say, 0.05, 0.9))
+        if search.current.level > max(limit, most_left(null, floor, model_error)):
+            # A sensor near a support with a wrong gain: it may be the support, but no effect explains it.
+            anew, doubtful = _with_doubtful_faults(problem, null, steps, limit)
+            if doubtful:
+                problem, null, faults = anew.problem, anew.current, (*faults, *doubtful)
+                search = look(anew, say=between(say, 0.05, 0.9))
         if nonlinear:
             search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
     say("checking", 0.98)
@@ -375,6 +382,18 @@ def _amplitude_added(
         steps=(*search.steps, step_added([finding.effect], current)),
         current=current,
     )
+
+
+def _with_doubtful_faults(
+    problem: FitProblem, null: FitResult, steps: Sequence[Step], limit: float
+) -> tuple[Search, tuple[Fault, ...]]:
+    """Return a search to begin with where faults are set right that a support may look like, and these.
+
+    None of them unless the model is right then.
+    """
+    mended, fit, faults = find_faults(problem, null, doubtful=True)
+    begin = Search(mended, (), (), (steps[0], step_of(steps[1].label, fit)), fit)
+    return begin, faults if fit.level <= limit else ()
 
 
 def _with_faults_settled(

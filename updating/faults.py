@@ -433,7 +433,7 @@ def _swap_hypotheses(problem: FitProblem, X: CrossPrediction, suspects: Sequence
     return out
 
 
-def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> _Hypothesis | None:
+def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: bool) -> _Hypothesis | None:
     """Return the most convincing fault of a sensor, believed or not."""
     n = len(problem.data.measurement.sensors)
     if n < 3:
@@ -455,7 +455,8 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> _Hypoth
         swaps = [h for h in found if h.believed and h.fault.kind == "sensor_swap"]
         both = [h for h in swaps if best.fault.sensor in (h.fault.sensor, h.fault.other)]
         best = max(both, key=lambda h: h.gain, default=best)
-    if best.believed and best.fault.kind not in _OWN and not _needed(problem, X, best):
+    sure = doubtful or best.fault.kind in _OWN
+    if best.believed and not sure and not _needed(problem, X, best):
         return replace(best, better=0.0)
     alike = [
         h
@@ -480,7 +481,9 @@ def _needed(problem: FitProblem, X: CrossPrediction, best: _Hypothesis) -> bool:
     return True
 
 
-def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+def find_faults(
+    problem: FitProblem, null: FitResult, *, doubtful: bool = False
+) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
     """Set sensors and excitations right that are at fault, and fit again.
 
     The most convincing fault is set right first, and everything is fitted and compared again, as one bad
@@ -491,6 +494,8 @@ def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitRe
     problem : FitProblem
     null : FitResult
         Its fit; effects in it are fitted again with the rest.
+    doubtful : bool
+        Whether faults count, too, that what acts near the sensor, or a support that gives way, may look like.
 
     Returns
     -------
@@ -504,7 +509,7 @@ def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitRe
     faults: list[Fault] = []
     start = problem.data
     while len(faults) < _MOST:
-        more = _turned_excitations(problem, null) or _most_convincing(problem, null)
+        more = _turned_excitations(problem, null) or _most_convincing(problem, null, doubtful)
         same = {(f.kind, f.sensor) for f in faults}
         if not more or any((f.kind, f.sensor) in same for f in more):
             break
@@ -514,14 +519,14 @@ def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitRe
     return problem, null, tuple(faults)
 
 
-def _most_convincing(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
+def _most_convincing(problem: FitProblem, result: FitResult, doubtful: bool) -> tuple[Fault, ...]:
     """Return the fault to set right next, none if there is none.
 
     A sensor beside an excitation can look as if it was at fault where the excitation is, and the other way
     round: the one that brings the FRFs nearer to the model's is named.
     """
     X = cross_predict(problem, Field.of(problem, result))
-    best = _best(problem, result, X)
+    best = _best(problem, result, X, doubtful)
     options = [_excitation_faults(problem, result, X)]
     if best is not None and best.believed:
         options.append((best.fault,))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fem import FRF
+from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
 from updating import (
     build_problem,
@@ -18,6 +19,7 @@ from updating import (
     settle_faults,
 )
 from updating.cross_prediction import Field, cross_predict
+from updating.diagnosis import diagnose
 from updating.faults import Fault, combined, corrected, uncorrected
 
 
@@ -323,3 +325,19 @@ def test_a_tilt_is_sought_towards_any_direction():
     target = np.cos(towards) * motions[0] + np.sin(towards) * motions[1]
     turn = faults._azimuth(lambda motion: -abs(float(motion @ target)), motions)
     assert abs(float(turn[0] @ [np.cos(towards), np.sin(towards)])) > np.cos(np.radians(2))
+
+
+def test_a_gain_that_a_support_may_look_like_is_believed_where_no_effect_explains_it():
+    case = draw_case(Settings(2201), "faults", 27)  # a sensor near a clamped foot
+    (implant,) = case.implants
+    truth = implant.hidden.values(implant.amplitude)["value"]
+    found = diagnose(case.model, [case.measurement], case.nuisances, kinds=["point_mass"], model_error=0.0)
+    null = found.steps[0]
+    assert found.verdict == "measurement fault"
+    (fault,) = found.faults
+    assert (fault.kind, fault.sensor) == ("sensor_gain", implant.hidden.place.sensors[0])
+    assert fault.value == pytest.approx(truth, rel=2e-3)
+    assert [s.label for s in found.steps] == ["nominal model", "uncertain parameters fitted"]
+    assert null.fit_db > 2 * found.steps[1].fit_db
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
+    assert find_faults(problem, problem.fit())[2] == ()  # a support that gives way would do the same
