@@ -96,7 +96,8 @@ class Contribution:
     dofs : ndarray of int (b, m)
         Global DOF numbers of each of the b elements.
     K, M, C, D : ndarray (b, m, m) or None
-        Stiffness, mass, viscous and structural damping; Z = K + iD + iωC - ω²M.
+        Stiffness, mass, viscous and structural damping; Z = K + iD + iωC - ω²M. Of elements that all have one
+        symmetric matrix it may be broadcast (`numpy.broadcast_to`): it is then projected as one.
     law : Law or None
         Dependence on frequency: Z = (storage(ω) + i loss(ω)) K, with M, C and D None. Both are real functions
         of real parameters, so that the complex steps of derivatives pass through each.
