@@ -147,10 +147,8 @@ def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
 
     One that also damps must take ``ACCEPT_GAIN_SHARE`` more.
     """
-    gain, share = (
-        score(problem, before, 0) - score(problem, after),
-        ACCEPT_GAIN_SHARE * _n_independent(problem),
-    )
+    gain = score(problem, before, 0) - score(problem, after)
+    share = ACCEPT_GAIN_SHARE * _n_independent(problem)
     least = max(ACCEPT_GAIN, share) + (share if damps(problem, after.effects[-1]) else 0.0)
     return gain > least and before.held_out_level > ACCEPT_GAIN_HELD_OUT * after.held_out_level
 

@@ -478,8 +478,7 @@ class _Round:
         names = sorted((o.effect.name for o in chosen), key=lambda n: score(problem, self._quick[n][0]))
         near = [n for n in names if self._quick[n][0].level < 1.8 * self._quick[names[0]][0].level]
         # What is known already can only take the place of what is not.
-        able = [n for n in names if not (self.settled and known_already(problem, self._quick[n][0], n))]
-        names = [*able, *(n for n in names if n not in able)]
+        names.sort(key=lambda n: self.settled and known_already(problem, self._quick[n][0], n))
         finalists = names[: FINALS_SETTLED if self.settled else int(np.clip(len(near), 3, MOST_REFINED))]
         if self.settled and rule.form_right:
             # What damps stands behind all that do nothing, by its margin: its best is tried as well.
@@ -649,10 +648,11 @@ def _without_idle(
         return not certain or not falls(less, current, factors, weak_limit > 0)
 
     while findings:
-        without = [problem.fit_without(current, f.effect.name) for f in findings]
         n_left = len(findings) - 1
         first = [k for k, f in enumerate(findings) if tolerated(f.effect.name)]
-        idle = first or [k for k, f in enumerate(findings) if is_idle(f.effect, without[k])]
+        tried = first or range(len(findings))
+        without = {k: problem.fit_without(current, findings[k].effect.name) for k in tried}
+        idle = first or [k for k, less in without.items() if is_idle(findings[k].effect, less)]
         if not idle:
             break
         least = min(idle, key=lambda k: score(problem, without[k], n_left))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.effects.frame import Frame, SectionChange, member_contribution
 from fem.effects.places import OnMember, frame_of, is_bar, material_of
@@ -29,19 +30,29 @@ def changed_member(
         if instead_of is None and not alike
         else frame.contribution_of(model, some, instead_of or SectionChange())
     )
-    dofs = dofs_of(mesh.lines[rows]).reshape(len(rows), 12)
 
     def minus(a: Array | None, b: Array | None) -> Array | None:
         if a is None or b is None:
             return None
         change = a - b  # symmetric but for the rounding of what cancels
-        change = (change + np.swapaxes(change, 1, 2)) / 2
-        return np.broadcast_to(change, (len(rows), 12, 12)) if alike else change
+        return (change + np.swapaxes(change, 1, 2)) / 2
 
-    return tuple(
-        Contribution(dofs if alike else c.dofs, minus(c.K, o.K), minus(c.M, o.M), D=minus(c.D, o.D))
+    changes = tuple(
+        Contribution(c.dofs, minus(c.K, o.K), minus(c.M, o.M), D=minus(c.D, o.D))
         for c, o in zip(new, old, strict=True)
     )
+    if not alike:
+        return changes
+    dofs = dofs_of(mesh.lines[rows]).reshape(len(rows), 12)
+    return tuple(_of_all(c, dofs) for c in changes)
+
+
+def _of_all(one: Contribution, dofs: NDArray[np.int64]) -> Contribution:
+    """Return the contribution of elements that all have the matrices of one."""
+    K, M, D = (
+        None if X is None else np.broadcast_to(X, (len(dofs), *X.shape[1:])) for X in (one.K, one.M, one.D)
+    )
+    return Contribution(dofs, K, M, D=D)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

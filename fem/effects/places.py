@@ -179,6 +179,7 @@ def is_bar(model: Model, member: str) -> bool:
 
 
 _PARALLEL = np.cos(np.radians(5))
+"""Cosine of the angle up to which two axes count as one [-]."""
 
 
 def member_ends(model: Model) -> Iterator[tuple[str, int, int]]:
