@@ -194,7 +194,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     limit, how = "to be accepted", "The best must reach the dotted line to be accepted."
     if not found and ranked[0].level < ranked[0].asked:
         limit = "asked of the level"
-        how = "What lies below the dotted line is within tolerance, too uncertain, or worse on held-out lines."
+        how = "What lies below the dotted line is within tolerance, uncertain, or worse on held-out lines."
     if found and not found.strain and ranked[0].level > ranked[0].asked:
         limit = "asked of the level alone"
         how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
