@@ -26,6 +26,9 @@ COHERENCE_TYPE = 6
 G0 = 9.80665
 """Standard gravity [m/s²]."""
 
+_MOVES = 1e-4
+"""Share of the largest FRF's size below which one of the model does not tell a unit."""
+
 SUSPECTS: tuple[tuple[float, str], ...] = (
     (1 / G0, "in g/N where (m/s²)/N is meant"),
     (G0, "multiplied by 9.81 once too often"),
@@ -455,7 +458,9 @@ def check_units(
         )
         with np.errstate(divide="ignore"):
             log = np.log10(np.abs(m.frf.H[pick])) - np.log10(np.abs(frf.H))
-        log = np.where(np.isfinite(log), log, np.nan).reshape(pick.size, -1)
+        # What only rounding moves in the model, as across the plane of a plane frame, has no ratio.
+        size = np.median(np.abs(frf.H), axis=0)
+        log = np.where(np.isfinite(log) & (size > _MOVES * size.max()), log, np.nan).reshape(pick.size, -1)
         log = log[:, np.isfinite(log).mean(axis=0) > 0.5]
         some = np.isfinite(log).any(axis=1)
         if some.sum() >= 8:

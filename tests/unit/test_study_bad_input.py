@@ -426,3 +426,19 @@ def test_no_value_is_a_fault_of_the_program(tmp_path, capsys, place, value):
     said = capsys.readouterr().err
     assert code in (0, 2), said
     assert said.count("\n") == (code == 2)
+
+
+def test_what_only_rounding_moves_tells_no_unit(tmp_path, capsys, measured):
+    """Two sensors across the plane in which a bar is shaken: the model says 1e-16 of what was measured."""
+    across = "".join(
+        f'\n[[sensors]]\nname = "{name}"\npoint = {place}\ndirection = "y"\n'
+        for name, place in (("y1", '"B"'), ("y2", "[0.5, 0, 0]"))
+    )
+    noise = 1e-4 * np.abs(measured.H)
+    H = np.concatenate([measured.H, noise, noise], axis=1)
+    write_npz(tmp_path / "m.npz", with_values(measured, H, outputs=("tip", "y1", "y2")))
+    (tmp_path / "study.toml").write_text(GOOD + across + FILE, encoding="utf-8")
+    assert main(["modes", str(tmp_path / "study.toml")]) == 0
+    write_npz(tmp_path / "m.npz", with_values(measured, 1e3 * H, outputs=("tip", "y1", "y2")))
+    capsys.readouterr()
+    fails(tmp_path, capsys, GOOD + across + FILE, "in mm where m", "scale = 0.001")
