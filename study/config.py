@@ -43,7 +43,7 @@ from study.parts import (
 )
 from study.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from study.table import Source, StudyError, Table, suggest
-from updating.diagnosis import EXPLAINED_LEVEL
+from updating.fit import EXPLAINED_LEVEL
 from updating.measurement import Measurement, Sensor, with_sensor_masses
 from updating.parameters import Nuisance
 from updating.unknowns import Unknown

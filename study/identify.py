@@ -485,8 +485,9 @@ def estimate(
     study, nuisances = task.study, task.nuisances()
     n_lines = study.n_lines or MOST_LINES
     problem = build_problem(
-        task.tied(), task.measurement, nuisances, damping_std=study.damping_std, n_lines=n_lines
-    )
+        task.tied(), task.measurement, nuisances,
+        damping_std=study.damping_std, n_lines=n_lines, model_error=0.0,
+    )  # fmt: skip
     every = _bands(problem, problem.data.frequency)
     step = np.concatenate([_spread(np.flatnonzero(every == b), n_lines, every) for b in np.unique(every)])
     vectors = [rows.T for rows in task.vectors()]

@@ -110,6 +110,8 @@ def diagnose(options: Options, progress: Progress) -> None:
     )
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *_found(found), "", *_staircase(found)]
     for k, ranked in enumerate(found.rounds):
+        if not ranked:
+            continue
         shown = ranked[: options.number]
         width = _width([words.ranked_label(r) for r in shown])
         lines += [

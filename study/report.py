@@ -18,7 +18,7 @@ from study.result import RunResult, Uncertain, least_frac, program_version
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED
 from updating.findings import Finding, Ranked
-from updating.fit import FitData
+from updating.fit import TRANSVERSE, FitData
 from updating.separation import Proposal
 
 CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
@@ -164,7 +164,7 @@ def _compared(result: RunResult, album: Album) -> Markup:
                     f"{data.frequency[0]:g} to {data.frequency[-1]:g} Hz, {data.frequency.size} lines",
                 ),
                 ("held out", _held_out_words(result)),
-                ("values that count", _counted(data)),
+                ("values that count", _counted(data, result.study.model_error)),
                 ("noise", f"{d.noise_db:.2f} dB, from {data.measurement.noise_source}"),
                 (
                     "model",
@@ -206,7 +206,7 @@ def _held_out_words(result: RunResult) -> str:
     return "; ".join([text, *result.held_out_channels])
 
 
-def _counted(data: FitData) -> str:
+def _counted(data: FitData, model_error: float) -> str:
     mask = np.broadcast_to(data.mask, data.H.shape)
     silent = [
         f"{o}/{i}"
@@ -218,6 +218,10 @@ def _counted(data: FitData) -> str:
         f"{100 * mask.mean():.0f} % of all; left out are FRFs that are zero by symmetry "
         "and lines with too much noise"
     )
+    if model_error > 0:
+        text += (
+            f", and readings that {100 * TRANSVERSE:.0f} % of the motion across their sensor may have made"
+        )
     if silent:
         text += f". Left out as a whole: {', '.join(silent[:12])}" + (
             f" and {len(silent) - 12} more" if len(silent) > 12 else ""
@@ -317,7 +321,8 @@ def _missing(result: RunResult, album: Album) -> Markup:
         table(["effect", "parameter", "value ± std", "model has", "std [%]"], rows, numbers=(2, 3, 4)),
     ]
     for k, finding in enumerate(d.findings):
-        parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
+        if not finding.without:
+            parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
         parts.append(_decided(finding, album[f"decides-{k + 1}"]))
         parts += [_separated(finding, t, p) for t, p in zip(finding.twins, finding.proposals, strict=False)]
     parts.append(
@@ -440,6 +445,8 @@ def _nothing_found(result: RunResult) -> list[Markup]:
         NOTHING: (
             "Nothing that these data can show. This does not prove that the model is right where no mode "
             "of the band strains it."
+            if not d.left_alone
+            else "Nothing that stands out from what beams leave of any structure."
         ),
         FAULT: "Nothing, once the sensors below are set right.",
         UNEXPLAINED: (
@@ -451,6 +458,8 @@ def _nothing_found(result: RunResult) -> list[Markup]:
         paragraph(text),
         paragraph(
             f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
+            if looked_at and not d.left_alone
+            else "None of the candidates was looked at: little enough is left without them."
             if looked_at
             else "There were no candidates."
         ),
@@ -474,13 +483,15 @@ def _search(result: RunResult, album: Album) -> Markup:
         )
     ]
     for k, ranked in enumerate(d.rounds):
+        if not ranked:  # in the model before the search
+            continue
         body = join(
             [
                 _figure(album[f"ranking-{k + 1}"]),
                 _ranking(ranked, d.findings[k] if k < len(d.findings) else None, k),
             ]
         )
-        parts.append(body if k == 0 else folded(f"Round {k + 1}: {_outcome(result, k)}", body))
+        parts.append(body if len(parts) == 1 else folded(f"Round {k + 1}: {_outcome(result, k)}", body))
     return section("How the candidates did", *parts)
 
 

@@ -126,7 +126,10 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
     """Return the uncertain parameters before and after the last fit."""
     problem, final = d.problem, d.steps[-1].result
     out = []
+    there = {e.name for e in d.model.effects}
     for n in problem.nuisances:
+        if n.effect not in there:  # corners that were in the model before the verdict was "unexplained"
+            continue
         (p,) = (p for p in problem.reduced.model.effect(n.effect).parameters() if p.name == n.parameter)
         ref = (n.effect, n.parameter)
         fitted = final.values.get(ref, np.nan)

@@ -150,6 +150,7 @@ def fit_problem(study: Study) -> FitProblem:
         damping_std=study.damping_std,
         band=study.band,
         n_lines=study.n_lines or N_LINES,
+        model_error=study.model_error,
     )
 
 

@@ -171,8 +171,10 @@ def headline(result: RunResult) -> str:
         if d.steps[-1].level > d.limit:
             told += " That explains the misfit only in part."
         return f"{told} Besides, {faults}." if faults else told
-    if d.verdict == NOTHING:
+    if d.verdict == NOTHING and not d.left_alone:
         return "The model lacks nothing that these data can show."
+    if d.verdict == NOTHING:
+        return "The model fits the data as well as beams fit a structure. Weak effects were not searched for."
     if d.verdict == FAULT:
         return f"The measurement is at fault, not the model: {faults}."
     if d.verdict == UNEXPLAINED:
@@ -196,6 +198,7 @@ def sentence(finding: Finding) -> str:
         "joint_structural_damping": f"{thing} dissipates more than in the model",
         "member_density": f"{where} is {heavier} than in the model",
         "member_stiffness": f"{where} is {stiffer} than in the model",
+        "solid_corner": "the structure has solid corners, whose size centre lines leave out",
         "point_mass": f"{member} carries a mass at {at} that the model lacks",
         "preload": f"{where} is under {'tension' if change > 0 else 'compression'} that the model lacks",
         "stiffness_loss": f"{member} has lost stiffness at {at}",
@@ -294,6 +297,13 @@ def confidence(result: RunResult) -> list[str]:
                 "What is uncertain in the model explains the data as well, but only "
                 f"{abs(finding.strain):.1f} standard deviations from its nominal value: either the effect is "
                 "there, or the study's tolerance is too small."
+            )
+            continue
+        if finding.without:
+            what = effect_label(finding.effect.kind, finding.effect.where)
+            out.append(
+                f"Without {what}, the best fit of all else leaves {finding.without.fit_db:.2f} dB, on lines "
+                f"held out {finding.without.held_out_db:.2f} dB."
             )
             continue
         out.append(_rivals(finding, ranked, len(d.findings) > 1))

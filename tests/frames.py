@@ -182,3 +182,19 @@ def mounted(size=0.1):
         ),
         Damping.structural(0.004),
     )  # fmt: skip
+
+
+def welded(size=0.05, **beam):
+    """Return a clamped column that a beam ends on, and an arm at the beam's other end, of solid bars."""
+    points = [[0, 0, 0], [0, 0, 0.3], [0, 0, 0.42], [0.35, 0, 0.3], [0.35, 0.25, 0.3]]
+    lines = [[0, 1], [1, 2], [1, 3], [3, 4]]
+    mesh = Mesh.from_lines(points, lines, {"column": [0, 1], "beam": [2], "arm": [3]}).refined(size)
+    column = MemberProperties(STEEL, Section.rectangle(0.03, 0.02), orientation=(1, 0, 0))
+    frame = Frame(
+        members={
+            "column": column,
+            "beam": MemberProperties(STEEL, Section.rectangle(0.02, 0.016), **beam),
+            "arm": MemberProperties(STEEL, Section.rectangle(0.02, 0.012)),
+        }
+    )
+    return Model(mesh, (frame, fix(0, name="foot")))

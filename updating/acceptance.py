@@ -43,7 +43,7 @@ LOSS_ALIKE = 0.2
 """Where the form is right and nothing stands beside it, a loss factor of less than this share of all damping
 is no effect: members and joints are damped alike to a tenth at best."""
 CERTAIN = 3.0
-"""Where the model is settled, an effect with one parameter is none if it lies within so many standard
+"""Where the model is settled, an effect is none if its first parameter lies within so many standard
 deviations of its absence, unless the level falls with it by more than ``ACCEPT_LEVEL``."""
 STRAINED = 3.0
 """An uncertain parameter is what the model says up to so many prior standard deviations from it, and an
@@ -83,21 +83,18 @@ class Rule:
         Whether it was so when the round began.
     before : FitResult
         The model without it.
-    form_right : bool
-        Whether the caller says that nothing but noise and the mesh may be left.
     """
 
     problem: FitProblem
     limit: float
     settled: bool
     before: FitResult
-    form_right: bool
 
     def factors(self, effect: Effect) -> Factors:
         """Return by how much the levels must fall with an effect."""
         if not self.settled:
             return Factors(STEP_LEVEL, STEP_LEVEL)
-        if not self.form_right:
+        if not self.problem.form_right:
             return Factors(ACCEPT_SETTLED, ACCEPT_SETTLED)
         return weak_factors(self.problem, effect, beside=bool(self.before.effects))
 
@@ -107,16 +104,17 @@ class Rule:
         And not within tolerance nor, where the model is settled, within ``CERTAIN`` deviations of nothing.
         """
         alone, last = not self.before.effects, after.effects[-1]
-        share = LOSS_ALIKE if self.form_right and alone else None
+        form_right = self.problem.form_right
+        share = LOSS_ALIKE if form_right and alone else None
         if within_tolerance(self.problem, after, last.name, share) or known_already(
             self.problem, after, last.name
         ):
             return False
         if self.settled and not stands_out(self.before, after, last.name):
             return False
-        if alone and not (self.settled and self.form_right) and gains(self.problem, self.before, after):
+        if alone and not (self.settled and form_right) and gains(self.problem, self.before, after):
             return True
-        return falls(self.before, after, self.factors(last), self.form_right)
+        return falls(self.before, after, self.factors(last), form_right)
 
     def ranked(self, fit: FitResult, similarity: float, refined: bool) -> Ranked:
         """Return a candidate's fit as an entry of the ranking."""
@@ -200,22 +198,38 @@ def known_already(problem: FitProblem, fit: FitResult, name: str) -> bool:
 
 
 def stands_out(without: FitResult, fit: FitResult, name: str) -> bool:
-    """Whether the only parameter of an effect is ``CERTAIN`` standard deviations from where it is absent.
+    """Whether the first parameter of an effect is ``CERTAIN`` standard deviations from where it is absent.
 
     Of the logarithm where it is fitted in it and that of absence is finite; a value that would have to be
     infinite must be so many deviations above 0. Of several parameters one may be uncertain because another
-    is, as a mass near a support with its position: they pass. So does what lowers the level by more than
-    ``ACCEPT_LEVEL``: a support that is loose, or a contact that is rigid, may be uncertain by any factor.
+    is, as a mass near a support with its position: it counts how well it is known where these are. What
+    lowers the level by more than ``ACCEPT_LEVEL`` passes: a support that is loose, or a contact that is
+    rigid, may be uncertain by any factor.
     """
     effect = next(e for e in fit.effects if e.name == name)
-    p, *others = effect.parameters()
-    std = fit.std[name, p.name]
-    if others or not std > 0 or without.level > ACCEPT_LEVEL * fit.level:
+    p = effect.parameters()[0]
+    std = fit.std[name, p.name] * _own_share(fit, effect)
+    if not std > 0 or without.level > ACCEPT_LEVEL * fit.level:
         return True
     if p.log and 0 < p.absent < np.inf:
         return bool(abs(np.log(p.value / p.absent)) > CERTAIN * np.arcsinh(std / p.value))
     distance = p.value if np.isinf(p.absent) else abs(p.value - p.absent)
     return bool(distance > CERTAIN * std)
+
+
+def _own_share(fit: FitResult, effect: Effect) -> float:
+    """Return what share of the first parameter's deviation is left where the effect's others are known."""
+    own = [(effect.name, p.name) for p in effect.parameters()]
+    if len(own) == 1:
+        return 1.0
+    places = [list(fit.values).index(ref) for ref in own]
+    C = fit.covariance[np.ix_(places, places)]
+    known = C.diagonal() > 0  # others are at a bound
+    if not known[0]:
+        return 1.0
+    std = np.sqrt(C.diagonal()[known])
+    correlation = C[np.ix_(known, known)] / np.outer(std, std)
+    return float(1 / np.sqrt(max(np.linalg.pinv(correlation, hermitian=True)[0, 0], 1.0)))
 
 
 def _damps(problem: FitProblem, effect: Effect, p: Parameter) -> bool:

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint_nonlinear import AmplitudeDependent
+from fem.effects.solid_corner import SolidCorner
 from fem.frf import FRF
 from fem.model import Effect, Model
 from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL
 from updating.amplitude import combined_levels, deviation_at_level, force_levels, search_amplitude
 from updating.bootstrap import Bootstrap, bootstrap
+from updating.corners import with_corners
 from updating.correlation import DB_PER_NEPER
 from updating.faults import Fault, find_faults, settle_faults
 from updating.findings import (
@@ -27,7 +29,7 @@ from updating.findings import (
     step_added,
     step_of,
 )
-from updating.fit import LEVEL_FLOOR, NOISE_COUNTED, FitData, FitProblem, FitResult
+from updating.fit import EXPLAINED_LEVEL, LEVEL_FLOOR, FitData, FitProblem, FitResult
 from updating.gates import Gates, check_gates, with_last_faults
 from updating.measurement import Measurement, instruments_on
 from updating.parameters import Nuisance
@@ -54,8 +56,6 @@ from updating.search import (
 from updating.separation import what_decides
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
-EXPLAINED_LEVEL = 0.3
-"""Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
@@ -112,6 +112,11 @@ class Diagnosis:
     gates: Gates | None = None
     candidates: tuple[Effect, ...] = ()
     tried: tuple[Bootstrap, ...] = ()
+
+    @property
+    def left_alone(self) -> bool:
+        """Whether so little is left that no effect, or no further one, was searched for."""
+        return self.steps[-1].level < self.problem.left_alone
 
     @property
     def noise_floor_db(self) -> float:
@@ -221,7 +226,7 @@ def diagnose(
     candidates = propose(model, kinds, exclude, measurements[0])
     build = partial(
         build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,
-        n_lines=n_lines, connections=True, noise_counted=1.0 if model_error > 0 else NOISE_COUNTED,
+        n_lines=n_lines, connections=True, model_error=model_error,
     )  # fmt: skip
     problem = build(model)
     mesh_db, mesh_level = discretisation_error(problem)
@@ -242,7 +247,8 @@ def diagnose(
     say("fitting the uncertain parameters", 0.03)
     null = min(problem.fit(), problem.fit(stages=problem.fine_stages), key=lambda r: r.solution.cost)
     problem, null, faults = find_faults(problem, null)
-    steps = step_of("nominal model", nominal), step_of("uncertain parameters fitted", null)
+    fitted = "uncertain parameters fitted"
+    steps = step_of("nominal model", nominal), step_of(fitted, null)
     gates = check_gates(problem, null, measurements[1:], mesh_db, faults)
     notes += gates.notes
 
@@ -254,38 +260,56 @@ def diagnose(
             "what depends on amplitude is searched for only where each measurement states its force_level, "
             "and two differ"
         )
-    search = Search(problem, (), (), steps, null)
+    search, corner = Search(problem, (), (), steps, null), None
+    others = tuple(e for e in candidates if not isinstance(e, SolidCorner))
+    cornered = (
+        with_corners(build, model, candidates, problem, null) if model_error > 0 and not levels else None
+    )
     if nonlinear:
         alone = _amplitude_added(search, levels, nonlinear, between(say, 0.05, 0.2))
         search = alone if alone.current.level <= limit else search
     if not search.depends_on_amplitude:
-        look = partial(search_effects, candidates=candidates, floor=floor, model_error=model_error)
-        search = look(search, say=between(say, 0.05, 0.9))
+        look = partial(search_effects, floor=floor, model_error=model_error)
+        if cornered:
+            solid = look(cornered.begin(steps[0]), others, say=between(say, 0.05, 0.9))
+            corner = cornered.finding(problem, solid.current)
+            if corner:
+                search, problem, null = solid, cornered.problem, cornered.without(steps[1]).result
+            else:
+                cornered = None
+        if not cornered:
+            search = look(search, candidates, say=between(say, 0.05, 0.9))
         if search.current.level > max(limit, most_left(null, floor, model_error)):
             # A sensor near a support with a wrong gain: it may be the support, but no effect explains it.
-            anew, doubtful = _with_doubtful_faults(problem, null, steps, limit)
+            anew, doubtful = _with_doubtful_faults(problem, null, search.steps, limit)
             if doubtful:
-                problem, null, faults = anew.problem, anew.current, (*faults, *doubtful)
-                search = look(anew, say=between(say, 0.05, 0.9))
+                problem, faults = anew.problem, (*faults, *doubtful)
+                null = problem.assessed(replace(null, level=np.nan)) if cornered else anew.current
+                search = look(anew, others if cornered else candidates, say=between(say, 0.05, 0.9))
         if nonlinear:
             search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
     say("checking", 0.98)
     depends = search.depends_on_amplitude
     if not depends:
         first = faults
-        search, faults = _with_faults_settled(search, faults, limit)
+        search, faults = _with_faults_settled(search, faults, limit, bool(search.findings or cornered))
         gates = with_last_faults(gates, first, faults)
         if search.problem.data is not problem.data:
             null = search.problem.assessed(replace(null, level=np.nan))
     tried: tuple[Bootstrap, ...] = ()
     if n_simulated and not depends:
         limits = settled_limits(floor, model_error)
-        search, tried = bootstrap(search, candidates, limits, n_simulated, between(whole, 0.5, 1.0))
+        search, tried = bootstrap(
+            search, others if cornered else candidates, limits, n_simulated, between(whole, 0.5, 1.0)
+        )
         limit = max(limit, *tried[-1].levels)
         notes += [_why_dropped(each) for each in tried if each.effect and not each.believed]
     problem, current, findings, rounds, steps = (
         search.problem, search.current, search.findings, search.rounds, search.steps,
     )  # fmt: skip
+    if cornered and corner:
+        findings, rounds = (cornered.valued(corner, current), *findings), ((), *rounds)
+        steps = (steps[0], step_of(fitted, null), *steps[1:])
     basis_db = basis_error(problem, current)
     if basis_db > BASIS_LIMIT_DB:
         notes.append(
@@ -293,7 +317,9 @@ def diagnose(
             "read weak findings with care"
         )
     believed = most_left(null, floor, model_error)
-    verdict, reason = _verdict(null, current, (limit, believed), findings, faults)
+    verdict, reason = _verdict(
+        null, current, (limit, believed), findings, faults, current.level >= problem.left_alone
+    )
     if depends:
         before_all, after_all = (
             combined_levels(problem, levels, fit)[0] * DB_PER_NEPER for fit in (steps[-2].result, current)
@@ -304,9 +330,17 @@ def diagnose(
     elif not gates.linear:
         reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
+    if current.level < problem.left_alone:
+        what = "no further effect" if findings else "no effect"
+        notes.append(
+            f"{what} was searched for where {current.level * DB_PER_NEPER:.2g} dB are left: that is less "
+            f"than a third of model_error = {model_error:g} neper, which the form of beams may leave; with "
+            "model_error = 0 weak ones are looked for, too"
+        )
     if verdict == UNEXPLAINED:
         findings, current, steps = (), steps[1].result, steps[:2]
-    model_fitted = fitted_model(model, current)
+    drawn = cornered.model if cornered and verdict != UNEXPLAINED else model
+    model_fitted = fitted_model(drawn, current)
     return Diagnosis(
         verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, mesh_db, basis_db,
         limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
@@ -397,11 +431,14 @@ def _with_doubtful_faults(
 
 
 def _with_faults_settled(
-    search: Search, faults: tuple[Fault, ...], limit: float
+    search: Search, faults: tuple[Fault, ...], limit: float, changed: bool
 ) -> tuple[Search, tuple[Fault, ...]]:
-    """Look for faults once more where the physics is right, and withdraw those that it has explained."""
+    """Look for faults once more where the physics is right, and withdraw those that it has explained.
+
+    ``changed`` tells whether it has become so since they were looked for.
+    """
     problem, current, findings, steps = search.problem, search.current, search.findings, search.steps
-    if findings and current.level < limit:  # small faults show only there
+    if changed and current.level < limit:  # small faults show only there
         problem, current, late = find_faults(problem, current)
         if late:
             faults = (*faults, *late)
@@ -420,6 +457,7 @@ def _verdict(
     limits: tuple[float, float],
     findings: Sequence[Finding],
     faults: Sequence[Fault],
+    searched: bool = True,
 ) -> tuple[str, str]:
     """Return the verdict and why, from the levels up to which a model is right and effects are believed."""
     limit, most_left = limits
@@ -447,12 +485,13 @@ def _verdict(
         )
     if right:
         if faults:
+            more = "nothing improves the model further" if searched else "the model leaves what beams may"
             return (
                 FAULT,
-                f"with {len(faults)} fault(s) of the measurement set right nothing improves the model "
-                "further; "
-                f"residual level {level} dB",
+                f"with {len(faults)} fault(s) of the measurement set right {more}; residual level {level} dB",
             )
+        if not searched:
+            return NOTHING, f"the fitted model leaves no more than beams may: {level} dB"
         return NOTHING, f"no candidate improves the fitted model, whose residual level is {level} dB"
     return (
         UNEXPLAINED,

@@ -74,6 +74,9 @@ class Finding:
     strain : float
         Of an effect that is believed because the uncertain parameter in its place had left its tolerance: by
         how many standard deviations that was off [-]; 0 for all others.
+    without : FitResult or None
+        Of an effect that was in the model before the search, and so came first in no round: what is left of
+        all that was found without it.
     """
 
     effect: Effect
@@ -83,6 +86,7 @@ class Finding:
     decisive: tuple[Decisive, ...] = ()
     proposals: tuple[tuple[Proposal, ...], ...] = ()
     strain: float = 0.0
+    without: FitResult | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

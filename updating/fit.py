@@ -41,11 +41,21 @@ ROBUST = 0.5
 NOISE_LIMIT = 0.2
 """Lines with more relative noise than this are not compared [-]."""
 
+TRANSVERSE = 0.01
+"""Share of the motion square to a sensor that its reading may hold, where the model's form is not said to be
+right [-]: accelerometers hear one to three per cent of it, and nobody mounts them straighter."""
+
 LEAST_HEARD = 0.2
 """FRFs that are more than noise at no more than this share of the lines are not compared at any [-]."""
 
 MODEL_ERROR = 0.05
 """Relative accuracy that is asked of a model where the measurement is better than that [-]."""
+
+EXPLAINED_LEVEL = 0.3
+"""Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
+
+LEFT_ALONE = 1 / 3
+"""Share of that level below which no effect is searched for: the form of beams leaves as much."""
 
 LEVEL_FLOOR = 0.01
 """Residual level below which nothing is gained [nepers]."""
@@ -79,9 +89,10 @@ class FitData:
         Receptances.
     mask : ndarray of bool (n_freq, n_out, n_in)
         Values that count: not those of FRFs that are zero by symmetry, nor those with noise above
-        ``NOISE_LIMIT``, nor those that are exactly 0, which nothing was measured at.
+        ``NOISE_LIMIT``, nor those that are exactly 0, which nothing was measured at, nor those of sensors
+        that may have read as much of what moves square to them.
     weight : ndarray (n_freq, n_out, n_in)
-        Weight of each residual, 1 where the noise is small beside ``MODEL_ERROR``.
+        Weight of each residual, 1 where noise and that are small beside ``MODEL_ERROR``.
     noise : ndarray (n_freq, n_out, n_in)
         Relative noise of the amplitude [-].
     held_out : ndarray of bool (n_freq,)
@@ -112,12 +123,13 @@ def prepare(
     computed: NDArray[np.complex128] | None = None,
     band: tuple[float, float] | None = None,
     n_blocks: int = 20,
+    across: NDArray[np.float64] | None = None,
 ) -> FitData:
     """Prepare measured FRFs for fits.
 
     Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and
     measured, lies more than 60 dB (measured: 50 dB) under the median level of all, or if it is noise at most
-    lines.
+    lines, or no more there than ``TRANSVERSE`` of the motion across its sensor.
 
     Parameters
     ----------
@@ -127,6 +139,8 @@ def prepare(
     band : (float, float), optional
         Frequencies that count [Hz].
     n_blocks : int
+    across : ndarray (n_freq, n_out, n_in), optional
+        How far each sensor's place moves square to it, as receptances, where that may be in the readings.
 
     Raises
     ------
@@ -148,9 +162,13 @@ def prepare(
         mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
     kept = measurement.with_frf(frf)
     noise = _noise_of(kept)
-    mask = mask & (noise < NOISE_LIMIT) & (H != 0)
+    uncertain = noise
+    if across is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            uncertain = np.hypot(noise, np.nan_to_num(TRANSVERSE * across / np.abs(H), nan=0.0, posinf=10.0))
+    mask = mask & (uncertain < NOISE_LIMIT) & (H != 0)
     mask = mask & (mask.mean(axis=0) > LEAST_HEARD)
-    weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + noise**2) * mask
+    weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + uncertain**2) * mask
     block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
     return FitData(kept, frf.frequency, H, mask, weight, noise, block % 4 == 2)
 
@@ -222,8 +240,9 @@ class FitProblem:
         At most this many lines are fitted.
     fine_stages : ndarray
         More stages, for a fit that has ended in a minimum far from the data [Hz].
-    noise_counted : float
-        For how many times the independent data noise stands in covariances.
+    model_error : float
+        Residual level up to which a model counts as right, because beams are not the structure itself
+        [nepers]; 0 if nothing but noise and the mesh may be left.
     """
 
     reduced: ReducedModel
@@ -234,7 +253,22 @@ class FitProblem:
     n_modes: int = 10
     n_lines: int = 160
     fine_stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
-    noise_counted: float = 1.0
+    model_error: float = EXPLAINED_LEVEL
+
+    @property
+    def form_right(self) -> bool:
+        """Whether nothing but noise and the mesh may be left."""
+        return self.model_error == 0
+
+    @property
+    def left_alone(self) -> float:
+        """Residual level below which no effect is searched for, as it is small beside the model's error."""
+        return LEFT_ALONE * self.model_error
+
+    @property
+    def noise_counted(self) -> float:
+        """For how many times the independent data noise stands in covariances."""
+        return NOISE_COUNTED if self.form_right else 1.0
 
     @property
     def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

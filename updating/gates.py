@@ -356,7 +356,9 @@ def at_level(problem: FitProblem, other: Measurement, faults: Sequence[Fault] = 
     data = prepare(other.with_frf(frf.select(lines=np.flatnonzero(same))))
     data = corrected(replace(data, measurement=replace(data.measurement, sensors=before.sensors)), faults)
     both = data.mask & first.mask
-    return replace(data, mask=both, weight=data.weight * both, held_out=first.held_out)
+    # Of readings that the motion across a sensor may have made, the first data know.
+    weight = np.minimum(data.weight, first.weight) * both
+    return replace(data, mask=both, weight=weight, held_out=first.held_out)
 
 
 def homogeneity(

@@ -147,7 +147,8 @@ class Variable:
         if (
             self.std is not None and self.prior is not None
         ):  # what is known within ±std is not let off beyond 4 of it
-            return self.prior - 4 * self.std, self.prior + 4 * self.std
+            near = self.prior - 4 * self.std, self.prior + 4 * self.std
+            return near if p.log else (max(near[0], lo / self.scale), min(near[1], hi / self.scale))
         if p.log:
             return float(np.log(lo)), float(np.log(hi))
         return lo / self.scale, hi / self.scale

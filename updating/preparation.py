@@ -13,7 +13,7 @@ from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
 from fem.system import assemble, connection_stiffness
 from updating.correlation import log_ratio, rms_db
-from updating.fit import NOISE_LIMIT, FitProblem, FitResult, prepare, sensor_vectors
+from updating.fit import EXPLAINED_LEVEL, NOISE_LIMIT, FitProblem, FitResult, prepare, sensor_vectors
 from updating.measurement import Measurement, MeasurementError, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 
@@ -25,6 +25,8 @@ MOST_SPLITS = 4
 """Into so many at most."""
 NOMINAL_RATIO = 5e-3
 """Damping ratio of a model that has none [-]."""
+NEIGHBOURS = 0.03
+"""Lines within this share of a frequency say how far the structure moves there."""
 N_LINES = 160
 """At most this many lines are fitted."""
 LEAST_LINES = 10
@@ -64,7 +66,7 @@ def build_problem(
     band: tuple[float, float] | None = None,
     n_lines: int = N_LINES,
     connections: bool = False,
-    noise_counted: float = 1.0,
+    model_error: float = EXPLAINED_LEVEL,
 ) -> FitProblem:
     """Reduce a model and prepare the data for fits.
 
@@ -83,8 +85,10 @@ def build_problem(
         At most this many lines are fitted.
     connections : bool
         Whether connections may be damped otherwise than members.
-    noise_counted : float
-        For how many times the independent data noise stands in covariances.
+    model_error : float
+        Residual level up to which a model counts as right, because beams are not the structure itself
+        [nepers]; 0 if nothing but noise and the mesh may be left, and readings have nothing of what moves
+        square to their sensors.
 
     Raises
     ------
@@ -129,8 +133,10 @@ def build_problem(
         start,
         (),
     )
-    nominal, _, _ = engine.evaluate(values, curve.ratio(start, curve.start), gradient=False)
-    data = prepare(measurement, nominal, band)
+    zeta = curve.ratio(start, curve.start)
+    nominal, _, _ = engine.evaluate(values, zeta, gradient=False)
+    across = None if model_error == 0 else _across(reduced, measurement, start, values, zeta)
+    data = prepare(measurement, nominal, band, across=across)
     counted = data.frequency[data.mask.any(axis=(1, 2)) & ~data.held_out]
     if not counted.size:
         msg = (
@@ -144,7 +150,34 @@ def build_problem(
     enough = np.searchsorted(counted, fine, "right") >= STAGE_LINES
     enough[-1] = True
     fine = fine[enough]
-    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine, noise_counted)
+    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine, model_error)
+
+
+def _across(
+    reduced: ReducedModel,
+    measurement: Measurement,
+    frequency: NDArray[np.float64],
+    values: NDArray[np.float64],
+    zeta: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return how far each sensor's place moves square to it in a model, (n_freq, n_out, n_in) [m/N].
+
+    The root mean square over neighbouring lines, as the model's resonances are not where they were measured.
+    """
+    square = [
+        replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
+    ]
+    model = reduced.model
+    outputs, inputs = sensor_vectors(model, square), sensor_vectors(model, measurement.excitations)
+    engine = ParametricFRF(reduced, outputs, inputs, frequency, ())
+    H, _, _ = engine.evaluate(values, zeta, gradient=False)
+    squares = (2 * np.pi * frequency[:, None, None]) ** 2
+    moved = (np.abs(squares[..., None] * H.reshape(len(frequency), -1, 2, H.shape[2])) ** 2).sum(axis=2)
+    total = np.concatenate([np.zeros_like(moved[:1]), moved.cumsum(axis=0)])
+    first = np.searchsorted(frequency, (1 - NEIGHBOURS) * frequency)
+    last = np.searchsorted(frequency, (1 + NEIGHBOURS) * frequency, side="right")
+    mean = (total[last] - total[first]) / (last - first)[:, None, None]
+    return np.sqrt(np.maximum(mean, 0.0)) / squares
 
 
 def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:

@@ -45,7 +45,7 @@ RIGHT_MARGIN = 1.25
 """A model counts as right up to this multiple of the level that noise and the mesh leave."""
 FLOOR_MARGIN = 2.5
 """Up to this multiple of it, little enough is left for a search of weak effects."""
-MOST_LEFT = 0.5
+MOST_LEFT = 0.25
 """Effects that leave more than a right model are believed if they bring the level's square below this share.
 
 Not where the caller says that the model's form is right.
@@ -176,7 +176,7 @@ def _strained(search: Search, candidates: Sequence[Effect]) -> Search:
     if current.solution.cost - fit.solution.cost < 0.5 * STRAINED**2:
         return search
     (effect,) = fit.effects
-    entry = replace(Rule(mine, 0.0, True, current, True).ranked(fit, 1.0, True), asked=current.level)
+    entry = replace(Rule(mine, 0.0, True, current).ranked(fit, 1.0, True), asked=current.level)
     finding = Finding(effect, parameters_of(effect, fit), (), strain=strains[ref])
     steps = (*search.steps, step_added([effect], fit))
     return Search(mine, (finding,), ((entry,), *search.rounds), steps, fit)
@@ -317,18 +317,21 @@ def _forward(
     say: Progress,
     most: int = MAX_EFFECTS,
     round_: "_Round | None" = None,
+    least: float | None = None,
 ) -> Search:
     """Add effects while they pay, and drop those that the others have made idle.
 
     ``grids`` are those of the candidates on the problem to begin with; ``limits`` are the levels from which
     on only weak effects are looked for, and from which they count. The ``n_best`` best candidates by each
     measure are fitted, and ``most`` effects added. ``round_`` is one that may have begun where this begins.
+    Below the level ``least`` none is searched for; ``problem.left_alone`` unless it is given.
     """
     problem, current = begin.problem, begin.current
+    least = problem.left_alone if least is None else least
     findings, rounds, steps = list(begin.findings), list(begin.rounds), list(begin.steps)
     first = steps[: len(steps) - bool(findings)]
     limit, weak_limit = limits
-    while len(findings) < most:
+    while len(findings) < most and current.level >= least:
         taken = {f.effect.name for f in findings}
         open_ = [
             e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
@@ -341,7 +344,7 @@ def _forward(
             current = problem.refit(current)
             findings = at_values_of(current, findings)
             steps[-1] = step_of(steps[-1].label, current)
-        rule = Rule(problem, limit, settled, current, weak_limit > 0)
+        rule = Rule(problem, limit, settled, current)
         if round_ is None or not round_.is_from(problem, current, settled):
             round_ = _Round(problem, current, settled, tuple(grids[e.name] for e in open_))
         ranked, best = round_.run(rule, n_best, part)
@@ -389,7 +392,7 @@ def best_addition(
     """Return a fit without and with the best of all candidates beside its effects, whether or not it pays."""
     most = len(begin.findings) + 1
     begin = replace(begin, rounds=begin.rounds[: most - 1])
-    search = _forward(begin, candidates, grids, limits, N_BEST, lambda text, done: None, most)
+    search = _forward(begin, candidates, grids, limits, N_BEST, lambda text, done: None, most, least=0.0)
     last = search.rounds[most - 1] if len(search.rounds) >= most else ()
     if len(search.findings) == most:
         return begin.current, search.current
@@ -469,7 +472,7 @@ class _Round:
                 self.grids,
                 self.settled,
                 between(say, 0.0, 0.3),
-                weak_only=rule.form_right,
+                weak_only=problem.form_right,
             )
         chosen = [option for option in self._looked if option.rank < n_best]
         if not chosen:
@@ -480,7 +483,7 @@ class _Round:
         # What is known already can only take the place of what is not.
         names.sort(key=lambda n: self.settled and known_already(problem, self._quick[n][0], n))
         finalists = names[: FINALS_SETTLED if self.settled else int(np.clip(len(near), 3, MOST_REFINED))]
-        if self.settled and rule.form_right:
+        if self.settled and problem.form_right:
             # What damps stands behind all that do nothing, by its margin: its best is tried as well.
             loose = next((n for n in names if damps(problem, self._quick[n][0].effects[-1])), names[0])
             finalists += [loose] if loose not in finalists else []
@@ -645,7 +648,7 @@ def _without_idle(
         certain = current.level >= limit or stands_out(less, current, effect.name)
         if certain and not rest and gains(problem, less, current):
             return False
-        return not certain or not falls(less, current, factors, weak_limit > 0)
+        return not certain or not falls(less, current, factors, problem.form_right)
 
     while findings:
         n_left = len(findings) - 1

@@ -65,6 +65,7 @@ _MARKERS = {
     "crack": ("X", style.ORANGE),
     "end_release": ("d", style.ORANGE),
     "rigid_end_zone": ("d", style.SKY),
+    "solid_corner": ("s", style.PURPLE),
     "member_section": ("s", style.SKY),
     "ground_spring": ("v", style.GREEN),
     "foundation": ("v", style.VERMILION),

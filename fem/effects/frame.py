@@ -1,6 +1,6 @@
 """The frame itself: two-node, 12-DOF beams and bars along the members of a mesh."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Self
@@ -559,25 +559,33 @@ class Frame(Effect):
 
     def _stretch(self, mesh: Mesh, member: str, start: Any, stop: Any) -> tuple[_Lines, Array, Array]:
         """Return the lines of a member between two arc lengths, and where on their flexible parts it is."""
+        lines, lo, hi = self._fractions(mesh, member, start, stop)
+        g = self._lines(mesh, lines)
+        return g, _flexible(g, lo), _flexible(g, hi)
+
+    def _fractions(
+        self, mesh: Mesh, member: str, start: Any, stop: Any
+    ) -> tuple[NDArray[np.int64], Array, Array]:
+        """Return the lines of a member between two arc lengths, and the fractions of them between these."""
         s = mesh.member_positions(member)
         first: Any = start if np.real(start) > 0 else 0.0
         last: Any = stop if np.real(stop) < s[-1] else float(s[-1])
         touched = np.flatnonzero((s[1:] > np.real(first)) & (s[:-1] < np.real(last)))
-        g = self._lines(mesh, mesh.members[member][touched])
         h = s[touched + 1] - s[touched]
         lo = np.array([(first - s[k]) if np.real(first) >= s[k] else 0.0 for k in touched]) / h
         hi = (
             np.array([(last - s[k]) if np.real(last) <= s[k + 1] else h[i] for i, k in enumerate(touched)])
             / h
         )
-        return g, _flexible(g, lo), _flexible(g, hi)
+        return mesh.members[member][touched], lo, hi
 
     def mass_matrix(
         self, model: Model, member: str, start: Any, stop: Any, weights: ArrayLike
     ) -> Contribution:
         """Return the mass of a layer on a member between two arc lengths, as :meth:`strain_energy_matrix`.
 
-        M = ∫ Nᵀ diag(weights) N dx over the flexible part, N the motion of the member's axis in local axes.
+        M = ∫ Nᵀ diag(weights) N dx, N the motion of the member's axis in local axes, in rigid zones that of
+        the node's body.
 
         Parameters
         ----------
@@ -588,12 +596,30 @@ class Frame(Effect):
         weights : array_like (6,)
             Mass and rotary inertia per length in local x y z rx ry rz [kg/m, kg·m].
         """
-        g, lo, hi = self._stretch(model.mesh, member, start, stop)
+        return self.masses(model, [(member, start, stop, 1.0)], weights)
+
+    def masses(
+        self, model: Model, stretches: Sequence[tuple[str, Any, Any, Any]], weights: ArrayLike
+    ) -> Contribution:
+        """Return the same for several stretches at once: member, both arc lengths, and a factor of each."""
+        rows, lo, hi, factor = [], [], [], []
+        for member, start, stop, mass in stretches:
+            lines, first, last = self._fractions(model.mesh, member, start, stop)
+            rows.append(lines)
+            lo.append(first)
+            hi.append(last)
+            factor.append(np.full(len(lines), mass))
+        first, last, times = (np.concatenate(x) for x in (lo, hi, factor))
+        g, per_length = self._lines(model.mesh, np.concatenate(rows)), np.asarray(weights, dtype=float)
+        a, b = _flexible(g, first), _flexible(g, last)
         x, weight = (each[:, None] for each in _gauss(4))
-        N = _shape(g, lo + x * (hi - lo))
-        scale = (weight * (hi - lo) * g.L)[..., None] * np.asarray(weights)
-        M = (np.swapaxes(N, -1, -2) @ (scale[..., None] * N)).sum(axis=0)
-        return Contribution(g.dofs, M=_to_global(M, g.T))
+        N = _shape(g, a + x * (b - a))
+        scale = (weight * (b - a) * g.L)[..., None] * per_length
+        M = _to_global((np.swapaxes(N, -1, -2) @ (scale[..., None] * N)).sum(axis=0), g.T)
+        if g.zone.any():
+            for k, part in enumerate(_in_rigid_zones(g, first * g.span, last * g.span, per_length)):
+                M[:, 6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += part
+        return Contribution(g.dofs, M=times[:, None, None] * M)
 
     def cut(self, model: Model, member: str, position: Any, direction: str, compliance: Any) -> Contribution:
         """Return what K and D lose where a member gives way at a place, in one local direction.
@@ -636,42 +662,49 @@ class Frame(Effect):
         K = _to_global(K[None], g.T_nodes)
         return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
-    def stiffened_end(
-        self, model: Model, member: str, end: int, length: Any, flexibility: float
+    def stiffened(
+        self, model: Model, zones: Sequence[tuple[str, float, Any, int]], flexibility: float
     ) -> Contribution:
-        """Return what K and D gain where a stretch at a member's end is stiffer.
+        """Return what K and D gain where stretches of members are stiffer.
 
         Of the elements' flexibility F = ∫ bᵀ f b dx, b the section forces of unit forces at the second end,
-        the stretch keeps a part: exact for any length, also within an element. M stays.
+        the stretches keep a part: exact for any length, also within an element. M stays.
 
         Parameters
         ----------
         model : Model
-        member : str
-        end : int
-            1 or 2.
-        length : float
-            Of the stretch, from the member's end or its rigid zone [m]; complex for derivatives.
+        zones : sequence of (str, float, float, int)
+            Member, arc length at which the stretch begins, its length [m], and 1 or -1 for up or down the
+            member. A length may be complex, for derivatives. Stretches must not overlap.
         flexibility : float
-            Part of its flexibility that the stretch keeps [-].
+            Part of its flexibility that a stretch keeps [-].
         """
-        whole = model.mesh.member_length(member)
-        reach = max(float(np.real(length)), 1e-9 * whole)
-        step = 1j * np.imag(length) if np.iscomplexobj(length) else 0.0
-        p = self.members[member]
-        start, stop = (
-            (p.rigid1, p.rigid1 + reach + step)
-            if end == 1
-            else (whole - p.rigid2 - reach - step, whole - p.rigid2)
-        )
-        g, lo, hi = self._stretch(model.mesh, member, start, stop)
-        lost = (1 - flexibility) * (length / (reach + step))
-        F = _flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L)))
-        before, after = (
-            _with_ends(g, _from_flexibility(g, X)) for X in (F, F - lost * _flexibility(g, lo, hi))
-        )
-        K = _to_global(after - before, g.T_nodes)
+        rows, lo, hi, lost = [], [], [], []
+        for member, start, length, towards in zones:
+            whole = model.mesh.member_length(member)
+            reach = max(float(np.real(length)), 1e-9 * whole)
+            reach = reach + 1j * np.imag(length) if np.iscomplexobj(length) else reach
+            ends = (start, start + reach) if towards > 0 else (start - reach, start)
+            lines, first, last = self._fractions(model.mesh, member, *ends)
+            rows.append(lines)
+            lo.append(first)
+            hi.append(last)
+            lost.append(np.full(len(lines), (1 - flexibility) * (length / reach)))
+        touched, each = np.unique(np.concatenate(rows), return_inverse=True)
+        g = self._lines(model.mesh, touched)
+        parts = _some(g, each)
+        low, high = (_flexible(parts, np.concatenate(x)) for x in (lo, hi))
+        less = np.concatenate(lost)[:, None, None] * _flexibility(parts, low, high)
+        F = _flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L))).astype(less.dtype)
+        before = _with_ends(g, _from_flexibility(g, F))
+        np.subtract.at(F, each, less)
+        K = _to_global(_with_ends(g, _from_flexibility(g, F)) - before, g.T_nodes)
         return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+
+    def mass_per_length(self, member: str) -> Any:
+        """Return ρ A with the density as it is now and the section of the first end [kg/m]."""
+        p = self.members[member]
+        return self.values.get(f"rho:{p.material.name}", p.material.rho) * p.section.A
 
     def geometric_stiffness(self, model: Model, member: str, tension: Any) -> Contribution:
         """Return the geometric stiffness of a member under a constant tension N: ∫ N (v'² + w'²) dx."""
@@ -1019,6 +1052,22 @@ def _rigidity(g: _Lines) -> Array:
         [g.E * g.A, *(beam * q for q in (g.ky * G * g.A, g.kz * G * g.A, G * g.J, g.E * g.Iy, g.E * g.Iz))],
         axis=1,
     )
+
+
+def _in_rigid_zones(g: _Lines, first: Array, last: Array, per_length: Array) -> Iterator[Array]:
+    """Yield the masses (b, 6, 6) at both nodes of what lies in rigid zones between two places [m]."""
+    across = np.array([0, 0, 0, 0, per_length[2], per_length[1]])
+    for k, (begin, end) in enumerate(((0 * g.span, g.zone[:, 0]), (g.span - g.zone[:, 1], g.span))):
+        a = np.where(np.real(first) > begin, first, begin)
+        b = np.where(np.real(last) < end, last, end)
+        length = np.where(np.real(b) > np.real(a), b - a, 0.0)
+        flexible = end if k == 0 else begin  # g.end goes from the node to here
+        arm = g.end[:, k] + (0.5 * (a + b) - flexible)[:, None] * g.R[:, 0]
+        G = np.zeros((len(length), 6, 6), dtype=arm.dtype)
+        G[:, :3, :3] = G[:, 3:, 3:] = g.R
+        G[:, :3, 3:] = -g.R @ _skew(arm)
+        body = length[:, None] * per_length + (length**3 / 12)[:, None] * across
+        yield np.swapaxes(G, 1, 2) @ (body[:, :, None] * G)
 
 
 def _inertia(g: _Lines) -> Array:

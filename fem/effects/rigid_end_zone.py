@@ -18,7 +18,7 @@ _FLEXIBILITY = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RigidEndZone(Effect):
-    """A stretch at members' ends that keeps a hundredth of its flexibility (:meth:`Frame.stiffened_end`).
+    """A stretch at members' ends that keeps a hundredth of its flexibility (:meth:`Frame.stiffened`).
 
     It begins where the model's rigid zone ends, if there is one, and has the member's mass. Its length is the
     same at all its ends. A zone at one end stiffens the member much like ``member_stiffness`` in the lowest
@@ -53,8 +53,12 @@ class RigidEndZone(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what the zones gain in stiffness."""
-        frame = frame_of(model)
-        return tuple(frame.stiffened_end(model, m, end, self.length, _FLEXIBILITY) for m, end in self.ends)
+        frame, zones = frame_of(model), []
+        for m, end in self.ends:
+            p, whole = frame.members[m], model.mesh.member_length(m)
+            start, towards = (p.rigid1, 1) if end == 1 else (whole - p.rigid2, -1)
+            zones.append((m, start, self.length, towards))
+        return (frame.stiffened(model, zones, _FLEXIBILITY),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's moduli of the members."""

@@ -1,15 +1,16 @@
 """Make cases with a known hidden effect from bars of solid elements: solids.py FOLDER [NAME ...]
 
-The elements are scikit-fem's quadratic hexahedra; nothing here comes from a beam code. Bars are reduced to
-their free modes and their responses to forces where something is attached; joints, masses, springs and
-dampers are added to that exactly, line by line. Each case becomes a folder with nominal.json and frf.uff, as
-in ../shared/data/independent-cases, and all of them one truth.json. It runs where scikit-fem and pyuff are
-installed (make peers), and imports nothing of Dovetail.
+The elements are scikit-fem's quadratic hexahedra; nothing here comes from a beam code. Bars, or frames of
+bars that are one body, are reduced to their modes and their responses to forces where something is attached;
+joints, masses, springs and dampers are added to that exactly, line by line. Each case becomes a folder with
+nominal.json and frf.uff, as in ../shared/data/independent-cases, and all of them one truth.json. It runs
+where scikit-fem and pyuff are installed (make peers), and imports nothing of Dovetail.
 """
 
 import json
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -27,13 +28,21 @@ PATCH = 0.015
 """A joint holds what lies within this distance along a bar [m]."""
 TRUE_JOINT = dict(zip(DIRECTIONS, (5e7, 5e7, 1e7, 3e3, 3e3, 5e3), strict=True))
 JOINT_LOSS = 0.006
+HELD = 1e11
+"""Stiffness of a soft base in its other directions [N/m, N·m/rad]."""
 NOISE, NOISE_FLOOR_DB = 0.01, -65.0
 N_MODES, HIGHEST = 60, 9000.0
+N_MODES_WELDED = 100
+WELDED = (
+    "all bar-to-bar connections welded (rigid); centre lines given; the clear length of a bar ends 10 mm "
+    "from the centre line of the bar it meets (solid corner: usual practice is a rigid end zone of half of "
+    "that, about 5 mm at every member end)"
+)
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar of rectangular section along x or y, its h along z [m]."""
+    """A bar of rectangular section along an axis, its h along z or, of one along z, along y [m]."""
 
     start: tuple[float, float, float]
     axis: str
@@ -44,9 +53,12 @@ class Bar:
     @property
     def rotation(self):
         """Local to global."""
-        return (
-            np.eye(3) if self.axis == "x" else np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        )
+        columns = {
+            "x": ([1, 0, 0], [0, 1, 0], [0, 0, 1]),
+            "y": ([0, 1, 0], [-1, 0, 0], [0, 0, 1]),
+            "z": ([0, 0, 1], [1, 0, 0], [0, 1, 0]),
+        }
+        return np.array(columns[self.axis], dtype=float).T
 
     def at(self, s):
         return (np.array(self.start) + self.rotation[:, 0] * s).round(9)
@@ -54,13 +66,23 @@ class Bar:
 
 @dataclass(frozen=True)
 class Structure:
-    """Bars, joints (name, bar, position, bar, position), and what is measured up to a frequency [Hz]."""
+    """Bars, joints (name, bar, position, bar, position), and what is measured up to a frequency [Hz].
+
+    Welded bars have no joints and are one body, which may be held at first ends of bars.
+    """
 
     bars: dict
     joints: tuple
     sensors: tuple  # (bar, position [m], directions)
     excitations: tuple  # names of sensors
     stop: float
+    held: tuple = ()
+    step: float = 2.0
+    damping: tuple = (0.003, 1700.0)  # of modes, and how its variation goes with frequency [-, Hz]
+
+    @property
+    def welded(self):
+        return not self.joints
 
 
 @dataclass(frozen=True)
@@ -69,7 +91,8 @@ class Hidden:
 
     ``weaker`` is (from, to, factor of E) of a stretch, ``masses`` and ``ground`` are (bar, position, …) with
     a mass [kg], or a direction, a stiffness [N/m] and a loss factor; ``joints`` are factors of stiffnesses by
-    (joint, direction), ``dashpots`` dampers there [N·m·s/rad, N·s/m].
+    (joint, direction), ``dashpots`` dampers there [N·m·s/rad, N·s/m], ``bases`` stiffnesses [N·m/rad] of held
+    ends by (bar, direction).
     """
 
     E: dict = field(default_factory=dict)
@@ -80,6 +103,7 @@ class Hidden:
     ground: tuple = ()
     joints: dict = field(default_factory=dict)
     dashpots: dict = field(default_factory=dict)
+    bases: dict = field(default_factory=dict)
 
 
 def along(bar, n, step, directions="z", first=0.0):
@@ -134,6 +158,46 @@ STRUCTURES = {
         ),
         ("P1z", "S3z"),
         1200.0,
+    ),
+    "gate": Structure(
+        {
+            "L": Bar((0.0, 0.0, 0.0), "z", 0.6, 0.02, 0.02),
+            "R": Bar((0.4, 0.0, 0.0), "z", 0.52, 0.02, 0.02),
+            "S": Bar((0.0, 0.0, 0.1), "x", 0.4, 0.02, 0.012),
+            "T": Bar((0.0, 0.0, 0.44), "x", 0.4, 0.02, 0.02),
+        },
+        (),
+        (
+            *(("L", 0.0, "xy"), ("L", 0.27, "xy"), ("L", 0.6, "xyz")),
+            *(("R", 0.0, "xy"), ("R", 0.27, "xy"), ("R", 0.52, "xyz")),
+            *(("S", 0.14, "yz"), ("S", 0.28, "yz"), ("T", 0.14, "yz"), ("T", 0.28, "yz")),
+        ),
+        ("L1x", "R1y"),
+        1200.0,
+        damping=(0.004, 700.0),
+    ),
+    "table": Structure(
+        {
+            "C1": Bar((0.0, 0.0, 0.0), "z", 0.42, 0.02, 0.02),
+            "C2": Bar((0.46, 0.0, 0.0), "z", 0.42, 0.02, 0.02),
+            "C3": Bar((0.46, 0.34, 0.0), "z", 0.42, 0.02, 0.02),
+            "C4": Bar((0.0, 0.34, 0.0), "z", 0.42, 0.02, 0.02),
+            "X1": Bar((0.0, 0.0, 0.41), "x", 0.46, 0.02, 0.02),
+            "X2": Bar((0.0, 0.34, 0.41), "x", 0.46, 0.02, 0.02),
+            "Y1": Bar((0.0, 0.0, 0.41), "y", 0.34, 0.02, 0.014),
+            "Y2": Bar((0.46, 0.0, 0.41), "y", 0.34, 0.02, 0.014),
+        },
+        (),
+        (
+            *(("C1", 0.2, "xy"), ("C1", 0.41, "xyz"), ("C2", 0.2, "xy"), ("C2", 0.41, "xyz")),
+            *(("C3", 0.2, "xy"), ("C3", 0.41, "xyz"), ("C4", 0.2, "xy"), ("C4", 0.41, "xyz")),
+            *(("X1", 0.23, "yz"), ("X2", 0.23, "yz"), ("Y1", 0.17, "xz"), ("Y2", 0.17, "xz")),
+        ),
+        ("C12x", "C32y"),
+        600.0,
+        held=("C1", "C2", "C3", "C4"),
+        step=1.0,
+        damping=(0.006, 260.0),
     ),
 }
 
@@ -359,86 +423,245 @@ CASES = {
             named("member_stiffness", "S", value=0.08, unit="-"),
         ],
     ),
+    # corners of finite size, which no frame of beams has
+    "gate-nothing": ("gate", 61, Hidden(), [NOTHING]),
+    "gate-mass": (
+        "gate",
+        62,
+        Hidden(masses=(("T", 0.28, 0.08),)),
+        [named("point_mass", "T", value=0.08, unit="kg", position=0.28, length=0.4)],
+    ),
+    "gate-heavier": (
+        "gate",
+        63,
+        Hidden(rho={"L": 1.08}),
+        [named("member_density", "L", value=0.08, unit="-")],
+    ),
+    "gate-thinner": (
+        "gate",
+        64,
+        Hidden(h={"S": 0.92}),
+        [named("member_section", "S", "along", "local", "z", value=-0.08, unit="-")],
+    ),
+    "gate-notch": (
+        "gate",
+        65,
+        Hidden(weaker={"R": (0.26, 0.28, 0.2)}),
+        [named(("crack", "stiffness_loss"), "R", value=2.9e-5, unit="rad/(N·m)", position=0.27, length=0.52)],
+    ),
+    "gate-sensor-masses": (
+        "gate",
+        66,
+        Hidden(masses=tuple((bar, s, 0.012) for bar, s, _ in STRUCTURES["gate"].sensors)),
+        [named("sensor_mass", "the", "10", "places", "of", "sensors", value=0.012, unit="kg")],
+    ),
+    "table-nothing": ("table", 71, Hidden(), [NOTHING]),
+    "table-mass": (
+        "table",
+        72,
+        Hidden(masses=(("X1", 0.14, 0.2),)),
+        [named("point_mass", "X1", value=0.2, unit="kg", position=0.14, length=0.46)],
+    ),
+    "table-soft-base": (
+        "table",
+        73,
+        Hidden(bases={("C2", "ry"): 4000.0}),
+        [named("support_flexibility", "C2", "ry", value=4000.0, unit="N·m/rad")],
+    ),
+    "table-stiffness": (
+        "table",
+        74,
+        Hidden(E={"C3": 0.88}),
+        [named("member_stiffness", "C3", value=-0.12, unit="-")],
+    ),
+    "table-heavier": (
+        "table",
+        75,
+        Hidden(rho={"Y1": 1.15}),
+        [named("member_density", "Y1", value=0.15, unit="-")],
+    ),
+    "table-ground-spring": (
+        "table",
+        76,
+        Hidden(ground=(("X2", 0.23, "z", 2e5, 0.02),)),
+        [named("ground_spring", "X2", "at", "0.23", "m", "z", value=2e5, unit="N/m")],
+    ),
+    "table-notch": (
+        "table",
+        77,
+        Hidden(weaker={"C4": (0.16, 0.18, 0.2)}),
+        [
+            named(
+                ("crack", "stiffness_loss"), "C4", value=2.9e-5, unit="rad/(N·m)", position=0.17, length=0.42
+            )
+        ],
+    ),
 }
 
 
-class Solid:
-    """Mass and stiffness of a bar, and what forces at places of it do."""
+def assembled(mesh, modulus, density):
+    """Return mass and stiffness, the basis's places (3, n) and directions (n,) of unknowns."""
+    from skfem import Basis, BilinearForm, ElementHex2, ElementVector
+    from skfem.helpers import ddot, dot, sym_grad, trace
 
-    def __init__(self, bar, E, rho, h, weaker):
-        from skfem import Basis, BilinearForm, ElementHex2, ElementVector, MeshHex
-        from skfem.helpers import ddot, dot, sym_grad, trace
+    basis = Basis(mesh, ElementVector(ElementHex2()), intorder=4)
 
-        n = round(bar.length / ELEMENT)
-        grid = (
-            np.linspace(0, bar.length, n + 1),
-            np.linspace(-bar.b / 2, bar.b / 2, ACROSS[0] + 1),
-            np.linspace(-h / 2, h / 2, ACROSS[1] + 1),
-        )
-        mesh = MeshHex.init_tensor(*grid)
-        basis = Basis(mesh, ElementVector(ElementHex2()), intorder=4)
-        modulus = np.full(mesh.t.shape[1], float(E))
-        if weaker is not None:
-            middle = mesh.p[0, mesh.t].mean(axis=0)
-            start, end, factor = weaker
-            inside = (middle > start) & (middle < end)
-            if not inside.any():
-                msg = f"no element lies between {start} and {end} m"
-                raise ValueError(msg)
-            modulus[inside] *= factor
+    @BilinearForm
+    def stiffness(u, v, w):
+        lame, shear = w.modulus * NU / ((1 + NU) * (1 - 2 * NU)), w.modulus / (2 * (1 + NU))
+        a, b = sym_grad(u), sym_grad(v)
+        return 2 * shear * ddot(a, b) + lame * trace(a) * trace(b)
 
-        @BilinearForm
-        def stiffness(u, v, w):
-            lame, shear = w.modulus * NU / ((1 + NU) * (1 - 2 * NU)), w.modulus / (2 * (1 + NU))
-            a, b = sym_grad(u), sym_grad(v)
-            return 2 * shear * ddot(a, b) + lame * trace(a) * trace(b)
+    @BilinearForm
+    def mass(u, v, w):
+        return w.density * dot(u, v)
 
-        @BilinearForm
-        def mass(u, v, w):
-            return rho * dot(u, v)
+    def at_points(values):
+        return np.repeat(np.asarray(values, dtype=float)[:, None], basis.dx.shape[1], axis=1)
 
-        self.K = stiffness.assemble(
-            basis, modulus=np.repeat(modulus[:, None], basis.dx.shape[1], axis=1)
-        ).tocsc()
-        self.M = mass.assemble(basis).tocsc()
-        self.bar, self.places = bar, basis.doflocs
-        self.direction = np.empty(self.K.shape[0], dtype=int)
-        for table in (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs, basis.interior_dofs):
-            for c in range(3):
-                self.direction[table[c]] = c
+    K = stiffness.assemble(basis, modulus=at_points(modulus)).tocsc()
+    M = mass.assemble(basis, density=at_points(density)).tocsc()
+    direction = np.empty(K.shape[0], dtype=int)
+    for table in (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs, basis.interior_dofs):
+        for c in range(3):
+            direction[table[c]] = c
+    return K, M, basis.doflocs, direction
 
-    def point(self, s):
-        """Return global displacements (n, 3) of the point of the axis there."""
-        x, y, z = self.places
+
+class Body:
+    """Mass and stiffness of bars, and what forces at places of them do."""
+
+    def __init__(self, bars, mesh, modulus, density):
+        """Assemble a mesh in global coordinates."""
+        self.bars = bars
+        self.K, self.M, self.places, self.direction = assembled(mesh, modulus, density)
+
+    def local(self, name):
+        """Return the places (3, n) of unknowns in a bar's own axes."""
+        bar = self.bars[name]
+        return bar.rotation.T @ (self.places - np.array(bar.start)[:, None])
+
+    def point(self, name, s):
+        """Return global displacements (n, 3) of the point of a bar's axis there."""
+        x, y, z = self.local(name)
         (at,) = np.nonzero((np.abs(x - s) < 1e-7) & (np.abs(y) < 1e-7) & (np.abs(z) < 1e-7))
         if len(at) != 3:
-            msg = f"there is no node on the axis at {s} m"
+            msg = f"there is no node on the axis of {name} at {s} m"
             raise ValueError(msg)
         P = np.zeros((len(x), 3))
-        P[at] = self.bar.rotation[:, self.direction[at]].T
+        P[at] = np.eye(3)[self.direction[at]]
         return P
 
-    def patch(self, s, about):
-        """Return the mean motion (n, 6) of what lies near s, in global directions about a point."""
-        (near,) = np.nonzero(np.abs(self.places[0] - s) < PATCH + 1e-9)
-        arm = (self.bar.rotation @ self.places[:, near]).T + self.bar.start - about
-        along = self.bar.rotation[:, self.direction[near]].T
+    def near(self, name, s, reach):
+        """Return the unknowns of a bar within a distance of a place along it."""
+        x, y, z = self.local(name)
+        bar = self.bars[name]
+        within = (np.abs(y) < 0.5 * bar.b + 1e-9) & (np.abs(z) < 0.5 * bar.h + 1e-9)
+        return np.flatnonzero(within & (np.abs(x - s) < reach + 1e-9))
+
+    def patch(self, name, s, about, reach=PATCH):
+        """Return the mean motion (n, 6) of what lies near s on a bar, in global directions about a point."""
+        near = self.near(name, s, reach)
+        arm, along = self.places[:, near].T - about, np.eye(3)[self.direction[near]]
         rigid = np.hstack([along, np.cross(arm, along)])
         P = np.zeros((self.places.shape[1], 6))
         P[near] = np.linalg.pinv(rigid).T
         return P
 
-    def reduced(self, forces):
-        """Return squared frequencies and M-orthonormal vectors of free modes and responses to forces."""
+    def hold(self, structure, soft):
+        """Clamp the first ends of bars that are held and not soft; return the unknowns that are left."""
+        clamped = np.zeros(self.K.shape[0], dtype=bool)
+        for name in set(structure.held) - soft:
+            clamped[self.near(name, 0.0, 0.0)] = True
+        free = np.flatnonzero(~clamped)
+        self.K, self.M = (X[free][:, free].tocsc() for X in (self.K, self.M))
+        return free
+
+    def reduced(self, forces, n_modes, free):
+        """Return squared frequencies and M-orthonormal vectors of modes and responses to forces."""
         shift = (2 * np.pi * 150) ** 2
         solved = sla.splu((self.K + shift * self.M).tocsc())
         inverse = sla.LinearOperator(self.K.shape, solved.solve)
-        squares, V = sla.eigsh(self.K, k=N_MODES, M=self.M, sigma=-shift, OPinv=inverse)
+        squares, V = sla.eigsh(self.K, k=n_modes, M=self.M, sigma=-shift, OPinv=inverse)
         X = np.hstack([V[:, squares < (2 * np.pi * HIGHEST) ** 2], solved.solve(forces)])
         Q, _ = np.linalg.qr(X / np.sqrt(np.einsum("ij,ij->j", X, self.M @ X)))
         squares, U = la.eigh(Q.T @ (self.K @ Q), Q.T @ (self.M @ Q))
-        squares[:6] = 0.0  # a free bar's
+        if free:
+            squares[:6] = 0.0
         return np.maximum(squares, 0.0), Q @ U
+
+
+def bar_alone(name, bar, hidden):
+    """Return one bar as a body."""
+    from skfem import MeshHex
+
+    bar = replace(bar, h=bar.h * hidden.h.get(name, 1.0))
+    n = round(bar.length / ELEMENT)
+    grid = (
+        np.linspace(0, bar.length, n + 1),
+        np.linspace(-bar.b / 2, bar.b / 2, ACROSS[0] + 1),
+        np.linspace(-bar.h / 2, bar.h / 2, ACROSS[1] + 1),
+    )
+    mesh = MeshHex.init_tensor(*grid)
+    along = mesh.p[0, mesh.t].mean(axis=0)
+    mesh = MeshHex(bar.rotation @ mesh.p + np.array(bar.start)[:, None], mesh.t)
+    return Body({name: bar}, mesh, modulus_of(name, along, hidden), density_of(name, along, hidden))
+
+
+def modulus_of(name, along, hidden):
+    """Return Young's modulus of elements at places along a bar."""
+    out = np.full(len(along), E * hidden.E.get(name, 1.0))
+    if name in hidden.weaker:
+        start, end, factor = hidden.weaker[name]
+        inside = (along > start) & (along < end)
+        if not inside.any():
+            msg = f"no element of {name} lies between {start} and {end} m"
+            raise ValueError(msg)
+        out[inside] *= factor
+    return out
+
+
+def density_of(name, along, hidden):
+    return np.full(len(along), RHO * hidden.rho.get(name, 1.0))
+
+
+def welded(structure, hidden):
+    """Return all bars as one body: the elements of a grid that lie in one of them, in the first if in two."""
+    from skfem import MeshHex
+
+    bars = {name: replace(b, h=b.h * hidden.h.get(name, 1.0)) for name, b in structure.bars.items()}
+    boxes, cuts = {}, [set(), set(), set()]
+    for name, bar in bars.items():
+        half = np.abs(bar.rotation) @ [0, bar.b / 2, bar.h / 2]
+        boxes[name] = (
+            np.minimum(bar.at(0.0), bar.at(bar.length)) - half,
+            np.maximum(bar.at(0.0), bar.at(bar.length)) + half,
+        )
+        for axis in range(3):
+            cuts[axis] |= {boxes[name][0][axis], boxes[name][1][axis], bar.at(0.0)[axis]}
+    for name, s, *_ in (*structure.sensors, *hidden.masses, *hidden.ground):
+        for axis, x in enumerate(bars[name].at(s)):
+            cuts[axis].add(x)
+    for name, (start, end, _) in hidden.weaker.items():
+        for s in (start, end):
+            cuts[AXES.index(bars[name].axis)].add(bars[name].at(s)[AXES.index(bars[name].axis)])
+    grid = []
+    for each in cuts:
+        marks = np.unique(np.round(sorted(each), 9))
+        parts = [np.linspace(a, b, max(1, round((b - a) / ELEMENT)) + 1)[:-1] for a, b in pairwise(marks)]
+        grid.append(np.append(np.concatenate(parts), marks[-1]))
+    mesh = MeshHex.init_tensor(*grid)
+    middle = mesh.p[:, mesh.t].mean(axis=1)
+    modulus, density = np.zeros(middle.shape[1]), np.zeros(middle.shape[1])
+    for name, (low, high) in reversed(boxes.items()):
+        inside = ((middle > low[:, None]) & (middle < high[:, None])).all(axis=0)
+        bar = bars[name]
+        along = (bar.rotation.T @ (middle[:, inside] - np.array(bar.start)[:, None]))[0]
+        modulus[inside], density[inside] = modulus_of(name, along, hidden), density_of(name, along, hidden)
+    kept = np.flatnonzero(density)
+    used, t = np.unique(mesh.t[:, kept], return_inverse=True)
+    mesh = MeshHex(mesh.p[:, used], t.reshape(8, -1))
+    return Body(bars, mesh, modulus[kept], density[kept])
 
 
 def sensors_of(structure):
@@ -467,38 +690,42 @@ def accelerances(structure, hidden, frequency):
     attached = {bar: {s["position"] for s in sensors if s["member"] == bar} for bar in structure.bars}
     for bar, s, *_ in (*hidden.masses, *hidden.ground):
         attached[bar].add(s)
-    squares, first, points, joints = [], {}, {}, {}
-    n = 0
-    for name, bar in structure.bars.items():
-        solid = Solid(
-            bar,
-            E * hidden.E.get(name, 1.0),
-            RHO * hidden.rho.get(name, 1.0),
-            bar.h * hidden.h.get(name, 1.0),
-            hidden.weaker.get(name),
-        )
-        ends = {(name, s): solid.point(s) for s in sorted(attached[name])}
+    if structure.welded:
+        bodies = [welded(structure, hidden)]
+    else:
+        bodies = [bar_alone(name, bar, hidden) for name, bar in structure.bars.items()]
+    squares, places, n = [], {}, 0
+    for body in bodies:
+        soft = {name for name, _ in hidden.bases}
+        ends = {(name, s): body.point(name, s) for name in body.bars for s in sorted(attached[name])}
         for joint, bar1, s1, bar2, s2 in structure.joints:
-            if name in (bar1, bar2):
-                middle = 0.5 * (structure.bars[bar1].at(s1) + structure.bars[bar2].at(s2))
-                ends[joint, name] = solid.patch(s1 if name == bar1 else s2, middle)
-        w2, V = solid.reduced(np.hstack(list(ends.values())))
-        first[name], n = n, n + len(w2)
+            middle = 0.5 * (structure.bars[bar1].at(s1) + structure.bars[bar2].at(s2))
+            for name, s in ((bar1, s1), (bar2, s2)):
+                if name in body.bars:
+                    ends[joint, name] = body.patch(name, s, middle)
+        for name in sorted(soft):
+            ends["base", name] = body.patch(name, 0.0, body.bars[name].at(0.0), reach=0.0)
+        free = body.hold(structure, soft)
+        forces, n_modes = (
+            np.hstack([P[free] for P in ends.values()]),
+            N_MODES_WELDED if structure.welded else N_MODES,
+        )
+        w2, V = body.reduced(forces, n_modes, free=not structure.held)
+        places |= {key: (n, V.T @ P[free]) for key, P in ends.items()}
+        n += len(w2)
         squares.append(w2)
-        for key, P in ends.items():
-            (points if isinstance(key[1], float) else joints)[key] = name, V.T @ P
     w2 = np.concatenate(squares)
 
     def whole(place):
-        bar, P = place
+        start, P = place
         out = np.zeros((n, P.shape[1]))
-        out[first[bar] : first[bar] + len(P)] = P
+        out[start : start + len(P)] = P
         return out
 
     omega = 2 * np.pi * frequency
     vectors, dynamic = [], []
     for joint, bar1, _, bar2, _ in structure.joints:
-        apart = whole(joints[joint, bar1]) - whole(joints[joint, bar2])
+        apart = whole(places[joint, bar1]) - whole(places[joint, bar2])
         for k, d in enumerate(DIRECTIONS):
             stiffness = TRUE_JOINT[d] * hidden.joints.get((joint, d), 1.0)
             vectors.append(apart[:, k])
@@ -506,20 +733,25 @@ def accelerances(structure, hidden, frequency):
                 stiffness * (1 + 1j * JOINT_LOSS) + 1j * omega * hidden.dashpots.get((joint, d), 0.0)
             )
     for bar, s, mass in hidden.masses:
-        vectors += list(whole(points[bar, s]).T)
+        vectors += list(whole(places[bar, s]).T)
         dynamic += 3 * [-(omega**2) * mass + 0j]
     for bar, s, d, stiffness, loss in hidden.ground:
-        vectors.append(whole(points[bar, s])[:, AXES.index(d)])
+        vectors.append(whole(places[bar, s])[:, AXES.index(d)])
         dynamic.append(np.full(len(omega), stiffness * (1 + 1j * loss)))
+    for bar in sorted({name for name, _ in hidden.bases}):
+        vectors += list(whole(places["base", bar]).T)
+        dynamic += [np.full(len(omega), hidden.bases.get((bar, d), HELD) + 0j) for d in DIRECTIONS]
 
-    C, Z = np.array(vectors).T, np.array(dynamic).T[:, :, None]
+    C = np.array(vectors).T.reshape(n, -1)
+    Z = np.array(dynamic).reshape(C.shape[1], len(omega)).T[:, :, None]
     by_name = {
-        s["name"]: whole(points[s["member"], s["position"]])[:, AXES.index(s["direction"])] for s in sensors
+        s["name"]: whole(places[s["member"], s["position"]])[:, AXES.index(s["direction"])] for s in sensors
     }
     out = np.array(list(by_name.values())).T
     inputs = np.array([by_name[name] for name in structure.excitations]).T
     f = np.sqrt(w2) / (2 * np.pi)
-    zeta = 0.003 * (1 + 0.35 * np.sin(2 * np.pi * f / 1700 + 0.7))
+    mean, period = structure.damping
+    zeta = mean * (1 + 0.35 * np.sin(2 * np.pi * f / period + 0.7))
     H = np.empty((len(omega), out.shape[1], inputs.shape[1]), dtype=complex)
     for k, w in enumerate(omega):
         modal = 1 / (w2 + 2j * zeta * np.sqrt(w2) * w - w**2)
@@ -543,7 +775,9 @@ def nominal_of(name, structure, frequency, rng):
         )
     return {
         "case": name,
-        "structure": f"{len(structure.bars)} bars, {len(joints)} elastic joints, free",
+        "structure": f"{len(structure.bars)} bars, "
+        + ("welded" if structure.welded else f"{len(joints)} elastic joints")
+        + (", clamped" if structure.held else ", free"),
         "units": "SI (m, N, kg, s, Pa, Hz)",
         "material": {
             "name": "steel",
@@ -551,23 +785,24 @@ def nominal_of(name, structure, frequency, rng):
             "nu": NU,
             "rho": RHO * (1 + float(rng.choice([-1, 1])) * 0.004),
         },
-        "points": {str(s["node"]): structure.bars[s["member"]].at(s["position"]).tolist() for s in sensors},
+        "points": {str(s["node"]): structure.bars[s["member"]].at(s["position"]).tolist() for s in sensors}
+        | {name: structure.bars[name].at(0.0).tolist() for name in structure.held},
         "members": [
             {
                 "name": bar,
                 "end1": b.at(0.0).tolist(),
                 "end2": b.at(b.length).tolist(),
-                "section": {"type": "rect", "b": b.b, "h": b.h, "h_direction": [0, 0, 1]},
+                "section": {"type": "rect", "b": b.b, "h": b.h, "h_direction": b.rotation[:, 2].tolist()},
             }
             for bar, b in structure.bars.items()
         ],
-        "joints": joints,
-        "supports": "free-free",
+        "joints": WELDED if structure.welded else joints,
+        "supports": [{"point": name, "fixed": "all six"} for name in structure.held] or "free-free",
         "sensors": sensors,
         "excitations": [{"sensor": s} for s in structure.excitations],
         "frequency": {"start": float(frequency[0]), "stop": float(frequency[-1]), "lines": len(frequency)},
         "response": "accelerance, (m/s^2)/N",
-        "damping_guess_modal": 0.0026,
+        "damping_guess_modal": round(0.87 * structure.damping[0], 4),
         "tolerances": "E +-2 %, rho +-0.5 %, joint data +-3 %, dimensions +-0.5 %",
         "files": ["frf.uff"],
     }
@@ -579,7 +814,7 @@ def write(folder, name):
 
     structure_name, seed, hidden, effects = CASES[name]
     structure, rng = STRUCTURES[structure_name], np.random.default_rng(seed)
-    frequency = np.arange(2.0, structure.stop + 1, 2.0)
+    frequency = np.arange(structure.step, structure.stop + 1e-9, structure.step)
     H = accelerances(structure, hidden, frequency)
     floor = np.abs(H).max(axis=0) * 10 ** (NOISE_FLOOR_DB / 20)
 

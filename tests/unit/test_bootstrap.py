@@ -70,11 +70,12 @@ def test_where_nothing_is_hidden_chance_leaves_what_the_measurement_leaves(nothi
     assert math.isnan(tried.gain)
     assert null.level == pytest.approx(np.mean(tried.levels), rel=0.15)
     assert all(0.98 < g < 1.03 for g in tried.gains)
+    assert any(g != 1 for g in tried.gains)  # though the search itself leaves so little alone
 
 
 def test_an_effect_that_chance_could_have_made_is_dropped_and_a_real_one_stays():
     case = make_case(0)  # a member is heavier
-    problem = build_problem(case.model, case.measurement, case.nuisances)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     candidates = propose(case.model, ("member_density", "point_mass"))
     hidden = case.hidden
     assert isinstance(hidden, Effect)

@@ -39,8 +39,18 @@ def test_a_heavier_member_is_named_with_its_value_and_the_error_falls_to_the_flo
 
 
 def test_nothing_is_found_where_nothing_is_hidden():
-    found = run(make_case(5))
+    found = run(make_case(5), model_error=0.0)
     assert (found.verdict, found.findings, found.faults) == (NOTHING, (), ())
+    assert any(found.rounds)
+    assert found.reason.startswith("no candidate improves")
+
+
+def test_nothing_is_searched_for_where_less_is_left_than_beams_may_leave():
+    found = run(make_case(5))
+    assert (found.verdict, found.findings, found.faults, found.rounds) == (NOTHING, (), (), ())
+    assert found.steps[-1].level < found.problem.left_alone == pytest.approx(0.1)
+    assert found.reason.startswith("the fitted model leaves no more than beams may")
+    assert found.notes[-1].startswith("no effect was searched for where 0.")
 
 
 def test_elements_are_cut_where_the_mesh_leaves_more_than_a_tenth_of_the_noise():

@@ -28,6 +28,7 @@ def test_constants_have_the_values_that_are_documented(module, name, value):
     "module",
     [
         "updating.acceptance",
+        "updating.corners",
         "updating.diagnosis",
         "updating.faults",
         "updating.fit",

@@ -16,7 +16,7 @@ from fem.properties import Material
 from fem.sensitivity import differentiate_frf, differentiate_modes
 from fem.statics import LoadCase, prestressed, solve_static
 from fem.system import assemble
-from tests.frames import beam, braced, cross_beam, fix, mounted, portal, with_part
+from tests.frames import beam, braced, cross_beam, fix, mounted, portal, welded, with_part
 
 MODELS = {
     "cross": cross_beam(0.1),
@@ -36,6 +36,8 @@ MODELS = {
     "mounts": mounted(),
     # two members: one tapers, is on springs and hinged, its mass in lumps; the other is a bar in one piece
     "options": braced(),
+    # ends of solid bars on others, one with a rigid zone
+    "welded": welded(0.15, rigid1=0.004),
     "part": with_part(),
     "loaded": prestressed(portal(0.2), solve_static(assemble(portal(0.2)), LoadCase(gravity=(0, 0, -9.81)))),
 }

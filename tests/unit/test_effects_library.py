@@ -23,7 +23,7 @@ from fem.effects.viscoelastic import Viscoelastic
 from fem.frf import FRF, compute_frf
 from fem.laws import FractionalKelvinVoigt, Zener
 from fem.mesh import Mesh
-from fem.model import Damping, Model, ModelError
+from fem.model import Damping, Model, ModelError, lever_matrix
 from fem.modes import solve_modes
 from fem.properties import Section
 from fem.system import assemble, sum_contributions
@@ -155,6 +155,26 @@ def test_a_rigid_end_zone_is_stiffer_elements_condensed_away(end):
         K[np.ix_(inner, inner)], K[np.ix_(inner, kept)]
     )
     close(sums(model, *model.effects, zone)[0], condensed, 10 * condensed)
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0.0, 0.9), (0.02, 0.86), (0.01, 0.04), (0.87, 0.9)])
+def test_mass_along_a_stretch_is_all_there_also_in_rigid_zones(start, stop):
+    """Its momentum and angular momentum are those of a rod, whatever the ends are like."""
+    model = beam(3, 0.9, theory="timoshenko", rigid1=0.05, rigid2=0.08, offset1=np.array([0, 0.01, 0.02]))
+    (frame,) = model.of_kind(Frame)
+    unit = frame.mass_matrix(model, "beam", start, stop, (2.0, 2.0, 2.0, 0, 0, 0))
+    M = np.zeros((model.n_dof, model.n_dof))
+    np.add.at(M, (unit.dofs[:, :, None], unit.dofs[:, None, :]), unit.M)
+    rigid = np.vstack([lever_matrix(p) for p in model.mesh.points])
+    body = rigid.T @ M @ rigid
+    first, last = np.array([0, 0.01, 0.02]), np.array([0.9, 0, 0])  # the member's axis
+    s = np.linspace(start, stop, 20001)[:, None] / 0.9
+    levers = [lever_matrix(p)[:3] for p in first + s * (last - first)]
+    mass = 2.0 * (stop - start) * np.linalg.norm(last - first) / 0.9
+    weights = np.full(len(s), 1 / (len(s) - 1))
+    weights[[0, -1]] /= 2
+    expected = mass * sum(w * L.T @ L for w, L in zip(weights, levers, strict=True))
+    np.testing.assert_allclose(body, expected, atol=1e-6 * abs(expected).max())
 
 
 def test_a_zone_of_no_length_changes_nothing_and_begins_smoothly():

@@ -12,8 +12,8 @@ from tests.frames import chain
 from tests.hidden.cases import make_case
 from updating import acceptance, findings, preparation, screening, search
 from updating.bootstrap import bootstrap
-from updating.diagnosis import EXPLAINED_LEVEL, diagnose, propose
-from updating.fit import ITERATIONS, FitProblem
+from updating.diagnosis import diagnose, propose
+from updating.fit import EXPLAINED_LEVEL, ITERATIONS, FitProblem
 from updating.parameters import Nuisance
 from updating.preparation import build_problem
 from updating.screening import Grid
@@ -47,7 +47,7 @@ def test_effects_with_a_parameter_of_damping_must_gain_more():
 
 def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
     case = make_case(0)  # a member is heavier
-    problem = build_problem(case.model, case.measurement, case.nuisances)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     null = problem.fit()
     kinds = ("member_density", "member_stiffness", "point_mass")
     candidates = propose(case.model, kinds)
@@ -58,7 +58,7 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
             def pays(self, after):
                 return pays(after.effects[-1].kind)
 
-        rule = Rule(problem, 0.0, False, null, True)
+        rule = Rule(problem, 0.0, False, null)
         order, best = round_.run(rule, 5, lambda text, done: None)
         assert order[0].result is best
         return [r.kind for r in order if r.refined]
@@ -72,11 +72,11 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
 
 def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
     case = make_case(0)
-    problem = build_problem(case.model, case.measurement, case.nuisances)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     null = problem.fit()
     kinds = ("member_density", "member_stiffness", "point_mass", "joint_mass", "preload")
     grids = tuple(Grid.of(problem, e) for e in propose(case.model, kinds))
-    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    rule = acceptance.Rule(problem, 0.0, False, null)
     fitted, looked = [], []
 
     def fit(self, effects, starts, **options):
@@ -103,7 +103,9 @@ def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
     anew, best_anew = search._Round(problem, null, False, grids).run(rule, 20, lambda text, done: None)
     assert len(fitted) < quickly + 3  # what the first run fitted fully may not be among the best of all
     assert looked == 2 * [{"weak_only": True}]
-    search._Round(problem, null, True, grids).run(replace(rule, form_right=False), 1, lambda text, done: None)
+    not_right = replace(problem, model_error=EXPLAINED_LEVEL)
+    rule = replace(rule, problem=not_right)
+    search._Round(not_right, null, True, grids).run(rule, 1, lambda text, done: None)
     assert looked[2:] == [{"weak_only": False}]  # a part of the level may be the model's own error
     assert {r.name for r in more} == {r.name for r in anew}
     assert {r.name for r in few if r.refined} <= {r.name for r in more if r.refined}
@@ -186,7 +188,7 @@ def test_the_bases_error_is_small_where_connections_are_damped_otherwise():
 
 def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candidates(monkeypatch):
     case = make_case(0)  # a member is heavier
-    problem = build_problem(case.model, case.measurement, case.nuisances)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     candidates = propose(case.model, ("member_density", "point_mass"))
     wrong = next(e for e in candidates if e.kind == "point_mass")
     right = next(e for e in candidates if (e.kind, e.where) == (case.hidden.kind, case.hidden.where))
@@ -194,7 +196,7 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     fits = [problem.fit([e], [Grid.of(problem, e).points[0]]) for e in (wrong, right)]
     steps = findings.step_of("nominal", problem.nominal()), findings.step_of("uncertain", null)
     begin = search.Search(problem, (), (), steps, null)
-    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    rule = acceptance.Rule(problem, 0.0, False, null)
     ranked = tuple(rule.ranked(f, s, True) for f, s in zip(fits, (1.0, 0.3), strict=True))
     taken = findings.Finding(wrong, findings.parameters_of(wrong, fits[0]), ())
     ended_at = replace(fits[0], solution=replace(fits[0].solution, cost=fits[0].solution.cost - 1.0))
@@ -260,11 +262,11 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
 def test_what_is_looked_at_first_has_a_second_start_however_badly_its_first_ends(monkeypatch):
     monkeypatch.setattr(search, "QUICK_REACH", 0.0)
     case = make_case(0)
-    problem = build_problem(case.model, case.measurement, case.nuisances)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     null = problem.fit()
     grids = tuple(Grid.of(problem, e) for e in propose(case.model, ("member_density", "point_mass")))
     round_ = search._Round(problem, null, False, grids)
-    round_.run(acceptance.Rule(problem, 0.0, False, null, True), 3, lambda text, done: None)
+    round_.run(acceptance.Rule(problem, 0.0, False, null), 3, lambda text, done: None)
     looked = [o for o in round_._looked if o.rank < 3]
     assert len({o.rank for o in looked}) > 1
     for o in looked:
@@ -311,11 +313,11 @@ def test_fine_stages_end_between_modes_and_have_lines():
 
 def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
     case = make_case(3, "portal", "support_flexibility")
-    problem = build_problem(case.model, case.measurement, case.nuisances)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     candidates = propose(case.model, ["support_flexibility", "crack", "point_mass"])
     grids = {e.name: Grid.of(problem, e) for e in candidates}
     null = problem.fit()
-    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    rule = acceptance.Rule(problem, 0.0, False, null)
     corner = case.hidden.locations(case.model)[0]
     cracks = [
         (grid.effect, near.points)
@@ -365,7 +367,7 @@ def test_what_is_half_a_member_away_is_at_another_place(monkeypatch):
     near = []
     monkeypatch.setattr(search, "rivals", lambda problem, best, grids, n_best: near.extend(grids) or ())
     monkeypatch.setattr(search, "SAME_PLACE", 10.0)  # all of a frame
-    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    rule = acceptance.Rule(problem, 0.0, False, null)
     search._against_rivals(problem, rule, (), best, candidates, grids)
     reach = search.SAME_MEMBER * max(map(model.mesh.member_length, model.mesh.members))
     places = right.locations(model)
@@ -452,14 +454,15 @@ def test_a_loss_factor_within_the_tolerance_of_damping_is_no_effect(kind, share,
     effect = propose(case.model, [kind])[0].with_values(loss_factor=share * tolerance)
     std = {(effect.name, "loss_factor"): 0.01 * tolerance}
     better = replace(null, effects=(effect,), std=std, level=0.1, held_out_level=0.1)
-    assert acceptance.Rule(problem, 0.0, False, null, False).pays(better) is pays
+    assert acceptance.Rule(problem, 0.0, False, null).pays(better) is pays
     # where nothing but noise stands against it, much less is one, but not beside another
-    assert acceptance.Rule(problem, 2.0, True, null, True).pays(better)
+    right = replace(problem, model_error=0.0)
+    assert acceptance.Rule(right, 2.0, True, null).pays(better)
     little = effect.with_values(loss_factor=share * acceptance.LOSS_ALIKE / problem.damping.std * tolerance)
     within = replace(better, effects=(little,))
-    assert acceptance.Rule(problem, 2.0, True, null, True).pays(within) is pays
+    assert acceptance.Rule(right, 2.0, True, null).pays(within) is pays
     beside = replace(null, effects=(propose(case.model, ["member_density"])[0],))
-    assert acceptance.Rule(problem, 2.0, True, beside, True).pays(better) is pays
+    assert acceptance.Rule(right, 2.0, True, beside).pays(better) is pays
 
 
 def test_an_effect_that_may_as_well_be_absent_does_not_pay_where_the_model_is_settled():
@@ -468,14 +471,20 @@ def test_an_effect_that_may_as_well_be_absent_does_not_pay_where_the_model_is_se
     heavier, joint, mass = (propose(crossed.model, [kind])[0] for kind in kinds)
     support = propose(standing.model, ["support_flexibility"])[0]
 
-    def pays(effect, deviation, settled=True, level=0.9):
+    def pays(effect, deviation, settled=True, level=0.9, with_place=0.0):
         case = standing if effect is soft else crossed
-        problem = build_problem(case.model, case.measurement, case.nuisances)
+        problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
         null = replace(problem.nominal(), level=1.0, held_out_level=1.0)
         p, *_ = effect.parameters()
         fit = replace(null, effects=(effect,), level=level, held_out_level=level)
         fit = replace(fit, std={(effect.name, p.name): deviation})
-        return acceptance.Rule(problem, 2.0, settled, null, True).pays(fit)
+        if effect is mass:  # ± deviation and ± 1 m, correlated
+            own = {(effect.name, q.name): q.value for q in effect.parameters()}
+            n, both = len(fit.values), with_place * deviation
+            C = np.eye(n + 2)
+            C[n:, n:] = [[deviation**2, both], [both, 1.0]]
+            fit = replace(fit, values=fit.values | own, covariance=C)
+        return acceptance.Rule(problem, 2.0, settled, null).pays(fit)
 
     soft = support.with_values(stiffness=1e6)
     assert np.isinf(soft.parameters()[0].absent)
@@ -490,12 +499,15 @@ def test_an_effect_that_may_as_well_be_absent_does_not_pay_where_the_model_is_se
     softer = joint.with_values(stiffness=p.absent / 1.2)  # ln 1.2 = 0.182
     deviations = (p.absent / 1.2 * np.sinh(x) for x in (0.060, 0.062))
     assert [pays(softer, x) for x in deviations] == [True, False]
-    assert pays(mass, 1e3)  # with its place, as which it may be uncertain
+    mass = mass.with_values(mass=1.0)
+    assert [pays(mass, x) for x in (0.33, 0.34)] == [True, False]
+    # what is uncertain as its place is counts as where that is known: √(1 - 0.6²) = 0.8 of it
+    assert [pays(mass, x, with_place=0.6) for x in (0.33 / 0.8, 0.34 / 0.8)] == [True, False]
 
 
 def test_what_is_said_to_be_uncertain_is_no_effect_within_its_tolerance():
     case = make_case(1, "cross", "joint_stiffness")  # joints are known to 3 %
-    problem = build_problem(case.model, case.measurement, case.nuisances)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     null = problem.nominal()
     joint = next(e for e in propose(case.model, ["joint_stiffness"]) if e.replaces() == (("J", "krz"),))
     (p,) = joint.parameters()
@@ -517,7 +529,7 @@ def test_what_is_said_to_be_uncertain_is_no_effect_within_its_tolerance():
         effects=(joint.with_values(stiffness=within * p.absent),),
         std={(joint.name, p.name): 1e-9},
     )
-    rule = acceptance.Rule(problem, 0.0, False, null, True)
+    rule = acceptance.Rule(problem, 0.0, False, null)
     assert not rule.pays(fit)
     far = replace(fit, effects=(joint.with_values(stiffness=beyond * p.absent),))
     assert rule.pays(far)
@@ -555,8 +567,11 @@ def test_what_damps_must_do_more_and_so_must_what_comes_beside_others():
     assert among == (acceptance.ACCEPT_WEAK_DAMPING_BESIDE,) * 3
     fit = problem.nominal()
     fit = replace(fit, level=0.5, solution=replace(fit.solution, cost=-10.0))
-    scores = [acceptance.score(problem, replace(fit, effects=(e,))) for e in (heavier, damped)]
     n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+    none, *scores = [
+        acceptance.score(problem, replace(fit, effects=e), 1) for e in ((), (heavier,), (damped,))
+    ]
+    assert scores[0] - none == 1
     assert scores[1] - scores[0] == pytest.approx(n * np.log(acceptance.DAMPING_MARGIN))
 
 
@@ -569,8 +584,9 @@ def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_litt
     spring = propose(case.model, ["ground_spring"])[0].with_values(stiffness=1e3)
 
     def pays(gain, held_out, *, settled, form_right):
-        penalty = len(spring.parameters())
-        solution = replace(null.solution, cost=-penalty - gain)
+        mine = replace(problem, model_error=0.0 if form_right else 0.3)
+        price = acceptance.score(mine, replace(null, effects=(spring,))) - acceptance.score(mine, null, 0)
+        solution = replace(null.solution, cost=-price - gain)
         after = replace(
             null,
             effects=(*null.effects, spring),
@@ -579,7 +595,7 @@ def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_litt
             held_out_level=held_out,
             solution=solution,
         )
-        return acceptance.Rule(problem, 0.3, settled, null, form_right).pays(after)
+        return acceptance.Rule(mine, 0.3, settled, null).pays(after)
 
     enough = acceptance.ACCEPT_GAIN + 0.1
     for settled in (False, True):
@@ -690,7 +706,7 @@ def test_twins_gain_as_much_of_the_posterior_not_of_the_level():
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances)
     null = problem.fit()
-    rule = acceptance.Rule(problem, 0.3, True, null, False)
+    rule = acceptance.Rule(problem, 0.3, True, null)
     effects = propose(case.model, ["member_density", "member_stiffness"])
 
     def entry(effect, gain, level):
@@ -735,14 +751,15 @@ def test_little_may_be_left_of_much_where_the_form_is_right():
     null = replace(build_problem(case.model, case.measurement, case.nuisances).nominal(), level=0.4)
     assert search.most_left(null, 0.03, 0.0) == pytest.approx(0.045)  # a hundredth of the square
     assert search.most_left(null, 0.1, 0.0) == pytest.approx(np.sqrt(0.02) * 0.4)
-    assert search.most_left(null, 0.03, 0.3) == pytest.approx(np.sqrt(0.5) * 0.4)
+    assert search.most_left(null, 0.03, 0.3) == pytest.approx(np.sqrt(0.25) * 0.4)
 
 
 def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypatch):
     """Its level counts a tenth more where candidates are compared; a weak effect does not make up for it."""
     monkeypatch.setattr(acceptance, "DAMPING_MARGIN", 1.1)
     case = draw_case(Settings(1511), "weak", 10)  # a fractional joint; with it the level falls by 1.1
-    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, n_lines=480)
+    options = {"connections": True, "n_lines": 480, "model_error": 0.0}
+    problem = build_problem(case.model, case.measurement, case.nuisances, **options)
     null = problem.fit()
     steps = tuple(
         findings.step_of(label, fit) for label, fit in (("nominal", problem.nominal()), ("uncertain", null))

@@ -1,0 +1,218 @@
+"""Corners of finite size: what lies inside of two welded members is one body, and nearly rigid."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.effects.places import frame_of, is_bar, material_of
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+
+_FLEXIBILITY = 0.01
+"""Part of its flexibility that a stretch inside of a corner keeps [-]."""
+_PANEL = 0.5
+"""Share of the rigid-zone factor that holds for a member that goes through: what meets it holds it on one
+side [-]."""
+_LEAST_SINE = 0.35
+"""Members that meet at a smaller angle lie along each other: such corners are left out."""
+_COLLINEAR = 0.05
+"""Sine of the angle up to which two ends are one member that goes through."""
+
+
+class _Arm(NamedTuple):
+    """A member on one side of a corner: it begins there at an arc length and goes up or down."""
+
+    member: str
+    start: float
+    towards: int
+    axis: NDArray[np.float64]
+    line: int
+
+
+class _Zone(NamedTuple):
+    """A stretch inside of a corner: member, where it begins, which way, half the depth of what it is in.
+
+    ``factor`` is the share of the rigid-zone factor that holds for it, ``overlap`` that of its mass which
+    another member has, too, ``longest`` how long it may become.
+    """
+
+    member: str
+    start: float
+    towards: int
+    depth: float
+    factor: float
+    overlap: float
+    longest: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SolidCorner(Effect):
+    """Welded corners whose members have a depth.
+
+    Drawn by its centre lines, a member that ends on another has its last stretch inside of that one: as long
+    as half the other's depth d, its mass is counted twice, and it bends less than a bar by itself. Of the
+    length ``size`` d the mass is taken away; ``rigid_zone_factor`` of it is nearly rigid (as end offsets in
+    programs for buildings: CSI Analysis Reference Manual, The Frame Element, where it is called rigid-end
+    factor), and of a member that goes through half of that on both sides, by the depth of what meets it.
+    Zones that the model has already count: only what goes beyond them is added.
+
+    Where nothing goes through, n members that end in one point fill n / 2 blocks of one: each stretch has
+    1 - 2 / n of its mass too much, and two have none.
+
+    Attributes
+    ----------
+    zones : tuple of _Zone
+    n_corners : int
+    size : float
+        Size of the corners beside what centre lines and sections say [-].
+    rigid_zone_factor : float
+        Part of it that is nearly rigid [-].
+    """
+
+    kind: ClassVar[str] = "solid_corner"
+    zones: tuple[_Zone, ...]
+    n_corners: int
+    size: Any = 0.0
+    rigid_zone_factor: Any = 0.65
+
+    @property
+    def where(self) -> str:
+        """How many."""
+        return f"{self.n_corners} welded corners" if self.n_corners > 1 else "the welded corner"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return size and rigid-zone factor."""
+        factor = self.rigid_zone_factor
+        return (
+            Parameter("size", "-", self.size, 0.0, 0.0, 2.0),
+            Parameter("rigid_zone_factor", "-", factor, factor, 0.2, 1.0),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return what the zones gain in stiffness, and lose of their mass."""
+        frame, stiffer, lighter = frame_of(model), [], []
+        density = {m: frame.mass_per_length(m) for m in {z.member for z in self.zones}}
+        for z in self.zones:
+            inside = _at_most(self.size * z.depth, z.longest)
+            # Where there is none yet, the derivative is that of a very short one.
+            reach = inside if np.real(inside) > 1e-9 * z.longest else 1e-9 * z.longest + 1j * np.imag(inside)
+            stiffer.append((z.member, z.start, z.factor * self.rigid_zone_factor * inside, z.towards))
+            if z.overlap:
+                ends = sorted((z.start, z.start + z.towards * reach), key=np.real)
+                lighter.append((z.member, *ends, -z.overlap * density[z.member] * (inside / reach)))
+        out = (frame.stiffened(model, stiffer, _FLEXIBILITY),)
+        return (*out, frame.masses(model, lighter, (1, 1, 1, 0, 0, 0))) if lighter else out
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's moduli and densities of the members."""
+        members = dict.fromkeys(z.member for z in self.zones)
+        return tuple(dict.fromkeys(ref for m in members for ref in material_of(model, m, "E", "rho")))
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """From a quarter to one and a half of what the sections say."""
+        factor = float(np.real(self.rigid_zone_factor))
+        return tuple({"size": s, "rigid_zone_factor": factor} for s in (0.1, 0.25, 0.5, 1.0, 1.5))
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """All corners alike, if the sections of what meets there have outlines and none have a size yet."""
+        if not model.of_kind(Frame) or model.of_kind(cls):
+            return ()
+        corners = [zones for arms in _corners(model) if (zones := _zones(model, arms))]
+        if not corners:
+            return ()
+        zones = _apart(model, [z for corner in corners for z in corner])
+        return (cls(name="solid_corner:all", zones=zones, n_corners=len(corners)),)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the corners."""
+        places = {(z.member, z.start) for z in self.zones}
+        points = [model.mesh.point_at(model.mesh.locate(m, s)) for m, s in sorted(places)]
+        return np.unique(np.round(points, 9), axis=0)
+
+
+def _at_most(length: Any, longest: float) -> Any:
+    """Return a length that may be complex, cut to a longest."""
+    return length if np.real(length) < longest else longest
+
+
+def _corners(model: Model) -> Iterator[list[_Arm]]:
+    """Yield the arms of each point of the mesh at which members meet.
+
+    Not of bars, of members that taper, whose depth changes, or that are offset, which may end at the surface.
+    """
+    mesh, frame = model.mesh, frame_of(model)
+    axes = frame.rotations(mesh)[:, 0]
+    at: dict[int, list[_Arm]] = {}
+    for member in mesh.members:
+        p = frame.members[member]
+        if is_bar(model, member) or p.section2 is not None or np.any(p.offset1) or np.any(p.offset2):
+            continue
+        points, s, lines = mesh.member_points(member), mesh.member_positions(member), mesh.members[member]
+        loose = p.end_stiffness < np.inf
+        for k, point in enumerate(points):
+            if (k == 0 and loose[:6].any()) or (k == len(points) - 1 and loose[6:].any()):
+                continue  # a hinge or spring lies between the end and the corner
+            here = at.setdefault(int(point), [])
+            if k < len(lines):
+                here.append(_Arm(member, float(s[k]), 1, axes[lines[k]], int(lines[k])))
+            if k > 0:
+                here.append(_Arm(member, float(s[k]), -1, -axes[lines[k - 1]], int(lines[k - 1])))
+    for arms in at.values():
+        if any(_meet(a, b) for a in arms for b in arms):
+            yield arms
+
+
+def _meet(a: _Arm, b: _Arm) -> bool:
+    """Whether two arms are of different members, at an angle: one that is curved has no corners."""
+    return a.member != b.member and bool(np.linalg.norm(np.cross(a.axis, b.axis)) > _LEAST_SINE)
+
+
+def _goes_on(a: _Arm, b: _Arm) -> bool:
+    """Whether an arm goes on in another: the same member's, or one in line with it."""
+    in_line = a.axis @ b.axis < -np.sqrt(1 - _COLLINEAR**2)
+    return a is not b and (a.member == b.member or bool(in_line))
+
+
+def _zones(model: Model, arms: list[_Arm]) -> list[_Zone]:
+    """Return what of the arms of a corner lies inside of others; nothing where a section has no outline."""
+    through = [any(_goes_on(a, b) for b in arms) for a in arms]
+    areas = [frame_of(model).members[a.member].section.A for a in arms]
+    first = max((k for k, yes in enumerate(through) if yes), key=lambda k: areas[k], default=None)
+    out = []
+    for k, arm in enumerate(arms):
+        depth = max((_half_depth(model, b, arm.axis) for b in arms if _meet(arm, b)), default=0.0)
+        overlap = 1 - 2 / len(arms) if first is None else float(k != first and not _goes_on(arm, arms[first]))
+        if depth > 0:
+            factor = _PANEL if through[k] else 1.0
+            out.append(_Zone(arm.member, arm.start, arm.towards, depth, factor, overlap, np.inf))
+    return out
+
+
+def _half_depth(model: Model, arm: _Arm, along: NDArray[np.float64]) -> float:
+    """Return how far one goes from an arm's axis along another to its surface; 0 without an outline [m]."""
+    frame = frame_of(model)
+    outlines = frame.members[arm.member].section.outlines
+    if not outlines:
+        return 0.0
+    _, y, z = frame.rotations(model.mesh, [arm.line])[0]
+    side = np.array([along @ y, along @ z])
+    sine = float(np.linalg.norm(side))
+    return float(np.abs(outlines[0] @ (side / sine)).max()) / sine
+
+
+def _apart(model: Model, zones: list[_Zone]) -> tuple[_Zone, ...]:
+    """Return zones that cannot reach those of the next corner of their member."""
+    places: dict[str, set[float]] = {}
+    for z in zones:
+        places.setdefault(z.member, set()).add(z.start)
+    out = []
+    for z in zones:
+        beyond = [abs(s - z.start) for s in places[z.member] if (s - z.start) * z.towards > 0]
+        whole = model.mesh.member_length(z.member)
+        room = min([whole - z.start if z.towards > 0 else z.start, *(0.5 * b for b in beyond)])
+        out.append(z._replace(longest=0.9 * room))
+    return tuple(out)
