@@ -212,7 +212,9 @@ def stands_out(without: FitResult, fit: FitResult, name: str) -> bool:
     if not std > 0 or without.level > ACCEPT_LEVEL * fit.level:
         return True
     if p.log and 0 < p.absent < np.inf:
-        return bool(abs(np.log(p.value / p.absent)) > CERTAIN * np.arcsinh(std / p.value))
+        far = abs(np.log(p.value / p.absent)) > CERTAIN * np.arcsinh(std / p.value)
+        # Next to nothing is uncertain by any factor, and yet so much less than what would be its absence.
+        return bool(far or (std > p.value and p.absent - p.value > CERTAIN * std))
     distance = p.value if np.isinf(p.absent) else abs(p.value - p.absent)
     return bool(distance > CERTAIN * std)
 

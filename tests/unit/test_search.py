@@ -499,6 +499,8 @@ def test_an_effect_that_may_as_well_be_absent_does_not_pay_where_the_model_is_se
     softer = joint.with_values(stiffness=p.absent / 1.2)  # ln 1.2 = 0.182
     deviations = (p.absent / 1.2 * np.sinh(x) for x in (0.060, 0.062))
     assert [pays(softer, x) for x in deviations] == [True, False]
+    loose = joint.with_values(stiffness=0.01 * p.absent)  # next to nothing, by any factor
+    assert [pays(loose, x * p.absent) for x in (0.32, 0.34)] == [True, False]
     mass = mass.with_values(mass=1.0)
     assert [pays(mass, x) for x in (0.33, 0.34)] == [True, False]
     # what is uncertain as its place is counts as where that is known: √(1 - 0.6²) = 0.8 of it
