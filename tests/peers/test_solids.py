@@ -20,20 +20,26 @@ sys.path.insert(0, sys.argv[1])
 import numpy as np
 import solids
 bar = solids.Bar((0.0, 0.0, 0.0), "y", 1.0, 0.03, 0.01)
-solid = solids.Solid(bar, solids.E, solids.RHO, bar.h, None)
-ends = np.hstack([solid.point(0.0), solid.patch(0.5, np.array([0.0, 0.5, 0.02]))])
-squares, V = solid.reduced(ends)
+solid = solids.bar_alone("B", bar, solids.Hidden())
+about = np.array([0.0, 0.5, 0.02])
+ends = np.hstack([solid.point("B", 0.0), solid.patch("B", 0.5, about)])
+squares, V = solid.reduced(ends, solids.N_MODES, free=True)
 weights = V.T @ (solid.M @ V)
 rigid = np.zeros((len(solid.direction), 3))
 rigid[np.arange(len(rigid)), solid.direction] = 1.0
-turn = np.array([0.0, 0.0, 1.0])  # about z at the patch's point, in local directions too
-X = (bar.rotation @ solid.places).T + bar.start - np.array([0.0, 0.5, 0.02])
-moved = (np.cross(turn, X) @ bar.rotation)[np.arange(len(X)), solid.direction]
+turn = np.cross([0.0, 0.0, 1.0], solid.places.T - about)  # about z at the patch's point
+moved = turn[np.arange(len(turn)), solid.direction]
+gate = solids.welded(solids.STRUCTURES["gate"], solids.Hidden())
+along_x = (gate.direction == 0).astype(float)
+table = solids.welded(solids.STRUCTURES["table"], solids.Hidden(weaker={"X1": (0.1, 0.14, 0.5)}))
+feet = len(table.direction) - len(table.hold(solids.STRUCTURES["table"], set()))
 print(json.dumps({
     "frequency": (np.sqrt(squares) / (2 * np.pi)).tolist(),
     "orthonormal": float(np.abs(weights - np.eye(len(weights))).max()),
     "mass": float(rigid[:, 0] @ (solid.M @ rigid[:, 0])),
     "patch": (ends[:, 3:].T @ moved).tolist(),
+    "gate": float(along_x @ (gate.M @ along_x)),
+    "feet": feet,
 }))
 """
 
@@ -63,6 +69,14 @@ def test_a_bar_of_solids_has_the_frequencies_of_a_slender_beam(bar):
 
 def test_a_joint_takes_the_mean_motion_of_what_it_holds(bar):
     assert bar["patch"] == pytest.approx([0, 0, 0, 0, 0, 1], abs=1e-12)
+
+
+def test_welded_bars_are_one_body(bar):
+    """What lies in two bars counts once; a foot has 5 x 5 nodes of 3 unknowns."""
+    bars = ((0.6, 0.02, 0.02), (0.52, 0.02, 0.02), (0.4, 0.02, 0.012), (0.4, 0.02, 0.02))
+    twice = 2 * 0.01 * 0.02 * (0.012 + 0.02)
+    assert bar["gate"] == pytest.approx(7850.0 * (sum(a * b * c for a, b, c in bars) - twice))
+    assert bar["feet"] == 4 * 25 * 3
 
 
 def test_a_case_becomes_a_study_whose_model_comes_near(tmp_path):
