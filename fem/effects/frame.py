@@ -490,13 +490,10 @@ class Frame(Effect):
             g = self._lines(mesh, rows[layout.zone[rows, k] > 0], change=change)
             zone = g.zone[:, k]
             arm = g.end[:, k] - ((0.5 - k) * zone)[:, None] * g.R[:, 0]
-            G = np.zeros((len(zone), 6, 6))
-            G[:, :3, :3] = G[:, 3:, 3:] = g.R
-            G[:, :3, 3:] = -g.R @ _skew(arm)
             across = g.A * zone**2 / 12
             local = np.stack([g.A, g.A, g.A, g.Ip, g.Iy + across, g.Iz + across], axis=1)
             dofs.append(g.dofs[:, 6 * k : 6 * k + 6])
-            masses.append(np.swapaxes(G, 1, 2) @ (((g.rho * zone)[:, None] * local)[:, :, None] * G))
+            masses.append(_at_arm(g.R, arm, (g.rho * zone)[:, None] * local))
         if not any(len(part) for part in dofs):
             return ()
         return (Contribution(np.concatenate(dofs), M=np.concatenate(masses)),)
@@ -563,6 +560,14 @@ class Frame(Effect):
         g = self._lines(mesh, lines)
         return g, _flexible(g, lo), _flexible(g, hi)
 
+    def _fractions_of(
+        self, mesh: Mesh, stretches: Sequence[tuple[str, Any, Any]]
+    ) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.int64]]:
+        """Return the same for several stretches, one after the other, and which of them each belongs to."""
+        lines, lo, hi = zip(*(self._fractions(mesh, *each) for each in stretches), strict=True)
+        which = np.repeat(np.arange(len(stretches)), [len(part) for part in lines])
+        return np.concatenate(lines), np.concatenate(lo), np.concatenate(hi), which
+
     def _fractions(
         self, mesh: Mesh, member: str, start: Any, stop: Any
     ) -> tuple[NDArray[np.int64], Array, Array]:
@@ -602,15 +607,9 @@ class Frame(Effect):
         self, model: Model, stretches: Sequence[tuple[str, Any, Any, Any]], weights: ArrayLike
     ) -> Contribution:
         """Return the same for several stretches at once: member, both arc lengths, and a factor of each."""
-        rows, lo, hi, factor = [], [], [], []
-        for member, start, stop, mass in stretches:
-            lines, first, last = self._fractions(model.mesh, member, start, stop)
-            rows.append(lines)
-            lo.append(first)
-            hi.append(last)
-            factor.append(np.full(len(lines), mass))
-        first, last, times = (np.concatenate(x) for x in (lo, hi, factor))
-        g, per_length = self._lines(model.mesh, np.concatenate(rows)), np.asarray(weights, dtype=float)
+        lines, first, last, which = self._fractions_of(model.mesh, [s[:3] for s in stretches])
+        factor = np.array([s[3] for s in stretches])[which]
+        g, per_length = self._lines(model.mesh, lines), np.asarray(weights, dtype=float)
         a, b = _flexible(g, first), _flexible(g, last)
         x, weight = (each[:, None] for each in _gauss(4))
         N = _shape(g, a + x * (b - a))
@@ -619,7 +618,7 @@ class Frame(Effect):
         if g.zone.any():
             for k, part in enumerate(_in_rigid_zones(g, first * g.span, last * g.span, per_length)):
                 M[:, 6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += part
-        return Contribution(g.dofs, M=times[:, None, None] * M)
+        return Contribution(g.dofs, M=factor[:, None, None] * M)
 
     def cut(self, model: Model, member: str, position: Any, direction: str, compliance: Any) -> Contribution:
         """Return what K and D lose where a member gives way at a place, in one local direction.
@@ -679,22 +678,19 @@ class Frame(Effect):
         flexibility : float
             Part of its flexibility that a stretch keeps [-].
         """
-        rows, lo, hi, lost = [], [], [], []
+        stretches, lost = [], []
         for member, start, length, towards in zones:
-            whole = model.mesh.member_length(member)
-            reach = max(float(np.real(length)), 1e-9 * whole)
-            reach = reach + 1j * np.imag(length) if np.iscomplexobj(length) else reach
+            reach = begun(length, 1e-9 * model.mesh.member_length(member))
             ends = (start, start + reach) if towards > 0 else (start - reach, start)
-            lines, first, last = self._fractions(model.mesh, member, *ends)
-            rows.append(lines)
-            lo.append(first)
-            hi.append(last)
-            lost.append(np.full(len(lines), (1 - flexibility) * (length / reach)))
-        touched, each = np.unique(np.concatenate(rows), return_inverse=True)
+            stretches.append((member, *ends))
+            lost.append((1 - flexibility) * (length / reach))
+        lines, lo, hi, which = self._fractions_of(model.mesh, stretches)
+        touched, each = np.unique(lines, return_inverse=True)
         g = self._lines(model.mesh, touched)
         parts = _some(g, each)
-        low, high = (_flexible(parts, np.concatenate(x)) for x in (lo, hi))
-        less = np.concatenate(lost)[:, None, None] * _flexibility(parts, low, high)
+        less = np.array(lost)[which, None, None] * _flexibility(
+            parts, _flexible(parts, lo), _flexible(parts, hi)
+        )
         F = _flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L))).astype(less.dtype)
         before = _with_ends(g, _from_flexibility(g, F))
         np.subtract.at(F, each, less)
@@ -731,6 +727,14 @@ def end_slips(K: Array, hold: Array, give: Array) -> Array:
     index = np.arange(K.shape[1])
     inner[:, index, index] += hold
     return np.linalg.solve(inner, give[:, :, None] * K)
+
+
+def begun(length: Any, least: float) -> Any:
+    """Return a length, or where it is less a least one with its imaginary part.
+
+    What grows with a length that is 0 has a derivative all the same: that of what begins.
+    """
+    return length if np.real(length) > least else least + 1j * np.imag(length)
 
 
 @lru_cache(maxsize=32)
@@ -1063,11 +1067,16 @@ def _in_rigid_zones(g: _Lines, first: Array, last: Array, per_length: Array) -> 
         length = np.where(np.real(b) > np.real(a), b - a, 0.0)
         flexible = end if k == 0 else begin  # g.end goes from the node to here
         arm = g.end[:, k] + (0.5 * (a + b) - flexible)[:, None] * g.R[:, 0]
-        G = np.zeros((len(length), 6, 6), dtype=arm.dtype)
-        G[:, :3, :3] = G[:, 3:, 3:] = g.R
-        G[:, :3, 3:] = -g.R @ _skew(arm)
-        body = length[:, None] * per_length + (length**3 / 12)[:, None] * across
-        yield np.swapaxes(G, 1, 2) @ (body[:, :, None] * G)
+        yield _at_arm(g.R, arm, length[:, None] * per_length + (length**3 / 12)[:, None] * across)
+
+
+def _at_arm(R: NDArray[np.float64], arm: Array, body: Array) -> Array:
+    """Return masses (b, 6, 6) at nodes of bodies at arms (b, 3) from them, of masses (b, 6) in axes R."""
+    G = np.zeros((len(arm), 6, 6), dtype=arm.dtype)
+    G[:, :3, :3] = G[:, 3:, 3:] = R
+    G[:, :3, 3:] = -R @ _skew(arm)
+    out: Array = np.swapaxes(G, 1, 2) @ (body[:, :, None] * G)
+    return out
 
 
 def _inertia(g: _Lines) -> Array:

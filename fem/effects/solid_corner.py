@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
+from fem.effects.frame import Frame, begun
 from fem.effects.places import frame_of, is_bar, material_of
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
@@ -97,8 +97,7 @@ class SolidCorner(Effect):
         density = {m: frame.mass_per_length(m) for m in {z.member for z in self.zones}}
         for z in self.zones:
             inside = _at_most(self.size * z.depth, z.longest)
-            # Where there is none yet, the derivative is that of a very short one.
-            reach = inside if np.real(inside) > 1e-9 * z.longest else 1e-9 * z.longest + 1j * np.imag(inside)
+            reach = begun(inside, 1e-9 * z.longest)
             stiffer.append((z.member, z.start, z.factor * self.rigid_zone_factor * inside, z.towards))
             if z.overlap:
                 ends = sorted((z.start, z.start + z.towards * reach), key=np.real)
@@ -112,7 +111,7 @@ class SolidCorner(Effect):
         return tuple(dict.fromkeys(ref for m in members for ref in material_of(model, m, "E", "rho")))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """From a quarter to one and a half of what the sections say."""
+        """From a tenth to one and a half of what the sections say."""
         factor = float(np.real(self.rigid_zone_factor))
         return tuple({"size": s, "rigid_zone_factor": factor} for s in (0.1, 0.25, 0.5, 1.0, 1.5))
 
