@@ -41,20 +41,23 @@ class Cornered:
         The fits' with it.
     fit : FitResult
         With the uncertain parameters fitted, those of the corners among them.
+    bare : FitResult or None
+        What is left without it of all that was found beside it, once that is known.
     """
 
     corner: SolidCorner
     model: Model
     problem: FitProblem
     fit: FitResult
+    bare: FitResult | None = None
 
     def begin(self, nominal: Step) -> Search:
         """Return a search with the corners in the model, whose second step is that they were added."""
         steps = self.without(nominal), step_added([self.corner], self.fit)
         return Search(self.problem, (), (), steps, self.fit)
 
-    def finding(self, plain: FitProblem, last: FitResult) -> Finding | None:
-        """Return the corners as a finding if they pay beside the effects of the last fit, or None.
+    def kept(self, plain: FitProblem, last: FitResult) -> "Cornered | None":
+        """Return this with what is left without it if the corners pay beside the effects of a fit, or None.
 
         They do if without them the cost is higher by more than ``ACCEPT_GAIN`` and the level by more than
         ``ACCEPT_LEVEL`` times.
@@ -70,17 +73,17 @@ class Cornered:
         starts = [parameter_values(e) for e in last.effects]
         ways = [{"stages": plain.stages[-1:], "x_from": last}, {}]
         fits = [plain.fit(last.effects, starts, assess=False, **way) for way in ways]
-        without = plain.assessed(min(fits, key=lambda r: r.solution.cost))
-        gain = without.solution.cost - last.solution.cost
-        if gain < ACCEPT_GAIN or without.level < ACCEPT_LEVEL * last.level:
-            return None
-        return replace(self.valued(Finding(self.corner, (), ()), last), without=without)
+        bare = plain.assessed(min(fits, key=lambda r: r.solution.cost))
+        gain = bare.solution.cost - last.solution.cost
+        return (
+            None if gain < ACCEPT_GAIN or bare.level < ACCEPT_LEVEL * last.level else replace(self, bare=bare)
+        )
 
-    def valued(self, finding: Finding, last: FitResult) -> Finding:
-        """Return the finding with the values of a later fit."""
+    def finding(self, last: FitResult) -> Finding:
+        """Return the corners as a finding, with the values of the last fit."""
         values = {p.name: last.values[self.corner.name, p.name] for p in self.corner.parameters()}
         effect = self.corner.with_values(**values)
-        return replace(finding, effect=effect, parameters=parameters_of(effect, last))
+        return Finding(effect, parameters_of(effect, last), (), without=self.bare)
 
     def without(self, step: Step) -> Step:
         """Return a step from before as this problem's, with corners of no size."""
@@ -100,7 +103,7 @@ def with_corners(
 
     They are there wherever solid members are welded: what is searched for is looked for beside them if their
     size comes out within ``CORNER_REACH`` prior deviations of what the sections say and the cost rises by no
-    more than ``CORNER_COST``. Whether they pay is asked in the end (:meth:`Cornered.finding`).
+    more than ``CORNER_COST``. Whether they pay is asked in the end (:meth:`Cornered.kept`).
 
     Parameters
     ----------

@@ -260,8 +260,7 @@ def diagnose(
             "what depends on amplitude is searched for only where each measurement states its force_level, "
             "and two differ"
         )
-    search, corner = Search(problem, (), (), steps, null), None
-    others = tuple(e for e in candidates if not isinstance(e, SolidCorner))
+    search, open_ = Search(problem, (), (), steps, null), candidates
     cornered = (
         with_corners(build, model, candidates, problem, null) if model_error > 0 and not levels else None
     )
@@ -271,21 +270,21 @@ def diagnose(
     if not search.depends_on_amplitude:
         look = partial(search_effects, floor=floor, model_error=model_error)
         if cornered:
-            solid = look(cornered.begin(steps[0]), others, say=between(say, 0.05, 0.9))
-            corner = cornered.finding(problem, solid.current)
-            if corner:
+            open_ = tuple(e for e in candidates if not isinstance(e, SolidCorner))
+            solid = look(cornered.begin(steps[0]), open_, say=between(say, 0.05, 0.9))
+            cornered = cornered.kept(problem, solid.current)
+            if cornered:
                 search, problem, null = solid, cornered.problem, cornered.without(steps[1]).result
-            else:
-                cornered = None
         if not cornered:
-            search = look(search, candidates, say=between(say, 0.05, 0.9))
+            open_ = candidates
+            search = look(search, open_, say=between(say, 0.05, 0.9))
         if search.current.level > max(limit, most_left(null, floor, model_error)):
             # A sensor near a support with a wrong gain: it may be the support, but no effect explains it.
             anew, doubtful = _with_doubtful_faults(problem, null, search.steps, limit)
             if doubtful:
                 problem, faults = anew.problem, (*faults, *doubtful)
                 null = problem.assessed(replace(null, level=np.nan)) if cornered else anew.current
-                search = look(anew, others if cornered else candidates, say=between(say, 0.05, 0.9))
+                search = look(anew, open_, say=between(say, 0.05, 0.9))
         if nonlinear:
             search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
     say("checking", 0.98)
@@ -299,16 +298,14 @@ def diagnose(
     tried: tuple[Bootstrap, ...] = ()
     if n_simulated and not depends:
         limits = settled_limits(floor, model_error)
-        search, tried = bootstrap(
-            search, others if cornered else candidates, limits, n_simulated, between(whole, 0.5, 1.0)
-        )
+        search, tried = bootstrap(search, open_, limits, n_simulated, between(whole, 0.5, 1.0))
         limit = max(limit, *tried[-1].levels)
         notes += [_why_dropped(each) for each in tried if each.effect and not each.believed]
     problem, current, findings, rounds, steps = (
         search.problem, search.current, search.findings, search.rounds, search.steps,
     )  # fmt: skip
-    if cornered and corner:
-        findings, rounds = (cornered.valued(corner, current), *findings), ((), *rounds)
+    if cornered:
+        findings, rounds = (cornered.finding(current), *findings), ((), *rounds)
         steps = (steps[0], step_of(fitted, null), *steps[1:])
     basis_db = basis_error(problem, current)
     if basis_db > BASIS_LIMIT_DB:
@@ -317,9 +314,8 @@ def diagnose(
             "read weak findings with care"
         )
     believed = most_left(null, floor, model_error)
-    verdict, reason = _verdict(
-        null, current, (limit, believed), findings, faults, current.level >= problem.left_alone
-    )
+    left_alone = current.level < problem.left_alone
+    verdict, reason = _verdict(null, current, (limit, believed), findings, faults, not left_alone)
     if depends:
         before_all, after_all = (
             combined_levels(problem, levels, fit)[0] * DB_PER_NEPER for fit in (steps[-2].result, current)
@@ -330,7 +326,7 @@ def diagnose(
     elif not gates.linear:
         reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
-    if current.level < problem.left_alone:
+    if left_alone:
         what = "no further effect" if findings else "no effect"
         notes.append(
             f"{what} was searched for where {current.level * DB_PER_NEPER:.2g} dB are left: that is less "

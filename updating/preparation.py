@@ -126,17 +126,20 @@ def build_problem(
     stages = np.unique(np.minimum([low, middle, highest], highest))
     start = frf.frequency[frf.frequency > 0]
     values = values_of(undamped, ())
+    square = [
+        replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
+    ]
+    sensors = (*measurement.sensors, *(() if model_error == 0 else square))
     engine = ParametricFRF(
         reduced,
-        sensor_vectors(model, measurement.sensors),
+        sensor_vectors(model, sensors),
         sensor_vectors(model, measurement.excitations),
         start,
         (),
     )
-    zeta = curve.ratio(start, curve.start)
-    nominal, _, _ = engine.evaluate(values, zeta, gradient=False)
-    across = None if model_error == 0 else _across(reduced, measurement, start, values, zeta)
-    data = prepare(measurement, nominal, band, across=across)
+    computed, _, _ = engine.evaluate(values, curve.ratio(start, curve.start), gradient=False)
+    nominal, moved = np.split(computed, [len(measurement.sensors)], axis=1)
+    data = prepare(measurement, nominal, band, across=_across(start, moved) if moved.size else None)
     counted = data.frequency[data.mask.any(axis=(1, 2)) & ~data.held_out]
     if not counted.size:
         msg = (
@@ -153,24 +156,11 @@ def build_problem(
     return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine, model_error)
 
 
-def _across(
-    reduced: ReducedModel,
-    measurement: Measurement,
-    frequency: NDArray[np.float64],
-    values: NDArray[np.float64],
-    zeta: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return how far each sensor's place moves square to it in a model, (n_freq, n_out, n_in) [m/N].
+def _across(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return how far places move square to their sensors, (n_freq, n_out, n_in), by two receptances of each.
 
     The root mean square over neighbouring lines, as the model's resonances are not where they were measured.
     """
-    square = [
-        replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
-    ]
-    model = reduced.model
-    outputs, inputs = sensor_vectors(model, square), sensor_vectors(model, measurement.excitations)
-    engine = ParametricFRF(reduced, outputs, inputs, frequency, ())
-    H, _, _ = engine.evaluate(values, zeta, gradient=False)
     squares = (2 * np.pi * frequency[:, None, None]) ** 2
     moved = (np.abs(squares[..., None] * H.reshape(len(frequency), -1, 2, H.shape[2])) ** 2).sum(axis=2)
     total = np.concatenate([np.zeros_like(moved[:1]), moved.cumsum(axis=0)])
