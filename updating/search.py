@@ -66,7 +66,10 @@ SAME_MEMBER = 0.5
 N_LINES_WEAK = 480
 """So many where weak effects are looked for: few lines see a narrow resonance or its absence."""
 N_FINE = 2
-"""So many of the best candidates are fitted in fine stages as long as much is unexplained."""
+"""So many of the best candidates are fitted in fine stages as long as much is unexplained; where more of the
+candidates are tried because nothing explains the data, all that are fitted fully."""
+N_PLACES, APART = 4, 0.05
+"""There what has a position is fitted from so many places, at least this share of its range apart."""
 QUICK_LINES, QUICK_ITERATIONS = 50, 6
 """Lines of a quick fit, and its iterations in each band, where the model is not settled."""
 QUICK_REACH = 3.0
@@ -453,6 +456,7 @@ class _Round:
     _quick: dict[str, list[FitResult]] = field(default_factory=dict)
     _final: dict[str, FitResult] = field(default_factory=dict)
     _fine: set[str] = field(default_factory=set)
+    _elsewhere: set[str] = field(default_factory=set)
 
     def is_from(self, problem: FitProblem, before: FitResult, settled: bool) -> bool:
         """Whether the round begins there."""
@@ -493,8 +497,12 @@ class _Round:
         final = {n: self._final[n] for n in names if n in self._final}
         order = sorted(final, key=lambda n: score(problem, final[n]))
         if not self.settled and final[order[0]].level > rule.limit:
-            for name in order[:N_FINE]:
+            deep = n_best > N_BEST
+            for name in order if deep else order[:N_FINE]:
+                say(f"fitting {label(final[name].effects[-1])} in fine stages", 1.0)
                 final[name] = self._fit_finely(name)
+                if deep:
+                    final[name] = self._fit_elsewhere(name)
             order.sort(key=lambda n: score(problem, final[n]))
         best_name = next((n for n in order if rule.pays(final[n])), order[0])
         best = final[best_name]
@@ -569,6 +577,39 @@ class _Round:
             stages = self.problem.fine_stages
             fine = self._on[name].fit([*self.before.effects, last], starts, stages=stages)
             self._final[name] = min(self._final[name], fine, key=lambda r: r.solution.cost)
+        return self._final[name]
+
+    def _fit_elsewhere(self, name: str) -> FitResult:
+        """Fit what has a position from all over the member: fits do not move it past a node of the modes.
+
+        Quickly from each point of its grid; then fully, in either kind of stages, from where the best end.
+        """
+        problem, begun = self.problem, self._begun
+        grid = next(g for g in self.grids if g.effect.name == name)
+        position = next((p for p in grid.effect.parameters() if p.name == "position"), None)
+        if position is None or name in self._elsewhere:
+            return self._final[name]
+        self._elsewhere.add(name)
+        stages = np.unique([problem.stages[0], problem.stages[-1]])
+        quick = {"n_lines": QUICK_LINES, "max_iterations": QUICK_ITERATIONS, "assess": False}
+        ends = []
+        for point in grid.points:
+            effects = [*self.before.effects, grid.effect.with_values(**point)]
+            mine = replace(problem, reduced=problem.reduced.with_forces_of(effects[-1:]))
+            ends.append(mine.fit(effects, [*begun, point], stages=stages, **quick))
+        ends.sort(key=lambda r: r.solution.cost)
+        apart, taken = APART * (position.upper - position.lower), list[float]()
+        for end in ends:
+            at = end.values[name, "position"]
+            if len(taken) == N_PLACES or any(abs(at - other) < apart for other in taken):
+                continue
+            taken.append(at)
+            mine = _attached(problem, end.effects[-1:])
+            starts = [*begun, parameter_values(end.effects[-1])]
+            for kind in (mine.stages, mine.fine_stages):
+                fit = mine.fit(end.effects, starts, stages=kind)
+                if fit.solution.cost < self._final[name].solution.cost:
+                    self._on[name], self._final[name] = mine, fit
         return self._final[name]
 
 
