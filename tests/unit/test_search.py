@@ -273,6 +273,28 @@ def test_what_is_looked_at_first_has_a_second_start_however_badly_its_first_ends
         assert (len(round_._quick[o.effect.name]) > 1) == (o.rank == 0)
 
 
+def test_a_crack_that_stays_at_the_foot_is_found_where_it_is_before_the_data_are_unexplained():
+    case = draw_case(Settings(seed=2301), "single", 14)
+    (hidden,) = case.implants
+    truth = hidden.hidden.values(hidden.amplitude)["position"]
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, model_error=0.0)
+    (crack,) = (e for e in propose(case.model, ("crack",)) if e.name == "crack:left.rz")
+    null = problem.fit()
+    rule = acceptance.Rule(problem, 0.0, False, null)
+
+    def found(n_best):
+        round_ = search._Round(problem, null, False, (Grid.of(problem, crack),))
+        best = round_.run(rule, n_best, lambda text, done: None)[1]
+        assert best is not None
+        return best.values[crack.name, "position"], best.solution.cost
+
+    usual, more = found(search.N_BEST)
+    assert abs(usual - truth) > 0.1  # fitted from the foot it stays there, in fine stages as well
+    position, cost = found(search.N_BEST_DEEP)
+    assert position == pytest.approx(truth, abs=0.02)  # polishing comes after a round
+    assert cost < more - 50
+
+
 def test_what_leaves_little_of_much_is_not_searched_on_from(monkeypatch):
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances)
