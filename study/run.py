@@ -30,10 +30,10 @@ from study.table import StudyError
 from updating.correlation import compare, rms_db
 from updating.diagnosis import Diagnosis, diagnose
 from updating.faults import corrected
-from updating.fit import FitProblem, prepare
+from updating.fit import FitProblem
 from updating.localisation import locate
 from updating.measurement import Measurement
-from updating.preparation import N_LINES, build_problem
+from updating.preparation import N_LINES, build_problem, prepared_like
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""
@@ -198,7 +198,8 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
     parts |= {f"sensor {n}": ([n], fitted.inputs) for n in sensors}
     out = {}
     for label, (outputs, inputs) in parts.items():
-        data = prepare(whole.with_frf(whole.frf.select(outputs, inputs)), None, study.band)
+        kept = whole.with_frf(whole.frf.select(outputs, inputs))
+        data = prepared_like(d.problem, kept, study.band)
         problem = replace(d.problem, data=corrected(data, d.faults))
         out[label] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
     return out

@@ -13,7 +13,7 @@ from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
 from fem.system import assemble, connection_stiffness
 from updating.correlation import log_ratio, rms_db
-from updating.fit import EXPLAINED_LEVEL, NOISE_LIMIT, FitProblem, FitResult, prepare, sensor_vectors
+from updating.fit import EXPLAINED_LEVEL, NOISE_LIMIT, FitData, FitProblem, FitResult, prepare, sensor_vectors
 from updating.measurement import Measurement, MeasurementError, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 
@@ -124,22 +124,7 @@ def build_problem(
     low = modes[4] * 1.1 if k > 8 else highest
     middle = modes[k // 2] if k > 14 else highest
     stages = np.unique(np.minimum([low, middle, highest], highest))
-    start = frf.frequency[frf.frequency > 0]
-    values = values_of(undamped, ())
-    square = [
-        replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
-    ]
-    sensors = (*measurement.sensors, *(() if model_error == 0 else square))
-    engine = ParametricFRF(
-        reduced,
-        sensor_vectors(model, sensors),
-        sensor_vectors(model, measurement.excitations),
-        start,
-        (),
-    )
-    computed, _, _ = engine.evaluate(values, curve.ratio(start, curve.start), gradient=False)
-    nominal, moved = np.split(computed, [len(measurement.sensors)], axis=1)
-    data = prepare(measurement, nominal, band, across=_across(start, moved) if moved.size else None)
+    data = _prepared(reduced, curve, measurement, band, model_error)
     counted = data.frequency[data.mask.any(axis=(1, 2)) & ~data.held_out]
     if not counted.size:
         msg = (
@@ -154,6 +139,48 @@ def build_problem(
     enough[-1] = True
     fine = fine[enough]
     return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine, model_error)
+
+
+def prepared_like(
+    problem: FitProblem, measurement: Measurement, band: tuple[float, float] | None = None
+) -> FitData:
+    """Prepare other channels, such as those that were kept from a fit, as a problem's own were.
+
+    Parameters
+    ----------
+    problem : FitProblem
+    measurement : Measurement
+        With a point of the problem's mesh at every sensor and excitation.
+    band : (float, float), optional
+        Frequencies that count [Hz].
+
+    Raises
+    ------
+    MeasurementError
+        If all FRFs are zero.
+    """
+    return _prepared(problem.reduced, problem.damping, measurement, band, problem.model_error)
+
+
+def _prepared(
+    reduced: ReducedModel,
+    curve: DampingCurve,
+    measurement: Measurement,
+    band: tuple[float, float] | None,
+    model_error: float,
+) -> FitData:
+    """Prepare FRFs by what a model computes of them and, if it may err, of the motion across the sensors."""
+    f = measurement.frf.select(band=band).frequency if band else measurement.frf.frequency
+    f, n = f[f > 0], len(measurement.sensors)
+    square = [
+        replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
+    ]
+    sensors = (*measurement.sensors, *(() if model_error == 0 else square))
+    outputs, inputs = (sensor_vectors(reduced.model, part) for part in (sensors, measurement.excitations))
+    engine = ParametricFRF(reduced, outputs, inputs, f, ())
+    values, zeta = values_of(reduced.model, ()), curve.ratio(f, curve.start)
+    nominal, moved = np.split(engine.evaluate(values, zeta, gradient=False)[0], [n], axis=1)
+    return prepare(measurement, nominal, band, across=_across(f, moved) if moved.size else None)
 
 
 def _across(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[np.float64]:

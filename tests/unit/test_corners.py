@@ -13,7 +13,7 @@ from updating.corners import with_corners
 from updating.fit import MODEL_ERROR, NOISE_LIMIT, TRANSVERSE, prepare, sensor_vectors
 from updating.measurement import place_sensors
 from updating.parameters import Nuisance, Variable, nuisance_variables
-from updating.preparation import NEIGHBOURS
+from updating.preparation import NEIGHBOURS, prepared_like
 
 NUISANCES = (Nuisance("frame", "E:steel", 0.02), Nuisance("frame", "rho:steel", 0.005))
 PLACES = [[0, 0, 0.15], [0, 0, 0.42], [0.15, 0, 0.3], [0.3, 0, 0.3], [0.35, 0.1, 0.3], [0.35, 0.25, 0.3]]
@@ -159,3 +159,22 @@ def test_how_far_a_sensor_moves_across_is_the_models_motion_near_the_line(monkey
     H = fem.compute_frf(fem.assemble(model), f[near], sensor_vectors(model, place).T, drives).H
     mean = np.sqrt((np.abs(H) ** 2).sum(axis=1).mean(axis=0)) / (2 * np.pi * f[k]) ** 2
     np.testing.assert_allclose(across[k, 0], mean, rtol=0.01)
+
+
+def test_channels_that_were_kept_from_a_fit_are_judged_as_its_own_are():
+    model, m = measured(noise=0.0)
+    for error in (0.0, 0.3):
+        problem = build_problem(model, m, NUISANCES, model_error=error)
+        whole = prepared_like(problem, m)
+        np.testing.assert_array_equal(whole.mask, problem.data.mask)
+        np.testing.assert_allclose(whole.weight, problem.data.weight, rtol=1e-12)
+    compared = problem.data.mask.mean(axis=(0, 2))
+    least = int(compared.argmin())
+    assert compared[least] < 1  # it moves across far more than along
+    outputs, inputs = m.frf.outputs, m.frf.inputs
+    part = m.with_frf(m.frf.select([o for o in outputs if o != outputs[least]], inputs))
+    kept = m.with_frf(m.frf.select([outputs[least]], inputs))
+    fit = build_problem(model, part, NUISANCES)
+    own = problem.data.mask[:, least]
+    np.testing.assert_array_equal(prepared_like(fit, kept).mask[:, 0], own)
+    assert prepared_like(replace(fit, model_error=0.0), kept).mask.sum() > own.sum()
