@@ -40,6 +40,7 @@ from updating.preparation import (
     discretisation_error,
     fitted_model,
     splits,
+    with_higher_mass,
 )
 from updating.search import (
     RIGHT_MARGIN,
@@ -223,6 +224,7 @@ def diagnose(
     whole = progress or (lambda text, done: None)
     say = between(whole, 0.0, 0.5) if n_simulated else whole
     say("reducing the model", 0.0)
+    model = with_higher_mass(model)
     candidates = propose(model, kinds, exclude, measurements[0])
     build = partial(
         build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,

@@ -1,4 +1,6 @@
-"""Releases, springs at ends, tapers, bars, pretensions and lumped mass of members."""
+"""Releases, springs at ends, tapers, bars, pretensions and masses of members."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +11,9 @@ from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Model, ModelError, dofs_of, lever_matrix
 from fem.modes import solve_modes
 from fem.properties import PropertyError, Section
-from fem.system import assemble
+from fem.system import assemble, rigid_motions
 from study import load_study
-from tests.frames import FLAT, STEEL, beam, fix, planar
+from tests.frames import FLAT, STEEL, beam, fix, planar, welded
 
 PINNED = ("x", "y", "z")
 EI, MASS = STEEL.E * FLAT.Iy, STEEL.rho * FLAT.A
@@ -198,7 +200,7 @@ def test_places_inside_move_with_the_element_and_its_ends_with_the_nodes():
         ({"release2": ("ry",), "spring2": {"ry": 3.0}}, "end 2 has both a release and a spring in ry"),
         ({"spring2": {"ry": -3.0}}, "the spring of end 2 in ry is -3.0; it must be at least 0"),
         ({"theory": "bar", "release2": ("ry",)}, "a bar has no moments to release"),
-        ({"mass": "diagonal"}, "the mass is 'diagonal'; allowed are consistent, lumped"),
+        ({"mass": "diagonal"}, "the mass is 'diagonal'; allowed are consistent, higher-order, lumped"),
         ({"pretension": np.nan}, "the pretension is nan"),
     ],
 )
@@ -243,6 +245,92 @@ def test_lumped_mass_is_diagonal_and_whole():
     assert not (M - np.diag(M.diagonal())).any()
     np.testing.assert_allclose(M.diagonal()[0::6].sum(), MASS * 0.8, rtol=1e-14)
     np.testing.assert_allclose(M.diagonal()[4::6].sum(), STEEL.rho * FLAT.Iy * 0.8, rtol=1e-14)
+
+
+# -------------------------------------------------------------------------------------- mass of higher order
+
+
+def test_mass_of_higher_order_of_rods():
+    # the mean of consistent mass and lumps, (ω h/c)² = 12 (1 - cos kh)/(5 + cos kh): -(kh)⁴/480
+    n, length = 20, 1.7
+    kh = (np.arange(1, 6) - 0.5) * np.pi / n
+    discrete = np.sqrt(12 * (1 - np.cos(kh)) / (5 + np.cos(kh))) / kh
+    np.testing.assert_allclose(discrete - 1, -(kh**4) / 480, rtol=0.03)
+    shear = STEEL.G * FLAT.J / FLAT.Ip
+    for direction, modulus in (("x", STEEL.E), ("rx", shear)):
+        rod = planar(beam(n, length, effects=(fix(0),), mass="higher-order"), (direction,))
+        exact = kh * n / length * np.sqrt(modulus / STEEL.rho) / (2 * np.pi)
+        np.testing.assert_allclose(frequencies(rod, 5), exact * discrete, rtol=1e-10)
+
+
+def test_mass_of_higher_order_leaves_bending_without_shear_as_it_is():
+    ends = (fix(0, (*PINNED, "rx")), fix(1, PINNED))
+    one, other = (
+        assemble(beam(6, effects=ends, theory="euler-bernoulli", mass=mass)).M.toarray()
+        for mass in ("consistent", "higher-order")
+    )
+    along = [k for k in range(len(one)) if abs(one[k] - other[k]).max() > 0]
+    assert along  # stretching and torsion alone
+    bending = [k for k in range(len(one)) if k not in along]
+    np.testing.assert_array_equal(one[np.ix_(bending, along)], 0)
+
+
+def test_mass_of_higher_order_of_a_welded_frame():
+    def lowest(splits, mass):
+        model = welded(0.06)
+        (frame,) = model.of_kind(Frame)
+        if mass == "higher-order":
+            model = replace(model, effects=(frame.with_mass_of_higher_order(), *model.effects[1:]))
+        assert {p.mass for p in model.of_kind(Frame)[0].members.values()} == {mass}
+        return frequencies(replace(model, mesh=model.mesh.split(splits)), 12)
+
+    fine = (4 * lowest(16, "consistent") - lowest(8, "consistent")) / 3  # of which the square is off
+    consistent, higher = lowest(1, "consistent") / fine - 1, lowest(1, "higher-order") / fine - 1
+    much = consistent > 1e-5
+    assert much.sum() > 4
+    assert np.median(abs(higher[much]) / consistent[much]) < 1 / 3  # the rest is bending's own
+    assert (abs(higher[much]) < 0.5 * consistent[much]).all()
+
+
+@pytest.mark.parametrize("theory", ["euler-bernoulli", "timoshenko", "bar"])
+def test_mass_of_higher_order_moves_as_a_rigid_body_as_it_should_and_is_positive(theory):
+    for depth in (0.002, 0.05, 1.0):  # from slender elements to nothing but shear
+        section = Section.rectangle(0.7 * depth, depth)
+        made = {}
+        for mass in ("consistent", "higher-order"):
+            model = beam(2, 0.3, section=section, theory=theory, mass=mass, along=(1, -1, 0.3))
+            made[mass] = M = np.zeros((model.n_dof, model.n_dof))
+            for c in model.contributions():
+                for dofs, m in zip(c.dofs, c.M, strict=True):
+                    M[np.ix_(dofs, dofs)] += m
+        rigid = rigid_motions(model)
+        np.testing.assert_allclose(
+            rigid.T @ made["higher-order"] @ rigid,
+            rigid.T @ made["consistent"] @ rigid,
+            rtol=1e-9,
+            atol=1e-12,
+        )
+        has_mass = np.flatnonzero(made["consistent"].any(axis=0))
+        consistent, higher = (made[m][np.ix_(has_mass, has_mass)] for m in ("consistent", "higher-order"))
+        scale = 1 / np.sqrt(consistent.diagonal())
+        least = [np.linalg.eigvalsh(scale[:, None] * M * scale).min() for M in (consistent, higher)]
+        assert min(least) > 0
+
+
+@pytest.mark.parametrize(
+    ("n", "more"),
+    [(2, {"theory": "timoshenko"}), (1, {"theory": "bar"}), (2, {"section2": Section.rectangle(0.1, 0.08)})],
+)
+def test_mass_of_higher_order_of_a_member_whose_offsets_are_nearly_none(n, more):
+    # what is not in line with its points is integrated, and the rest is in closed form
+    section = Section.rectangle(0.12, 0.1)
+    member = {"along": (1, -1, 0.3), "section": section, "mass": "higher-order", **more}
+    M = []
+    for offset in (0.0, 1e-13):
+        model = beam(n, 0.3, offset1=np.array([0, offset, 0]), **member)
+        (one, *_) = model.of_kind(Frame)[0].contribute(model)
+        M.append(one.M)
+    np.testing.assert_allclose(M[0], M[1], rtol=1e-9, atol=1e-11 * abs(M[0]).max())
 
 
 # ---------------------------------------------------------------------------------------------------- tapers

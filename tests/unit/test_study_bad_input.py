@@ -126,7 +126,11 @@ def test_the_good_one_is_good(tmp_path, capsys):
             ["members.bar: the rigid end zones", "1.2 m long together"],
         ),
         ('to = "B"', 'to = "B"\nelements = 0', ["line 12, members.bar.elements: 0", "at least 1"]),
-        ('to = "B"', 'to = "B"\nmass = "diagonal"', ["line 12, members.bar.mass", "consistent, lumped"]),
+        (
+            'to = "B"',
+            'to = "B"\nmass = "diagonal"',
+            ["line 12, members.bar.mass", "consistent, higher-order, lumped"],
+        ),
         ('to = "B"', 'to = "B"\nrelease1 = "w"', ["line 12, members.bar.release1", "'w' is not a direction"]),
         (
             'to = "B"',
