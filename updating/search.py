@@ -75,6 +75,9 @@ QUICK_LINES, QUICK_ITERATIONS = 50, 6
 QUICK_REACH = 3.0
 """Candidates whose first one ends above so many times the best have no second, but for those that came first
 by a measure."""
+N_STRONGER, STRONGER = 6, 3.0
+"""Where beams may err and the model is settled, so many of the best are fitted from an effect that is so many
+times stronger as well: resonances that it must move past others stay before them."""
 MOST_REFINED = 6
 """At most this many candidates are fitted fully in a round."""
 N_ASSESSED = 240
@@ -455,6 +458,7 @@ class _Round:
     _on: dict[str, FitProblem] = field(default_factory=dict)
     _quick: dict[str, list[FitResult]] = field(default_factory=dict)
     _final: dict[str, FitResult] = field(default_factory=dict)
+    _stronger: set[str] = field(default_factory=set)
     _fine: set[str] = field(default_factory=set)
     _elsewhere: set[str] = field(default_factory=set)
 
@@ -483,6 +487,11 @@ class _Round:
             return (), None
         self._fit_quickly(chosen, say)
         names = sorted((o.effect.name for o in chosen), key=lambda n: score(problem, self._quick[n][0]))
+        if self.settled and not problem.form_right:
+            for i, name in enumerate(names[:N_STRONGER]):
+                say(f"screening {label(self._quick[name][0].effects[-1])}", 0.5 + 0.1 * i / N_STRONGER)
+                self._fit_stronger(name)
+            names.sort(key=lambda n: score(problem, self._quick[n][0]))
         near = [n for n in names if self._quick[n][0].level < 1.8 * self._quick[names[0]][0].level]
         # What is known already can only take the place of what is not.
         names.sort(key=lambda n: self.settled and known_already(problem, self._quick[n][0], n))
@@ -556,6 +565,18 @@ class _Round:
                 fit = self._on[name].fit(effects, [*self._begun, start], **begin, **quick)
                 self._quick[name].append(fit)
             self._quick[name].sort(key=lambda f: f.solution.cost)
+
+    def _fit_stronger(self, name: str) -> None:
+        """Fit once more from an effect that is stronger than where the short fit has ended."""
+        fit = self._quick[name][0]
+        if name in self._stronger:
+            return
+        self._stronger.add(name)
+        grid = next(g for g in self.grids if g.effect.name == name)
+        start = grid.scaled(parameter_values(fit.effects[-1]), STRONGER)
+        last = {"stages": self.problem.stages[-1:], "x_from": self.before, "assess": False}
+        self._quick[name].append(self._on[name].fit(fit.effects, [*self._begun, start], **last))
+        self._quick[name].sort(key=lambda f: f.solution.cost)
 
     def _fit_fully(self, name: str) -> None:
         if name in self._final:
