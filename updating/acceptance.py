@@ -126,7 +126,16 @@ class Rule:
 
 
 def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
-    """Return what candidates are ranked by: the negative log posterior of a fit + k.
+    """Return what candidates are ranked by: :func:`fitted_score`, and where beams may err what it foretells.
+
+    There the lines that no fit has seen count as those of the fit do: what only bends to what beams cannot
+    do at some lines is wrong at others.
+    """
+    return fitted_score(problem, fit, n_last) + (0.0 if problem.form_right else fit.unseen)
+
+
+def fitted_score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
+    """Return the negative log posterior of a fit + k.
 
     Akaike's criterion (IEEE Trans. Autom. Control 19, 1974) with k parameters of the last effects, so that
     one with more must earn them. The posterior is what was minimised: each band has an error level of its
@@ -136,7 +145,7 @@ def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
     """
     last = fit.effects[len(fit.effects) - n_last :]
     damping = any(damps(problem, effect) for effect in last)
-    margin = _n_independent(problem) * np.log(DAMPING_MARGIN) if damping else 0.0
+    margin = problem.n_independent() * np.log(DAMPING_MARGIN) if damping else 0.0
     return float(fit.solution.cost + margin + sum(len(e.parameters()) for e in last))
 
 
@@ -145,14 +154,10 @@ def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
 
     One that also damps must take ``ACCEPT_GAIN_SHARE`` more.
     """
-    gain = score(problem, before, 0) - score(problem, after)
-    share = ACCEPT_GAIN_SHARE * _n_independent(problem)
+    gain = fitted_score(problem, before, 0) - fitted_score(problem, after)
+    share = ACCEPT_GAIN_SHARE * problem.n_independent()
     least = max(ACCEPT_GAIN, share) + (share if damps(problem, after.effects[-1]) else 0.0)
     return gain > least and before.held_out_level > ACCEPT_GAIN_HELD_OUT * after.held_out_level
-
-
-def _n_independent(problem: FitProblem) -> float:
-    return problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
 
 
 def damps(problem: FitProblem, effect: Effect) -> bool:

@@ -237,7 +237,7 @@ def _fitted(
             x,
             Prior(np.append(prior.mean, np.zeros(n_own)), np.append(prior.std, np.full(n_own, np.inf))),
             (limits[:, 0], limits[:, 1]),
-            n_independent=f.rest.n_independent(stage),
+            n_independent=problem.n_independent(stage),
             floor=LEVEL_FLOOR,
             noise=np.concatenate([noise_squares(d, f.at.lines) for d in f.levels]),
             systematic=SYSTEMATIC_SHARE,

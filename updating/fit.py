@@ -208,6 +208,8 @@ class FitResult:
     covariance : ndarray (n, n)
         Of the values, in their order, and the damping curve's unknowns: of ln θ for positive parameters and
         these unknowns, and of θ for others. Empty for what was not fitted.
+    unseen : float
+        Negative log likelihood of the lines held out, as that of the fitted ones is minimised.
     """
 
     solution: Solution
@@ -220,6 +222,7 @@ class FitResult:
     level: float
     held_out_level: float = np.nan
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    unseen: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -325,6 +328,10 @@ class FitProblem:
         knots = self.damping.knots
         edges = np.quantile(knots, [0.25, 0.5, 0.75]) if len(knots) > 4 else np.zeros(0)
         return np.searchsorted(edges, self.data.frequency[lines])
+
+    def n_independent(self, stage: float = np.inf) -> float:
+        """Return how many independent data the lines up to a frequency stand for, against the priors."""
+        return INDEPENDENT_PER_MODE * max(3.0, self.n_modes * min(1.0, stage / self.data.frequency[-1]))
 
     def fit(
         self,
@@ -542,7 +549,16 @@ class FitProblem:
             held_out_db=_rms(ratio[held]),
             level=self.level(ratio[~held], lines[~held]) if np.isnan(result.level) else result.level,
             held_out_level=self.level(ratio[held], lines[held]),
+            unseen=self._unseen(ratio[held], lines[held]),
         )
+
+    def _unseen(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64]) -> float:
+        """Return Σ n_b/2 ln(s² + level_b²) over bands b of lines, for a third of the data of a fit."""
+        bands, mask = self.band_of(lines), self.data.mask[lines]
+        size = np.bincount(bands, mask.sum(axis=(1, 2)))
+        share = self.n_independent() / 3 * size / max(size.sum(), 1)
+        levels = [self.level(ratio[bands == b], lines[bands == b]) for b in np.flatnonzero(size)]
+        return 0.5 * float(share[size > 0] @ np.log(LEVEL_FLOOR**2 + np.square(levels)))
 
     def level(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64] | NDArray[np.bool_]) -> float:
         """Return the robust residual level of log ratios at some lines, amplitude and phase [nepers].
@@ -654,11 +670,6 @@ class FitFunction:
         x[n_par:] = np.log(result.zeta)
         return x
 
-    def n_independent(self, stage: float = np.inf) -> float:
-        """Return how many independent data the lines up to a frequency stand for, against the priors."""
-        p = self.problem
-        return INDEPENDENT_PER_MODE * max(3.0, p.n_modes * min(1.0, stage / p.data.frequency[-1]))
-
     def limits(self) -> NDArray[np.float64]:
         """Return the bounds of x, shape (n, 2)."""
         p = self.problem
@@ -678,7 +689,7 @@ class FitFunction:
             x,
             self.prior(),
             (limits[:, 0], limits[:, 1]),
-            n_independent=self.n_independent(stage),
+            n_independent=p.n_independent(stage),
             floor=LEVEL_FLOOR,
             noise=noise_squares(p.data, self.lines),
             systematic=SYSTEMATIC_SHARE,

@@ -411,7 +411,7 @@ class _Look:
         r, J = r[some], J[:, some]
         robust = 1 / np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2)
         misfit = float((2 * ROBUST**2 * (1 / robust - 1)).mean())
-        weight = robust * function.n_independent() / len(r) / (LEVEL_FLOOR**2 + misfit)
+        weight = robust * problem.n_independent() / len(r) / (LEVEL_FLOOR**2 + misfit)
         prior = function.prior()
         known = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
         slopes, trust = np.hstack([J.real, J.imag]), np.concatenate([weight, weight])

@@ -286,7 +286,7 @@ def _on_as_many_lines(*searches: Search) -> list[Search]:
     for s in searches:
         if s.problem.n_lines < most:
             problem = replace(s.problem, n_lines=most)
-            s = replace(s, problem=problem, current=problem.refit(s.current, assess=False))
+            s = replace(s, problem=problem, current=problem.refit(s.current))
         out.append(s)
     return out
 

@@ -213,7 +213,7 @@ class _Prediction:
         assert J is not None
         size = np.sqrt((np.abs(H1 * frequency[:, None, None] ** 2) ** 2).mean(axis=(0, 2)))
         d: Complexes = log_ratio(H1, H2)
-        n_independent = p.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+        n_independent = p.n_independent()
         reach = (frequency[-1] - frequency[0]) / p.data.frequency[-1]
         # The data's own error level, and the share of independent data that one value stands for, fewer where
         # the model's error is in it, as in the covariance.

@@ -13,7 +13,7 @@ from tests.hidden.cases import make_case
 from updating import acceptance, findings, preparation, screening, search
 from updating.bootstrap import bootstrap
 from updating.diagnosis import diagnose, propose
-from updating.fit import EXPLAINED_LEVEL, ITERATIONS, FitProblem
+from updating.fit import EXPLAINED_LEVEL, ITERATIONS, LEVEL_FLOOR, ROBUST, FitProblem
 from updating.parameters import Nuisance
 from updating.preparation import build_problem
 from updating.screening import Grid
@@ -591,12 +591,33 @@ def test_what_damps_must_do_more_and_so_must_what_comes_beside_others():
     assert among == (acceptance.ACCEPT_WEAK_DAMPING_BESIDE,) * 3
     fit = problem.nominal()
     fit = replace(fit, level=0.5, solution=replace(fit.solution, cost=-10.0))
-    n = problem.function((), (), np.zeros(0, dtype=np.int64)).n_independent()
+    n = problem.n_independent()
     none, *scores = [
         acceptance.score(problem, replace(fit, effects=e), 1) for e in ((), (heavier,), (damped,))
     ]
     assert scores[0] - none == 1
     assert scores[1] - scores[0] == pytest.approx(n * np.log(acceptance.DAMPING_MARGIN))
+
+
+def test_what_a_fit_foretells_counts_where_beams_may_err_and_only_there():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    fit = problem.nominal()
+    ratio, mask, held = problem.log_ratio(fit), problem.data.mask, problem.data.held_out
+    weight, bands = problem.data.weight, problem.band_of(np.arange(len(held)))
+    expected = 0.0
+    for band in np.unique(bands):
+        there = mask & (held & (bands == band))[:, None, None]
+        square = np.abs(weight[there] * ratio[there]) ** 2
+        misfit = (2 * ROBUST**2 * (np.sqrt(1 + square / ROBUST**2) - 1)).mean()
+        share = there.sum() / mask[held].sum()
+        expected += problem.n_independent() / 6 * share * np.log(LEVEL_FLOOR**2 + misfit)
+    assert len(np.unique(bands)) > 1
+    assert fit.unseen == pytest.approx(expected)
+    fit = replace(fit, solution=replace(fit.solution, cost=-10.0))
+    assert acceptance.score(problem, fit, 0) == pytest.approx(expected - 10)
+    assert acceptance.fitted_score(problem, fit, 0) == -10
+    assert acceptance.score(replace(problem, model_error=0.0), fit, 0) == -10
 
 
 def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_little():
