@@ -120,7 +120,7 @@ def diagnose(options: Options, progress: Progress) -> None:
             f"{'':{width}}  level dB  fitted dB  held-out dB  similarity",
             *(
                 f"{words.ranked_label(r):{width}}  {r.level * DB_PER_NEPER:8.2f}  {r.fit_db:9.2f}  "
-                f"{r.held_out_db:11.2f}  "
+                f"{_cell(r.held_out_db, 11)}  "
                 f"{r.similarity:10.2f}  "
                 f"{words.parameters_text(r.parameters)}{'' if r.refined else ' (quick fit)'}"
                 for r in shown
@@ -173,17 +173,12 @@ def _staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None 
     width = _width([step_label(s.label) for s in d.steps])
     names = "".join(f"  {n:>16}" for n in held_out)
     rows = [
-        f"{step_label(s.label):{width}}  {s.fit_db:9.2f}  {_db(s.held_out_db):>11}"
-        + "".join(f"  {_db(db[k]):>16}" for db in held_out.values())
+        f"{step_label(s.label):{width}}  {s.fit_db:9.2f}  {_cell(s.held_out_db, 11)}"
+        + "".join(f"  {_cell(db[k], 16)}" for db in held_out.values())
         for k, s in enumerate(d.steps)
     ]
     floor = f"{'noise floor':{width}}  {d.noise_floor_db:9.2f}"
     return [f"{'error after each step':{width}}  fitted dB  held-out dB{names}", *rows, floor]
-
-
-def _db(value: float) -> str:
-    """Return an error [dB]; a dash where nothing was left to compare."""
-    return f"{value:.2f}" if np.isfinite(value) else "-"
 
 
 def _width(names: Iterable[str]) -> int:

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 from fem.model import Parameter
 from study.result import RunResult
+from updating.acceptance import score
 from updating.bootstrap import Bootstrap
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.faults import Fault
 from updating.findings import EffectParameter, Finding, Ranked, Step
+from updating.fit import FitProblem
 from updating.separation import Decisive, Proposal
 
 FAR = 2.5
@@ -273,11 +275,10 @@ def confidence(result: RunResult) -> list[str]:
             f"{last.held_out_db:.2f} dB on lines that no fit has seen; the nominal model had "
             f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
         ]
-    for label, errors in result.held_out_channels.items():
-        out.append(
-            f"FRFs of the {label}, which no fit has seen: {errors[0]:.2f} dB nominal, "
-            f"{errors[-1]:.2f} dB in the end."
-        )
+    for label, (first, *_, end) in result.held_out_channels.items():
+        said = f"{first:.2f} dB nominal, {end:.2f} dB in the end"
+        nothing = "nothing of them can be compared"
+        out.append(f"FRFs of the {label}, which no fit has seen: {said if math.isfinite(end) else nothing}.")
     out.append(
         f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
         f"{d.discretisation_db:.2f} dB error of the mesh. What is left is "
@@ -306,7 +307,7 @@ def confidence(result: RunResult) -> list[str]:
                 f"held out {finding.without.held_out_db:.2f} dB."
             )
             continue
-        out.append(_rivals(finding, ranked, len(d.findings) > 1))
+        out.append(_rivals(d.problem, finding, ranked, len(d.findings) > 1))
     out += [chance_text(tried, d) for tried in d.tried]
     best = best_of(d.rounds)
     if best and not d.findings:
@@ -359,10 +360,13 @@ def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
     return next((r for r in ranked if r.refined and r.name not in same), None)
 
 
-MORE_LIKELY = "; the data are more likely with it, as each band has an error level of its own."
+MORE_LIKELY = (
+    "; the data are more likely with it, as each band has an error level of its own, and where beams may err "
+    "lines that no fit has seen count as well."
+)
 
 
-def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
+def _rivals(problem: FitProblem, finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
     subject = effect_label(finding.effect.kind, finding.effect.where) if name_it else "It"
     if finding.twins:
         listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
@@ -375,7 +379,7 @@ def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
     own = next((r for r in ranked if r.name == finding.effect.name), None)
     if rival and own:
         text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB"
-        likely = own.result.solution.cost < rival.result.solution.cost
+        likely = score(problem, own.result, 0) < score(problem, rival.result, 0)
         told = rival.fit_db < own.fit_db and likely and not finding.effect.amplitude_dependent
         text += MORE_LIKELY if told else "."
     return text

@@ -24,9 +24,9 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
 ACCEPT_GAIN, ACCEPT_GAIN_SHARE, ACCEPT_GAIN_HELD_OUT = 30.0, 0.1, 0.95
-"""Or, of one alone, the score must fall by more than the first and by more than the second share of the
-independent data, and the level on held-out lines by more than the third factor: what acts in a part of the
-band, as a soft spring to the ground, lowers the level there."""
+"""Or, of one alone, the score of the fitted lines must fall by more than the first and by more than the
+second share of the independent data, and the level on held-out lines by more than the third factor: what acts
+in a part of the band, as a soft spring to the ground, lowers the level there."""
 PLAIN_LEVEL, PLAIN_HELD_OUT = 2.0, 0.9
 """Where the form is right and the level falls by more than the first factor, that on held-out lines need only
 fall by more than the second, that is, not rise by more than chance can do."""
@@ -150,9 +150,9 @@ def fitted_score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
 
 
 def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
-    """Whether the only effect lowers the score as ``ACCEPT_GAIN`` asks, and held-out lines allow it.
+    """Whether the only effect lowers the score of the fitted lines as ``ACCEPT_GAIN`` asks.
 
-    One that also damps must take ``ACCEPT_GAIN_SHARE`` more.
+    And held-out lines allow it. One that also damps must take ``ACCEPT_GAIN_SHARE`` more.
     """
     gain = fitted_score(problem, before, 0) - fitted_score(problem, after)
     share = ACCEPT_GAIN_SHARE * problem.n_independent()

@@ -75,9 +75,9 @@ class Cornered:
         fits = [plain.fit(last.effects, starts, assess=False, **way) for way in ways]
         bare = plain.assessed(min(fits, key=lambda r: r.solution.cost))
         gain = bare.solution.cost - last.solution.cost
-        return (
-            None if gain < ACCEPT_GAIN or bare.level < ACCEPT_LEVEL * last.level else replace(self, bare=bare)
-        )
+        if gain < ACCEPT_GAIN or bare.level < ACCEPT_LEVEL * last.level:
+            return None
+        return replace(self, bare=bare)
 
     def finding(self, last: FitResult) -> Finding:
         """Return the corners as a finding, with the values of the last fit."""

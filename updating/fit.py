@@ -209,7 +209,8 @@ class FitResult:
         Of the values, in their order, and the damping curve's unknowns: of ln θ for positive parameters and
         these unknowns, and of θ for others. Empty for what was not fitted.
     unseen : float
-        Negative log likelihood of the lines held out, as that of the fitted ones is minimised.
+        Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
+        it was assessed.
     """
 
     solution: Solution
@@ -222,7 +223,7 @@ class FitResult:
     level: float
     held_out_level: float = np.nan
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    unseen: float = 0.0
+    unseen: float = np.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -84,8 +84,7 @@ def build_problem(
     ----------
     model : Model
         With a point of the mesh at every sensor. Its modal damping ratios become the nominal damping curve
-        (0.5 % where there are none), and consistent mass becomes that of higher order
-        (:func:`with_higher_mass`).
+        (0.5 % where there are none).
     measurement : Measurement
     nuisances : sequence of Nuisance
     damping_std : float
@@ -106,7 +105,7 @@ def build_problem(
     MeasurementError
         If there are fewer than ``LEAST_LINES`` lines, or no value of the FRFs is left to compare.
     """
-    model = with_sensor_masses(with_higher_mass(model), (*measurement.sensors, *measurement.excitations))
+    model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
     frf = measurement.frf.select(band=band) if band else measurement.frf
     n_usable = int((frf.frequency > 0).sum())
     if n_usable < LEAST_LINES:
@@ -156,6 +155,8 @@ def prepared_like(
     problem: FitProblem, measurement: Measurement, band: tuple[float, float] | None = None
 ) -> FitData:
     """Prepare other channels, such as those that were kept from a fit, as a problem's own were.
+
+    By what its model computes; beside corners that came later than its data these have their nominal size.
 
     Parameters
     ----------

@@ -17,6 +17,7 @@ from updating.acceptance import (
     Rule,
     damps,
     falls,
+    fitted_score,
     gains,
     known_already,
     score,
@@ -54,7 +55,7 @@ NEARLY_RIGHT, NEARLY_ALL = 1.5, 0.02
 """There they are believed up to the first multiple of what noise and the mesh leave, if they bring the
 level's square below the second share."""
 TWIN_SHARE = 0.9
-"""A candidate that brings more than this share of what the log posterior gains with the best is its twin."""
+"""A candidate that takes more than this share of what the best does off the score, without k, is a twin."""
 FINALS_SETTLED = 3
 """So many are fitted fully where the model is right already."""
 N_RIVALS = 4
@@ -69,7 +70,8 @@ N_FINE = 2
 """So many of the best candidates are fitted in fine stages as long as much is unexplained; where more of the
 candidates are tried because nothing explains the data, all that are fitted fully."""
 N_PLACES, APART = 4, 0.05
-"""There what has a position is fitted from so many places, at least this share of its range apart."""
+"""Where nothing explains the data, what has a position is fitted from so many places, at least this share of
+its range apart."""
 QUICK_LINES, QUICK_ITERATIONS = 50, 6
 """Lines of a quick fit, and its iterations in each band, where the model is not settled."""
 QUICK_REACH = 3.0
@@ -486,12 +488,16 @@ class _Round:
         if not chosen:
             return (), None
         self._fit_quickly(chosen, say)
-        names = sorted((o.effect.name for o in chosen), key=lambda n: score(problem, self._quick[n][0]))
+
+        def quick_score(name: str) -> float:
+            return fitted_score(problem, self._quick[name][0])
+
+        names = sorted((o.effect.name for o in chosen), key=quick_score)
         if self.settled and not problem.form_right:
             for i, name in enumerate(names[:N_STRONGER]):
                 say(f"screening {label(self._quick[name][0].effects[-1])}", 0.5 + 0.1 * i / N_STRONGER)
                 self._fit_stronger(name)
-            names.sort(key=lambda n: score(problem, self._quick[n][0]))
+            names.sort(key=quick_score)
         near = [n for n in names if self._quick[n][0].level < 1.8 * self._quick[names[0]][0].level]
         # What is known already can only take the place of what is not.
         names.sort(key=lambda n: self.settled and known_already(problem, self._quick[n][0], n))
@@ -566,14 +572,19 @@ class _Round:
                 self._quick[name].append(fit)
             self._quick[name].sort(key=lambda f: f.solution.cost)
 
+    def _grid(self, name: str) -> Grid:
+        return next(g for g in self.grids if g.effect.name == name)
+
     def _fit_stronger(self, name: str) -> None:
         """Fit once more from an effect that is stronger than where the short fit has ended."""
         fit = self._quick[name][0]
         if name in self._stronger:
             return
         self._stronger.add(name)
-        grid = next(g for g in self.grids if g.effect.name == name)
-        start = grid.scaled(parameter_values(fit.effects[-1]), STRONGER)
+        now = parameter_values(fit.effects[-1])
+        start = self._grid(name).scaled(now, STRONGER)
+        if start == now:
+            return
         last = {"stages": self.problem.stages[-1:], "x_from": self.before, "assess": False}
         self._quick[name].append(self._on[name].fit(fit.effects, [*self._begun, start], **last))
         self._quick[name].sort(key=lambda f: f.solution.cost)
@@ -606,7 +617,7 @@ class _Round:
         Quickly from each point of its grid; then fully, in either kind of stages, from where the best end.
         """
         problem, begun = self.problem, self._begun
-        grid = next(g for g in self.grids if g.effect.name == name)
+        grid = self._grid(name)
         position = next((p for p in grid.effect.parameters() if p.name == "position"), None)
         if position is None or name in self._elsewhere:
             return self._final[name]
@@ -785,10 +796,10 @@ def _explained(
     problem: FitProblem, ranked: Sequence[Ranked], current: FitResult
 ) -> tuple[tuple[Ranked, ...], Ranked | None, tuple[Decisive, ...], tuple[tuple[Proposal, ...], ...]]:
     """Return the twins of the best candidate, its rival, what decides, and what would separate the twins."""
-    best, before = ranked[0], current.solution.cost
-    gain = before - best.result.solution.cost
+    best, before = ranked[0], score(problem, current, 0)
+    gain = before - score(problem, best.result, 0)
     refined = [r for r in ranked[1:] if r.refined]
-    twins = tuple(r for r in refined if before - r.result.solution.cost > TWIN_SHARE * gain)
+    twins = tuple(r for r in refined if before - score(problem, r.result, 0) > TWIN_SHARE * gain)
     rival = next((r for r in refined if r not in twins), None)
     against = rival or (twins[0] if twins else None)
     decisive = what_decides(problem, best.result, against.result) if against else ()

@@ -316,7 +316,9 @@ class Frame(Effect):
         return replace(self, values={**self.values, **values})
 
     def with_mass_of_higher_order(self) -> Self:
-        """Return a frame whose members have mass of higher order where it was consistent."""
+        """Return a frame whose members have mass of higher order where it was consistent; itself without."""
+        if all(p.mass != "consistent" for p in self._different()):
+            return self
         new = {
             id(p): replace(p, mass="higher-order") if p.mass == "consistent" else p for p in self._different()
         }
@@ -1097,12 +1099,13 @@ def _inertia(g: _Lines) -> Array:
 
 
 def _stiffness(g: _Lines) -> Array:
-    """Return ∫ Bᵀ diag(EA, …) B dx of the flexible parts, local, shape (b, 12, 12).
+    """Return ∫ Bᵀ diag(EA, …) B dx of the flexible parts, local, shape (b, 12, 12)."""
+    return _local(*_plain_stiffness(g))
 
-    That is :func:`_spread` on the global axes.
-    """
-    tt, tt2, tr, tr2, rr, rr2 = _plain_stiffness(g)
-    K = np.zeros((len(g.L), 12, 12), dtype=np.result_type(tt, tr, rr))
+
+def _local(tt: Array, tt2: Array, tr: Array, tr2: Array, rr: Array, rr2: Array) -> Array:
+    """Return what :func:`_spread` does on the local axes, shape (b, 12, 12)."""
+    K = np.zeros((tt.shape[1], 12, 12), dtype=np.result_type(tt, tr, rr))
     for i in range(3):
         K[:, i, i] = K[:, 6 + i, 6 + i] = tt[i]
         K[:, i, 6 + i] = K[:, 6 + i, i] = tt2[i]
@@ -1159,22 +1162,15 @@ def _from_flexibility(g: _Lines, F: Array) -> Array:
 
 
 def _mass(g: _Lines) -> Array:
-    """Return ∫ Nᵀ ρ diag(A, …) N dx or lumps, global, shape (b, 12, 12)."""
+    """Return ∫ Nᵀ ρ diag(A, …) N dx, with what mass of higher order adds, or lumps: global, (b, 12, 12)."""
     lumped = g.lumped != 0
     scale = g.L[:, None] * _inertia(g)
     M: Array = np.zeros((len(g.L), 12, 12), dtype=np.result_type(scale, g.T))
     for xi, weight in zip(*_gauss(4), strict=True):
         N = _shape(g, np.full(len(g.L), xi))
         M = M + np.swapaxes(N, 1, 2) @ ((weight * scale)[:, :, None] * N)
-    for k, more in enumerate(_higher(g)):
-        rows, columns = np.ix_((k, 6 + k), (k, 6 + k))
-        M[:, rows, columns] += more[:, None, None] * np.array([[1, -1], [-1, 1]])
-        if k in (1, 2):
-            r, arm = (5, more * g.L / 4) if k == 1 else (4, -more * g.L / 4)
-            for turn in (r, 6 + r):
-                for shift, sign in ((k, 1), (6 + k, -1)):
-                    M[:, shift, turn] += sign * arm
-                    M[:, turn, shift] += sign * arm
+    if g.higher.any():
+        M = M + _local(*_higher(g))
     M = _to_global(M, g.T)
     if lumped.any():
         T = g.T_nodes[lumped]
@@ -1206,7 +1202,7 @@ def _plain_mass(g: _Lines) -> tuple[Array, ...]:
     """Return the factors of :func:`_spread` of an element's mass.
 
     The integrals of the shape functions' products: Friedman & Kosmatka (1993), with ρA for the deflection
-    and ρI for the rotation.
+    and ρI for the rotation; with what mass of higher order adds, or lumps.
     """
     m, L = g.rho * g.A * g.L, g.L
     planes = []
@@ -1243,27 +1239,23 @@ def _plain_mass(g: _Lines) -> tuple[Array, ...]:
     if lumped.any():
         blocks[4][:, lumped] = (_inertia(g).T[[3, 4, 5]] * L / 2)[:, lumped]
     if g.higher.any():
-        axial, y, z, turn = _higher(g)
-        blocks[0] += np.stack([axial, y, z])
-        blocks[1] -= np.stack([axial, y, z])
-        for block in blocks[2:4]:
-            block += np.stack([y, z]) * L / 4
-        blocks[4][0] += turn
-        blocks[5][0] -= turn
+        blocks = [block + more for block, more in zip(blocks, _higher(g), strict=True)]
     return tuple(blocks)
 
 
-def _higher(g: _Lines) -> tuple[Array, Array, Array, Array]:
-    """Return what mass of higher order adds: along x, to shear in x-y and x-z, about x, each (b,).
+def _higher(g: _Lines) -> tuple[Array, ...]:
+    """Return the factors of :func:`_spread` of what mass of higher order adds.
 
     An element deforms as under forces at its ends; the motion that its own inertia adds stores more. To the
     second order of its length the mass for that is ρA L²/12 ∫ u'² dx of stretching, ρIp L²/12 ∫ θ'² dx of
     torsion and ρA L²/12 ∫ v' γ dx of shear.
     """
-    m = g.higher * g.rho * g.A * g.L / 12
-    beam = m * (1 - g.bar)
-    y, z = (beam * phi / (1 + phi) for phi in (g.phi_y, g.phi_z))
-    return m, y, z, g.higher * (1 - g.bar) * g.rho * g.Ip * g.L / 12
+    axial = g.higher * g.rho * g.A * g.L / 12
+    y, z = ((1 - g.bar) * axial * phi / (1 + phi) for phi in (g.phi_y, g.phi_z))
+    turn = g.higher * (1 - g.bar) * g.rho * g.Ip * g.L / 12
+    tt, tr = np.stack([axial, y, z]), np.stack([y, z]) * g.L / 4
+    rr = np.stack([turn, 0 * turn, 0 * turn])
+    return tt, -tt, tr, tr, rr, -rr
 
 
 def _spread(R: NDArray[np.float64], *factors: Array) -> Array:

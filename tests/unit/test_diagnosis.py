@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from fem import FRF
+from fem.effects.frame import Frame
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, diagnose, diagnosis, preparation
@@ -34,6 +35,10 @@ def test_a_heavier_member_is_named_with_its_value_and_the_error_falls_to_the_flo
     errors = [s.fit_db for s in found.steps]
     assert errors == sorted(errors, reverse=True)
     assert found.steps[-1].held_out_db < 2 * found.noise_floor_db
+    # Consistent mass has become that of higher order, which leaves less of the mesh's error.
+    (given,), (used,) = (m.of_kind(Frame) for m in (case.model, found.problem.reduced.model))
+    assert {p.mass for p in given.members.values()} == {"consistent"}
+    assert {p.mass for p in used.members.values()} == {"higher-order"}
     # The updated model carries the effect and the fitted values.
     assert found.model.effect(finding.effect.name).change == change.value
 

@@ -13,7 +13,7 @@ from fem.modes import solve_modes
 from fem.properties import PropertyError, Section
 from fem.system import assemble, rigid_motions
 from study import load_study
-from tests.frames import FLAT, STEEL, beam, fix, planar, welded
+from tests.frames import FLAT, STEEL, beam, braced, fix, planar, welded
 
 PINNED = ("x", "y", "z")
 EI, MASS = STEEL.E * FLAT.Iy, STEEL.rho * FLAT.A
@@ -270,9 +270,19 @@ def test_mass_of_higher_order_leaves_bending_without_shear_as_it_is():
         for mass in ("consistent", "higher-order")
     )
     along = [k for k in range(len(one)) if abs(one[k] - other[k]).max() > 0]
-    assert along  # stretching and torsion alone
+    assert len(along) == 6 + 5  # of seven points stretching of all but one end, torsion of all but one
     bending = [k for k in range(len(one)) if k not in along]
     np.testing.assert_array_equal(one[np.ix_(bending, along)], 0)
+
+
+def test_mass_of_higher_order_takes_the_place_of_consistent_mass_alone():
+    model = braced()
+    (frame,) = model.of_kind(Frame)
+    assert {p.mass for p in frame.members.values()} == {"lumped", "consistent"}
+    higher = frame.with_mass_of_higher_order()
+    for name, p in frame.members.items():
+        assert higher.members[name].mass == ("lumped" if p.mass == "lumped" else "higher-order")
+    assert higher.with_mass_of_higher_order() is higher
 
 
 def test_mass_of_higher_order_of_a_welded_frame():
