@@ -746,7 +746,9 @@ def begun(length: Any, least: float) -> Any:
 
     What grows with a length that is 0 has a derivative all the same: that of what begins.
     """
-    return length if np.real(length) > least else least + 1j * np.imag(length)
+    if np.real(length) > least:
+        return length
+    return least + 1j * length.imag if np.iscomplexobj(length) else least
 
 
 @lru_cache(maxsize=32)

@@ -178,3 +178,12 @@ def test_channels_that_were_kept_from_a_fit_are_judged_as_its_own_are():
     own = problem.data.mask[:, least]
     np.testing.assert_array_equal(prepared_like(fit, kept).mask[:, 0], own)
     assert prepared_like(replace(fit, model_error=0.0), kept).mask.sum() > own.sum()
+
+
+def test_a_model_whose_corners_have_no_size_has_real_matrices():
+    (corner,) = SolidCorner.propose(welded())
+    drawn, none = (fem.assemble(m) for m in (welded(), welded().with_effect(corner.with_values(size=0.0))))
+    for name in ("K", "M"):
+        expected, found = getattr(drawn, name).toarray(), getattr(none, name).toarray()
+        assert np.isrealobj(found)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * abs(expected).max())
