@@ -533,6 +533,10 @@ class _Round:
     def _begun(self) -> list[dict[str, float]]:
         return [parameter_values(e) for e in self.before.effects]
 
+    @property
+    def _two_stages(self) -> NDArray[np.float64]:
+        return np.unique([self.problem.stages[0], self.problem.stages[-1]])
+
     def _fit_quickly(self, chosen: Sequence[Screened], say: Progress) -> None:
         """Fit from one start, and those that do well then from others; the best come first.
 
@@ -540,12 +544,11 @@ class _Round:
         as well, because parameters that were fitted without an effect are off.
         """
         problem, current, settled = self.problem, self.before, self.settled
-        stages = [float(f) for f in np.unique([problem.stages[0], problem.stages[-1]])]
         lines = problem.n_lines if settled else QUICK_LINES
         # What is little is ranked by how little it gains, and six iterations may end before that.
         iterations = ITERATIONS if settled else QUICK_ITERATIONS
         quick = {"n_lines": lines, "max_iterations": iterations, "assess": False}
-        from_current = {"stages": stages[-1:], "x_from": current}
+        stages, from_current = self._two_stages, {"stages": problem.stages[-1:], "x_from": current}
         for i, option in enumerate(chosen):
             name, effects = option.effect.name, [*current.effects, option.effect]
             if name in self._quick:
@@ -622,13 +625,12 @@ class _Round:
         if position is None or name in self._elsewhere:
             return self._final[name]
         self._elsewhere.add(name)
-        stages = np.unique([problem.stages[0], problem.stages[-1]])
         quick = {"n_lines": QUICK_LINES, "max_iterations": QUICK_ITERATIONS, "assess": False}
         ends = []
         for point in grid.points:
             effects = [*self.before.effects, grid.effect.with_values(**point)]
             mine = replace(problem, reduced=problem.reduced.with_forces_of(effects[-1:]))
-            ends.append(mine.fit(effects, [*begun, point], stages=stages, **quick))
+            ends.append(mine.fit(effects, [*begun, point], stages=self._two_stages, **quick))
         ends.sort(key=lambda r: r.solution.cost)
         apart, taken = APART * (position.upper - position.lower), list[float]()
         for end in ends:
