@@ -41,7 +41,7 @@ from fem.frf import FRF, Accuracy, FRFError, FRFKind, compute_frf, frf_blocks
 from fem.matrices import Matrices
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Constraint, Contribution, Damping, Effect, Model, ModelError, Parameter
-from fem.modes import MechanismError, Modes, solve_modes
+from fem.modes import MechanismError, Modes, UnstableError, solve_modes
 from fem.participation import Energies, Participation, compute_energies, compute_participation
 from fem.properties import Material, PropertyError, Section
 from fem.reduction import Reduction
@@ -104,6 +104,7 @@ __all__ = [
     "Support",
     "System",
     "TabulatedStiffness",
+    "UnstableError",
     "Viscoelastic",
     "assemble",
     "check_mesh",

@@ -99,7 +99,8 @@ def reduced_basis(
     release : tuple of Constraint
         Constraints of the model that effects may release later.
     """
-    pairs = _nearly_static(system, solve_eigenpairs(system, max_frequency=margin * max_frequency))
+    pairs = solve_eigenpairs(system, max_frequency=margin * max_frequency, unstable=True)
+    pairs = _nearly_static(system, pairs)
     released, inertia = _constraint_modes(system, pairs, release)
     free: NDArray[np.bool_] = np.any(released, axis=0)  # not those that another constraint holds as well
     release, released, inertia = (
@@ -128,7 +129,7 @@ def _nearly_static(system: System, pairs: Eigenpairs) -> Eigenpairs:
     The shift that was good enough for the modes may lie far above it; responses to it die away within a
     fraction of the structure and complete the modes badly.
     """
-    elastic = pairs.eigenvalues[pairs.n_rigid :]
+    elastic = pairs.eigenvalues[pairs.eigenvalues > 0]
     shift = -max(0.1 * float(elastic[0]), 1e-8 * abs(pairs.shift)) if elastic.size else pairs.shift
     if abs(pairs.shift) < 10 * abs(shift):
         return pairs

@@ -521,7 +521,7 @@ def _modal(task: _Task, local: Locals, n_modes: int | None) -> Superposition:
     if n_modes is None:
         pairs, cut = modes_below(system, _MARGIN * task.highest)
     else:
-        pairs = sharpened(system, solve_eigenpairs(system, n_modes))
+        pairs = sharpened(system, solve_eigenpairs(system, n_modes, unstable=True))
         cut = np.inf if n_modes >= system.n_free else float(pairs.eigenvalues[-1])
     loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
     s = superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, None)

@@ -1,6 +1,7 @@
 """Natural frequencies and mode shapes."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -32,6 +33,10 @@ class MechanismError(ModelError):
         self.motions = motions
 
 
+class UnstableError(ModelError):
+    """A structure at which it was asked for what only one in stable equilibrium has."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Modes:
     """Natural modes, mass-normalised: φᵀ M φ = I.
@@ -39,7 +44,9 @@ class Modes:
     Attributes
     ----------
     frequency : ndarray (n_modes,)
-        Natural frequencies, rising; rigid-body modes are 0 [Hz].
+        Natural frequencies: rigid-body modes come first and are 0, the others rise. Below zero are motions
+        that grow, of a structure that more compression than it bears has made unstable: -√(-ω²)/2π, with
+        e^{2π|f|t} [Hz].
     shapes : ndarray (n_dof, n_modes)
         Mode shapes; for computed modes all DOFs of the mesh, ``6 p + d`` [1/√kg, rad/(m √kg)].
     zeta : ndarray (n_modes,) or None
@@ -74,7 +81,8 @@ class Eigenpairs:
     Attributes
     ----------
     eigenvalues : ndarray (n,)
-        ω² [rad²/s²]; rigid-body modes are exactly 0.
+        ω² [rad²/s²]: rigid-body modes come first and are exactly 0, the others rise, those of motions with a
+        negative stiffness from below zero.
     vectors : ndarray (n_free, n)
         M-orthonormal.
     factor : Factor
@@ -90,6 +98,11 @@ class Eigenpairs:
     factor: Factor
     shift: float
     n_rigid: int
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        """√ω², shape (n,), and -√(-ω²) of motions that grow [rad/s]."""
+        return np.sign(self.eigenvalues) * np.sqrt(np.abs(self.eigenvalues))
 
 
 def solve_modes(
@@ -116,7 +129,7 @@ def solve_modes(
     Returns
     -------
     Modes
-        Mass-normalised, with the damping ratio that the model's damping gives each.
+        Mass-normalised, with the damping ratio that the model's damping gives each, 0 for motions that grow.
 
     Raises
     ------
@@ -125,51 +138,72 @@ def solve_modes(
     ModelError
         If the check counts other than were found, and a second search does not find them.
     """
-    pairs = solve_eigenpairs(system, n, max_frequency, check=check)
-    frequency = np.sqrt(pairs.eigenvalues) / (2 * np.pi)
+    pairs = solve_eigenpairs(system, n, max_frequency, check=check, unstable=True)
+    omega = pairs.omega
+    frequency = omega / (2 * np.pi)
     damping = system.model.damping
-    omega = 2 * np.pi * frequency
     rayleigh = (
         np.divide(damping.alpha, omega, out=np.zeros_like(omega), where=omega > 0) + damping.beta * omega
     )
-    zeta = damping.ratio_at(frequency) + (rayleigh + damping.loss_factor) / 2
+    zeta = np.where(omega < 0, 0.0, damping.ratio_at(frequency) + (rayleigh + damping.loss_factor) / 2)
     return Modes(frequency, system.Q @ pairs.vectors, zeta, n_rigid=pairs.n_rigid)
 
 
 def solve_eigenpairs(
-    system: System, n: int | None = None, max_frequency: float | None = None, *, check: bool = False
+    system: System,
+    n: int | None = None,
+    max_frequency: float | None = None,
+    *,
+    check: bool = False,
+    unstable: bool = False,
 ) -> Eigenpairs:
-    """Compute modes on the independent coordinates; see :func:`solve_modes`."""
+    """Compute modes on the independent coordinates; see :func:`solve_modes`.
+
+    Raises
+    ------
+    UnstableError
+        If a motion has a negative stiffness, unless ``unstable`` allows that.
+    """
     if n is not None and n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
     with one_thread():
-        return _eigenpairs(system, n, max_frequency, check)
+        pairs = _eigenpairs(system, n, max_frequency, check)
+    if not unstable and (pairs.eigenvalues < 0).any():
+        raise UnstableError(_describe_unstable(system, pairs))
+    return pairs
 
 
 def _eigenpairs(system: System, n: int | None, max_frequency: float | None, check: bool) -> Eigenpairs:
     n_free = system.n_free
-    shift, factor, reference = _shifted(system)
+    shift, factor, reference, n_below = _shifted(system)
     rigid = rigid_body_motions(system)
-    want = min(n_free, max(n if n is not None else 20, rigid.shape[1] + 1))
+    want = min(n_free, max(n if n is not None else 20, rigid.shape[1] + n_below + 1))
     limit = -np.inf if n is not None or max_frequency is None else (2 * np.pi * max_frequency) ** 2
     while True:
         eigenvalues, vectors = _lowest(system, factor, shift, want, limit, rigid, check)
         if len(eigenvalues) == n_free or eigenvalues[-1] > limit:
             break
         want = min(n_free, 2 * want)
+    size = np.abs(eigenvalues)
     if reference is None:
-        reference = max(float(eigenvalues[0]), 1e-12 * _highest(system))
-    n_zero = int((eigenvalues < max(1e-7 * reference, 1e-14 * _highest(system))).sum())
-    if n_zero > rigid.shape[1]:
-        _check_mechanism(system, vectors[:, :n_zero], rigid)
-    eigenvalues[: rigid.shape[1]] = 0.0
-    eigenvalues, vectors = eigenvalues[:n], vectors[:, :n]
+        reference = max(float(size[0]), 1e-12 * _highest(system))
+    zero = size < max(1e-7 * reference, 1e-14 * _highest(system))
+    if zero.sum() > rigid.shape[1]:
+        _check_mechanism(system, vectors[:, zero], rigid)
     n_rigid = min(rigid.shape[1], len(eigenvalues))
+    # rigid-body motions first: they are the smallest in size, and not always the lowest
+    first = np.sort(np.argsort(size, kind="stable")[:n_rigid])
+    order = np.concatenate([first, np.setdiff1d(np.arange(len(size)), first)])
+    eigenvalues, vectors = eigenvalues[order], vectors[:, order]
+    eigenvalues[:n_rigid] = 0.0
+    if n_below == 0:
+        eigenvalues = np.maximum(eigenvalues, 0.0)
+    eigenvalues, vectors = eigenvalues[:n], vectors[:, :n]
     if max_frequency is not None and n is None:
         keep = max(1, int((eigenvalues <= limit).sum()))
         eigenvalues, vectors = eigenvalues[:keep], vectors[:, :keep]
-    return Eigenpairs(np.maximum(eigenvalues, 0.0), vectors, factor, shift, min(n_rigid, len(eigenvalues)))
+    return Eigenpairs(eigenvalues, vectors, factor, shift, min(n_rigid, len(eigenvalues)))
 
 
 def _lowest(
@@ -213,9 +247,10 @@ def _counted(
 ) -> RitzPairs:
     """Return the pairs with those that were missed, if the inertia of K - μM counts more of them below μ."""
     n_rigid = rigid.shape[1]
-    lam = np.append(pairs.eigenvalues, min(pairs.following, 2 * pairs.eigenvalues[-1]))
+    last = float(pairs.eigenvalues[-1])
+    lam = np.append(pairs.eigenvalues, min(pairs.following, last + abs(last)))
     # μ lies just above the highest pair that is not one of a set with the next: what follows is not exact.
-    k = int(np.flatnonzero(lam[1:] > lam[:-1] * (1 + 1e-6)).max(initial=-1)) + 1
+    k = int(np.flatnonzero(lam[1:] > lam[:-1] + 1e-6 * np.abs(lam[:-1])).max(initial=-1)) + 1
     if k == 0:
         return pairs
     mu = float(lam[k - 1] + 0.1 * (lam[k] - lam[k - 1]))
@@ -242,7 +277,7 @@ def _highest(system: System) -> float:
     return float(system.K.diagonal().sum() / max(system.M.diagonal().sum(), 1e-300))
 
 
-def _shifted(system: System) -> tuple[float, Factor, float | None]:
+def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
     """Choose the shift σ, below the first elastic eigenvalue, and factorise K - σM.
 
     Constraints that leave no rigid-body motion make K positive definite, and σ as small as rounding allows is
@@ -251,31 +286,52 @@ def _shifted(system: System) -> tuple[float, Factor, float | None]:
     values as there are such motions are left out, also where springs resist these: were the shift as small as
     the eigenvalues on soft springs, K - σM would be singular but for rounding.
 
+    Under more compression than a structure bears K has negative eigenvalues: the pivots' signs count them,
+    and σ goes down until it lies below all.
+
     Returns
     -------
     shift : float
     factor : Factor
     reference : float or None
         The estimate [rad²/s²], where there is one.
+    n_below : int
+        How many eigenvalues are negative, and not by rounding.
     """
     K, M, mesh = system.K, system.M, system.model.mesh
     upper = _highest(system)
     q = system.Q.T @ rigid_motions(system.model) @ reproduced(system.model, system.Q)
     held = q.shape[1] == 0
     shift = -upper * max((1e-4 / max(mesh.n_lines, 1)) ** 2, 1e-14 if held else 1e-12)
-    factor = factorise(K - shift * M)
-    if held:
-        return shift, factor, None
-    X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3))])
-    for _ in range(3):
-        X = factor.solve(np.asarray(M @ X))
-        X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-        X = np.linalg.qr(X)[0]
-    mass, vectors = np.linalg.eigh(X.T @ (M @ X))
-    X = X @ (vectors[:, mass > 1e-14 * mass[-1]] / np.sqrt(mass[mass > 1e-14 * mass[-1]]))
-    ritz = np.linalg.eigvalsh(X.T @ (K @ X))
-    reference = float(max(ritz[min(q.shape[1], len(ritz) - 1)], 1e-12 * upper))
-    return -0.1 * reference, factorise(K + 0.1 * reference * M, factor), reference
+    shifted = K - shift * M
+    factor, reference = factorise(shifted), None
+    n_below = n_negative(shifted, factor)
+    if not held:
+        X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3 + n_below))])
+        for _ in range(3):
+            X = factor.solve(np.asarray(M @ X))
+            X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+            X = np.linalg.qr(X)[0]
+        mass, vectors = np.linalg.eigh(X.T @ (M @ X))
+        X = X @ (vectors[:, mass > 1e-14 * mass[-1]] / np.sqrt(mass[mass > 1e-14 * mass[-1]]))
+        ritz = np.linalg.eigvalsh(X.T @ (K @ X))
+        reference = float(max(ritz[min(q.shape[1] + n_below, len(ritz) - 1)], 1e-12 * upper))
+        shift = -0.1 * reference
+        shifted = K - shift * M
+        factor = factorise(shifted)
+    while n_below and n_negative(shifted, factor):
+        shift *= 10
+        shifted = K - shift * M
+        factor = factorise(shifted)
+    return shift, factor, reference, n_below
+
+
+def n_negative(A: Any, factor: Factor) -> int:
+    """Return how many eigenvalues a factorised matrix has below zero."""
+    try:
+        return factor.count_negative()
+    except ValueError:  # SuperLU left the diagonal
+        return factorise(A, backend="multifrontal").count_negative()
 
 
 def rigid_body_motions(system: System) -> NDArray[np.float64]:
@@ -292,6 +348,25 @@ def rigid_body_motions(system: System) -> NDArray[np.float64]:
         return np.zeros((system.n_free, 0))
     L = np.linalg.cholesky(allowed.T @ (system.M @ allowed))
     return np.linalg.solve(L, allowed.T).T
+
+
+def _describe_unstable(system: System, pairs: Eigenpairs) -> str:
+    """Say that motions have a negative stiffness, and which effects give it to them."""
+    grow = pairs.eigenvalues < 0
+    u = np.asarray(system.Q @ pairs.vectors[:, grow])
+    work = []
+    for effect in system.model.effects:
+        parts = [(u[c.dofs], c.K) for c in effect.contribute(system.model) if c.K is not None]
+        work.append(min((float(np.einsum("bik,bij,bjk->k", v, K, v).min()) for v, K in parts), default=0.0))
+    least = min(work)
+    names = [f"'{e.name}'" for e, w in zip(system.model.effects, work, strict=True) if w < 0.1 * least < 0]
+    moved = np.abs(u[: 6 * system.model.mesh.n_points, 0]).reshape(-1, 6)[:, :3]
+    point, axis = np.unravel_index(np.argmax(moved), moved.shape)
+    return (
+        f"the structure is unstable: {int(grow.sum())} motion(s) have a negative stiffness, that of "
+        f"{', '.join(names)}; the first moves point {point} {DIRECTIONS[axis]} most. Only its "
+        "undamped modes (solve_modes) and its FRFs (compute_frf) are to be had: less compression is needed"
+    )
 
 
 def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> None:

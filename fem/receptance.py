@@ -245,8 +245,9 @@ class _Lines:
         k = 1 + 1j * (d.loss_factor + s.local.loss + omega * d.beta)
         m = 1j * omega * d.alpha - omega**2
         undamped = k[:, None] * s.stiffness + m[:, None] * s.mass
-        root = np.sqrt(s.stiffness * s.mass)
-        own = np.divide(s.stiffness, s.mass, out=np.full(len(root), np.inf), where=s.mass > 0)
+        positive = np.maximum(s.stiffness, 0.0)  # motions that grow have no damping ratio
+        root = np.sqrt(positive * s.mass)
+        own = np.divide(positive, s.mass, out=np.full(len(root), np.inf), where=s.mass > 0)
         zeta = d.ratio_at(np.sqrt(own) / (2 * np.pi))
         z = undamped + 2j * omega[:, None] * (zeta * root) if zeta.any() else undamped
         return cls(omega, k, m, z, undamped)
@@ -568,13 +569,13 @@ def nearly_static(system: System, pairs: Eigenpairs, cut: float) -> Eigenpairs:
     """
     if cut == np.inf or abs(pairs.shift) < cut:
         return pairs
-    shift = -0.1 * cut
+    shift = min(-0.1 * cut, 1.1 * float(pairs.eigenvalues.min()))
     return replace(pairs, factor=factorise(system.K - shift * system.M), shift=shift)
 
 
 def modes_below(system: System, frequency: float) -> tuple[Eigenpairs, float]:
     """Return all modes up to a frequency [Hz], and the lowest eigenvalue that they may lack."""
-    pairs = sharpened(system, solve_eigenpairs(system, max_frequency=frequency))
+    pairs = sharpened(system, solve_eigenpairs(system, max_frequency=frequency, unstable=True))
     every = pairs.vectors.shape[1] >= system.n_free
     return pairs, np.inf if every else (2 * np.pi * frequency) ** 2
 
@@ -590,4 +591,5 @@ def sharpened(system: System, pairs: Eigenpairs) -> Eigenpairs:
     if not better.any():
         return pairs
     quotient = np.einsum("ij,ij->j", phi, system.K @ phi)
-    return replace(pairs, eigenvalues=np.where(better, np.maximum(quotient, 0.0), pairs.eigenvalues))
+    quotient = np.where(pairs.eigenvalues < 0, quotient, np.maximum(quotient, 0.0))
+    return replace(pairs, eigenvalues=np.where(better, quotient, pairs.eigenvalues))

@@ -279,7 +279,8 @@ class ReducedModel:
             Modes are taken up to there [Hz].
         """
         system = assemble(model, reciprocal=False)
-        shapes = np.asarray(system.Q @ solve_eigenpairs(system, max_frequency=max_frequency).vectors)
+        pairs = solve_eigenpairs(system, max_frequency=max_frequency, unstable=True)
+        shapes = np.asarray(system.Q @ pairs.vectors)
         return self._on(self.basis.with_shapes(self.system, shapes))
 
     def residual_flexibility(

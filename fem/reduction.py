@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 from fem.expansion import left_inverse
 from fem.frf import Selection, dof_vectors
 from fem.model import Law, ModelError
-from fem.modes import Modes, rigid_body_motions, solve_eigenpairs
+from fem.modes import Modes, n_negative, rigid_body_motions, solve_eigenpairs
 from fem.solvers import Factor, SingularMatrixError, factorise
 from fem.system import System, law_change
 
 _HELD = 1e-12
 """Entries of Q below this are rounding: the DOF does not move with the coordinate."""
+
+_NEGATIVE = 1e-12
+"""Eigenvalues of a static condensation, scaled to a unit diagonal, above minus this may be rounding [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -441,13 +444,25 @@ def _hold(system: System, part: _Partition) -> _Held:
     K = sp.csc_array(system.K)[part.omitted]
     coupling = K[:, part.kept].toarray()
     if not len(part.omitted):
+        _refuse_unstable(system, part, coupling.T @ coupling, 0)
         return _Held(None, coupling)
     try:
         factor = factorise(K[:, part.omitted])
     except SingularMatrixError:
         msg = "the structure held at its kept DOFs has motions without stiffness; keep DOFs that stop them"
         raise ModelError(msg) from None
-    return _Held(factor, -factor.solve(coupling))
+    static = -factor.solve(coupling)
+    _refuse_unstable(system, part, coupling.T @ static, n_negative(K[:, part.omitted], factor))
+    return _Held(factor, static)
+
+
+def _refuse_unstable(system: System, part: _Partition, change: NDArray[np.float64], n_omitted: int) -> None:
+    """Raise an UnstableError if K has negative eigenvalues: those of K_oo and of its static condensation."""
+    K = sp.csc_array(system.K)[part.kept][:, part.kept].toarray() + change
+    scale = np.sqrt(np.abs(K.diagonal()))
+    scale = 1 / np.where(scale > 0, scale, 1.0)
+    if n_omitted or np.linalg.eigvalsh(scale[:, None] * (K + K.T) / 2 * scale)[0] < -_NEGATIVE:
+        solve_eigenpairs(system, 1)
 
 
 def _held_system(system: System, omitted: NDArray[np.int64]) -> System:

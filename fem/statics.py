@@ -24,7 +24,7 @@ from fem.effects.prestress import Prestress
 from fem.effects.stiffness_loss import StiffnessLoss
 from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
-from fem.modes import solve_eigenpairs
+from fem.modes import n_negative, solve_eigenpairs
 from fem.solvers import Factor, SingularMatrixError, factorise
 from fem.system import System, constraint_groups, particular, rigid_motions, sum_contributions
 
@@ -783,7 +783,7 @@ def factor_held(system: System) -> Factor:
     Raises
     ------
     ModelError
-        For a structure that is free to move or a mechanism.
+        For a structure that is free to move, a mechanism, or one that is unstable.
     """
     if system.rigid.shape[1]:
         raise ModelError(_describe_free(system))
@@ -796,8 +796,8 @@ def factor_held(system: System) -> Factor:
         x = np.full(system.n_free, np.nan)
     with np.errstate(invalid="ignore", over="ignore"):
         opposed = x @ (K @ x) / max(x @ (K.diagonal() * x), 1e-300)
-    if factor is None or not np.isfinite(opposed) or opposed < _SINGULAR:
-        solve_eigenpairs(system, 1)  # names the mechanism
+    if factor is None or not np.isfinite(opposed) or opposed < _SINGULAR or n_negative(K, factor):
+        solve_eigenpairs(system, 1)  # names the mechanism, or what makes the structure unstable
         if factor is None or not np.isfinite(opposed):
             msg = "the stiffness matrix is singular; a motion meets no resistance"
             raise ModelError(msg)

@@ -122,7 +122,8 @@ def modes(options: Options, progress: Progress) -> None:
         },
     )
     rows = [
-        f"{k + 1:5d}  {f:12.4f}  {100 * z:8.3f}{'   rigid body' if k < found.n_rigid else ''}"
+        f"{k + 1:5d}  {f:12.4f}  {100 * z:8.3f}"
+        f"{'   rigid body' if k < found.n_rigid else '   grows: the structure is unstable' if f < 0 else ''}"
         for k, (f, z) in enumerate(zip(found.frequency, zeta, strict=True))
     ]
     say(

@@ -524,6 +524,9 @@ def estimate(
 WALK = (1.2, 1.05, 1.0125)
 """Factors of ever finer steps along one stiffness [-]."""
 
+MISSES = 3, 1
+"""Coarse steps, and finer ones, after which a walk in which none has lowered the cost turns [-]."""
+
 HELD = 1e-4
 """Standard deviation of a stiffness that is held while all else is fitted, of itself [-]."""
 
@@ -704,7 +707,7 @@ def _walked(
         i, begin = form.names.index(f"{form.terms[0].kind} {d} {d}"), best
         for factor in (1 / step, step):
             at, missed = begin, 0
-            while missed < (2 if step == WALK[0] else 1):
+            while missed < MISSES[step != WALK[0]]:
                 at = moved(at, i, factor)
                 if at.chi2 < 0.99 * best.chi2:
                     best, missed = at, 0

@@ -50,8 +50,8 @@ def damped_modes(model: Model, curve: DampingCurve, unknowns: NDArray[np.float64
     dampers take from undamped modes.
     """
     system = assemble(model, reciprocal=False)  # C that does no work takes no energy either
-    pairs = solve_eigenpairs(system, max_frequency=up_to)
-    V, omega = pairs.vectors, np.sqrt(pairs.eigenvalues)
+    pairs = solve_eigenpairs(system, max_frequency=up_to, unstable=True)
+    V, omega = pairs.vectors, pairs.omega
     elastic = omega > 0
     w = np.where(elastic, omega, 1.0)
     local = np.einsum("ij,ij->j", V, system.D @ V) / (2 * w**2) + np.einsum("ij,ij->j", V, system.C @ V) / (

@@ -435,6 +435,8 @@ def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
 def mode_heading(k: int, n_rigid: int, frequency: float, zeta: float | None) -> str:
     """Return the heading of an elastic mode, counted from 1 without rigid-body modes."""
     text = f"Elastic mode {k - n_rigid + 1}: {frequency:.4g} Hz"
+    if frequency < 0:
+        return f"{text}, a motion that grows"
     return text if zeta is None else f"{text}, damping {100 * zeta:.2g} %"
 
 

@@ -564,13 +564,19 @@ def _modes(result: RunResult, album: Album) -> Markup:
         "MAC [-]",
     ]
     what = " and what was found" if result.diagnosis.findings else ""
+    grows = (
+        " A frequency below zero is that of a motion that grows: members are under more compression than the "
+        "model bears, whose forces keep their direction."
+        if any(f < 0 for m in result.modes for f in (m.nominal, m.fitted))
+        else ""
+    )
     shapes = [p for p in album.starting("mode-") if p is not album["mode-changed"]]
     return section(
         "Natural frequencies and mode shapes",
         paragraph(
             f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, "
             "paired by their shapes. Damping is the fitted curve and what local dampers take from each "
-            "mode."
+            f"mode.{grows}"
         ),
         table(head, rows, numbers=range(7), at_most=15),
         _figure(album["mode-changed"], "small"),

@@ -389,9 +389,10 @@ def _with_sections(model: Model | Mesh) -> Model:
 
 def mode_title(modes: Modes, index: int) -> str:
     """Return a heading for a mode: its number, frequency and damping."""
-    text = f"Mode {index + 1}: " + (
-        "rigid body" if index < modes.n_rigid else f"{modes.frequency[index]:.4g} Hz"
-    )
+    f = modes.frequency[index]
+    text = f"Mode {index + 1}: {'rigid body' if index < modes.n_rigid else f'{f:.4g} Hz'}"
+    if f < 0:
+        return f"{text}, a motion that grows"
     if modes.zeta is not None and index >= modes.n_rigid:
         text += f", damping ratio {100 * float(modes.zeta[index]):.2g} %"
     return text

@@ -5,13 +5,19 @@ import pytest
 import scipy.linalg as sla
 
 import fem.modes
+from fem.complex_modes import solve_complex_modes
 from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
+from fem.effects.preload import Preload
+from fem.frf import compute_frf
 from fem.lanczos import RitzPairs
 from fem.mesh import Mesh
-from fem.model import Model, ModelError
-from fem.modes import DENSE_LIMIT, solve_modes
+from fem.model import Damping, Model, ModelError
+from fem.modes import DENSE_LIMIT, UnstableError, solve_eigenpairs, solve_modes
 from fem.properties import Section
+from fem.reduction import reduce_craig_bampton, reduce_guyan, reduce_irs, reduce_serep
+from fem.sensitivity import differentiate_modes
+from fem.statics import solve_static
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, fix, portal
 
@@ -292,3 +298,84 @@ def test_rigid_modes_do_not_depend_on_the_origin():
     assert moved.n_rigid == 6
     # coordinates of 2e4 m have 4e-12 m of rounding, 2e-11 of an element's length
     np.testing.assert_allclose(moved.frequency, near.frequency, rtol=1e-9)
+
+
+EULER = np.pi**2 * STEEL.E * FLAT.Iy
+PINNED = fix(0, ("x", "y", "z", "rx")), fix(1, ("y", "z"))
+
+
+def pressed(n, load, ends=PINNED, damping=None):
+    """Return a beam of 1 m, pinned unless given, under a multiple of Euler's load."""
+    force = Preload(name="press", member="beam", tension=-load * EULER, buckling=EULER)
+    model = beam(n, effects=(*ends, force))
+    return model if damping is None else Model(model.mesh, model.effects, damping)
+
+
+@pytest.mark.parametrize("n", [16, 160])  # dense, and Lanczos
+@pytest.mark.parametrize("load", [1.01, 1.5, 4.5, 10.0])
+def test_beyond_buckling(n, load):
+    """A pinned beam has ω² = (kπ/L)⁴ EI/m - (kπ/L)² N/m, also below zero."""
+    modes = solve_modes(assemble(pressed(n, load)), 12)
+    k = np.pi * np.arange(1, 8)
+    m = STEEL.rho * FLAT.A
+    squares = np.concatenate([k**4 * STEEL.E * I / m - k**2 * load * EULER / m for I in (FLAT.Iy, FLAT.Iz)])
+    exact = np.sort(np.sign(squares) * np.sqrt(np.abs(squares))) / (2 * np.pi)
+    assert (modes.frequency < 0).sum() == (exact < 0).sum() > 0
+    # the error of ω²'s two parts, as in test_tension_and_buckling_of_a_pinned_beam
+    top = np.pi * 6
+    allowed = (top / n) ** 4 / 720 * (top**4 * STEEL.E * FLAT.Iz + top**2 * load * EULER) / m
+    np.testing.assert_allclose(
+        (modes.omega**2 * np.sign(modes.omega))[:6], np.sort(squares)[:6], atol=allowed
+    )
+    assert (modes.zeta[modes.frequency < 0] == 0).all()
+
+
+@pytest.mark.parametrize("n", [16, 160])
+@pytest.mark.parametrize("load", [0.02, 0.4, 3.0])
+@pytest.mark.parametrize("free", [True, False])
+def test_frfs_of_unstable_structures_are_those_of_the_dynamic_stiffness(n, load, free):
+    ends = () if free else PINNED
+    load = load if free else 1 + load
+    system = assemble(pressed(n, load, ends, Damping.structural(0.01)))
+    modes = solve_modes(system, 16)
+    assert (modes.frequency[: modes.n_rigid] == 0).all()
+    assert modes.n_rigid == (4 if free else 0)  # two turns of a free body are not free any more
+    assert (modes.frequency < 0).any()
+    assert (np.diff(modes.frequency[modes.n_rigid :]) >= 0).all()
+    gram = modes.shapes.T @ (system.Q @ (system.M @ (system.Q.T @ modes.shapes)))
+    np.testing.assert_allclose(gram, np.eye(16), atol=1e-8)
+    f, at = np.linspace(1.0, 400.0, 60), [(0, "ry"), (5, "z")]
+    H = {way: compute_frf(system, f, at, at, method=way).H for way in ("direct", "reduced")}
+    # 1e-5 of the peak is what compute_frf promises
+    assert abs(H["reduced"] - H["direct"]).max(axis=0) == pytest.approx(0, abs=1e-5 * abs(H["direct"]).max())
+    ratios = Damping.modal(np.array([0.01]))
+    assert np.isfinite(compute_frf(assemble(pressed(n, load, ends, ratios)), f, at, at).H).all()
+
+
+@pytest.mark.parametrize("n", [16, 160])
+@pytest.mark.parametrize("load", [1.01, 1.5, 10.0])
+def test_what_needs_a_stable_structure_says_so(n, load):
+    """Beyond buckling a structure moves against a static load, and what rests on statics is void."""
+    system = assemble(pressed(n, load))
+    middle, push = [6 * (1 + n // 2) + 2], np.zeros(system.model.n_dof)
+    push[middle] = 1.0
+    every = [int(d) for d in np.flatnonzero(np.diff(system.Q.indptr))]
+    asked = (
+        lambda: solve_eigenpairs(system),
+        lambda: solve_complex_modes(system),
+        lambda: solve_static(system, push),
+        lambda: reduce_guyan(system, middle),
+        lambda: reduce_guyan(system, every),
+        lambda: reduce_irs(system, middle),
+        lambda: reduce_serep(system, middle),
+        lambda: reduce_craig_bampton(system, middle, 4),
+        lambda: differentiate_modes(system, n=3),
+    )
+    words = (
+        r"the structure is unstable: \d motion\(s\) have a negative stiffness, that of 'press'; the first "
+    )
+    for ask in asked:
+        with pytest.raises(UnstableError, match=words):
+            ask()
+    solve_static(assemble(pressed(n, 0.99)), push)
+    reduce_guyan(assemble(pressed(n, 0.99)), middle)

@@ -124,6 +124,18 @@ def test_modes(portal, tmp_path, capsys):
     assert capsys.readouterr().out == ""
 
 
+def test_modes_of_an_unstable_structure(portal, tmp_path, capsys):
+    """Members under compression beyond what they bear: some modes are below zero, and marked."""
+    members = load_study(portal).model.mesh.members
+    press = "".join(f'[[effects]]\ncandidate = "preload:{name}"\ntension = -2e4\n' for name in members)
+    study = portal.with_name("pressed.toml")
+    study.write_text(portal.read_text(encoding="utf-8") + "\n" + press, encoding="utf-8")
+    assert main(["modes", str(study), "--json", str(tmp_path / "m.json")]) == 0
+    modes = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))["modes"]
+    below = sum(m["frequency_Hz"] < 0 for m in modes)
+    assert 0 < below == capsys.readouterr().out.count("grows: the structure is unstable")
+
+
 @pytest.mark.usefixtures("offscreen")
 def test_pictures_of_modes(portal, tmp_path):
     assert main(["modes", str(portal), "--number", "1", "--pictures", str(tmp_path / "p"), "--quiet"]) == 0

@@ -109,6 +109,8 @@ def test_mode_title_names_rigid_modes_frequency_and_damping(cross):
     _, modes, _ = cross
     assert render.mode_title(modes, 0) == "Mode 1: rigid body"
     assert render.mode_title(modes, 1) == "Mode 2: 83 Hz, damping ratio 0.4 %"
+    grows = replace(modes, frequency=-modes.frequency)
+    assert render.mode_title(grows, 1) == "Mode 2: -83 Hz, a motion that grows"
 
 
 def test_animation_moves_and_is_small(cross, tmp_path):
