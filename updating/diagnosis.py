@@ -35,7 +35,6 @@ from updating.measurement import Measurement, instruments_on
 from updating.parameters import Nuisance
 from updating.preparation import (
     N_LINES,
-    basis_error,
     build_problem,
     discretisation_error,
     fitted_model,
@@ -309,7 +308,7 @@ def diagnose(
     if cornered:
         findings, rounds = (cornered.finding(current), *findings), ((), *rounds)
         steps = (steps[0], step_of(fitted, null), *steps[1:])
-    basis_db = basis_error(problem, current)
+    basis_db = search.basis_db
     if basis_db > BASIS_LIMIT_DB:
         notes.append(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "

@@ -108,13 +108,23 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Search:
-    """How far the search for effects has come."""
+    """How far the search for effects has come.
+
+    ``checked`` is the fit that was last compared with direct solutions, and the error of its basis [dB].
+    """
 
     problem: FitProblem
     findings: tuple[Finding, ...]
     rounds: tuple[tuple[Ranked, ...], ...]
     steps: tuple[Step, ...]
     current: FitResult
+    checked: tuple[FitResult, float] | None = None
+
+    @property
+    def basis_db(self) -> float:
+        """Error of the reduced basis with what was found [dB]."""
+        fit, error = self.checked or (None, 0.0)
+        return error if fit is self.current else basis_error(self.problem, self.current, BASIS_LINES)
 
     def without(self, name: str) -> "Search":
         """Return the search with an effect and its round taken away, and the others fitted without it."""
@@ -300,20 +310,21 @@ def _on_own_basis(search: Search) -> Search:
     an effect changes a whole member, they converge slowly to the modes with it. The noise of thousands of
     values averages out in a parameter, and an error of the basis does not: it must be much smaller.
     """
-    problem, current = search.problem, search.current
+    begun = search
     for reach in BASIS_REACH if search.findings else ():
-        allowed = BASIS_SHARE * max(current.level, LEVEL_FLOOR) * DB_PER_NEPER / np.sqrt(2)
-        if basis_error(problem, current, BASIS_LINES) <= allowed:
+        problem, current, error = search.problem, search.current, search.basis_db
+        search = replace(search, checked=(current, error))
+        if error <= BASIS_SHARE * max(current.level, LEVEL_FLOOR) * DB_PER_NEPER / np.sqrt(2):
             break
         up_to = reach * float(problem.data.frequency[-1])
         reduced = problem.reduced.with_modes_of(fitted_model(problem.reduced.model, current), up_to)
         problem = _attached(replace(problem, reduced=reduced), current.effects)
-        current = _polish(problem, current)
-    if current is search.current:
+        search = replace(search, problem=problem, current=_polish(problem, current))
+    if search.current is begun.current:
         return search
-    findings = tuple(at_values_of(current, search.findings))
-    steps = (*search.steps[:-1], step_of(search.steps[-1].label, current))
-    return replace(search, problem=problem, current=current, findings=findings, steps=steps)
+    findings = tuple(at_values_of(search.current, search.findings))
+    steps = (*search.steps[:-1], step_of(search.steps[-1].label, search.current))
+    return replace(search, findings=findings, steps=steps)
 
 
 def _forward(
