@@ -208,6 +208,8 @@ def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
     ------
     ModelError
         For n below 1, for mechanisms, and for effects that are not reciprocal.
+    UnstableError
+        For a structure with a motion of negative stiffness.
     """
     if n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"

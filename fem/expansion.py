@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.frf import Selection, dof_vectors
 from fem.model import Array, ModelError
-from fem.modes import Modes
+from fem.modes import Modes, UnstableError
 from fem.solvers import SingularMatrixError, factorise
 from fem.system import System
 
@@ -139,6 +139,8 @@ def expand_smooth(
     ------
     ModelError
         For shapes or noise that do not fit, or rigid-body modes that the sensors cannot tell apart.
+    UnstableError
+        For modes below zero.
     """
     rows, labels, measured = _checked(system, sensors, shapes)
     try:
@@ -152,6 +154,12 @@ def expand_smooth(
     if np.iscomplexobj(modes.shapes):
         msg = "the modes are complex; strain energy needs the undamped system's real ones (solve_modes)"
         raise ModelError(msg)
+    if (modes.frequency < 0).any():
+        msg = (
+            f"{int((modes.frequency < 0).sum())} of the modes grow: the structure is unstable, and no motion "
+            "has the least strain energy; less compression is needed"
+        )
+        raise UnstableError(msg)
     seen = rows.T @ modes.shapes
     n_rigid = modes.n_rigid
     if n_rigid:

@@ -523,6 +523,12 @@ def _modal(task: _Task, local: Locals, n_modes: int | None) -> Superposition:
     else:
         pairs = sharpened(system, solve_eigenpairs(system, n_modes, unstable=True))
         cut = np.inf if n_modes >= system.n_free else float(pairs.eigenvalues[-1])
+        if cut <= 0:
+            msg = (
+                f"{n_modes} modes are asked for, and none of them oscillates: besides {pairs.n_rigid} of a "
+                "rigid body at least one is needed"
+            )
+            raise FRFError(msg)
     loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
     s = superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, None)
     return static_residual(system, pairs, s, loads, task.outputs)

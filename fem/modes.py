@@ -17,6 +17,12 @@ from fem.system import System, reproduced, resistance, rigid_motions, unopposed
 DENSE_LIMIT = 300
 """Systems of at most this many coordinates are solved densely."""
 
+_ROUNDING = 1e-14
+"""Negative stiffness of a motion up to this part of what its elements have is rounding [-]."""
+
+_LOWEST = 1e3
+"""The shift goes no deeper than this multiple of the order of the highest eigenvalues [-]."""
+
 
 class MechanismError(ModelError):
     """A structure with motions that nothing opposes besides rigid-body motions of the whole.
@@ -34,7 +40,7 @@ class MechanismError(ModelError):
 
 
 class UnstableError(ModelError):
-    """A structure at which it was asked for what only one in stable equilibrium has."""
+    """What was asked for exists only for structures in stable equilibrium."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,9 +50,9 @@ class Modes:
     Attributes
     ----------
     frequency : ndarray (n_modes,)
-        Natural frequencies: rigid-body modes come first and are 0, the others rise. Below zero are motions
-        that grow, of a structure that more compression than it bears has made unstable: -√(-ω²)/2π, with
-        e^{2π|f|t} [Hz].
+        Natural frequencies: rigid-body modes come first and are 0, the others rise. Motions that grow, as
+        e^{2π|f|t}, have f = -√(-ω²)/2π below zero: those of a structure that more compression than it bears
+        has made unstable [Hz].
     shapes : ndarray (n_dof, n_modes)
         Mode shapes; for computed modes all DOFs of the mesh, ``6 p + d`` [1/√kg, rad/(m √kg)].
     zeta : ndarray (n_modes,) or None
@@ -136,7 +142,8 @@ def solve_modes(
     MechanismError
         For a motion without stiffness that is not a rigid-body motion of the whole structure.
     ModelError
-        If the check counts other than were found, and a second search does not find them.
+        If the check counts other than were found, and a second search does not find them, or if a motion
+        without mass has a negative stiffness.
     """
     pairs = solve_eigenpairs(system, n, max_frequency, check=check, unstable=True)
     omega = pairs.omega
@@ -161,20 +168,21 @@ def solve_eigenpairs(
 
     Raises
     ------
+    MechanismError, ModelError
+        As :func:`solve_modes`.
     UnstableError
-        If a motion has a negative stiffness, unless ``unstable`` allows that.
+        If any motion has a negative stiffness, unless ``unstable`` allows that.
     """
     if n is not None and n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
     with one_thread():
-        pairs = _eigenpairs(system, n, max_frequency, check)
-    if not unstable and (pairs.eigenvalues < 0).any():
-        raise UnstableError(_describe_unstable(system, pairs))
-    return pairs
+        return _eigenpairs(system, n, max_frequency, check, unstable)
 
 
-def _eigenpairs(system: System, n: int | None, max_frequency: float | None, check: bool) -> Eigenpairs:
+def _eigenpairs(
+    system: System, n: int | None, max_frequency: float | None, check: bool, unstable: bool
+) -> Eigenpairs:
     n_free = system.n_free
     shift, factor, reference, n_below = _shifted(system)
     rigid = rigid_body_motions(system)
@@ -197,8 +205,12 @@ def _eigenpairs(system: System, n: int | None, max_frequency: float | None, chec
     order = np.concatenate([first, np.setdiff1d(np.arange(len(size)), first)])
     eigenvalues, vectors = eigenvalues[order], vectors[:, order]
     eigenvalues[:n_rigid] = 0.0
-    if n_below == 0:
-        eigenvalues = np.maximum(eigenvalues, 0.0)
+    # what is negative by rounding of K is 0
+    below = eigenvalues < 0
+    slack = _ROUNDING * np.einsum("ij,ij,i->j", vectors[:, below], vectors[:, below], system.K.diagonal())
+    eigenvalues[below] = np.where(eigenvalues[below] < -slack, eigenvalues[below], 0.0)
+    if not unstable and (eigenvalues < 0).any():
+        raise UnstableError(_describe_unstable(system, vectors[:, eigenvalues < 0]))
     eigenvalues, vectors = eigenvalues[:n], vectors[:, :n]
     if max_frequency is not None and n is None:
         keep = max(1, int((eigenvalues <= limit).sum()))
@@ -246,7 +258,6 @@ def _counted(
     system: System, factor: Factor, shift: float, pairs: RitzPairs, rigid: NDArray[np.float64]
 ) -> RitzPairs:
     """Return the pairs with those that were missed, if the inertia of K - μM counts more of them below μ."""
-    n_rigid = rigid.shape[1]
     last = float(pairs.eigenvalues[-1])
     lam = np.append(pairs.eigenvalues, min(pairs.following, last + abs(last)))
     # μ lies just above the highest pair that is not one of a set with the next: what follows is not exact.
@@ -254,6 +265,7 @@ def _counted(
     if k == 0:
         return pairs
     mu = float(lam[k - 1] + 0.1 * (lam[k] - lam[k - 1]))
+    n_rigid = rigid.shape[1] if mu > 0 else 0  # those that lie below
     count = factorise(system.K - mu * system.M, factor).count_negative() - n_rigid
     want = len(pairs.eigenvalues)
     if count > k:
@@ -262,7 +274,7 @@ def _counted(
         pairs = merged(pairs, more, want + len(more.eigenvalues))
     found = int((pairs.eigenvalues < mu).sum())
     if found != count:
-        top = np.sqrt(max(mu, 0)) / (2 * np.pi)
+        top = np.sign(mu) * np.sqrt(abs(mu)) / (2 * np.pi)
         msg = (
             f"{found + n_rigid} modes were found below {top:.6g} Hz, but K - ω²M has "
             f"{count + n_rigid} negative eigenvalues there; rounding hides what is below "
@@ -280,14 +292,15 @@ def _highest(system: System) -> float:
 def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
     """Choose the shift σ, below the first elastic eigenvalue, and factorise K - σM.
 
-    Constraints that leave no rigid-body motion make K positive definite, and σ as small as rounding allows is
-    good. Else σ is a tenth of the first elastic eigenvalue, which three steps of subspace iteration estimate.
-    They start from the rigid-body motions that the constraints allow and random loads. As many of the lowest
-    values as there are such motions are left out, also where springs resist these: were the shift as small as
+    Constraints that leave no rigid-body motion make K positive definite, unless compression does away with
+    that, and σ as small as rounding allows is good. Else σ is a tenth of the first elastic eigenvalue, which
+    three steps of subspace iteration estimate. They start from the rigid-body motions that the constraints
+    allow and random loads. As many of the lowest values as there are such motions are left out, also where
+    springs resist these: were the shift as small as
     the eigenvalues on soft springs, K - σM would be singular but for rounding.
 
     Under more compression than a structure bears K has negative eigenvalues: the pivots' signs count them,
-    and σ goes down until it lies below all.
+    and σ is multiplied by ten until it lies below all.
 
     Returns
     -------
@@ -318,11 +331,17 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
         reference = float(max(ritz[min(q.shape[1] + n_below, len(ritz) - 1)], 1e-12 * upper))
         shift = -0.1 * reference
         shifted = K - shift * M
-        factor = factorise(shifted)
+        factor = factorise(shifted, factor)
     while n_below and n_negative(shifted, factor):
         shift *= 10
+        if -shift > _LOWEST * upper:
+            msg = (
+                "a motion without mass has a negative stiffness: an element is under more compression than "
+                "it bears by itself; cut it into shorter ones, or give it another mass than a lumped one"
+            )
+            raise ModelError(msg)
         shifted = K - shift * M
-        factor = factorise(shifted)
+        factor = factorise(shifted, factor)
     return shift, factor, reference, n_below
 
 
@@ -350,22 +369,24 @@ def rigid_body_motions(system: System) -> NDArray[np.float64]:
     return np.linalg.solve(L, allowed.T).T
 
 
-def _describe_unstable(system: System, pairs: Eigenpairs) -> str:
-    """Say that motions have a negative stiffness, and which effects give it to them."""
-    grow = pairs.eigenvalues < 0
-    u = np.asarray(system.Q @ pairs.vectors[:, grow])
-    work = []
-    for effect in system.model.effects:
-        parts = [(u[c.dofs], c.K) for c in effect.contribute(system.model) if c.K is not None]
-        work.append(min((float(np.einsum("bik,bij,bjk->k", v, K, v).min()) for v, K in parts), default=0.0))
-    least = min(work)
-    names = [f"'{e.name}'" for e, w in zip(system.model.effects, work, strict=True) if w < 0.1 * least < 0]
-    moved = np.abs(u[: 6 * system.model.mesh.n_points, 0]).reshape(-1, 6)[:, :3]
+def _describe_unstable(system: System, vectors: NDArray[np.float64]) -> str:
+    """Say that motions (n_free, k) have a negative stiffness, and which effects give it to them."""
+    u, model = np.asarray(system.Q @ vectors), system.model
+    work = {}
+    for effect in model.effects:
+        parts = [(u[c.dofs], c.static) for c in effect.contribute(model) if c.static is not None]
+        work[effect.name] = min(
+            (float(np.einsum("bik,bij,bjk->k", v, K, v).min()) for v, K in parts), default=0.0
+        )
+    least = min(work.values())
+    names = [f"'{name}'" for name, w in work.items() if w < 0.1 * least < 0]
+    moved = np.abs(u[: 6 * model.mesh.n_points, 0]).reshape(-1, 6)[:, :3]
     point, axis = np.unravel_index(np.argmax(moved), moved.shape)
+    of = f", by {', '.join(names)}" if names else ""
     return (
-        f"the structure is unstable: {int(grow.sum())} motion(s) have a negative stiffness, that of "
-        f"{', '.join(names)}; the first moves point {point} {DIRECTIONS[axis]} most. Only its "
-        "undamped modes (solve_modes) and its FRFs (compute_frf) are to be had: less compression is needed"
+        f"the structure is unstable: {vectors.shape[1]} motion(s) have a negative stiffness{of}; the first "
+        f"moves point {point} {DIRECTIONS[axis]} most. Only its undamped modes (solve_modes) and its FRFs "
+        "(compute_frf) are to be had: less compression is needed"
     )
 
 

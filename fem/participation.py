@@ -107,7 +107,8 @@ class Energies:
         Names of members, then of the effects beside the frame.
     strain, kinetic : ndarray (n_parts, n_modes)
         Shares of the mode's largest strain and kinetic energy [-]. Each column adds up to 1, or to 0 for the
-        strain of a rigid-body mode; what softens, as a pressure, has a negative share.
+        strain of a rigid-body mode; what softens, as a pressure, has a negative share (of motions that grow,
+        whose energy is negative, what stiffens).
     damping : ndarray (n_parts + 1, n_modes)
         What each part adds to the modal damping ratio, last the damping of the structure as a whole [-].
     """
@@ -175,7 +176,7 @@ def compute_energies(model: Model, modes: Modes) -> Energies:
     of_all = np.where(elastic, of_all, 0.0)
     return Energies(
         tuple(parts),
-        np.where(elastic, strain / np.where(elastic, whole, 1.0), 0.0),
+        np.where(omega != 0, strain / np.where(omega != 0, whole, 1.0), 0.0),
         kinetic / mass,
         np.vstack([lost / square, of_all]),
     )

@@ -535,6 +535,9 @@ def static_residual(
     """
     if s.cut == np.inf:
         return s
+    if abs(pairs.shift) > s.cut:  # far below motions that grow, which are modes
+        shift = -0.1 * s.cut
+        pairs = replace(pairs, factor=factorise(system.K - shift * system.M), shift=shift)
 
     def solved(b: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         b = b - system.M @ (pairs.vectors @ (pairs.vectors.T @ b))

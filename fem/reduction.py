@@ -5,6 +5,7 @@ system lies above the one of the same number of the full system (Courant and Fis
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,15 +17,16 @@ from numpy.typing import NDArray
 from fem.expansion import left_inverse
 from fem.frf import Selection, dof_vectors
 from fem.model import Law, ModelError
-from fem.modes import Modes, n_negative, rigid_body_motions, solve_eigenpairs
+from fem.modes import MechanismError, Modes, n_negative, rigid_body_motions, solve_eigenpairs
 from fem.solvers import Factor, SingularMatrixError, factorise
 from fem.system import System, law_change
 
 _HELD = 1e-12
 """Entries of Q below this are rounding: the DOF does not move with the coordinate."""
 
-_NEGATIVE = 1e-12
-"""Eigenvalues of a static condensation, scaled to a unit diagonal, above minus this may be rounding [-]."""
+_NEGATIVE = 1e-13
+"""Eigenvalues of a static condensation, over the diagonal of what is condensed, above minus this may be
+rounding [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,6 +154,8 @@ def reduce_guyan(system: System, keep: Selection) -> Reduction:
     ModelError
         For kept DOFs that a support holds, that are tied to others or given twice, or that leave the
         structure loose when they are held.
+    UnstableError
+        For a structure with a motion of negative stiffness.
     """
     part = _partition(system, keep)
     held = _hold(system, part)
@@ -458,11 +462,12 @@ def _hold(system: System, part: _Partition) -> _Held:
 
 def _refuse_unstable(system: System, part: _Partition, change: NDArray[np.float64], n_omitted: int) -> None:
     """Raise an UnstableError if K has negative eigenvalues: those of K_oo and of its static condensation."""
-    K = sp.csc_array(system.K)[part.kept][:, part.kept].toarray() + change
-    scale = np.sqrt(np.abs(K.diagonal()))
-    scale = 1 / np.where(scale > 0, scale, 1.0)
-    if n_omitted or np.linalg.eigvalsh(scale[:, None] * (K + K.T) / 2 * scale)[0] < -_NEGATIVE:
-        solve_eigenpairs(system, 1)
+    K = sp.csc_array(system.K)[part.kept][:, part.kept].toarray()
+    scale = 1 / np.sqrt(np.maximum(K.diagonal(), 1e-300))
+    K = scale[:, None] * (K + (change + change.T) / 2) * scale
+    if n_omitted or np.linalg.eigvalsh(K)[0] < -_NEGATIVE:
+        with suppress(MechanismError):
+            solve_eigenpairs(system, 1)
 
 
 def _held_system(system: System, omitted: NDArray[np.int64]) -> System:

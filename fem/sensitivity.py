@@ -268,6 +268,8 @@ def differentiate_modes(
     ModelError
         For parameters that the model does not have, fewer modes in ``pairs`` than asked for, or a set of
         modes of which the last of ``pairs`` are only a part.
+    UnstableError
+        For a structure with a motion of negative stiffness.
     """
     model = system.model
     refs = tuple(model.values()) if refs is None else tuple(refs)

@@ -326,8 +326,8 @@ def solve_static(
     Raises
     ------
     ModelError
-        For a structure that is free to move or a mechanism, loads on points, directions, members or supports
-        that the model does not have, values that are not finite, or loads that nothing can take.
+        For a structure that is free to move, a mechanism or unstable, loads on points, directions, members or
+        supports that the model does not have, values that are not finite, or loads that nothing can take.
     """
     model = system.model
     cases = _as_cases(model, loads)

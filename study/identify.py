@@ -525,7 +525,8 @@ WALK = (1.2, 1.05, 1.0125)
 """Factors of ever finer steps along one stiffness [-]."""
 
 MISSES = 3, 1
-"""Coarse steps, and finer ones, after which a walk in which none has lowered the cost turns [-]."""
+"""Steps in a row that do not lower the cost after which a walk turns round, coarse and finer [-]; one that
+doubles it counts twice."""
 
 HELD = 1e-4
 """Standard deviation of a stiffness that is held while all else is fitted, of itself [-]."""

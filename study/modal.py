@@ -111,6 +111,8 @@ def most_changed(pairs: tuple[ModePair, ...]) -> ModePair | None:
 
 
 def _change(pair: ModePair) -> float:
+    if pair.nominal * pair.fitted <= 0:  # one that grows has no frequency to compare
+        return 0.0
     return float(
         np.hypot(np.log(pair.fitted / pair.nominal), pair.fitted_zeta - pair.nominal_zeta)
     ) + 0.05 * (1 - pair.mac)

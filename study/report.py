@@ -565,8 +565,8 @@ def _modes(result: RunResult, album: Album) -> Markup:
     ]
     what = " and what was found" if result.diagnosis.findings else ""
     grows = (
-        " A frequency below zero is that of a motion that grows: members are under more compression than the "
-        "model bears, whose forces keep their direction."
+        " A frequency below zero is that of a motion that grows: members are under more compression than "
+        "they bear in the model, where forces keep their direction."
         if any(f < 0 for m in result.modes for f in (m.nominal, m.fitted))
         else ""
     )
@@ -591,7 +591,7 @@ def _number(value: float, digits: int) -> str:
 def _shift(before: float, after: float) -> str:
     return (
         f"{100 * (after / before - 1):+.2f}".replace("-", "−")
-        if math.isfinite(before) and before > 0
+        if math.isfinite(before) and min(before, after) > 0
         else "–"
     )
 

@@ -56,6 +56,8 @@ from updating.search import (
 from updating.separation import what_decides
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
+N_CHECKED = 6
+"""Lines at which the reduced basis is checked in the end, unless the search has done so."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
@@ -308,7 +310,7 @@ def diagnose(
     if cornered:
         findings, rounds = (cornered.finding(current), *findings), ((), *rounds)
         steps = (steps[0], step_of(fitted, null), *steps[1:])
-    basis_db = search.basis_db
+    basis_db = search.basis_error(N_CHECKED)
     if basis_db > BASIS_LIMIT_DB:
         notes.append(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "

@@ -249,7 +249,7 @@ def fitted_model(model: Model, result: FitResult) -> Model:
     return model.with_values(values).with_effect(*result.effects)
 
 
-def basis_error(problem: FitProblem, result: FitResult, n_lines: int = 6) -> float:
+def basis_error(problem: FitProblem, result: FitResult, n_lines: int) -> float:
     """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB].
 
     Effects that depend on amplitude are left out of both.

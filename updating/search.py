@@ -120,11 +120,10 @@ class Search:
     current: FitResult
     checked: tuple[FitResult, float] | None = None
 
-    @property
-    def basis_db(self) -> float:
-        """Error of the reduced basis with what was found [dB]."""
+    def basis_error(self, n_lines: int) -> float:
+        """Return the error of the basis with what was found [dB], at so many lines unless it is known."""
         fit, error = self.checked or (None, 0.0)
-        return error if fit is self.current else basis_error(self.problem, self.current, BASIS_LINES)
+        return error if fit is self.current else basis_error(self.problem, self.current, n_lines)
 
     def without(self, name: str) -> "Search":
         """Return the search with an effect and its round taken away, and the others fitted without it."""
@@ -312,7 +311,7 @@ def _on_own_basis(search: Search) -> Search:
     """
     begun = search
     for reach in BASIS_REACH if search.findings else ():
-        problem, current, error = search.problem, search.current, search.basis_db
+        problem, current, error = search.problem, search.current, search.basis_error(BASIS_LINES)
         search = replace(search, checked=(current, error))
         if error <= BASIS_SHARE * max(current.level, LEVEL_FLOOR) * DB_PER_NEPER / np.sqrt(2):
             break

@@ -186,6 +186,24 @@ def test_the_bases_error_is_small_where_connections_are_damped_otherwise():
     )
 
 
+def test_the_basis_is_checked_once_for_each_fit(monkeypatch):
+    case = make_case(0, "cross", "nothing")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    fit, other = problem.nominal(), problem.fit()
+    asked = []
+
+    def error(_, result, n_lines):
+        asked.append((result, n_lines))
+        return 0.1
+
+    monkeypatch.setattr(search, "basis_error", error)
+    begun = search.Search(problem, (), (), (), fit, (fit, 0.3))
+    assert begun.basis_error(6) == 0.3
+    assert not asked
+    assert replace(begun, current=other).basis_error(6) == 0.1
+    assert asked == [(other, 6)]
+
+
 def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candidates(monkeypatch):
     case = make_case(0)  # a member is heavier
     problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)

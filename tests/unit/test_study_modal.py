@@ -12,7 +12,8 @@ from fem.effects.joint import Joint
 from fem.model import Damping
 from fem.system import assemble, connection_stiffness
 from study import result
-from study.modal import damped_modes
+from study.modal import ModePair, damped_modes, most_changed
+from study.pictures import mode_heading
 from tests.frames import cross_beam
 from updating.parameters import DampingCurve
 
@@ -89,3 +90,12 @@ def test_the_result_tells_the_damping_of_connections_where_there_are_any():
     assert (level.nominal, level.fitted, level.std) == pytest.approx((1.0, 0.5, half))
     assert (power.nominal, power.fitted, power.std) == pytest.approx((0.0, -0.4, 0.3))
     assert len(rows(cross_beam().without_effect("bolt"))) == 2
+
+
+def test_a_mode_that_grows_is_none_that_changed_most():
+    def pair(k, nominal, fitted):
+        return ModePair(k, k, nominal, fitted, 0.01, 0.01, 0.99)
+
+    assert most_changed((pair(0, 23.0, -16.0), pair(1, 40.0, 41.0), pair(2, 60.0, 60.1))).index == 1
+    assert mode_heading(7, 6, -16.0, 0.0) == "Elastic mode 2: -16 Hz, a motion that grows"
+    assert mode_heading(7, 6, 16.0, 0.01) == "Elastic mode 2: 16 Hz, damping 1 %"
