@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fem.effects.joint_patch import JointPatch
 from fem.io.atomic import replacing
 from study.config import Study
 from study.effects import effect_table
@@ -108,7 +109,7 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
         np.savez_compressed(file, **arrays)
     write_json(folder / JSON, result_dict(result))
     write_report(result, album, folder / REPORT)
-    if result.diagnosis.findings:
+    if result.diagnosis.findings or _patches(result):
         with replacing(folder / FOUND) as scratch:
             scratch.write_text(found_text(result, folder), encoding="utf-8")
 
@@ -118,8 +119,15 @@ def found_text(result: RunResult, folder: Path) -> str:
     study = result.study
     text = with_paths(study.text, study.path.parent, folder).rstrip("\n")
     parts = [text, "", f"# what dovetail has found in {study.path.name}, with the values of its fit"]
+    parts += [effect_table(e, e.name) for e in _patches(result)]
     parts += [effect_table(f.effect, f.effect.name) for f in result.diagnosis.findings]
     return "\n".join(parts)
+
+
+def _patches(result: RunResult) -> tuple[JointPatch, ...]:
+    """Return the joints' patches that the fitted model has and the study has not."""
+    known = {e.name for e in result.study.model.effects}
+    return tuple(e for e in result.diagnosis.model.of_kind(JointPatch) if e.name not in known)
 
 
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:

@@ -200,6 +200,7 @@ def sentence(finding: Finding) -> str:
         "joint_structural_damping": f"{thing} dissipates more than in the model",
         "member_density": f"{where} is {heavier} than in the model",
         "member_stiffness": f"{where} is {stiffer} than in the model",
+        "joint_patch": f"{thing} {'act' if several else 'acts'} over an area",
         "solid_corner": "the structure has solid corners, whose size centre lines leave out",
         "point_mass": f"{member} carries a mass at {at} that the model lacks",
         "preload": f"{where} is under {'tension' if change > 0 else 'compression'} that the model lacks",

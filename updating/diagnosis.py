@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint_nonlinear import AmplitudeDependent
+from fem.effects.joint_patch import JointPatch
 from fem.effects.solid_corner import SolidCorner
 from fem.frf import FRF
 from fem.model import Effect, Model
@@ -33,6 +34,7 @@ from updating.fit import EXPLAINED_LEVEL, LEVEL_FLOOR, FitData, FitProblem, FitR
 from updating.gates import Gates, check_gates, with_last_faults
 from updating.measurement import Measurement, instruments_on
 from updating.parameters import Nuisance
+from updating.patches import choose_patch, proposed_patch
 from updating.preparation import (
     N_LINES,
     build_problem,
@@ -42,6 +44,7 @@ from updating.preparation import (
     with_higher_mass,
 )
 from updating.search import (
+    MOST_LEFT,
     RIGHT_MARGIN,
     TWIN_SHARE,
     Progress,
@@ -58,6 +61,8 @@ from updating.separation import what_decides
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end, unless the search has done so."""
+SAME_SIZE = 0.2
+"""Sizes of joints' patches that differ by no more count as one where the search would be made again [-]."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
@@ -222,11 +227,46 @@ def diagnose(
         Called with a text and the fraction done.
     """
     begun = time.perf_counter()
-    whole = progress or (lambda text, done: None)
-    say = between(whole, 0.0, 0.5) if n_simulated else whole
-    say("reducing the model", 0.0)
     model = with_higher_mass(model)
-    candidates = propose(model, kinds, exclude, measurements[0])
+    patch = proposed_patch(propose(model, kinds, exclude), model)
+    attempt = partial(
+        _attempt, model, measurements, nuisances, damping_std=damping_std, band=band, kinds=kinds,
+        exclude=exclude, n_lines=n_lines, model_error=model_error, n_simulated=n_simulated,
+        progress=progress or (lambda text, done: None),
+    )  # fmt: skip
+    found, used, other = attempt(patch if model_error > 0 else None)
+    if other is not used:
+        again, *_ = attempt(None, given=other)
+        if again.verdict != UNEXPLAINED or found.verdict == UNEXPLAINED:
+            found = again
+    return replace(found, seconds=time.perf_counter() - begun)
+
+
+def _attempt(
+    model: Model,
+    measurements: Sequence[Measurement],
+    nuisances: Sequence[Nuisance],
+    patch: JointPatch | None,
+    *,
+    damping_std: float,
+    band: tuple[float, float] | None,
+    kinds: Sequence[str] | None,
+    exclude: Sequence[str],
+    n_lines: int,
+    model_error: float,
+    n_simulated: int,
+    progress: Progress,
+    given: JointPatch | None = None,
+) -> tuple[Diagnosis, JointPatch | None, JointPatch | None]:
+    """Return a diagnosis, the joints' patches with which it was made, and those that it speaks for.
+
+    ``patch`` may be there, and is chosen by the data; ``given`` is there.
+    """
+    say = between(progress, 0.0, 0.5) if n_simulated else progress
+    say("reducing the model", 0.0)
+    if given:
+        model = model.with_effect(given)
+    candidates = _without_patches(propose(model, kinds, exclude, measurements[0]))
     build = partial(
         build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,
         n_lines=n_lines, connections=True, model_error=model_error,
@@ -242,14 +282,23 @@ def diagnose(
         )
         say(f"cutting each element into {n}", 0.01)
         model = model.with_mesh(model.mesh.split(n))
-        candidates = propose(model, kinds, exclude, measurements[0])
+        candidates = _without_patches(propose(model, kinds, exclude, measurements[0]))
         problem = build(model)
         mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
-    nominal = problem.nominal()
     say("fitting the uncertain parameters", 0.03)
-    null = min(problem.fit(), problem.fit(stages=problem.fine_stages), key=lambda r: r.solution.cost)
-    problem, null, faults = find_faults(problem, null)
+    problem, null, faults = find_faults(problem, _fitted(problem))
+    bare, plain, used = model, problem, given
+    if patch:
+        say("looking for the extent of joints", 0.04)
+        used = choose_patch(build, model, patch, problem)
+    if used and not given:
+        model = model.with_effect(used)
+        problem = replace(problem, reduced=build(model).reduced)
+        null = _fitted(problem)
+    if used:
+        notes.append(_where_patched(used))
+    nominal = problem.nominal()
     fitted = "uncertain parameters fitted"
     steps = step_of("nominal model", nominal), step_of(fitted, null)
     gates = check_gates(problem, null, measurements[1:], mesh_db, faults)
@@ -288,6 +337,10 @@ def diagnose(
                 problem, faults = anew.problem, (*faults, *doubtful)
                 null = problem.assessed(replace(null, level=np.nan)) if cornered else anew.current
                 search = look(anew, open_, say=between(say, 0.05, 0.9))
+        # Beams leave more beside a lap than elsewhere, which weak effects take up.
+        weak = null.level <= limit and search.current.level**2 > MOST_LEFT * null.level**2
+        if used and not cornered and search.findings and weak:
+            search = Search(problem, (), search.rounds[:1], steps, null)
         if nonlinear:
             search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
     say("checking", 0.98)
@@ -301,7 +354,7 @@ def diagnose(
     tried: tuple[Bootstrap, ...] = ()
     if n_simulated and not depends:
         limits = settled_limits(floor, model_error)
-        search, tried = bootstrap(search, open_, limits, n_simulated, between(whole, 0.5, 1.0))
+        search, tried = bootstrap(search, open_, limits, n_simulated, between(progress, 0.5, 1.0))
         limit = max(limit, *tried[-1].levels)
         notes += [_why_dropped(each) for each in tried if each.effect and not each.believed]
     problem, current, findings, rounds, steps = (
@@ -340,11 +393,40 @@ def diagnose(
         findings, current, steps = (), steps[1].result, steps[:2]
     drawn = cornered.model if cornered and verdict != UNEXPLAINED else model
     model_fitted = fitted_model(drawn, current)
-    return Diagnosis(
+    other = used
+    if patch and verdict == UNEXPLAINED:
+        other = patch.with_values(size=1.0)
+    elif patch and findings and not depends:
+        say("looking for the extent of joints once more", 0.99)
+        plain = replace(plain, data=problem.data)
+        other = choose_patch(build, bare, patch, plain, [f.effect for f in findings])
+    if used and other and abs(used.size - other.size) < SAME_SIZE:
+        other = used
+    found = Diagnosis(
         verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, mesh_db, basis_db,
-        limit, problem, model_fitted, tuple(notes), time.perf_counter() - begun, gates,
-        (*candidates, *nonlinear), tried,
+        limit, problem, model_fitted, tuple(notes), 0.0, gates, (*candidates, *nonlinear), tried,
     )  # fmt: skip
+    return found, used, other
+
+
+def _fitted(problem: FitProblem) -> FitResult:
+    """Return the better of the fits of the uncertain parameters in few and in fine stages."""
+    fits = problem.fit(), problem.fit(stages=problem.fine_stages)
+    return min(fits, key=lambda r: r.solution.cost)
+
+
+def _without_patches(candidates: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return candidates without joints' patches, which are no parameter of a fit and are looked for first."""
+    return tuple(e for e in candidates if not isinstance(e, JointPatch))
+
+
+def _where_patched(patch: JointPatch) -> str:
+    short, long = (1e3 * length for length in patch.lengths())
+    length = f"{short:.3g} mm" if long - short < 0.1 else f"{short:.3g} to {long:.3g} mm"
+    return (
+        f"{patch.where}: joined over {length} of the members, {patch.size:.2g} times their breadth, rather "
+        "than in a point: the data are more likely so, and the model has it so"
+    )
 
 
 def _why_dropped(tried: Bootstrap) -> str:

@@ -66,6 +66,7 @@ _MARKERS = {
     "end_release": ("d", style.ORANGE),
     "rigid_end_zone": ("d", style.SKY),
     "solid_corner": ("s", style.PURPLE),
+    "joint_patch": ("s", style.SKY),
     "member_section": ("s", style.SKY),
     "ground_spring": ("v", style.GREEN),
     "foundation": ("v", style.VERMILION),

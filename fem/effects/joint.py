@@ -3,6 +3,7 @@
 A joint has 6×6 K, C, D and M at a place, from which lever arms lead to the points.
 """
 
+from abc import abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
@@ -66,6 +67,25 @@ def relative_rows(
     )
 
 
+class Spread(Effect):
+    """An effect that lets elements between two points act on stretches of members rather than on points."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def mean(
+        self, model: Model, point: int, other: int | None
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+        """Return DOFs (n,) and rows (6, n) of the motion that stands for a point; None where it is its own.
+
+        Parameters
+        ----------
+        model : Model
+        point, other : int
+            The point, and that on the other side of the element; None is the ground.
+        """
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PointPair(Effect):
     """An element between two points, or between a point and the ground, at a place and in axes of its own.
@@ -100,9 +120,24 @@ class PointPair(Effect):
             raise ModelError(msg)
 
     def relative(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return the DOFs, (12,) or (6,), and B with the relative motion δ = B u in the element's axes."""
-        dofs, B = relative_rows(model, self.point1, self.point2, self.location)
+        """Return the DOFs, (n,), and B (6, n) with the relative motion δ = B u in the element's axes.
+
+        The DOFs are those of its points, unless the model has an effect that spreads it over its members.
+        """
+        dofs, B = self._spread(model) or relative_rows(model, self.point1, self.point2, self.location)
         return dofs, np.kron(np.eye(2), self.axes) @ B
+
+    def _spread(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+        for effect in model.of_kind(Spread):
+            points = (self.point1, self.point2)
+            means = [effect.mean(model, p, q) for p, q in (points, points[::-1]) if p is not None]
+            if all(mean is not None for mean in means):
+                arms = [lever_matrix(self.location - model.mesh.points[p]) for p in points if p is not None]
+                parts = [
+                    sign * arm @ rows for sign, arm, (_, rows) in zip((1, -1), arms, means, strict=False)
+                ]
+                return np.concatenate([dofs for dofs, _ in means]), np.hstack(parts)
+        return None
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Where it acts."""

@@ -79,6 +79,7 @@ class Structure:
     held: tuple = ()
     step: float = 2.0
     damping: tuple = (0.003, 1700.0)  # of modes, and how its variation goes with frequency [-, Hz]
+    clamped: float = 0.0  # joints hold patches of this reach as good as rigidly [m]
 
     @property
     def welded(self):
@@ -158,6 +159,39 @@ STRUCTURES = {
         ),
         ("P1z", "S3z"),
         1200.0,
+    ),
+    "lap": Structure(
+        {
+            "A": Bar((0.0, 0.0, -0.0045), "x", 0.62, 0.036, 0.009),
+            "B": Bar((0.26, -0.018, 0.0045), "y", 0.4, 0.036, 0.009),
+        },
+        (("J", "A", 0.26, "B", 0.018),),
+        (
+            *(("A", 0.0, "yz"), ("A", 0.1, "z"), ("A", 0.2, "z"), ("A", 0.34, "yz"), ("A", 0.42, "z")),
+            *(("A", 0.52, "z"), ("A", 0.62, "yz"), ("B", 0.06, "z"), ("B", 0.14, "xz"), ("B", 0.22, "z")),
+            *(("B", 0.3, "z"), ("B", 0.4, "xz")),
+        ),
+        ("A1z", "B5z", "B5x"),
+        2400.0,
+        damping=(0.0025, 1300.0),
+        clamped=0.0175,
+    ),
+    "strap": Structure(
+        {
+            "A": Bar((0.0, 0.0, -0.004), "x", 0.74, 0.032, 0.008),
+            "B": Bar((0.18, -0.03, 0.005), "y", 0.36, 0.03, 0.01),
+            "C": Bar((0.52, -0.1, 0.004), "y", 0.42, 0.04, 0.008),
+        },
+        (("J1", "A", 0.18, "B", 0.03), ("J2", "A", 0.52, "C", 0.1)),
+        (
+            *(("A", 0.0, "yz"), ("A", 0.1, "z"), ("A", 0.26, "z"), ("A", 0.36, "yz"), ("A", 0.44, "z")),
+            *(("A", 0.64, "z"), ("A", 0.74, "yz"), ("B", 0.16, "z"), ("B", 0.36, "xz")),
+            *(("C", 0.0, "xz"), ("C", 0.24, "z"), ("C", 0.42, "xz")),
+        ),
+        ("A1z", "C3z", "B2x"),
+        1800.0,
+        damping=(0.003, 900.0),
+        clamped=0.015,
     ),
     "gate": Structure(
         {
@@ -422,6 +456,117 @@ CASES = {
             named("joint_stiffness", "J2", "ry", value=180.0, unit="N·m/rad"),
             named("member_stiffness", "S", value=0.08, unit="-"),
         ],
+    ),
+    # flats that lie on each other and are bolted: the model's joint is rigid, and the lap no beam
+    "lap-nothing": ("lap", 81, Hidden(), [NOTHING]),
+    "lap-nothing-again": ("lap", 82, Hidden(), [NOTHING]),
+    "lap-soft-joint-ry": (
+        "lap",
+        83,
+        Hidden(joints={("J", "ry"): 250.0 / HELD}),
+        [named("joint_stiffness", "J", "ry", value=250.0, unit="N·m/rad")],
+    ),
+    "lap-soft-joint-rz": (
+        "lap",
+        84,
+        Hidden(joints={("J", "rz"): 1500.0 / HELD}),
+        [named("joint_stiffness", "J", "rz", value=1500.0, unit="N·m/rad")],
+    ),
+    "lap-mass": (
+        "lap",
+        85,
+        Hidden(masses=(("B", 0.3, 0.05),)),
+        [named("point_mass", "B", value=0.05, unit="kg", position=0.3, length=0.4)],
+    ),
+    "lap-sensor-masses": (
+        "lap",
+        86,
+        Hidden(masses=tuple((bar, s, 0.01) for bar, s, _ in STRUCTURES["lap"].sensors)),
+        [named("sensor_mass", "the", "12", "places", "of", "sensors", value=0.01, unit="kg")],
+    ),
+    "lap-notch": (
+        "lap",
+        87,
+        Hidden(weaker={"A": (0.44, 0.46, 0.3)}),
+        [
+            named(
+                ("crack", "stiffness_loss"), "A", value=1.02e-4, unit="rad/(N·m)", position=0.45, length=0.62
+            )
+        ],
+    ),
+    "lap-ground-spring": (
+        "lap",
+        88,
+        Hidden(ground=(("A", 0.62, "z", 4e4, 0.02),)),
+        [named("ground_spring", "end", "2", "of", "A", "z", value=4e4, unit="N/m")],
+    ),
+    "lap-heavier": ("lap", 89, Hidden(rho={"A": 1.06}), [named("member_density", "A", value=0.06, unit="-")]),
+    "lap-thinner": (
+        "lap",
+        90,
+        Hidden(h={"B": 0.94}),
+        [named("member_section", "B", "along", "local", "z", value=-0.06, unit="-")],
+    ),
+    "lap-stiffness": (
+        "lap",
+        91,
+        Hidden(E={"B": 1.08}),
+        [named("member_stiffness", "B", value=0.08, unit="-")],
+    ),
+    # and not on these
+    "strap-nothing": ("strap", 101, Hidden(), [NOTHING]),
+    "strap-nothing-again": ("strap", 102, Hidden(), [NOTHING]),
+    "strap-soft-joint-rx": (
+        "strap",
+        103,
+        Hidden(joints={("J2", "rx"): 350.0 / HELD}),
+        [named("joint_stiffness", "J2", "rx", value=350.0, unit="N·m/rad")],
+    ),
+    "strap-soft-joint-ry": (
+        "strap",
+        104,
+        Hidden(joints={("J1", "ry"): 200.0 / HELD}),
+        [named("joint_stiffness", "J1", "ry", value=200.0, unit="N·m/rad")],
+    ),
+    "strap-mass": (
+        "strap",
+        105,
+        Hidden(masses=(("A", 0.64, 0.06),)),
+        [named("point_mass", "A", value=0.06, unit="kg", position=0.64, length=0.74)],
+    ),
+    "strap-heavier": (
+        "strap",
+        106,
+        Hidden(rho={"C": 1.08}),
+        [named("member_density", "C", value=0.08, unit="-")],
+    ),
+    "strap-stiffness": (
+        "strap",
+        107,
+        Hidden(E={"A": 0.92}),
+        [named("member_stiffness", "A", value=-0.08, unit="-")],
+    ),
+    "strap-thicker": (
+        "strap",
+        108,
+        Hidden(h={"B": 1.06}),
+        [named("member_section", "B", "along", "local", "z", value=0.06, unit="-")],
+    ),
+    "strap-notch": (
+        "strap",
+        109,
+        Hidden(weaker={"C": (0.28, 0.3, 0.25)}),
+        [
+            named(
+                ("crack", "stiffness_loss"), "C", value=1.67e-4, unit="rad/(N·m)", position=0.29, length=0.42
+            )
+        ],
+    ),
+    "strap-sensor-masses": (
+        "strap",
+        110,
+        Hidden(masses=tuple((bar, s, 0.01) for bar, s, _ in STRUCTURES["strap"].sensors)),
+        [named("sensor_mass", "the", "12", "places", "of", "sensors", value=0.01, unit="kg")],
     ),
     # corners of finite size, which no frame of beams has
     "gate-nothing": ("gate", 61, Hidden(), [NOTHING]),
@@ -702,7 +847,7 @@ def accelerances(structure, hidden, frequency):
             middle = 0.5 * (structure.bars[bar1].at(s1) + structure.bars[bar2].at(s2))
             for name, s in ((bar1, s1), (bar2, s2)):
                 if name in body.bars:
-                    ends[joint, name] = body.patch(name, s, middle)
+                    ends[joint, name] = body.patch(name, s, middle, structure.clamped or PATCH)
         for name in sorted(soft):
             ends["base", name] = body.patch(name, 0.0, body.bars[name].at(0.0), reach=0.0)
         free = body.hold(structure, soft)
@@ -727,7 +872,8 @@ def accelerances(structure, hidden, frequency):
     for joint, bar1, _, bar2, _ in structure.joints:
         apart = whole(places[joint, bar1]) - whole(places[joint, bar2])
         for k, d in enumerate(DIRECTIONS):
-            stiffness = TRUE_JOINT[d] * hidden.joints.get((joint, d), 1.0)
+            known = HELD if structure.clamped else TRUE_JOINT[d]
+            stiffness = known * hidden.joints.get((joint, d), 1.0)
             vectors.append(apart[:, k])
             dynamic.append(
                 stiffness * (1 + 1j * JOINT_LOSS) + 1j * omega * hidden.dashpots.get((joint, d), 0.0)
@@ -769,14 +915,21 @@ def nominal_of(name, structure, frequency, rng):
         middle = 0.5 * (structure.bars[bar1].at(s1) + structure.bars[bar2].at(s2))
         k = {f"k{d}": float(f"{v * (1 + 0.02 * rng.uniform(-1, 1)):.4g}") for d, v in TRUE_JOINT.items()}
         kind = f"elastic, 6 uncoupled springs in global directions, loss factor {JOINT_LOSS}"
+        if structure.clamped:
+            kind = f"rigid (bolt; clamped patch of {2000 * structure.clamped:g} mm, flats on each other)"
         joints.append(
             {"name": joint, "type": kind, "member1": bar1, "s1": s1, "member2": bar2, "s2": s2}
-            | {"location": middle.tolist(), "k": k}
+            | {"location": middle.tolist()}
+            | ({} if structure.clamped else {"k": k})
         )
     return {
         "case": name,
         "structure": f"{len(structure.bars)} bars, "
-        + ("welded" if structure.welded else f"{len(joints)} elastic joints")
+        + (
+            "welded"
+            if structure.welded
+            else f"{len(joints)} {'rigid' if structure.clamped else 'elastic'} joint(s)"
+        )
         + (", clamped" if structure.held else ", free"),
         "units": "SI (m, N, kg, s, Pa, Hz)",
         "material": {

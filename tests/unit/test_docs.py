@@ -33,6 +33,7 @@ def test_constants_have_the_values_that_are_documented(module, name, value):
         "updating.faults",
         "updating.fit",
         "updating.parameters",
+        "updating.patches",
         "updating.preparation",
         "updating.screening",
         "updating.search",

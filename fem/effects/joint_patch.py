@@ -1,0 +1,181 @@
+"""Joints of finite extent: flats that lie on each other touch over an area, not in a point."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame
+from fem.effects.joint import Joint, PointPair, Spread
+from fem.effects.places import frame_of
+from fem.mesh import Mesh
+from fem.model import Contribution, Model, Parameter
+
+_LEAST_SINE = 0.35
+"""Members that meet at a smaller angle lie along each other: such joints are left as they are."""
+_N_ALONG = 7
+"""Points of Gauss along a patch."""
+_Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
+
+
+class _Side(NamedTuple):
+    """A side of a joint: its point, the member and the arc length where that is, half the other's breadth."""
+
+    point: int
+    member: str
+    position: float
+    half: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class JointPatch(Spread):
+    """Joints between members that cross act on the mean motion of a stretch of each.
+
+    The stretch is as long as the other member is broad there, times ``size``. Its motion is that rigid one
+    which leaves the least squares of what its cross-sections move besides, ∫∫ |u - u₀ - θ × r|² dA dx: as an
+    interpolating (RBE3) element in programs for solids. A member that ends in a joint is stiffer so by up to
+    a third of half the stretch, in bending and in torsion.
+
+    Attributes
+    ----------
+    sides : tuple of (_Side, _Side)
+        Of each joint.
+    joints : tuple of str
+        Names.
+    size : float
+        Length of the stretches over the breadth of the other member [-].
+    """
+
+    kind: ClassVar[str] = "joint_patch"
+    sides: tuple[tuple[_Side, _Side], ...]
+    joints: tuple[str, ...]
+    size: float = 0.0
+    _known: dict[Any, tuple[Mesh, Frame, _Rows]] = field(default_factory=dict, repr=False)
+
+    @property
+    def where(self) -> str:
+        """The joints."""
+        return f"joint{'s' if len(self.joints) > 1 else ''} {', '.join(self.joints)}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the size."""
+        return (Parameter("size", "-", self.size, 0.0, 0.0, 2.0),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return nothing: the joints themselves act otherwise."""
+        return ()
+
+    def mean(self, model: Model, point: int, other: int | None) -> _Rows | None:
+        """Return the mean motion of a patch."""
+        for one, two in self.sides:
+            for side, opposite in ((one, two), (two, one)):
+                if (side.point, opposite.point) == (point, other) and self.size > 0:
+                    return self._mean(model, side)
+        return None
+
+    def _mean(self, model: Model, side: _Side) -> _Rows:
+        mesh, frame = model.mesh, frame_of(model)
+        key = (side, float(np.real(self.size)), id(mesh), id(frame.members[side.member]))
+        if key not in self._known:
+            self._known[key] = mesh, frame, _mean_motion(model, side, float(np.real(self.size)) * side.half)
+        return self._known[key][2]
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """As broad as the other member, half that, and more."""
+        return ({"size": 1.0}, {"size": 0.5}, {"size": 1.4})
+
+    def lengths(self) -> tuple[float, float]:
+        """Return the shortest and the longest stretch, cut nowhere [m]."""
+        every = [2 * float(np.real(self.size)) * side.half for pair in self.sides for side in pair]
+        return min(every), max(every)
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple["JointPatch", ...]:
+        """All joints between members that cross, unless they have patches."""
+        if not model.of_kind(Frame) or model.of_kind(cls):
+            return ()
+        found = {e.name: pair for e in model.of_kind(Joint) if (pair := _sides(model, e))}
+        if not found:
+            return ()
+        return (cls(name="joint_patch:all", sides=tuple(found.values()), joints=tuple(found)),)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the points of the joints."""
+        return model.mesh.points[[side.point for pair in self.sides for side in pair]]
+
+
+def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
+    """Return the sides of an element between two members that cross; None of others."""
+    if element.point2 is None:
+        return None
+    one, two = _member_at(model, element.point1), _member_at(model, element.point2)
+    if one is None or two is None or one[0] == two[0]:
+        return None
+    (along1, *_), (along2, *_) = axes = [
+        frame_of(model).rotations(model.mesh, [line])[0] for _, _, line in (one, two)
+    ]
+    half1 = _half_breadth(model, two[0], axes[1], along1)
+    half2 = _half_breadth(model, one[0], axes[0], along2)
+    if half1 == 0 or half2 == 0:
+        return None
+    return _Side(element.point1, *one[:2], half1), _Side(element.point2, *two[:2], half2)
+
+
+def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:
+    """Return the only member that has a point, the arc length there, and a line of it that ends there."""
+    found = []
+    for name, lines in model.mesh.members.items():
+        (at,) = np.nonzero(model.mesh.member_points(name) == point)
+        if at.size:
+            k = int(at[0])
+            s = float(model.mesh.member_positions(name)[k])
+            found.append((name, s, int(lines[min(k, len(lines) - 1)])))
+    return found[0] if len(found) == 1 else None
+
+
+def _half_breadth(model: Model, member: str, axes: NDArray[np.float64], along: NDArray[np.float64]) -> float:
+    """Return half of how broad a member is for one that goes along its side; 0 if they do not cross [m].
+
+    By its second moments: those of a rectangle of half sides √(3 I / A).
+    """
+    section = frame_of(model).members[member].section
+    side = axes[1:] @ along
+    sine = float(np.linalg.norm(side))
+    if sine < _LEAST_SINE:
+        return 0.0
+    half = np.sqrt(3 * np.array([section.Iz, section.Iy]) / section.A)
+    return float(np.abs(side / sine) @ half) / sine
+
+
+def _mean_motion(model: Model, side: _Side, reach: float) -> _Rows:
+    """Return DOFs (n,) and rows (6, n) of the mean motion of a stretch of a member, at the side's point."""
+    mesh, frame = model.mesh, frame_of(model)
+    first = max(side.position - reach, 0.0)
+    last = min(side.position + reach, mesh.member_length(side.member))
+    x, weight = np.polynomial.legendre.leggauss(_N_ALONG)
+    places = [mesh.locate(side.member, float(s)) for s in (first + last) / 2 + (last - first) / 2 * x]
+    dofs, N = frame.interpolate(mesh, places)
+    every = np.unique(np.concatenate(dofs))
+    section = frame.members[side.member].section
+    radii = np.sqrt(np.array([section.Iz, section.Iy]) / section.A)
+    _, y, z = frame.rotations(mesh, mesh.members[side.member][:1])[0]
+    moved, rigid, weights = [], [], []
+    for own, motion, place, w in zip(dofs, N, places, weight, strict=True):
+        rows = np.zeros((6, len(every)))
+        rows[:, np.searchsorted(every, own)] = motion
+        for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            off = a * radii[0] * y + b * radii[1] * z
+            moved.append(rows[:3] + _turn(off) @ rows[3:])
+            rigid.append(np.hstack([np.eye(3), _turn(mesh.point_at(place) + off - mesh.points[side.point])]))
+            weights += 3 * [w]
+    root = np.sqrt(weights)[:, None]
+    mean = np.linalg.lstsq(root * np.vstack(rigid), root * np.vstack(moved), rcond=None)[0]
+    return every, mean
+
+
+def _turn(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix X with θ × arm = X θ."""
+    x, y, z = arm
+    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])

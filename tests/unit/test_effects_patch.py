@@ -1,0 +1,272 @@
+"""Joints that act over a stretch of their members: mean motions, closed forms, the choice of a size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import fem
+from fem.effects.frame import Frame, MemberProperties
+from fem.effects.joint import Joint
+from fem.effects.joint_patch import JointPatch
+from fem.frf import compute_frf
+from fem.mesh import Mesh
+from fem.model import Damping, Model, dofs_of, lever_matrix
+from fem.statics import solve_static
+from fem.system import assemble
+from study.cli import main
+from study.config import load_study
+from tests.frames import FLAT, STEEL, fix
+from updating import Measurement, Nuisance, Sensor, diagnose, place_sensors
+from updating.diagnosis import SAME_SIZE
+from updating.patches import PATCH_SIZES, choose_patch, proposed_patch
+from updating.preparation import build_problem
+
+RIGID = ("x", "y", "z", "rx", "ry", "rz")
+GAP = 0.01
+
+
+def lap(n=40, *, angle=90.0, overhang=0.02, sections=(FLAT, FLAT), **joint):
+    """Return flat A along x and flat B above it, which begins a bit before the joint in A's middle."""
+    turn = np.deg2rad(angle)
+    along = np.array([np.cos(turn), np.sin(turn), 0.0])
+    middle = np.array([0.3, 0.0, GAP])
+    points = [[0, 0, 0], [0.6, 0, 0], middle - overhang * along, middle + 0.4 * along]
+    mesh = Mesh.from_lines(points, [[0, 1], [2, 3]], {"A": [0], "B": [1]})
+    mesh = mesh.with_point_on("A", 0.3, "JA").with_point_on("B", overhang, "JB")
+    one, two = mesh.point_names["JA"], mesh.point_names["JB"]
+    frame = Frame(members={m: MemberProperties(STEEL, s) for m, s in zip("AB", sections, strict=True)})
+    between = Joint(
+        name="J", point1=one, point2=two, location=(mesh.points[one] + mesh.points[two]) / 2,
+        **(joint or {"rigid": RIGID}),
+    )  # fmt: skip
+    return Model(mesh.refined(size=0.6 / n), (frame, between), Damping.structural(0.01))
+
+
+def patched(model, size):
+    (patch,) = JointPatch.propose(model)
+    return model.with_effect(patch.with_values(size=size))
+
+
+def test_a_stretch_is_as_long_as_the_other_member_is_broad():
+    (patch,) = JointPatch.propose(lap())
+    ((a, b),) = patch.sides
+    assert (a.member, b.member) == ("A", "B")
+    assert_allclose([a.position, b.position], [0.3, 0.02])
+    assert_allclose([a.half, b.half], 0.015)  # FLAT is 30 mm broad
+    assert patch.where == "joint J"
+    assert_allclose(patch.with_values(size=0.5).lengths(), 0.015)
+    ((a, _),) = JointPatch.propose(lap(angle=45.0))[0].sides
+    assert a.half == pytest.approx(0.015 / np.sin(np.pi / 4))
+    assert JointPatch.propose(lap(angle=10.0)) == ()  # along each other
+    assert JointPatch.propose(patched(lap(), 1.0)) == ()
+
+
+def test_rigid_motions_of_patches_are_those_of_their_points():
+    model = patched(lap(), 1.0)
+    patch = model.effect("joint_patch:all")
+    joint = model.effect("J")
+    motion = np.vstack([lever_matrix(p) for p in model.mesh.points])  # about the origin
+    for one, two in ((joint.point1, joint.point2), (joint.point2, joint.point1)):
+        dofs, rows = patch.mean(model, one, two)
+        assert_allclose(rows @ motion[dofs], motion[dofs_of(one)], atol=1e-12)
+    assert patch.mean(model, joint.point1, None) is None
+    assert patched(lap(), 0.0).effect("joint_patch:all").mean(model, joint.point1, joint.point2) is None
+
+
+def test_the_mean_of_a_bent_stretch_is_that_of_least_squares():
+    """Of w = x² about the joint over ±a: w₀ = a²/3, and the slope of x³ is 3a²/5 by displacements alone."""
+    model = patched(lap(60), 1.0)
+    joint, patch, a = model.effect("J"), model.effect("joint_patch:all"), 0.015
+    dofs, rows = patch.mean(model, joint.point1, joint.point2)
+    x = model.mesh.points[:, 0] - 0.3
+    u = np.zeros((model.mesh.n_points, 6))
+    u[:, 2], u[:, 4] = x**2, -2 * x
+    assert rows[2] @ u.ravel()[dofs] == pytest.approx(a**2 / 3, rel=1e-6)
+    u[:, 2], u[:, 4] = x**3, -3 * x**2
+    # displacements turn it by ∫x⁴/∫x² = 3a²/5, the cross-sections' turns of mean a² count by I/A = h²/12
+    inertia, own = a**2 / 3, 0.01**2 / 12
+    expected = -(inertia * 3 * a**2 / 5 + own * a**2) / (inertia + own)
+    assert rows[4] @ u.ravel()[dofs] == pytest.approx(expected, rel=0.02)  # the shape's own shear
+
+
+def test_a_member_that_ends_in_a_patch_is_shorter_in_torsion():
+    """A torque at B's tip, A as good as rigid: the length is less a third of half the patch."""
+    stiff = replace(FLAT, A=1e3 * FLAT.A, Iy=1e6 * FLAT.Iy, Iz=1e6 * FLAT.Iz, J=1e6 * FLAT.J)
+    model = lap(240, sections=(stiff, FLAT))
+    (patch,) = JointPatch.propose(model)
+    ((a, b),) = patch.sides
+    patch = replace(patch, sides=((a._replace(half=1e-9), b._replace(half=0.015)),), size=1.0)
+    held = [fix(0), fix(1)]
+    turn = []
+    for effects in ((), (patch,)):
+        whole = model.with_effect(*held, *effects)
+        load = np.zeros(whole.n_dof)
+        load[6 * 3 + 4] = 1.0
+        turn.append(solve_static(assemble(whole), load).displacements.reshape(-1, 6)[3, 4])
+    GJ = STEEL.G * FLAT.J
+    assert turn[0] == pytest.approx(0.4 / GJ, rel=1e-3)
+    assert turn[0] - turn[1] == pytest.approx(0.015 / 3 / GJ, rel=0.05)  # elements of 2.5 mm
+
+
+def test_elastic_and_rigid_joints_have_patches_and_other_effects_see_them():
+    k = np.diag([1e11] * 3 + [1e8] * 3)
+    f, at = np.linspace(5.0, 900.0, 40), [(1, "z"), (3, "z"), (3, "ry")]
+    rigid, elastic, plain = (
+        compute_frf(assemble(m), f, at, at, method="direct").H
+        for m in (patched(lap(), 1.0), patched(lap(K=k), 1.0), lap())
+    )
+    assert_allclose(elastic, rigid, rtol=0, atol=2e-3 * abs(rigid).max())
+    assert abs(plain - rigid).max() > 0.1 * abs(rigid).max()
+    soft = fem.effects.JointStiffness(
+        name="s", joints=("J",), direction="rx", stiffness=500.0, assumed=np.inf
+    )
+    loose = patched(lap(rigid=("x", "y", "z", "ry", "rz"), K=np.diag([0, 0, 0, 500.0, 0, 0])), 1.0)
+    given = compute_frf(assemble(loose), f, at, at, method="direct").H
+    found = compute_frf(assemble(patched(lap(), 1.0).with_effect(soft)), f, at, at, method="direct").H
+    assert_allclose(found, given, rtol=0, atol=1e-6 * abs(given).max())
+
+
+def test_patches_hardly_depend_on_the_mesh():
+    """Elements as long as half the stretch leave 0.1 % of a tip's compliance."""
+    coarse, fine = (solve_static_of(patched(lap(n), 1.0)) for n in (60, 240))
+    assert_allclose(coarse, fine, rtol=2e-3)
+
+
+def solve_static_of(model):
+    held = model.with_effect(fix(0), fix(1))
+    loads = np.zeros((held.n_dof, 2))
+    loads[6 * 3 + 2, 0] = loads[6 * 3 + 4, 1] = 1.0
+    u = solve_static(assemble(held), loads).displacements
+    return np.array([u[6 * 3 + 2, 0], u[6 * 3 + 4, 1]])
+
+
+def measured(model, nominal, seed=1):
+    """Return the nominal model, and what sensors along both flats read of another with 1 % of noise."""
+    spots = [(m, s) for m in "AB" for s in (0.0, 0.25, 0.8, 1.0)]
+    sensors = []
+    for m, s in spots:
+        place = nominal.mesh.point_at(nominal.mesh.locate(m, s * nominal.mesh.member_length(m)))
+        sensors += [
+            Sensor(f"{m}{100 * s:.0f}{d}", place, axis) for d, axis in (("z", [0, 0, 1]), ("x", [1, 1, 0]))
+        ]
+    sensors = tuple(sensors)
+    mesh = place_sensors(nominal.mesh, sensors)
+    nominal = replace(nominal, mesh=mesh)
+    fine = place_sensors(model.mesh, sensors)
+    truth = replace(model, mesh=fine)
+    rows = np.array([row(truth, s) for s in sensors])
+    f = np.arange(6.0, 1400.0, 8.0)
+    exact = compute_frf(assemble(truth), f, rows, rows[[0, 14]])
+    noise = np.random.default_rng(seed).standard_normal((2, *exact.H.shape))
+    H = exact.H * (1 + 0.01 * (noise[0] + 1j * noise[1]))
+    names = [s.name for s in sensors]
+    frf = fem.FRF.from_arrays(f, H, exact.kind, names, [names[0], names[14]])
+    return nominal, Measurement(frf, sensors, (sensors[0], sensors[14]))
+
+
+def row(model, sensor):
+    out = np.zeros(model.n_dof)
+    point, _ = model.mesh.nearest_point(sensor.point)
+    out[6 * point : 6 * point + 3] = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
+    return out
+
+
+DOUBTS = (Nuisance("frame", "E:steel", 0.02), Nuisance("frame", "rho:steel", 0.01))
+
+
+@pytest.mark.parametrize("size", [0.0, 0.6])
+def test_the_size_is_chosen_by_the_data(size):
+    truth = patched(lap(120), size).with_values({("frame", "E:steel"): 1.01 * STEEL.E})
+    nominal, measurement = measured(truth, lap(60))
+
+    def build(model):
+        return build_problem(model, measurement, DOUBTS, connections=True)
+
+    (patch,) = JointPatch.propose(nominal)
+    found = choose_patch(build, nominal, patch, build(nominal))
+    if size == 0:
+        assert found is None
+    else:
+        assert found.size == pytest.approx(size, abs=0.12)
+    assert min(PATCH_SIZES) < 0.6
+
+
+def test_patches_are_looked_for_at_rigid_joints_alone():
+    soft = lap(K=np.diag([1e8] * 3 + [1e4] * 3))
+    assert proposed_patch(JointPatch.propose(soft), soft) is None
+    model = lap()
+    assert proposed_patch(JointPatch.propose(model), model).joints == ("J",)
+    assert proposed_patch((), model) is None
+
+
+def test_a_search_is_made_with_patches_and_says_so():
+    truth = patched(lap(80), 1.0)
+    (heavier,) = (e for e in fem.effects.MemberDensity.propose(truth) if e.where == "member A")
+    nominal, measurement = measured(truth.with_effect(heavier.with_values(change=0.06)), lap(40))
+    found = diagnose(
+        nominal,
+        [measurement],
+        DOUBTS,
+        kinds=("member_density", "member_stiffness", "point_mass", "joint_patch"),
+    )
+    assert [f.effect.name for f in found.findings] == [heavier.name]
+    assert found.findings[0].parameters[0].value == pytest.approx(0.06, abs=0.006)
+    (patch,) = found.model.of_kind(JointPatch)
+    assert patch.size == pytest.approx(1.0, abs=SAME_SIZE)
+    (note,) = (n for n in found.notes if "rather than in a point" in n)
+    assert note.startswith("joint J: joined over ")
+
+
+STUDY = """
+[materials.steel]
+E = 210e9
+rho = 7850
+[sections.flat]
+shape = "rectangle"
+b = 0.03
+h = 0.01
+[members.A]
+from = [0, 0, 0]
+to = [0.6, 0, 0]
+[members.B]
+from = [0.3, -0.02, 0.01]
+to = [0.3, 0.4, 0.01]
+[damping]
+modal = 0.004
+[frequency]
+start = 5
+stop = 1200
+step = 5
+[[joints]]
+name = "J"
+member1 = "A"
+position1 = 0.3
+member2 = "B"
+position2 = 0.02
+rigid = "all"
+[[sensors]]
+points = [[0, 0, 0], [0.15, 0, 0], [0.45, 0, 0], [0.6, 0, 0], [0.3, 0.2, 0.01], [0.3, 0.4, 0.01]]
+names = ["a", "b", "c", "d", "e", "f"]
+directions = "xz"
+[[excitations]]
+sensor = "az"
+[[excitations]]
+sensor = "fz"
+"""
+
+
+def test_what_was_found_is_written_with_its_patches(tmp_path, monkeypatch):
+    monkeypatch.setattr("study.pictures.draw_all", lambda *_: None)
+    monkeypatch.setattr("study.report.write_report", lambda *_: None)
+    true = tmp_path / "true.toml"
+    true.write_text(STUDY + '[[effects]]\ncandidate = "joint_patch:all"\nsize = 1.0\n', encoding="utf-8")
+    data = tmp_path / "m.npz"
+    assert main(["frf", str(true), "--out", str(data), "--quiet"]) == 0
+    study = tmp_path / "study.toml"
+    study.write_text(STUDY + '[[measurements]]\nfile = "m.npz"\n', encoding="utf-8")
+    assert main(["run", str(study), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    again = load_study(tmp_path / "out" / "found.toml").model
+    (patch,) = again.of_kind(JointPatch)
+    assert patch.size == pytest.approx(1.0, abs=0.1)

@@ -1,0 +1,71 @@
+"""Joints of finite extent: whether members that lie on each other are joined in a point or over an area."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fem.effects.joint import Joint
+from fem.effects.joint_patch import JointPatch
+from fem.model import Effect, Model, parameter_values
+from updating.acceptance import ACCEPT_GAIN
+from updating.fit import FitProblem
+
+PATCH_SIZES = (0.5, 0.75, 1.0, 1.25)
+"""Sizes that are tried, over the breadth of the members that cross [-]."""
+
+
+def proposed_patch(candidates: Sequence[Effect], model: Model) -> JointPatch | None:
+    """Return the patches among candidates, if one of their joints is rigid about an axis.
+
+    What their extent does to elastic joints alone is within the tolerance of the stiffness.
+    """
+    patch = next((e for e in candidates if isinstance(e, JointPatch)), None)
+    rigid = {e.name for e in model.of_kind(Joint) if set(e.rigid) & {"rx", "ry", "rz"}}
+    return patch if patch and rigid & set(patch.joints) else None
+
+
+def choose_patch(
+    build: Callable[[Model], FitProblem],
+    model: Model,
+    patch: JointPatch,
+    problem: FitProblem,
+    effects: Sequence[Effect] = (),
+) -> JointPatch | None:
+    """Return patches of the size with which the data are most likely; None if they hardly are more so.
+
+    Constraints cannot be a parameter of a fit: the model is reduced and fitted for each size, and once more
+    where a parabola through the best three has its minimum.
+
+    Parameters
+    ----------
+    build : callable
+        Makes the fits' problem of a model.
+    model : Model
+        Without patches.
+    patch : JointPatch
+    problem : FitProblem
+        Of that model, with the data as they are by now.
+    effects : sequence of Effect
+        What was found, with its values: fitted beside.
+    """
+    starts = [parameter_values(e) for e in effects]
+
+    def cost(size: float) -> float:
+        reduced = problem.reduced
+        if size > 0:
+            reduced = build(model.with_effect(patch.with_values(size=size))).reduced
+        mine = replace(problem, reduced=reduced.with_forces_of(effects))
+        fits = [mine.fit(effects, starts, stages=s, assess=False) for s in (mine.stages, mine.fine_stages)]
+        return min(f.solution.cost for f in fits)
+
+    costs = {size: cost(size) for size in (0.0, *PATCH_SIZES)}
+    sizes = np.array(list(costs))
+    k = int(np.argmin([costs[s] for s in PATCH_SIZES])) + 1
+    if k + 1 < len(sizes):
+        a, b, _ = np.polyfit(sizes[k - 1 : k + 2], [costs[s] for s in sizes[k - 1 : k + 2]], 2)
+        vertex = float(-b / (2 * a)) if a > 0 else sizes[k]
+        if abs(vertex - sizes[k]) > 0.02:
+            costs[vertex] = cost(vertex)
+    best = min((s for s in costs if s > 0), key=lambda s: costs[s])
+    return patch.with_values(size=best) if costs[0.0] - costs[best] > ACCEPT_GAIN else None
