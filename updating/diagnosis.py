@@ -34,7 +34,7 @@ from updating.fit import EXPLAINED_LEVEL, LEVEL_FLOOR, FitData, FitProblem, FitR
 from updating.gates import Gates, check_gates, with_last_faults
 from updating.measurement import Measurement, instruments_on
 from updating.parameters import Nuisance
-from updating.patches import choose_patch, proposed_patch
+from updating.patches import choose_patch, proposed_patch, refined_at
 from updating.preparation import (
     N_LINES,
     build_problem,
@@ -44,7 +44,6 @@ from updating.preparation import (
     with_higher_mass,
 )
 from updating.search import (
-    MOST_LEFT,
     RIGHT_MARGIN,
     TWIN_SHARE,
     Progress,
@@ -61,8 +60,11 @@ from updating.separation import what_decides
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end, unless the search has done so."""
-SAME_SIZE = 0.2
+SAME_SIZE = 0.1
 """Sizes of joints' patches that differ by no more count as one where the search would be made again [-]."""
+PATCHES_LEFT = 0.3
+"""Beside patches an effect in a model that is right without it must leave less than this share of the level's
+square [-]: beams leave more at a lap than elsewhere, which weak effects take up."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
@@ -228,13 +230,15 @@ def diagnose(
     """
     begun = time.perf_counter()
     model = with_higher_mass(model)
-    patch = proposed_patch(propose(model, kinds, exclude), model)
+    patch = proposed_patch(propose(model, kinds, exclude), model) if model_error > 0 else None
+    if patch:
+        model = refined_at(model, patch)
     attempt = partial(
         _attempt, model, measurements, nuisances, damping_std=damping_std, band=band, kinds=kinds,
         exclude=exclude, n_lines=n_lines, model_error=model_error, n_simulated=n_simulated,
         progress=progress or (lambda text, done: None),
     )  # fmt: skip
-    found, used, other = attempt(patch if model_error > 0 else None)
+    found, used, other = attempt(patch)
     if other is not used:
         again, *_ = attempt(None, given=other)
         if again.verdict != UNEXPLAINED or found.verdict == UNEXPLAINED:
@@ -319,6 +323,7 @@ def _attempt(
     if nonlinear:
         alone = _amplitude_added(search, levels, nonlinear, between(say, 0.05, 0.2))
         search = alone if alone.current.level <= limit else search
+    other = used
     if not search.depends_on_amplitude:
         look = partial(search_effects, floor=floor, model_error=model_error)
         if cornered:
@@ -337,8 +342,11 @@ def _attempt(
                 problem, faults = anew.problem, (*faults, *doubtful)
                 null = problem.assessed(replace(null, level=np.nan)) if cornered else anew.current
                 search = look(anew, open_, say=between(say, 0.05, 0.9))
-        # Beams leave more beside a lap than elsewhere, which weak effects take up.
-        weak = null.level <= limit and search.current.level**2 > MOST_LEFT * null.level**2
+        if patch and search.findings:
+            say("looking for the extent of joints once more", 0.9)
+            plain = replace(plain, data=problem.data)
+            other = choose_patch(build, bare, patch, plain, [f.effect for f in search.findings])
+        weak = null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2
         if used and not cornered and search.findings and weak:
             search = Search(problem, (), search.rounds[:1], steps, null)
         if nonlinear:
@@ -393,13 +401,8 @@ def _attempt(
         findings, current, steps = (), steps[1].result, steps[:2]
     drawn = cornered.model if cornered and verdict != UNEXPLAINED else model
     model_fitted = fitted_model(drawn, current)
-    other = used
     if patch and verdict == UNEXPLAINED:
         other = patch.with_values(size=1.0)
-    elif patch and findings and not depends:
-        say("looking for the extent of joints once more", 0.99)
-        plain = replace(plain, data=problem.data)
-        other = choose_patch(build, bare, patch, plain, [f.effect for f in findings])
     if used and other and abs(used.size - other.size) < SAME_SIZE:
         other = used
     found = Diagnosis(

@@ -13,6 +13,8 @@ from updating.fit import FitProblem
 
 PATCH_SIZES = (0.5, 0.75, 1.0, 1.25)
 """Sizes that are tried, over the breadth of the members that cross [-]."""
+PATCH_ELEMENTS = 3
+"""So many elements lie on half of a stretch as long as the other member is broad."""
 
 
 def proposed_patch(candidates: Sequence[Effect], model: Model) -> JointPatch | None:
@@ -23,6 +25,19 @@ def proposed_patch(candidates: Sequence[Effect], model: Model) -> JointPatch | N
     patch = next((e for e in candidates if isinstance(e, JointPatch)), None)
     rigid = {e.name for e in model.of_kind(Joint) if set(e.rigid) & {"rx", "ry", "rz"}}
     return patch if patch and rigid & set(patch.joints) else None
+
+
+def refined_at(model: Model, patch: JointPatch) -> Model:
+    """Return a model whose elements on patches are short enough: ``PATCH_ELEMENTS`` on half of one."""
+    mesh = model.mesh
+    pieces = np.ones(mesh.n_lines, dtype=np.int64)
+    for side in (side for pair in patch.sides for side in pair):
+        lines, s = mesh.members[side.member], mesh.member_positions(side.member)
+        reach = PATCH_SIZES[-1] * side.half
+        on = (s[1:] > side.position - reach) & (s[:-1] < side.position + reach)
+        needed = np.ceil(np.diff(s)[on] * PATCH_ELEMENTS / side.half - 1e-6).astype(np.int64)
+        pieces[lines[on]] = np.maximum(pieces[lines[on]], needed)
+    return model if (pieces == 1).all() else model.with_mesh(mesh.split(pieces))
 
 
 def choose_patch(

@@ -92,7 +92,7 @@ def test_the_mean_of_a_bent_stretch_is_that_of_least_squares():
 
 
 def test_a_member_that_ends_in_a_patch_is_shorter_in_torsion():
-    """A torque at B's tip, A as good as rigid: the length is less a third of half the patch."""
+    """By a torque at its tip, with the other as good as rigid: by a third of half the patch."""
     stiff = replace(FLAT, A=1e3 * FLAT.A, Iy=1e6 * FLAT.Iy, Iz=1e6 * FLAT.Iz, J=1e6 * FLAT.J)
     model = lap(240, sections=(stiff, FLAT))
     (patch,) = JointPatch.propose(model)
@@ -149,7 +149,8 @@ def measured(model, nominal, seed=1):
     for m, s in spots:
         place = nominal.mesh.point_at(nominal.mesh.locate(m, s * nominal.mesh.member_length(m)))
         sensors += [
-            Sensor(f"{m}{100 * s:.0f}{d}", place, axis) for d, axis in (("z", [0, 0, 1]), ("x", [1, 1, 0]))
+            Sensor(f"{m}{100 * s:.0f}{d}", place, axis)
+            for d, axis in (("z", [0, 0, 1]), ("x", [0.6, 0.8, 0]))
         ]
     sensors = tuple(sensors)
     mesh = place_sensors(nominal.mesh, sensors)
@@ -169,7 +170,7 @@ def measured(model, nominal, seed=1):
 def row(model, sensor):
     out = np.zeros(model.n_dof)
     point, _ = model.mesh.nearest_point(sensor.point)
-    out[6 * point : 6 * point + 3] = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
+    out[6 * point : 6 * point + 3] = sensor.direction
     return out
 
 
@@ -261,7 +262,10 @@ def test_what_was_found_is_written_with_its_patches(tmp_path, monkeypatch):
     monkeypatch.setattr("study.pictures.draw_all", lambda *_: None)
     monkeypatch.setattr("study.report.write_report", lambda *_: None)
     true = tmp_path / "true.toml"
-    true.write_text(STUDY + '[[effects]]\ncandidate = "joint_patch:all"\nsize = 1.0\n', encoding="utf-8")
+    true.write_text(
+        STUDY + "[mesh]\nsize = 0.005\n" + '[[effects]]\ncandidate = "joint_patch:all"\nsize = 1.0\n',
+        encoding="utf-8",
+    )
     data = tmp_path / "m.npz"
     assert main(["frf", str(true), "--out", str(data), "--quiet"]) == 0
     study = tmp_path / "study.toml"
