@@ -230,7 +230,9 @@ def diagnose(
     """
     begun = time.perf_counter()
     model = with_higher_mass(model)
-    patch = proposed_patch(propose(model, kinds, exclude), model) if model_error > 0 else None
+    known = next(iter(model.of_kind(JointPatch)), None)
+    patch = known or proposed_patch(propose(model, kinds, exclude), model)
+    patch = patch if model_error > 0 else None
     if patch:
         model = refined_at(model, patch)
     attempt = partial(
@@ -238,11 +240,10 @@ def diagnose(
         exclude=exclude, n_lines=n_lines, model_error=model_error, n_simulated=n_simulated,
         progress=progress or (lambda text, done: None),
     )  # fmt: skip
-    found, used, other = attempt(patch)
+    found, used, other = attempt(patch, choose=patch is not known)
     if other is not used:
-        again, *_ = attempt(None, given=other)
-        if again.verdict != UNEXPLAINED or found.verdict == UNEXPLAINED:
-            found = again
+        again, *_ = attempt(patch, choose=False, given=other)
+        found = found if again.verdict == UNEXPLAINED else again
     return replace(found, seconds=time.perf_counter() - begun)
 
 
@@ -260,17 +261,18 @@ def _attempt(
     model_error: float,
     n_simulated: int,
     progress: Progress,
+    choose: bool,
     given: JointPatch | None = None,
 ) -> tuple[Diagnosis, JointPatch | None, JointPatch | None]:
     """Return a diagnosis, the joints' patches with which it was made, and those that it speaks for.
 
-    ``patch`` may be there, and is chosen by the data; ``given`` is there.
+    ``patch`` may be there, by a choice of the data if that is asked for; ``given`` is there.
     """
     say = between(progress, 0.0, 0.5) if n_simulated else progress
     say("reducing the model", 0.0)
+    candidates = _without_patches(propose(model, kinds, exclude, measurements[0]))
     if given:
         model = model.with_effect(given)
-    candidates = _without_patches(propose(model, kinds, exclude, measurements[0]))
     build = partial(
         build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,
         n_lines=n_lines, connections=True, model_error=model_error,
@@ -286,21 +288,23 @@ def _attempt(
         )
         say(f"cutting each element into {n}", 0.01)
         model = model.with_mesh(model.mesh.split(n))
-        candidates = _without_patches(propose(model, kinds, exclude, measurements[0]))
+        bare = model.without_effect(given.name) if given else model
+        candidates = _without_patches(propose(bare, kinds, exclude, measurements[0]))
         problem = build(model)
         mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     say("fitting the uncertain parameters", 0.03)
     problem, null, faults = find_faults(problem, _fitted(problem))
-    bare, plain, used = model, problem, given
-    if patch:
+    bare, plain, used, before = model, problem, given, null
+    if patch and choose:
         say("looking for the extent of joints", 0.04)
         used = choose_patch(build, model, patch, problem)
     if used and not given:
         model = model.with_effect(used)
         problem = replace(problem, reduced=build(model).reduced)
         null = _fitted(problem)
-    if used:
+        notes.append(_where_patched(used, before, null))
+    elif used:
         notes.append(_where_patched(used))
     nominal = problem.nominal()
     fitted = "uncertain parameters fitted"
@@ -342,13 +346,15 @@ def _attempt(
                 problem, faults = anew.problem, (*faults, *doubtful)
                 null = problem.assessed(replace(null, level=np.nan)) if cornered else anew.current
                 search = look(anew, open_, say=between(say, 0.05, 0.9))
-        if patch and search.findings:
-            say("looking for the extent of joints once more", 0.9)
-            plain = replace(plain, data=problem.data)
-            other = choose_patch(build, bare, patch, plain, [f.effect for f in search.findings])
         weak = null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2
-        if used and not cornered and search.findings and weak:
-            search = Search(problem, (), search.rounds[:1], steps, null)
+        if patch and search.findings and not cornered:
+            if weak:
+                notes.append(_why_weak(search, null))
+                search = Search(problem, (), search.rounds[:1], steps, null)
+            elif choose:
+                say("looking for the extent of joints once more", 0.9)
+                plain = replace(plain, data=problem.data)
+                other = choose_patch(build, bare, patch, plain, [f.effect for f in search.findings])
         if nonlinear:
             search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
     say("checking", 0.98)
@@ -401,7 +407,7 @@ def _attempt(
         findings, current, steps = (), steps[1].result, steps[:2]
     drawn = cornered.model if cornered and verdict != UNEXPLAINED else model
     model_fitted = fitted_model(drawn, current)
-    if patch and verdict == UNEXPLAINED:
+    if patch and choose and verdict == UNEXPLAINED and gates.linear:
         other = patch.with_values(size=1.0)
     if used and other and abs(used.size - other.size) < SAME_SIZE:
         other = used
@@ -423,12 +429,27 @@ def _without_patches(candidates: Sequence[Effect]) -> tuple[Effect, ...]:
     return tuple(e for e in candidates if not isinstance(e, JointPatch))
 
 
-def _where_patched(patch: JointPatch) -> str:
+def _where_patched(patch: JointPatch, before: FitResult | None = None, after: FitResult | None = None) -> str:
+    """Return where joints have patches and why: what was left without and with them, or what was found so."""
     short, long = (1e3 * length for length in patch.lengths())
     length = f"{short:.3g} mm" if long - short < 0.1 else f"{short:.3g} to {long:.3g} mm"
+    why = "what is found explains the data so"
+    if before and after:
+        one, two = (f"{r.level * DB_PER_NEPER:.2g}" for r in (before, after))
+        why = f"the data are more likely so ({two} dB are left in place of {one})"
     return (
         f"{patch.where}: joined over {length} of the members, {patch.size:.2g} times their breadth, rather "
-        "than in a point: the data are more likely so, and the model has it so"
+        f"than in a point: {why}; all that follows has it"
+    )
+
+
+def _why_weak(search: Search, null: FitResult) -> str:
+    """Return why an effect was not believed beside joints that are joined over an area."""
+    names = labels(f.effect for f in search.findings)
+    before, after = (f"{r.level * DB_PER_NEPER:.2g}" for r in (null, search.current))
+    return (
+        f"{names} would lower the residual level from {before} to {after} dB, and is not believed: beams "
+        "leave as much where members lie on each other"
     )
 
 

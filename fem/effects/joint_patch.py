@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair, Spread
-from fem.effects.places import frame_of
+from fem.effects.places import frame_of, is_bar
 from fem.mesh import Mesh
 from fem.model import Contribution, Model, Parameter
 
@@ -35,8 +35,8 @@ class JointPatch(Spread):
 
     The stretch is as long as the other member is broad there, times ``size``. Its motion is that rigid one
     which leaves the least squares of what its cross-sections move besides, ∫∫ |u - u₀ - θ × r|² dA dx: as an
-    interpolating (RBE3) element in programs for solids. A member that ends in a joint is stiffer so by up to
-    a third of half the stretch, in bending and in torsion.
+    interpolating (RBE3) element in programs for solids. A member that ends in a joint is as if shorter
+    by up to a third of half the stretch, in bending and in torsion.
 
     Attributes
     ----------
@@ -124,7 +124,11 @@ def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
 
 
 def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:
-    """Return the only member that has a point, the arc length there, and a line of it that ends there."""
+    """Return the only member that has a point, the arc length there, and a line of it that ends there.
+
+    None of bars, of members that taper, and of such with a hinge or a spring at an end, which a patch would
+    reach over.
+    """
     found = []
     for name, lines in model.mesh.members.items():
         (at,) = np.nonzero(model.mesh.member_points(name) == point)
@@ -132,19 +136,25 @@ def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:
             k = int(at[0])
             s = float(model.mesh.member_positions(name)[k])
             found.append((name, s, int(lines[min(k, len(lines) - 1)])))
-    return found[0] if len(found) == 1 else None
+    if len(found) != 1:
+        return None
+    p = frame_of(model).members[found[0][0]]
+    loose = bool((p.end_stiffness < np.inf).any())
+    return None if loose or p.section2 is not None or is_bar(model, found[0][0]) else found[0]
 
 
 def _half_breadth(model: Model, member: str, axes: NDArray[np.float64], along: NDArray[np.float64]) -> float:
     """Return half of how broad a member is for one that goes along its side; 0 if they do not cross [m].
 
-    By its second moments: those of a rectangle of half sides √(3 I / A).
+    Without an outline that of a rectangle with its second moments, of half sides √(3 I / A).
     """
     section = frame_of(model).members[member].section
     side = axes[1:] @ along
     sine = float(np.linalg.norm(side))
     if sine < _LEAST_SINE:
         return 0.0
+    if section.outlines:
+        return float(np.abs(section.outlines[0] @ (side / sine)).max()) / sine
     half = np.sqrt(3 * np.array([section.Iz, section.Iy]) / section.A)
     return float(np.abs(side / sine) @ half) / sine
 
@@ -160,9 +170,9 @@ def _mean_motion(model: Model, side: _Side, reach: float) -> _Rows:
     every = np.unique(np.concatenate(dofs))
     section = frame.members[side.member].section
     radii = np.sqrt(np.array([section.Iz, section.Iy]) / section.A)
-    _, y, z = frame.rotations(mesh, mesh.members[side.member][:1])[0]
+    axes = frame.rotations(mesh, [place.line for place in places])
     moved, rigid, weights = [], [], []
-    for own, motion, place, w in zip(dofs, N, places, weight, strict=True):
+    for own, motion, place, (_, y, z), w in zip(dofs, N, places, axes, weight, strict=True):
         rows = np.zeros((6, len(every)))
         rows[:, np.searchsorted(every, own)] = motion
         for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):

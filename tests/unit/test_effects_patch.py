@@ -18,9 +18,16 @@ from fem.system import assemble
 from study.cli import main
 from study.config import load_study
 from tests.frames import FLAT, STEEL, fix
-from updating import Measurement, Nuisance, Sensor, diagnose, place_sensors
+from updating import Measurement, Nuisance, Sensor, diagnose, diagnosis, place_sensors
 from updating.diagnosis import SAME_SIZE
-from updating.patches import PATCH_SIZES, choose_patch, proposed_patch
+from updating.patches import (
+    MOST_JOINTS,
+    PATCH_ELEMENTS,
+    PATCH_SIZES,
+    choose_patch,
+    proposed_patch,
+    refined_at,
+)
 from updating.preparation import build_problem
 
 RIGID = ("x", "y", "z", "rx", "ry", "rz")
@@ -191,7 +198,35 @@ def test_the_size_is_chosen_by_the_data(size):
         assert found is None
     else:
         assert found.size == pytest.approx(size, abs=0.12)
-    assert min(PATCH_SIZES) < 0.6
+
+
+def test_joints_at_hinges_bars_and_tapers_have_no_patch():
+    model = lap()
+    (frame,) = model.of_kind(Frame)
+    plain = frame.members["B"]
+    for other in (
+        replace(plain, release1=("ry",)),
+        replace(plain, spring1={"ry": 50.0}),
+        replace(plain, section2=FLAT),
+        replace(plain, theory="bar"),
+    ):
+        changed = replace(frame, members={**frame.members, "B": other})
+        assert JointPatch.propose(Model(model.mesh, (changed, model.effect("J")))) == ()
+
+
+def test_elements_on_patches_are_short_and_others_stay():
+    model = lap(12)
+    (patch,) = JointPatch.propose(model)
+    mesh = refined_at(model, patch).mesh
+    for member, position in (("A", 0.3), ("B", 0.02)):
+        s = mesh.member_positions(member)
+        on = abs((s[1:] + s[:-1]) / 2 - position) < PATCH_SIZES[-1] * 0.015
+        assert np.diff(s)[on].max() <= 0.015 / PATCH_ELEMENTS + 1e-9
+        assert on.sum() <= 2 * PATCH_SIZES[-1] * PATCH_ELEMENTS + 2
+    assert mesh.n_lines < model.mesh.n_lines + 24
+    assert_allclose(mesh.points[: model.mesh.n_points], model.mesh.points)
+    again = refined_at(refined_at(model, patch), patch)
+    assert again.mesh.n_lines == mesh.n_lines
 
 
 def test_patches_are_looked_for_at_rigid_joints_alone():
@@ -200,6 +235,8 @@ def test_patches_are_looked_for_at_rigid_joints_alone():
     model = lap()
     assert proposed_patch(JointPatch.propose(model), model).joints == ("J",)
     assert proposed_patch((), model) is None
+    many = replace(JointPatch.propose(model)[0], joints=("J",) * (MOST_JOINTS + 1))
+    assert proposed_patch((many,), model) is None
 
 
 def test_a_search_is_made_with_patches_and_says_so():
@@ -218,6 +255,28 @@ def test_a_search_is_made_with_patches_and_says_so():
     assert patch.size == pytest.approx(1.0, abs=SAME_SIZE)
     (note,) = (n for n in found.notes if "rather than in a point" in n)
     assert note.startswith("joint J: joined over ")
+
+
+def test_weak_effects_beside_patches_are_not_believed_and_named(monkeypatch):
+    truth = patched(lap(120), 1.0)
+    (heavier,) = (e for e in fem.effects.MemberDensity.propose(truth) if e.where == "member A")
+    nominal, measurement = measured(truth.with_effect(heavier.with_values(change=0.02)), lap(60))
+    kinds = ("member_density", "joint_patch")
+    assert diagnose(nominal, [measurement], DOUBTS, kinds=kinds).verdict == "effect"
+    monkeypatch.setattr(diagnosis, "PATCHES_LEFT", 1e-6)
+    found = diagnose(nominal, [measurement], DOUBTS, kinds=kinds)
+    assert found.verdict == "nothing missing"
+    (note,) = (n for n in found.notes if "is not believed" in n)
+    assert note.startswith("member density at member A would lower the residual level")
+
+
+def test_patches_are_not_forced_on_what_stays_unexplained():
+    truth = lap(120, rigid=("x", "y", "z", "ry", "rz"), K=np.diag([0, 0, 0, 200.0, 0, 0]))
+    nominal, measurement = measured(truth, lap(60))
+    found = diagnose(nominal, [measurement], DOUBTS, kinds=("point_inertia", "joint_patch"))
+    assert found.verdict == "unexplained"
+    assert not found.model.of_kind(JointPatch)
+    assert not any("rather than in a point" in note for note in found.notes)
 
 
 STUDY = """
@@ -263,7 +322,7 @@ def test_what_was_found_is_written_with_its_patches(tmp_path, monkeypatch):
     monkeypatch.setattr("study.report.write_report", lambda *_: None)
     true = tmp_path / "true.toml"
     true.write_text(
-        STUDY + "[mesh]\nsize = 0.005\n" + '[[effects]]\ncandidate = "joint_patch:all"\nsize = 1.0\n',
+        STUDY + "[mesh]\nelement_size = 0.005\n" + '[[effects]]\ncandidate = "joint_patch:all"\nsize = 1.0\n',
         encoding="utf-8",
     )
     data = tmp_path / "m.npz"
