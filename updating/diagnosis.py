@@ -62,7 +62,7 @@ N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end, unless the search has done so."""
 SAME_SIZE = 0.1
 """Sizes of joints' patches that differ by no more count as one where the search would be made again [-]."""
-PATCHES_LEFT = 0.3
+PATCHES_LEFT = 0.25
 """Beside patches an effect in a model that is right without it must leave less than this share of the level's
 square [-]: beams leave more at a lap than elsewhere, which weak effects take up."""
 BASIS_LIMIT_DB = 0.5
