@@ -15,6 +15,10 @@ from fem.model import Contribution, Model, Parameter
 
 _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such joints are left as they are."""
+_ON_TOP = 0.7
+"""The way from one axis to the other goes across both members by at least this cosine."""
+_NEAR = 1.5
+"""Its length is less than this multiple of that at which they touch."""
 _N_ALONG = 7
 """Points of Gauss along a patch."""
 _Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
@@ -31,7 +35,7 @@ class _Side(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointPatch(Spread):
-    """Joints between members that cross act on the mean motion of a stretch of each.
+    """Joints between members that lie on each other act on the mean motion of a stretch of each.
 
     The stretch is as long as the other member is broad there, times ``size``. Its motion is that rigid one
     which leaves the least squares of what its cross-sections move besides, ∫∫ |u - u₀ - θ × r|² dA dx: as an
@@ -93,7 +97,7 @@ class JointPatch(Spread):
 
     @classmethod
     def propose(cls, model: Model) -> tuple["JointPatch", ...]:
-        """All joints between members that cross, unless they have patches."""
+        """All joints between members that lie on each other and cross, unless they have patches."""
         if not model.of_kind(Frame) or model.of_kind(cls):
             return ()
         found = {e.name: pair for e in model.of_kind(Joint) if (pair := _sides(model, e))}
@@ -107,7 +111,7 @@ class JointPatch(Spread):
 
 
 def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
-    """Return the sides of an element between two members that cross; None of others."""
+    """Return the sides of an element between members that cross, one on top of the other; None of others."""
     if element.point2 is None:
         return None
     one, two = _member_at(model, element.point1), _member_at(model, element.point2)
@@ -116,10 +120,17 @@ def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
     (along1, *_), (along2, *_) = axes = [
         frame_of(model).rotations(model.mesh, [line])[0] for _, _, line in (one, two)
     ]
-    half1 = _half_breadth(model, two[0], axes[1], along1)
-    half2 = _half_breadth(model, one[0], axes[0], along2)
-    if half1 == 0 or half2 == 0:
+    across = np.cross(along1, along2)
+    sine = float(np.linalg.norm(across))
+    if sine < _LEAST_SINE:
         return None
+    across /= sine
+    apart = model.mesh.points[element.point2] - model.mesh.points[element.point1]
+    touching = sum(_extent(model, end[0], own, across) for end, own in zip((one, two), axes, strict=True))
+    if not _ON_TOP * np.linalg.norm(apart) < abs(apart @ across) < _NEAR * touching:
+        return None
+    half1 = _extent(model, two[0], axes[1], along1) / sine
+    half2 = _extent(model, one[0], axes[0], along2) / sine
     return _Side(element.point1, *one[:2], half1), _Side(element.point2, *two[:2], half2)
 
 
@@ -143,20 +154,18 @@ def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:
     return None if loose or p.section2 is not None or is_bar(model, found[0][0]) else found[0]
 
 
-def _half_breadth(model: Model, member: str, axes: NDArray[np.float64], along: NDArray[np.float64]) -> float:
-    """Return half of how broad a member is for one that goes along its side; 0 if they do not cross [m].
+def _extent(model: Model, member: str, axes: NDArray[np.float64], towards: NDArray[np.float64]) -> float:
+    """Return how far a section reaches from its axis in a direction, square to the axis or made so [m].
 
     Without an outline that of a rectangle with its second moments, of half sides √(3 I / A).
     """
     section = frame_of(model).members[member].section
-    side = axes[1:] @ along
-    sine = float(np.linalg.norm(side))
-    if sine < _LEAST_SINE:
-        return 0.0
+    side = axes[1:] @ towards
+    side = side / np.linalg.norm(side)
     if section.outlines:
-        return float(np.abs(section.outlines[0] @ (side / sine)).max()) / sine
+        return float(np.abs(section.outlines[0] @ side).max())
     half = np.sqrt(3 * np.array([section.Iz, section.Iy]) / section.A)
-    return float(np.abs(side / sine) @ half) / sine
+    return float(np.abs(side) @ half)
 
 
 def _mean_motion(model: Model, side: _Side, reach: float) -> _Rows:

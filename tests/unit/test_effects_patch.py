@@ -13,6 +13,7 @@ from fem.effects.joint_patch import JointPatch
 from fem.frf import compute_frf
 from fem.mesh import Mesh
 from fem.model import Damping, Model, dofs_of, lever_matrix
+from fem.properties import Section
 from fem.statics import solve_static
 from fem.system import assemble
 from study.cli import main
@@ -212,6 +213,29 @@ def test_joints_at_hinges_bars_and_tapers_have_no_patch():
     ):
         changed = replace(frame, members={**frame.members, "B": other})
         assert JointPatch.propose(Model(model.mesh, (changed, model.effect("J")))) == ()
+
+
+def test_members_far_apart_have_no_patch():
+    model = lap()
+    (frame,) = model.of_kind(Frame)
+    thin = MemberProperties(STEEL, Section.rectangle(0.03, 0.002))  # 2 mm thick, 10 mm apart
+    assert (
+        JointPatch.propose(Model(model.mesh, (Frame(members=dict.fromkeys("AB", thin)), model.effect("J"))))
+        == ()
+    )
+    assert JointPatch.propose(Model(model.mesh, (frame, model.effect("J"))))
+
+
+def test_members_that_butt_have_no_patch():
+    """A joint in one point, or from an end to a side: nothing lies on anything."""
+    for apart in ([0, 0, 0], [0, 0.01, 0]):
+        points = [[0, 0, 0], [0.6, 0, 0], [0.3, *apart[1:]], [0.3, 0.4, 0]]
+        mesh = Mesh.from_lines(points, [[0, 1], [2, 3]], {"A": [0], "B": [1]}).with_point_on("A", 0.3, "JA")
+        frame = Frame(members={m: MemberProperties(STEEL, FLAT) for m in "AB"})
+        butt = Joint(
+            name="J", point1=mesh.point_names["JA"], point2=2, location=np.array([0.3, 0, 0]), rigid=RIGID
+        )
+        assert JointPatch.propose(Model(mesh, (frame, butt))) == ()
 
 
 def test_elements_on_patches_are_short_and_others_stay():
