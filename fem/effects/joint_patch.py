@@ -137,8 +137,8 @@ def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
 def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:
     """Return the only member that has a point, the arc length there, and a line of it that ends there.
 
-    None of bars, of members that taper, and of such with a hinge or a spring at an end, which a patch would
-    reach over.
+    None of bars, of members that taper, of such with a hinge or a spring at an end, which a patch would reach
+    over, and of such with rigid end zones, which stand for what patches do.
     """
     found = []
     for name, lines in model.mesh.members.items():
@@ -151,7 +151,8 @@ def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:
         return None
     p = frame_of(model).members[found[0][0]]
     loose = bool((p.end_stiffness < np.inf).any())
-    return None if loose or p.section2 is not None or is_bar(model, found[0][0]) else found[0]
+    zones = bool(p.rigid1 or p.rigid2)
+    return None if loose or zones or p.section2 is not None or is_bar(model, found[0][0]) else found[0]
 
 
 def _extent(model: Model, member: str, axes: NDArray[np.float64], towards: NDArray[np.float64]) -> float:

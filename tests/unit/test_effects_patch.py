@@ -201,7 +201,7 @@ def test_the_size_is_chosen_by_the_data(size):
         assert found.size == pytest.approx(size, abs=0.12)
 
 
-def test_joints_at_hinges_bars_and_tapers_have_no_patch():
+def test_joints_at_hinges_zones_bars_and_tapers_have_no_patch():
     model = lap()
     (frame,) = model.of_kind(Frame)
     plain = frame.members["B"]
@@ -210,6 +210,7 @@ def test_joints_at_hinges_bars_and_tapers_have_no_patch():
         replace(plain, spring1={"ry": 50.0}),
         replace(plain, section2=FLAT),
         replace(plain, theory="bar"),
+        replace(plain, rigid1=0.01),
     ):
         changed = replace(frame, members={**frame.members, "B": other})
         assert JointPatch.propose(Model(model.mesh, (changed, model.effect("J")))) == ()
