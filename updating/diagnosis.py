@@ -231,7 +231,8 @@ def diagnose(
     begun = time.perf_counter()
     model = with_higher_mass(model)
     known = next(iter(model.of_kind(JointPatch)), None)
-    patch = known or proposed_patch(propose(model, kinds, exclude), model)
+    asked = JointPatch.kind in (kinds or candidate_kinds()) and JointPatch.kind not in exclude
+    patch = known or (proposed_patch(JointPatch.propose(model), model) if asked else None)
     patch = patch if model_error > 0 else None
     if patch:
         model = refined_at(model, patch)

@@ -128,15 +128,15 @@ class PointPair(Effect):
         return dofs, np.kron(np.eye(2), self.axes) @ B
 
     def _spread(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+        if self.point2 is None:
+            return None
+        one, two = self.point1, self.point2
         for effect in model.of_kind(Spread):
-            points = (self.point1, self.point2)
-            means = [effect.mean(model, p, q) for p, q in (points, points[::-1]) if p is not None]
-            if all(mean is not None for mean in means):
-                arms = [lever_matrix(self.location - model.mesh.points[p]) for p in points if p is not None]
-                parts = [
-                    sign * arm @ rows for sign, arm, (_, rows) in zip((1, -1), arms, means, strict=False)
-                ]
-                return np.concatenate([dofs for dofs, _ in means]), np.hstack(parts)
+            first, second = effect.mean(model, one, two), effect.mean(model, two, one)
+            if first is not None and second is not None:
+                B1 = lever_matrix(self.location - model.mesh.points[one]) @ first[1]
+                B2 = lever_matrix(self.location - model.mesh.points[two]) @ second[1]
+                return np.concatenate([first[0], second[0]]), np.hstack([B1, -B2])
         return None
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair, Spread
 from fem.effects.places import frame_of, is_bar
 from fem.mesh import Mesh
-from fem.model import Contribution, Model, Parameter
+from fem.model import Contribution, Model, Parameter, lever_matrix
 
 _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such joints are left as they are."""
@@ -187,15 +187,9 @@ def _mean_motion(model: Model, side: _Side, reach: float) -> _Rows:
         rows[:, np.searchsorted(every, own)] = motion
         for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
             off = a * radii[0] * y + b * radii[1] * z
-            moved.append(rows[:3] + _turn(off) @ rows[3:])
-            rigid.append(np.hstack([np.eye(3), _turn(mesh.point_at(place) + off - mesh.points[side.point])]))
+            moved.append(lever_matrix(off)[:3] @ rows)
+            rigid.append(lever_matrix(mesh.point_at(place) + off - mesh.points[side.point])[:3])
             weights += 3 * [w]
     root = np.sqrt(weights)[:, None]
     mean = np.linalg.lstsq(root * np.vstack(rigid), root * np.vstack(moved), rcond=None)[0]
     return every, mean
-
-
-def _turn(arm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrix X with θ × arm = X θ."""
-    x, y, z = arm
-    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
