@@ -296,8 +296,8 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
     that, and σ as small as rounding allows is good. Else σ is a tenth of the first elastic eigenvalue, which
     three steps of subspace iteration estimate. They start from the rigid-body motions that the constraints
     allow and random loads. As many of the lowest values as there are such motions are left out, also where
-    springs resist these: were the shift as small as
-    the eigenvalues on soft springs, K - σM would be singular but for rounding.
+    springs resist these: were the shift as small as the eigenvalues on soft springs, K - σM would be singular
+    but for rounding.
 
     Under more compression than a structure bears K has negative eigenvalues: the pivots' signs count them,
     and σ is multiplied by ten until it lies below all.

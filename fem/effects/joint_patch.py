@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair, Spread
-from fem.effects.places import frame_of, is_bar
+from fem.effects.places import frame_of, is_bar, section_extent
 from fem.mesh import Mesh
 from fem.model import Contribution, Model, Parameter, lever_matrix
 
@@ -126,11 +126,13 @@ def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
         return None
     across /= sine
     apart = model.mesh.points[element.point2] - model.mesh.points[element.point1]
-    touching = sum(_extent(model, end[0], own, across) for end, own in zip((one, two), axes, strict=True))
+    touching = sum(
+        section_extent(model, end[0], own, across) for end, own in zip((one, two), axes, strict=True)
+    )
     if not _ON_TOP * np.linalg.norm(apart) < abs(apart @ across) < _NEAR * touching:
         return None
-    half1 = _extent(model, two[0], axes[1], along1) / sine
-    half2 = _extent(model, one[0], axes[0], along2) / sine
+    half1 = section_extent(model, two[0], axes[1], along1) / sine
+    half2 = section_extent(model, one[0], axes[0], along2) / sine
     return _Side(element.point1, *one[:2], half1), _Side(element.point2, *two[:2], half2)
 
 
@@ -153,20 +155,6 @@ def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:
     loose = bool((p.end_stiffness < np.inf).any())
     zones = bool(p.rigid1 or p.rigid2)
     return None if loose or zones or p.section2 is not None or is_bar(model, found[0][0]) else found[0]
-
-
-def _extent(model: Model, member: str, axes: NDArray[np.float64], towards: NDArray[np.float64]) -> float:
-    """Return how far a section reaches from its axis in a direction, square to the axis or made so [m].
-
-    Without an outline that of a rectangle with its second moments, of half sides √(3 I / A).
-    """
-    section = frame_of(model).members[member].section
-    side = axes[1:] @ towards
-    side = side / np.linalg.norm(side)
-    if section.outlines:
-        return float(np.abs(section.outlines[0] @ side).max())
-    half = np.sqrt(3 * np.array([section.Iz, section.Iy]) / section.A)
-    return float(np.abs(side) @ half)
 
 
 def _mean_motion(model: Model, side: _Side, reach: float) -> _Rows:

@@ -178,6 +178,22 @@ def is_bar(model: Model, member: str) -> bool:
     return frame_of(model).members[member].theory == "bar"
 
 
+def section_extent(
+    model: Model, member: str, axes: NDArray[np.float64], towards: NDArray[np.float64]
+) -> float:
+    """Return how far a section reaches from its axis in a direction, square to the axis or made so [m].
+
+    Without an outline that of a rectangle with its second moments, of half sides √(3 I / A).
+    """
+    section = frame_of(model).members[member].section
+    side = axes[1:] @ towards
+    side = side / np.linalg.norm(side)
+    if section.outlines:
+        return float(np.abs(section.outlines[0] @ side).max())
+    half = np.sqrt(3 * np.array([section.Iz, section.Iy]) / section.A)
+    return float(np.abs(side) @ half)
+
+
 _PARALLEL = np.cos(np.radians(5))
 """Cosine of the angle up to which two axes count as one [-]."""
 

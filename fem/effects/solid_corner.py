@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame, begun
-from fem.effects.places import frame_of, is_bar, material_of
+from fem.effects.places import frame_of, is_bar, material_of, section_extent
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01
@@ -194,13 +194,10 @@ def _zones(model: Model, arms: list[_Arm]) -> list[_Zone]:
 def _half_depth(model: Model, arm: _Arm, along: NDArray[np.float64]) -> float:
     """Return how far one goes from an arm's axis along another to its surface; 0 without an outline [m]."""
     frame = frame_of(model)
-    outlines = frame.members[arm.member].section.outlines
-    if not outlines:
+    if not frame.members[arm.member].section.outlines:
         return 0.0
-    _, y, z = frame.rotations(model.mesh, [arm.line])[0]
-    side = np.array([along @ y, along @ z])
-    sine = float(np.linalg.norm(side))
-    return float(np.abs(outlines[0] @ (side / sine)).max()) / sine
+    axes = frame.rotations(model.mesh, [arm.line])[0]
+    return section_extent(model, arm.member, axes, along) / float(np.linalg.norm(axes[1:] @ along))
 
 
 def _apart(model: Model, zones: list[_Zone]) -> tuple[_Zone, ...]:
