@@ -47,7 +47,7 @@ class Basis:
 
     def extended(self, system: System, forces: NDArray[np.float64]) -> "Basis":
         """Return the basis with the responses to more forces (n_dof, k), as far as it lacks them."""
-        load = np.asarray(system.Q.T @ forces)
+        load = without_modes(system, self.V[:, : self.n_modes], np.asarray(system.Q.T @ forces))
         return self._with(system, self.factor.solve(load))
 
     def with_shapes(self, system: System, shapes: NDArray[np.float64]) -> "Basis":
@@ -112,7 +112,8 @@ def reduced_basis(
     load = np.asarray(system.Q.T @ np.hstack([forces, inertia]))
     for _ in range(n_krylov):
         # Without the modes: each step amplifies the lowest, which would drown what they leave behind.
-        response = _without(system, pairs.vectors, pairs.factor.solve(load))
+        response = pairs.factor.solve(without_modes(system, pairs.vectors, load))
+        response = _without(system, pairs.vectors, response)
         if not response.shape[1]:
             break
         columns.append(response)
@@ -121,6 +122,17 @@ def reduced_basis(
     T = np.hstack([system.Q @ V, released])
     keys = tuple(c.key for c in release)
     return Basis(T, V.shape[1], keys, pairs.vectors.shape[1], pairs.n_rigid, V, pairs.factor, pairs.shift)
+
+
+def without_modes(
+    system: System, modes: NDArray[np.float64], loads: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return loads (n_free, k) without the part that moves the modes.
+
+    What they do then has no part in the modes either. Taken away from a response instead, that part would
+    leave its rounding behind: on soft cords a structure as a whole moves 1e8 times as far as it is bent.
+    """
+    return loads - system.M @ (modes @ (modes.T @ loads))
 
 
 def _nearly_static(system: System, pairs: Eigenpairs) -> Eigenpairs:
@@ -248,7 +260,7 @@ def root_of(G: NDArray[np.float64]) -> NDArray[np.float64]:
 def complement(system: System, pairs: Eigenpairs, loads: NDArray[np.float64]) -> Complement:
     """Return the complement of modes for forces (n_free, n), with the first block of vectors."""
     n_free, n = loads.shape
-    b = loads - system.M @ (pairs.vectors @ (pairs.vectors.T @ loads))
+    b = without_modes(system, pairs.vectors, loads)
     static = _clear(system, pairs, pairs.factor.solve(b))
     none = np.zeros((n_free, 0))
     start = Complement(none, static, np.zeros((0, 0)), np.zeros((0, n)), b.T @ static, np.zeros((0, n)))

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from fem.basis import Basis, reduced_basis
+from fem.basis import Basis, reduced_basis, without_modes
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, parameter_values
 from fem.modes import solve_eigenpairs
 from fem.system import System, assemble, sum_contributions
@@ -298,11 +298,13 @@ class ReducedModel:
         key = ("flexibility", dofs.tobytes(), b"" if few else motions.tobytes())
         if key not in self._sparse:
             forces = np.asarray(self.system.Q.T.tocsc()[:, dofs] @ (np.eye(len(dofs)) if few else motions))
+            forces = without_modes(self.system, b.V[:, : b.n_modes], forces)
             self._sparse[key] = forces.T @ b.factor.solve(forces)
+        others = slice(b.n_modes, b.n_main)  # what the modes do is not lacking, and may be far more
         if "static" not in self._cache:
-            total, m = self.base_sum(), b.n_main
-            self._cache["static"] = np.linalg.inv(total["K"][:m, :m] - b.shift * total["M"][:m, :m])
-        T = motions.T @ b.T[dofs, : b.n_main]
+            total = self.base_sum()
+            self._cache["static"] = np.linalg.inv((total["K"] - b.shift * total["M"])[others, others])
+        T = motions.T @ b.T[dofs, others]
         full = motions.T @ self._sparse[key] @ motions if few else self._sparse[key]
         return full - T @ self._cache["static"] @ T.T
 

@@ -698,6 +698,9 @@ class FitFunction:
             groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
             robust=ROBUST,
             max_iterations=max_iterations,
+            relative=np.array(
+                [*(not v.parameter.log for v in self.variables), *(False for _ in p.damping.start)]
+            ),
         )
 
     def result(self, solution: Solution) -> FitResult:

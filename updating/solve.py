@@ -67,6 +67,7 @@ def solve_robust(
     max_iterations: int = 20,
     tolerance: float = 5e-3,
     max_step: float = 1.0,
+    relative: NDArray[np.bool_] | bool = False,
 ) -> Solution:
     """Minimise a robust negative log posterior by Levenberg-Marquardt steps within bounds.
 
@@ -103,6 +104,8 @@ def solve_robust(
         The iteration ends when the cost falls by less than this.
     max_step : float
         Longest step in each unknown in one iteration.
+    relative : ndarray of bool (n,)
+        Unknowns that may move so many times their size if that is more than 1.
     """
     lo, hi = bounds
     weight = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
@@ -151,9 +154,8 @@ def solve_robust(
             step[free] = -np.linalg.solve(H, g[free])
             if attempt == 0 and damping < 1 and -0.5 * float(g @ step) < tolerance:
                 break
-            longest = np.abs(step).max()
-            if longest > max_step:
-                step *= max_step / longest
+            reach = max_step * np.where(relative, np.maximum(1.0, np.abs(x)), 1.0)
+            step[free] = within(step[free], H, g[free], (-reach[free], reach[free]))
             trial = np.clip(x + step, lo, hi)
             r_new, _ = residual(trial, False)
             misfit_new = loss(r_new)
@@ -185,6 +187,36 @@ def solve_robust(
     A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
     covariance: Any = np.linalg.pinv(A, hermitian=True)
     return Solution(x, cost, float(misfit @ size / len(r)), covariance, iteration, converged)
+
+
+def within(
+    step: NDArray[np.float64],
+    H: NDArray[np.float64],
+    g: NDArray[np.float64],
+    limits: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """Return the minimum of ½ pᵀ H p + gᵀ p, shortened where it leaves limits.
+
+    What would go too far ends there, and the others follow it: one unknown with a long way to go does not
+    hold them up, as it would if the whole step were shortened.
+
+    Parameters
+    ----------
+    step : ndarray (n,)
+        The minimum without limits.
+    H : ndarray (n, n)
+    g : ndarray (n,)
+    limits : (ndarray (n,), ndarray (n,))
+    """
+    lower, upper = limits
+    held = np.zeros(len(step), dtype=bool)
+    while True:
+        far = ~held & ((step < lower) | (step > upper))
+        if not far.any():
+            return step
+        step, held = np.where(far, np.clip(step, lower, upper), step), held | far
+        rest = ~held
+        step[rest] = -np.linalg.solve(H[np.ix_(rest, rest)], g[rest] + H[np.ix_(rest, held)] @ step[held])
 
 
 def inflation(

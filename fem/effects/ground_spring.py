@@ -12,6 +12,9 @@ from fem.effects.places import OnPoint, fastening_places, held_directions, typic
 from fem.effects.support import Support
 from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter
 
+SAME_PLACE = 1e-3
+"""Sides of a rigid joint no farther apart than this share of the structure's size count as one place."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class GroundSpring(OnPoint):
@@ -48,14 +51,20 @@ class GroundSpring(OnPoint):
         """Return translations of members' ends and of joints within members, and what supports leave free.
 
         Not in directions that are held, nor where a joint leads to the ground: its own stiffness is a
-        candidate there. Of the two sides of a rigid joint one is enough.
+        candidate there. Of the two sides of a rigid joint one is enough where they lie at the same place:
+        elsewhere the one turns about the other.
         """
         if not model.of_kind(Frame):
             return ()
         held = held_directions(model)
         grounded = {p.point1 for p in model.of_kind(PointPair) if p.point2 is None}
         rigid = [j for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)]
-        other_sides = {j.point2 for j in rigid}
+        at, near = model.mesh.points, SAME_PLACE * model.mesh.size
+        other_sides = {
+            j.point2
+            for j in rigid
+            if j.point2 is not None and np.linalg.norm(at[j.point1] - at[j.point2]) < near
+        }
         supports = {s.point for s in model.of_kind(Support)}
         reference = {d: typical_stiffness(model, d) for d in DIRECTIONS}
         out: list[Effect] = []

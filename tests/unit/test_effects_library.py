@@ -9,6 +9,8 @@ from fem.effects import candidate_kinds
 from fem.effects.crack import Crack, EndRelease
 from fem.effects.distributed_mass import DistributedMass, FluidAddedMass
 from fem.effects.frame import Frame, MemberProperties
+from fem.effects.ground_damper import GroundDamper
+from fem.effects.ground_spring import GroundSpring
 from fem.effects.joint import Joint
 from fem.effects.joint_coupling import JointCoupling
 from fem.effects.joint_mass import JointInertia, JointMass
@@ -23,7 +25,7 @@ from fem.effects.viscoelastic import Viscoelastic
 from fem.frf import FRF, compute_frf
 from fem.laws import FractionalKelvinVoigt, Zener
 from fem.mesh import Mesh
-from fem.model import Damping, Model, ModelError, lever_matrix
+from fem.model import DIRECTIONS, Damping, Model, ModelError, lever_matrix
 from fem.modes import solve_modes
 from fem.properties import Section
 from fem.system import assemble, sum_contributions
@@ -453,6 +455,17 @@ def test_a_tower_of_a_hundred_members_gets_its_candidates():
     assert one["ground_spring"] == 48 * 3 - 1
     assert one["sensor_mass"] == one["driver_mass"] == 1
     assert one["stinger"] == 2
+
+
+@pytest.mark.parametrize(("gap", "places"), [(0.0, 5), (0.02, 6)])
+def test_both_sides_of_a_rigid_joint_may_be_held_where_they_lie_apart(gap, places):
+    points = [[0, 0, 0], [0.4, 0, 0], [0.8, 0, 0], [0.4, gap, 0], [0.4, 0.5, 0]]
+    mesh = Mesh.from_lines(points, [[0, 1], [1, 2], [3, 4]], {"bar": [0, 1], "arm": [2]})
+    part = MemberProperties(STEEL, FLAT)
+    bolt = Joint(name="bolt", point1=1, point2=3, location=np.array(points[1]), rigid=DIRECTIONS)
+    model = Model(mesh, (Frame(members={"bar": part, "arm": part}), bolt))
+    assert len({e.point for e in GroundSpring.propose(model)}) == places - 1
+    assert (3 in {e.point for e in GroundDamper.propose(model)}) == (gap > 0)
 
 
 def test_where_two_ends_meet_one_of_them_gives_way():

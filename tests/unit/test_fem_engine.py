@@ -17,6 +17,7 @@ from fem.effects import (
 )
 from fem.effects.crack import Crack
 from fem.effects.frame import Frame
+from fem.effects.ground_spring import GroundSpring
 from fem.effects.joint import Joint
 from fem.effects.joint_coupling import JointCoupling
 from fem.effects.joint_offset import JointOffset
@@ -25,7 +26,7 @@ from fem.effects.member_damping import MemberDamping
 from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
 from fem.effects.support import Support
 from fem.frf import compute_frf, dof_vectors
-from fem.model import Damping, Model
+from fem.model import DIRECTIONS, Damping, Model
 from fem.modes import solve_modes
 from fem.properties import Section
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
@@ -486,6 +487,42 @@ def test_reduced_frf_is_as_good_as_direct_solves_up_to_the_top_of_the_band():
     system, f = assemble(model), np.arange(2.0, 3201.0, 14.0)
     args = (f, [(0, "z"), (2, "x"), (3, "z"), (5, "y"), (4, "ry")], [(0, "z"), (3, "y")])
     assert misfit(compute_frf(system, *args).H, compute_frf(system, *args, method="direct").H) < 1e-5
+
+
+def on_cords(stiffness):
+    """Return a cross-beam with springs of some stiffness [N/m] from two points to the ground."""
+    cords = [
+        GroundSpring(name=f"cord{p}{d}", point=p, place="", direction=d, stiffness=stiffness, reference=1.0)
+        for p in (0, 3)
+        for d in DIRECTIONS
+    ]
+    return cross_beam(0.02).with_effect(*cords)
+
+
+@pytest.mark.parametrize("effects", [(), ("crack",)])
+def test_soft_cords_cost_the_basis_no_digits(effects):
+    # As a whole the structure then moves 1e8 times as far under a static force as it bends.
+    model, more = on_cords(0.05), [CANDIDATES[name]() for name in effects]
+    assert solve_modes(assemble(model), 6).frequency[0] < 0.1
+    frequency, zeta = np.linspace(50.0, 3000.0, 100), np.full(100, 0.01)
+    reduced = reduce_model(model, attachments(model), frequency[-1]).with_forces_of(more)
+    ends = [dof_vectors(model, s)[0] for s in (OUT, IN)]
+    H, _, _ = ParametricFRF(reduced, *ends, frequency, [], more).evaluate(np.zeros(0), zeta, gradient=False)
+    exact = direct(model.with_effect(*more), 0.01, frequency)
+    level = np.sqrt((abs(exact) ** 2).mean(axis=0))
+    seen = level > 1e-3 * level.max()
+    assert (abs(H - exact)[:, seen] / level[seen]).max() < (1e-3 if more else 3e-5)
+
+
+def test_what_a_basis_lacks_is_known_on_soft_cords():
+    dofs, motions = np.arange(6 * 40, 6 * 41), np.eye(6)
+    one, other = (
+        reduce_model(model, attachments(model), FREQUENCY[-1]).residual_flexibility(dofs, motions)
+        for model in (on_cords(0.5), on_cords(0.05))
+    )
+    assert (one.diagonal() > 0).all()
+    scale = np.sqrt(np.outer(one.diagonal(), one.diagonal()))
+    np.testing.assert_allclose(other / scale, one / scale, rtol=0, atol=1e-4)
 
 
 def test_direct_solves_without_pivoting_keep_their_digits():

@@ -12,7 +12,7 @@ from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rm
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.noise import relative_noise
 from updating.parameters import DampingCurve, Variable
-from updating.solve import Prior, solve_robust
+from updating.solve import Prior, solve_robust, within
 
 modest = settings(max_examples=40, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)
@@ -222,6 +222,37 @@ def test_without_outliers_it_is_least_squares():
     # covariance: s² (AᵀA)⁻¹ for 2 m = 400 independent reals, where s² is the mean of |r|² per complex value
     s2 = (abs(A @ expected - b) ** 2).mean()
     np.testing.assert_allclose(result.covariance, s2 * np.linalg.inv(both.T @ both) * 200 / 400, rtol=0.02)
+
+
+@modest
+@given(seeds, st.integers(1, 6))
+def test_a_step_within_limits_leaves_no_free_unknown_off_its_minimum(seed, n):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((2 * n, n))
+    H, g = A.T @ A, 3 * rng.standard_normal(n)
+    lower, upper = -rng.uniform(0.1, 1, n), rng.uniform(0.1, 1, n)
+    step = within(np.linalg.solve(H, -g), H, g, (lower, upper))
+    assert ((step >= lower) & (step <= upper)).all()
+    inside = (step > lower) & (step < upper)
+    np.testing.assert_allclose((H @ step + g)[inside], 0, atol=1e-10)
+
+
+@pytest.mark.parametrize("relative", [False, True])
+def test_an_unknown_with_a_long_way_to_go_does_not_hold_up_the_others(relative):
+    residual, A, b, _ = linear_problem()
+    both = np.vstack([A.real, A.imag])
+    expected = np.linalg.lstsq(both, np.concatenate([b.real, b.imag]))[0]
+
+    def in_small_units(x, gradient):  # of the last unknown: 400 of them are to go
+        r, J = residual(np.array([*x[:2], x[2] / 400]), gradient)
+        return r, None if J is None else J * np.array([1, 1, 1 / 400])[:, None]
+
+    start, bounds = np.array([0.0, 0.0, 1.0]), (np.full(3, -1e4), np.full(3, 1e4))
+    last = np.array([False, False, relative])
+    result = solve(in_small_units, 3, x0=start, bounds=bounds, robust=1e3, max_iterations=15, relative=last)
+    others = np.linalg.lstsq(both[:, :2], np.concatenate([b.real, b.imag]) - both[:, 2] * result.x[2] / 400)
+    np.testing.assert_allclose(result.x[:2], others[0], atol=1e-2)
+    assert (abs(result.x[2] / 400 - expected[2]) < 1e-3) == relative
 
 
 def test_what_is_left_beyond_noise_stands_for_few_data_in_the_covariance():
