@@ -420,9 +420,10 @@ def _attempt(
 
 
 def _fitted(problem: FitProblem) -> FitResult:
-    """Return the better of the fits of the uncertain parameters in few and in fine stages."""
+    """Return the best fit of the uncertain parameters: in few stages, in fine ones, and from even damping."""
     fits = problem.fit(), problem.fit(stages=problem.fine_stages)
-    return min(fits, key=lambda r: r.solution.cost)
+    best = min(fits, key=lambda r: r.solution.cost)
+    return min(best, problem.refit(best, problem.with_even_damping(best)), key=lambda r: r.solution.cost)
 
 
 def _without_patches(candidates: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -43,7 +43,7 @@ RIVAL = 1.5
 NEEDED = 1.08
 """A fault that the final model seems to explain stays if without it the level is higher by this factor."""
 MISFIT_SHARE = 0.4
-"""A fault must change the readings by this share of the level that the whole model misses them by."""
+"""A fault must change the readings by this share of the level that the model misses other sensors' by."""
 
 CLEAR = 6.0
 """A fault that lowers the misfit by more than this factor needs no comparison with unknown forces."""
@@ -447,7 +447,8 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: 
         found += of_sensor
     found += _swap_hypotheses(problem, X, suspects)
     found = [h for h in found if h.large and h.gain > 0]
-    found = [h for h in found if h.fault.kind in _OWN or h.change > MISFIT_SHARE * result.level]
+    others = _levels_of_others(problem, result)
+    found = [h for h in found if h.fault.kind in _OWN or h.change > MISFIT_SHARE * others[h.fault.sensor]]
     if not found:
         return None
     best = max(found, key=lambda h: h.gain)
@@ -466,6 +467,17 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: 
         and h.after < 1.1 * best.after
     ]
     return min(alike, key=lambda h: _SIMPLER.index(h.fault.kind))
+
+
+def _levels_of_others(problem: FitProblem, result: FitResult) -> dict[str, float]:
+    """Return the residual level [nepers] that a fit leaves at all sensors but each, by its name."""
+    ratio, lines = problem.log_ratio(result), np.arange(len(problem.data.frequency))
+    out = {}
+    for i, sensor in enumerate(problem.data.measurement.sensors):
+        rest = ratio.copy()
+        rest[:, i] = np.nan
+        out[sensor.name] = problem.level(rest, lines)
+    return out
 
 
 def _needed(problem: FitProblem, X: CrossPrediction, best: _Hypothesis) -> bool:

@@ -621,13 +621,16 @@ class _Round:
             starts = [*self._begun, parameter_values(self._quick[name][0].effects[-1])]
             stages = self.problem.fine_stages
             fine = self._on[name].fit([*self.before.effects, last], starts, stages=stages)
-            self._final[name] = min(self._final[name], fine, key=lambda r: r.solution.cost)
+            best = min(self._final[name], fine, key=lambda r: r.solution.cost)
+            even = self._on[name].refit(best, self._on[name].with_even_damping(best))
+            self._final[name] = min(best, even, key=lambda r: r.solution.cost)
         return self._final[name]
 
     def _fit_elsewhere(self, name: str) -> FitResult:
         """Fit what has a position from all over the member: fits do not move it past a node of the modes.
 
-        Quickly from each point of its grid; then fully, in either kind of stages, from where the best end.
+        Quickly from each point of its grid; then fully from where the best end, in either kind of stages, and
+        from there with the uncertain parameters as they are and each strength of the grid.
         """
         problem, begun = self.problem, self._begun
         grid = self._grid(name)
@@ -642,6 +645,8 @@ class _Round:
             mine = replace(problem, reduced=problem.reduced.with_forces_of(effects[-1:]))
             ends.append(mine.fit(effects, [*begun, point], stages=self._two_stages, **quick))
         ends.sort(key=lambda r: r.solution.cost)
+        first = grid.effect.parameters()[0].name
+        strengths = sorted({point[first] for point in grid.points})
         apart, taken = APART * (position.upper - position.lower), list[float]()
         for end in ends:
             at = end.values[name, "position"]
@@ -650,8 +655,11 @@ class _Round:
             taken.append(at)
             mine = _attached(problem, end.effects[-1:])
             starts = [*begun, parameter_values(end.effects[-1])]
-            for kind in (mine.stages, mine.fine_stages):
-                fit = mine.fit(end.effects, starts, stages=kind)
+            fits = [mine.fit(end.effects, starts, stages=kind) for kind in (mine.stages, mine.fine_stages)]
+            # The basis of the place that it came from underrates it elsewhere: its strength is open again.
+            anew = ([*begun, {**starts[-1], first: value}] for value in strengths)
+            fits += [mine.fit(end.effects, start, stages=mine.stages, x_from=end) for start in anew]
+            for fit in fits:
                 if fit.solution.cost < self._final[name].solution.cost:
                     self._on[name], self._final[name] = mine, fit
         return self._final[name]
