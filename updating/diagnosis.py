@@ -17,7 +17,7 @@ from fem.model import Effect, Model
 from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL
 from updating.amplitude import combined_levels, deviation_at_level, force_levels, search_amplitude
 from updating.bootstrap import Bootstrap, bootstrap
-from updating.corners import with_corners
+from updating.corners import Cornered, with_corners
 from updating.correlation import DB_PER_NEPER
 from updating.faults import Fault, find_faults, settle_faults
 from updating.findings import (
@@ -58,6 +58,8 @@ from updating.search import (
 from updating.separation import what_decides
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
+FITTED = "uncertain parameters fitted"
+"""Label of the step before effects."""
 N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end, unless the search has done so."""
 SAME_SIZE = 0.1
@@ -229,147 +231,281 @@ def diagnose(
         Called with a text and the fraction done.
     """
     begun = time.perf_counter()
+    asked = _Asked(
+        measurements, nuisances, damping_std, band, kinds, exclude, n_lines, model_error, n_simulated,
+        progress or (lambda text, done: None),
+    )  # fmt: skip
     model = with_higher_mass(model)
     known = next(iter(model.of_kind(JointPatch)), None)
-    asked = JointPatch.kind in (kinds or candidate_kinds()) and JointPatch.kind not in exclude
-    patch = known or (proposed_patch(JointPatch.propose(model), model) if asked else None)
+    looked_for = JointPatch.kind in (kinds or candidate_kinds()) and JointPatch.kind not in exclude
+    patch = known or (proposed_patch(JointPatch.propose(model), model) if looked_for else None)
     patch = patch if model_error > 0 else None
     if patch:
         model = refined_at(model, patch)
-    attempt = partial(
-        _attempt, model, measurements, nuisances, damping_std=damping_std, band=band, kinds=kinds,
-        exclude=exclude, n_lines=n_lines, model_error=model_error, n_simulated=n_simulated,
-        progress=progress or (lambda text, done: None),
-    )  # fmt: skip
-    found, used, other = attempt(patch, choose=patch is not known)
+    found, used, other = _attempt(asked, model, patch, choose=patch is not known)
     if other is not used:
-        again, *_ = attempt(patch, choose=False, given=other)
+        again, *_ = _attempt(asked, model, patch, choose=False, given=other)
         found = found if again.verdict == UNEXPLAINED else again
     return replace(found, seconds=time.perf_counter() - begun)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Asked:
+    """What a diagnosis was asked for: the arguments of :func:`diagnose` but for the model."""
+
+    measurements: Sequence[Measurement]
+    nuisances: Sequence[Nuisance]
+    damping_std: float
+    band: tuple[float, float] | None
+    kinds: Sequence[str] | None
+    exclude: Sequence[str]
+    n_lines: int
+    model_error: float
+    n_simulated: int
+    progress: Progress
+
+    @property
+    def say(self) -> Progress:
+        """Called with what the search does; the second half is left to simulations."""
+        return between(self.progress, 0.0, 0.5) if self.n_simulated else self.progress
+
+    def build(self, model: Model, nuisances: Sequence[Nuisance] | None = None) -> FitProblem:
+        """Return the fits' problem of a model, with more uncertain parameters if these are given."""
+        return build_problem(
+            model, self.measurements[0], self.nuisances if nuisances is None else nuisances,
+            damping_std=self.damping_std, band=self.band, n_lines=self.n_lines, connections=True,
+            model_error=self.model_error,
+        )  # fmt: skip
+
+    def candidates(self, model: Model) -> tuple[Effect, ...]:
+        """Return a model's candidates but for joints' patches.
+
+        They are no parameter of a fit, and are looked for first.
+        """
+        every = propose(model, self.kinds, self.exclude, self.measurements[0])
+        return tuple(e for e in every if not isinstance(e, JointPatch))
+
+    def amplitude_candidates(self, model: Model) -> tuple[AmplitudeDependent, ...]:
+        """Return those that depend on amplitude."""
+        every = propose(model, self.kinds, self.exclude, self.measurements[0], levels=True)
+        return tuple(e for e in every if isinstance(e, AmplitudeDependent))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Start:
+    """What is known before effects are searched for.
+
+    Attributes
+    ----------
+    bare, plain : Model, FitProblem
+        Without the joints' patches that this looked for itself.
+    model, problem : Model, FitProblem
+        With them.
+    used : JointPatch or None
+        The patches in the model.
+    candidates : tuple of Effect
+    null : FitResult
+        With the uncertain parameters fitted.
+    steps : tuple of Step
+        The nominal model, and that.
+    faults : tuple of Fault
+    mesh_db, floor : float
+        Error of the mesh [dB], and what it and noise leave together [nepers].
+    notes : tuple of str
+    """
+
+    bare: Model
+    plain: FitProblem
+    model: Model
+    problem: FitProblem
+    used: JointPatch | None
+    candidates: tuple[Effect, ...]
+    null: FitResult
+    steps: tuple[Step, ...]
+    faults: tuple[Fault, ...]
+    mesh_db: float
+    floor: float
+    notes: tuple[str, ...]
+
+    def limit(self, model_error: float) -> float:
+        """Return the residual level up to which the model counts as right [nepers]."""
+        return max(RIGHT_MARGIN * self.floor, model_error)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _End:
+    """What a search has led to.
+
+    Attributes
+    ----------
+    search : Search
+    null : FitResult
+        With the uncertain parameters fitted, on the data as they are by now.
+    faults : tuple of Fault
+    cornered : Cornered or None
+        Corners of finite size, if they stay.
+    open : tuple of Effect
+        The candidates that were searched.
+    other : JointPatch or None
+        The joints' patches that the data ask for beside what was found.
+    notes : tuple of str
+    """
+
+    search: Search
+    null: FitResult
+    faults: tuple[Fault, ...]
+    cornered: Cornered | None
+    open: tuple[Effect, ...]
+    other: JointPatch | None
+    notes: tuple[str, ...] = ()
+
+
 def _attempt(
-    model: Model,
-    measurements: Sequence[Measurement],
-    nuisances: Sequence[Nuisance],
-    patch: JointPatch | None,
-    *,
-    damping_std: float,
-    band: tuple[float, float] | None,
-    kinds: Sequence[str] | None,
-    exclude: Sequence[str],
-    n_lines: int,
-    model_error: float,
-    n_simulated: int,
-    progress: Progress,
-    choose: bool,
-    given: JointPatch | None = None,
+    asked: _Asked, model: Model, patch: JointPatch | None, *, choose: bool, given: JointPatch | None = None
 ) -> tuple[Diagnosis, JointPatch | None, JointPatch | None]:
     """Return a diagnosis, the joints' patches with which it was made, and those that it speaks for.
 
     ``patch`` may be there, by a choice of the data if that is asked for; ``given`` is there.
     """
-    say = between(progress, 0.0, 0.5) if n_simulated else progress
-    say("reducing the model", 0.0)
-    candidates = _without_patches(propose(model, kinds, exclude, measurements[0]))
-    if given:
-        model = model.with_effect(given)
-    build = partial(
-        build_problem, measurement=measurements[0], nuisances=nuisances, damping_std=damping_std, band=band,
-        n_lines=n_lines, connections=True, model_error=model_error,
-    )  # fmt: skip
-    problem = build(model)
+    start = _started(asked, model, patch if choose else None, given)
+    gates = check_gates(start.problem, start.null, asked.measurements[1:], start.mesh_db, start.faults)
+    levels = () if gates.linear else force_levels(start.problem, asked.measurements, start.faults)
+    nonlinear = asked.amplitude_candidates(start.model) if levels else ()
+    end = _searched(asked, start, patch, levels, nonlinear, choose=choose)
+    found = _concluded(asked, start, end, gates, levels, nonlinear)
+    used, other = start.used, end.other
+    if patch and choose and found.verdict == UNEXPLAINED and gates.linear:
+        other = patch.with_values(size=1.0)
+    if used and other and abs(used.size - other.size) < SAME_SIZE:
+        other = used
+    return found, used, other
+
+
+def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: JointPatch | None) -> _Start:
+    """Reduce the model on a mesh that is fine enough, set faults right, and choose joints' patches."""
+    asked.say("reducing the model", 0.0)
+    candidates, notes = asked.candidates(model), list[str]()
+    model = model.with_effect(given) if given else model
+    problem = asked.build(model)
     mesh_db, mesh_level = discretisation_error(problem)
-    notes: list[str] = []
-    n = splits(mesh_level, max(problem.data.noise_level, model_error, LEVEL_FLOOR))
+    n = splits(mesh_level, max(problem.data.noise_level, asked.model_error, LEVEL_FLOOR))
     if n > 1:
         notes.append(
             f"each element was cut into {n}: the mesh's error was {mesh_db:.2g} dB, not small beside the "
             f"noise of {problem.data.noise_db:.2g} dB"
         )
-        say(f"cutting each element into {n}", 0.01)
+        asked.say(f"cutting each element into {n}", 0.01)
         model = model.with_mesh(model.mesh.split(n))
-        bare = model.without_effect(given.name) if given else model
-        candidates = _without_patches(propose(bare, kinds, exclude, measurements[0]))
-        problem = build(model)
+        candidates = asked.candidates(model.without_effect(given.name) if given else model)
+        problem = asked.build(model)
         mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
-    say("fitting the uncertain parameters", 0.03)
+    asked.say("fitting the uncertain parameters", 0.03)
     problem, null, faults = find_faults(problem, _fitted(problem))
-    bare, plain, used, before = model, problem, given, null
-    if patch and choose:
-        say("looking for the extent of joints", 0.04)
-        used = choose_patch(build, model, patch, problem)
-    if used and not given:
-        model = model.with_effect(used)
-        problem = replace(problem, reduced=build(model).reduced)
-        null = _fitted(problem)
-        notes.append(_where_patched(used, before, null))
-    elif used:
-        notes.append(_where_patched(used))
-    nominal = problem.nominal()
-    fitted = "uncertain parameters fitted"
-    steps = step_of("nominal model", nominal), step_of(fitted, null)
-    gates = check_gates(problem, null, measurements[1:], mesh_db, faults)
-    notes += gates.notes
+    bare, plain, used = model, problem, given
+    if given:
+        notes.append(_where_patched(given))
+    elif patch:
+        asked.say("looking for the extent of joints", 0.04)
+        used = choose_patch(asked.build, model, patch, problem)
+        if used:
+            model = model.with_effect(used)
+            problem = replace(problem, reduced=asked.build(model).reduced)
+            before, null = null, _fitted(problem)
+            notes.append(_where_patched(used, before, null))
+    steps = step_of("nominal model", problem.nominal()), step_of(FITTED, null)
+    return _Start(
+        bare, plain, model, problem, used, candidates, null, steps, faults, mesh_db, floor, tuple(notes)
+    )
 
-    limit = max(RIGHT_MARGIN * floor, model_error)
-    levels = () if gates.linear else force_levels(problem, measurements, faults)
-    nonlinear = _amplitude_candidates(model, kinds, exclude, measurements[0]) if levels else ()
+
+def _searched(
+    asked: _Asked,
+    start: _Start,
+    patch: JointPatch | None,
+    levels: tuple[FitData, ...],
+    nonlinear: Sequence[AmplitudeDependent],
+    *,
+    choose: bool,
+) -> _End:
+    """Search for effects: beside corners of finite size, then without; and for what depends on amplitude."""
+    say, model_error, floor, candidates = asked.say, asked.model_error, start.floor, start.candidates
+    problem, null, faults, steps = start.problem, start.null, start.faults, start.steps
+    limit = start.limit(model_error)
+    search, open_ = Search(problem, (), (), steps, null), candidates
+    cornered = (
+        with_corners(asked.build, start.model, candidates, problem, null)
+        if model_error > 0 and not levels
+        else None
+    )
+    if nonlinear:
+        alone = _amplitude_added(search, levels, nonlinear, between(say, 0.05, 0.2))
+        search = alone if alone.current.level <= limit else search
+    if search.depends_on_amplitude:
+        return _End(search, null, faults, cornered, open_, start.used)
+    look = partial(search_effects, floor=floor, model_error=model_error, say=between(say, 0.05, 0.9))
+    if cornered:
+        open_ = tuple(e for e in candidates if not isinstance(e, SolidCorner))
+        solid = look(cornered.begin(steps[0]), open_)
+        cornered = cornered.kept(problem, solid.current)
+        if cornered:
+            search, problem, null = solid, cornered.problem, cornered.without(steps[1]).result
+    if not cornered:
+        open_ = candidates
+        search = look(search, open_)
+    if search.current.level > max(limit, most_left(null, floor, model_error)):
+        # A sensor near a support with a wrong gain: it may be the support, but no effect explains it.
+        anew, doubtful = _with_doubtful_faults(problem, null, search.steps, limit)
+        if doubtful:
+            problem, faults = anew.problem, (*faults, *doubtful)
+            null = problem.assessed(replace(null, level=np.nan)) if cornered else anew.current
+            search = look(anew, open_)
+    other, notes = start.used, ()
+    if patch and search.findings and not cornered:
+        if null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2:
+            notes = (_why_weak(search, null),)
+            search = Search(problem, (), search.rounds[:1], steps, null)
+        elif choose:
+            say("looking for the extent of joints once more", 0.9)
+            plain = replace(start.plain, data=problem.data)
+            found = [f.effect for f in search.findings]
+            other = choose_patch(asked.build, start.bare, patch, plain, found)
+    if nonlinear:
+        search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
+    return _End(search, null, faults, cornered, open_, other, notes)
+
+
+def _concluded(
+    asked: _Asked,
+    start: _Start,
+    end: _End,
+    gates: Gates,
+    levels: tuple[FitData, ...],
+    nonlinear: tuple[AmplitudeDependent, ...],
+) -> Diagnosis:
+    """Settle faults, weigh what was found against chance if that is asked for, and give the verdict."""
+    asked.say("checking", 0.98)
+    search, null, faults, cornered = end.search, end.null, end.faults, end.cornered
+    notes = [*start.notes, *gates.notes]
     if not gates.linear and not levels:
         notes.append(
             "what depends on amplitude is searched for only where each measurement states its force_level, "
             "and two differ"
         )
-    search, open_ = Search(problem, (), (), steps, null), candidates
-    cornered = (
-        with_corners(build, model, candidates, problem, null) if model_error > 0 and not levels else None
-    )
-    if nonlinear:
-        alone = _amplitude_added(search, levels, nonlinear, between(say, 0.05, 0.2))
-        search = alone if alone.current.level <= limit else search
-    other = used
-    if not search.depends_on_amplitude:
-        look = partial(search_effects, floor=floor, model_error=model_error)
-        if cornered:
-            open_ = tuple(e for e in candidates if not isinstance(e, SolidCorner))
-            solid = look(cornered.begin(steps[0]), open_, say=between(say, 0.05, 0.9))
-            cornered = cornered.kept(problem, solid.current)
-            if cornered:
-                search, problem, null = solid, cornered.problem, cornered.without(steps[1]).result
-        if not cornered:
-            open_ = candidates
-            search = look(search, open_, say=between(say, 0.05, 0.9))
-        if search.current.level > max(limit, most_left(null, floor, model_error)):
-            # A sensor near a support with a wrong gain: it may be the support, but no effect explains it.
-            anew, doubtful = _with_doubtful_faults(problem, null, search.steps, limit)
-            if doubtful:
-                problem, faults = anew.problem, (*faults, *doubtful)
-                null = problem.assessed(replace(null, level=np.nan)) if cornered else anew.current
-                search = look(anew, open_, say=between(say, 0.05, 0.9))
-        weak = null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2
-        if patch and search.findings and not cornered:
-            if weak:
-                notes.append(_why_weak(search, null))
-                search = Search(problem, (), search.rounds[:1], steps, null)
-            elif choose:
-                say("looking for the extent of joints once more", 0.9)
-                plain = replace(plain, data=problem.data)
-                other = choose_patch(build, bare, patch, plain, [f.effect for f in search.findings])
-        if nonlinear:
-            search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
-    say("checking", 0.98)
+    notes += end.notes
+    limit, floor, model_error = start.limit(asked.model_error), start.floor, asked.model_error
     depends = search.depends_on_amplitude
     if not depends:
-        first = faults
+        first, before = faults, search.problem.data
         search, faults = _with_faults_settled(search, faults, limit, bool(search.findings or cornered))
         gates = with_last_faults(gates, first, faults)
-        if search.problem.data is not problem.data:
+        if search.problem.data is not before:
             null = search.problem.assessed(replace(null, level=np.nan))
     tried: tuple[Bootstrap, ...] = ()
-    if n_simulated and not depends:
+    if asked.n_simulated and not depends:
         limits = settled_limits(floor, model_error)
-        search, tried = bootstrap(search, open_, limits, n_simulated, between(progress, 0.5, 1.0))
+        later = between(asked.progress, 0.5, 1.0)
+        search, tried = bootstrap(search, end.open, limits, asked.n_simulated, later)
         limit = max(limit, *tried[-1].levels)
         notes += [_why_dropped(each) for each in tried if each.effect and not each.believed]
     problem, current, findings, rounds, steps = (
@@ -377,7 +513,7 @@ def _attempt(
     )  # fmt: skip
     if cornered:
         findings, rounds = (cornered.finding(current), *findings), ((), *rounds)
-        steps = (steps[0], step_of(fitted, null), *steps[1:])
+        steps = (steps[0], step_of(FITTED, null), *steps[1:])
     basis_db = search.basis_error(N_CHECKED)
     if basis_db > BASIS_LIMIT_DB:
         notes.append(
@@ -404,19 +540,16 @@ def _attempt(
             f"than a third of model_error = {model_error:g} neper, which the form of beams may leave; with "
             "model_error = 0 weak ones are looked for, too"
         )
+    drawn = start.model
     if verdict == UNEXPLAINED:
         findings, current, steps = (), steps[1].result, steps[:2]
-    drawn = cornered.model if cornered and verdict != UNEXPLAINED else model
-    model_fitted = fitted_model(drawn, current)
-    if patch and choose and verdict == UNEXPLAINED and gates.linear:
-        other = patch.with_values(size=1.0)
-    if used and other and abs(used.size - other.size) < SAME_SIZE:
-        other = used
-    found = Diagnosis(
-        verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, mesh_db, basis_db,
-        limit, problem, model_fitted, tuple(notes), 0.0, gates, (*candidates, *nonlinear), tried,
+    elif cornered:
+        drawn = cornered.model
+    return Diagnosis(
+        verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, start.mesh_db, basis_db,
+        limit, problem, fitted_model(drawn, current), tuple(notes), 0.0, gates,
+        (*start.candidates, *nonlinear), tried,
     )  # fmt: skip
-    return found, used, other
 
 
 def _fitted(problem: FitProblem) -> FitResult:
@@ -424,11 +557,6 @@ def _fitted(problem: FitProblem) -> FitResult:
     fits = problem.fit(), problem.fit(stages=problem.fine_stages)
     best = min(fits, key=lambda r: r.solution.cost)
     return min(best, problem.refit(best, problem.with_even_damping(best)), key=lambda r: r.solution.cost)
-
-
-def _without_patches(candidates: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return candidates without joints' patches, which are no parameter of a fit and are looked for first."""
-    return tuple(e for e in candidates if not isinstance(e, JointPatch))
 
 
 def _where_patched(patch: JointPatch, before: FitResult | None = None, after: FitResult | None = None) -> str:
@@ -461,13 +589,6 @@ def _why_dropped(tried: Bootstrap) -> str:
         f"{tried.effect} was dropped: it lowers the residual level by a factor of {tried.gain:.3g}, and in "
         f"{tried.as_much} of {len(tried.gains)} simulated measurements without it some candidate does as much"
     )
-
-
-def _amplitude_candidates(
-    model: Model, kinds: Sequence[str] | None, exclude: Sequence[str], test: Measurement
-) -> tuple[AmplitudeDependent, ...]:
-    every = propose(model, kinds, exclude, test, levels=True)
-    return tuple(e for e in every if isinstance(e, AmplitudeDependent))
 
 
 def _amplitude_round(

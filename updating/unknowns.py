@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.effects.joint_patch import JointPatch
 from fem.model import Model, ModelError, Parameter, ParameterRef
 from updating.residuals import COMMON, FRFData, FRFResidual
 
@@ -127,6 +128,12 @@ def _scaled(model: Model, unknown: Unknown) -> Scaled:
         by_name = {p.name: p for p in model.effect(effect).parameters()}
         if name not in by_name:
             msg = f"effect '{effect}' has no parameter '{name}'; it has {', '.join(by_name) or 'none'}"
+            raise ModelError(msg)
+        if isinstance(model.effect(effect), JointPatch):
+            msg = (
+                f"'{name}' of effect '{effect}' changes what constrains the model, and cannot vary in a fit; "
+                "state it, or let a diagnosis choose it"
+            )
             raise ModelError(msg)
         known.append(by_name[name])
     p = known[0]

@@ -19,7 +19,7 @@ from fem.system import assemble
 from study.cli import main
 from study.config import load_study
 from tests.frames import FLAT, STEEL, fix
-from updating import Measurement, Nuisance, Sensor, diagnose, diagnosis, place_sensors
+from updating import Measurement, Nuisance, Sensor, diagnose, diagnosis, place_sensors, update
 from updating.diagnosis import SAME_SIZE
 from updating.patches import (
     MOST_JOINTS,
@@ -262,6 +262,11 @@ def test_patches_are_looked_for_at_rigid_joints_alone():
     assert proposed_patch((), model) is None
     many = replace(JointPatch.propose(model)[0], joints=("J",) * (MOST_JOINTS + 1))
     assert proposed_patch((many,), model) is None
+
+
+def test_the_size_of_patches_is_no_parameter_of_an_updating():
+    with pytest.raises(fem.ModelError, match="cannot vary in a fit"):
+        update(patched(lap(), 1.0), [("joint_patch:all", "size")], frequency=[10.0])
 
 
 def test_a_search_is_made_with_patches_and_says_so():
