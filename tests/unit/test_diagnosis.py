@@ -14,9 +14,18 @@ from fem import FRF
 from fem.effects.frame import Frame
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
-from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, diagnose, diagnosis, preparation
+from updating import (
+    EFFECT,
+    FAULT,
+    NOTHING,
+    UNEXPLAINED,
+    build_problem,
+    diagnose,
+    diagnosis,
+    preparation,
+)
 from updating.findings import Finding
-from updating.fit import NOISE_COUNTED
+from updating.fit import NOISE_COUNTED, FitProblem
 from updating.search import BASIS_SHARE
 
 
@@ -48,6 +57,28 @@ def test_nothing_is_found_where_nothing_is_hidden():
     assert (found.verdict, found.findings, found.faults) == (NOTHING, (), ())
     assert any(found.rounds)
     assert found.reason.startswith("no candidate improves")
+
+
+def test_a_part_of_the_band_with_other_damping_than_its_neighbours_is_fitted_once_more(monkeypatch):
+    case = draw_case(Settings(2401), "null", 156)  # nominal 0.3 %, at the top of the band 3 %
+    problem = build_problem(
+        preparation.with_higher_mass(case.model), case.measurement, case.nuisances, connections=True,
+        model_error=0.0,
+    )  # fmt: skip
+    right = diagnosis._fitted(problem)
+    assert right.level < 0.04
+    monkeypatch.setattr(FitProblem, "with_even_damping", lambda self, result: result)
+    stuck = diagnosis._fitted(problem)
+    assert stuck.level > 5 * right.level
+
+    monkeypatch.undo()
+    n, other = len(problem.damping.knots), right.zeta.copy()
+    power = 0.002 * (problem.damping.knots / problem.damping.knots[0]) ** 0.7
+    other[:n] = power
+    other[n - 2 : n] = 0.003
+    even = problem.with_even_damping(replace(right, zeta=other))
+    np.testing.assert_allclose(even.zeta[:n], power, rtol=1e-9)
+    np.testing.assert_array_equal(even.zeta[n:], right.zeta[n:])
 
 
 def test_nothing_is_searched_for_where_less_is_left_than_beams_may_leave():

@@ -341,3 +341,13 @@ def test_a_gain_that_a_support_may_look_like_is_believed_where_no_effect_explain
     assert null.fit_db > 2 * found.steps[1].fit_db
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, model_error=0.0)
     assert find_faults(problem, problem.fit())[2] == ()  # a support that gives way would do the same
+
+
+def test_a_tilt_that_makes_most_of_the_misfit_is_a_fault():
+    # One of sixteen sensors is off by 8.7 dB, the others by 0.7; of all of them it is 1.2.
+    case = draw_case(Settings(2601), "faults", 25)
+    (hidden,) = case.implants
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    (found,) = find_faults(problem, problem.fit())[2]
+    assert (found.kind, found.sensor) == ("sensor_tilt", hidden.hidden.place.sensors[0])
+    assert abs(found.value) == pytest.approx(hidden.amplitude, abs=0.02)
