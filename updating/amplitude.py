@@ -245,6 +245,7 @@ def _fitted(
             groups=f.groups(),
             robust=ROBUST,
             max_iterations=max_iterations,
+            relative=np.array([*f.rest.relative, *(not v.parameter.log for v in f.own)]),
         )
         x = solution.x
     n_rest = len(f.rest.start)

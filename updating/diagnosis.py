@@ -309,8 +309,9 @@ class _Start:
     steps : tuple of Step
         The nominal model, and that.
     faults : tuple of Fault
-    mesh_db, floor : float
-        Error of the mesh [dB], and what it and noise leave together [nepers].
+    mesh_db, floor, limit : float
+        Error of the mesh [dB], what it and noise leave together, and the level up to which the model counts
+        as right [nepers].
     notes : tuple of str
     """
 
@@ -325,11 +326,8 @@ class _Start:
     faults: tuple[Fault, ...]
     mesh_db: float
     floor: float
+    limit: float
     notes: tuple[str, ...]
-
-    def limit(self, model_error: float) -> float:
-        """Return the residual level up to which the model counts as right [nepers]."""
-        return max(RIGHT_MARGIN * self.floor, model_error)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -344,7 +342,7 @@ class _End:
     faults : tuple of Fault
     cornered : Cornered or None
         Corners of finite size, if they stay.
-    open : tuple of Effect
+    searched : tuple of Effect
         The candidates that were searched.
     other : JointPatch or None
         The joints' patches that the data ask for beside what was found.
@@ -355,7 +353,7 @@ class _End:
     null: FitResult
     faults: tuple[Fault, ...]
     cornered: Cornered | None
-    open: tuple[Effect, ...]
+    searched: tuple[Effect, ...]
     other: JointPatch | None
     notes: tuple[str, ...] = ()
 
@@ -415,8 +413,9 @@ def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: Joint
             notes.append(_where_patched(used, before, null))
     steps = step_of("nominal model", problem.nominal()), step_of(FITTED, null)
     return _Start(
-        bare, plain, model, problem, used, candidates, null, steps, faults, mesh_db, floor, tuple(notes)
-    )
+        bare, plain, model, problem, used, candidates, null, steps, faults, mesh_db, floor,
+        max(RIGHT_MARGIN * floor, asked.model_error), tuple(notes),
+    )  # fmt: skip
 
 
 def _searched(
@@ -431,7 +430,7 @@ def _searched(
     """Search for effects: beside corners of finite size, then without; and for what depends on amplitude."""
     say, model_error, floor, candidates = asked.say, asked.model_error, start.floor, start.candidates
     problem, null, faults, steps = start.problem, start.null, start.faults, start.steps
-    limit = start.limit(model_error)
+    limit = start.limit
     search, open_ = Search(problem, (), (), steps, null), candidates
     cornered = (
         with_corners(asked.build, start.model, candidates, problem, null)
@@ -493,7 +492,7 @@ def _concluded(
             "and two differ"
         )
     notes += end.notes
-    limit, floor, model_error = start.limit(asked.model_error), start.floor, asked.model_error
+    limit, floor, model_error = start.limit, start.floor, asked.model_error
     depends = search.depends_on_amplitude
     if not depends:
         first, before = faults, search.problem.data
@@ -505,7 +504,7 @@ def _concluded(
     if asked.n_simulated and not depends:
         limits = settled_limits(floor, model_error)
         later = between(asked.progress, 0.5, 1.0)
-        search, tried = bootstrap(search, end.open, limits, asked.n_simulated, later)
+        search, tried = bootstrap(search, end.searched, limits, asked.n_simulated, later)
         limit = max(limit, *tried[-1].levels)
         notes += [_why_dropped(each) for each in tried if each.effect and not each.believed]
     problem, current, findings, rounds, steps = (

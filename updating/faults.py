@@ -447,6 +447,8 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: 
         found += of_sensor
     found += _swap_hypotheses(problem, X, suspects)
     found = [h for h in found if h.large and h.gain > 0]
+    if not found:
+        return None
     others = _levels_of_others(problem, result)
     found = [h for h in found if h.fault.kind in _OWN or h.change > MISFIT_SHARE * others[h.fault.sensor]]
     if not found:
@@ -470,13 +472,17 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: 
 
 
 def _levels_of_others(problem: FitProblem, result: FitResult) -> dict[str, float]:
-    """Return the residual level [nepers] that a fit leaves at all sensors but each, by its name."""
+    """Return the residual level [nepers] that a fit leaves at all sensors but each, by its name.
+
+    That of all where no other sensor counts.
+    """
     ratio, lines = problem.log_ratio(result), np.arange(len(problem.data.frequency))
     out = {}
     for i, sensor in enumerate(problem.data.measurement.sensors):
         rest = ratio.copy()
         rest[:, i] = np.nan
-        out[sensor.name] = problem.level(rest, lines)
+        level = problem.level(rest, lines)
+        out[sensor.name] = result.level if np.isnan(level) else level
     return out
 
 
@@ -636,7 +642,8 @@ def _likeliest(
 
 def _again(problem: FitProblem, result: FitResult) -> FitResult:
     """Fit again after a correction: from the nominal start, or from where the effects were."""
-    return problem.refit(result) if result.effects else problem.fit()
+    again = problem.refit(result)
+    return again if result.effects else min(again, problem.fit(), key=lambda r: r.solution.cost)
 
 
 def confirm_faults(problem: FitProblem, faults: Sequence[Fault], result: FitResult) -> tuple[Fault, ...]:

@@ -521,8 +521,9 @@ class FitProblem:
     def with_even_damping(self, result: FitResult) -> FitResult:
         """Return a result whose damping ratios are a power of frequency, by medians of slopes and of levels.
 
-        A fit may leave a part of the band with ratios far from its neighbours', where they cost little. Theil
-        and Sen's line through ln ζ over ln f at the knots (Sen, *J. Am. Stat. Assoc.* 63, 1968, 1379).
+        A fit may leave a part of the band with ratios far from its neighbours', where they cost little: of
+        eight knots two may be anything. Theil and Sen's line through ln ζ over ln f at the knots (Sen, *J.
+        Am. Stat. Assoc.* 63, 1968, 1379).
         """
         n = len(self.damping.knots)
         f, zeta = np.log(self.damping.knots), np.log(result.zeta[:n])
@@ -668,6 +669,12 @@ class FitFunction:
         """Size of one unit of each x: 1 where it is a logarithm, or in that of the parameter."""
         return np.array([*(v.unit for v in self.variables), *np.ones(len(self.problem.damping.start))])
 
+    @property
+    def relative(self) -> NDArray[np.bool_]:
+        """Which x is in parts of a scale, (n,), rather than a logarithm."""
+        damping = [False] * len(self.problem.damping.start)
+        return np.array([*(not v.parameter.log for v in self.variables), *damping])
+
     def prior(self) -> Prior:
         """Return what is known of x beforehand."""
         p, none = self.problem, np.inf
@@ -712,9 +719,7 @@ class FitFunction:
             groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
             robust=ROBUST,
             max_iterations=max_iterations,
-            relative=np.array(
-                [*(not v.parameter.log for v in self.variables), *(False for _ in p.damping.start)]
-            ),
+            relative=self.relative,
         )
 
     def result(self, solution: Solution) -> FitResult:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, Model, Parameter, ParameterRef
+from fem.effects.joint import Spread
+from fem.model import Effect, Model, ModelError, Parameter, ParameterRef
 
 CONNECTIONS_REACH = 2.0
 """Connections' damping is let off by at most so many standard deviations; more is an effect of its own."""
@@ -162,6 +163,7 @@ def nuisance_variables(model: Model, nuisances: Sequence[Nuisance]) -> tuple[Var
         if n.parameter not in known:
             msg = f"effect '{n.effect}' has no parameter '{n.parameter}'; it has {', '.join(known)}"
             raise ValueError(msg)
+        refuse_constraining(model, (n.effect, n.parameter))
         p = known[n.parameter]
         if p.log:
             out.append(Variable((n.effect, n.parameter), p, 1.0, float(np.log(p.value)), n.std))
@@ -169,6 +171,22 @@ def nuisance_variables(model: Model, nuisances: Sequence[Nuisance]) -> tuple[Var
             scale = abs(p.value) or 1.0
             out.append(Variable((n.effect, n.parameter), p, scale, p.value / scale, n.std))
     return tuple(out)
+
+
+def refuse_constraining(model: Model, ref: ParameterRef) -> None:
+    """Refuse a parameter by which constraints change: matrices on a basis do not follow it.
+
+    Raises
+    ------
+    ModelError
+    """
+    effect, parameter = ref
+    if isinstance(model.effect(effect), Spread):
+        msg = (
+            f"'{parameter}' of effect '{effect}' changes what constrains the model, and cannot vary in a "
+            "fit; state it, or let a diagnosis choose it"
+        )
+        raise ModelError(msg)
 
 
 def effect_variables(effects: Sequence[Effect], start: Sequence[dict[str, float]]) -> tuple[Variable, ...]:

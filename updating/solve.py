@@ -105,7 +105,7 @@ def solve_robust(
     max_step : float
         Longest step in each unknown in one iteration.
     relative : ndarray of bool (n,)
-        Unknowns that may move so many times their size if that is more than 1.
+        Unknowns for which that is in parts of their size where this is more than 1.
     """
     lo, hi = bounds
     weight = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
@@ -143,7 +143,7 @@ def solve_robust(
         if not free.any():
             converged = True
             break
-        improved = False
+        improved = cut = False
         trial, misfit_new, cost_new = x, misfit, cost
         for attempt in range(8):
             scale = np.diag(A)[free]
@@ -155,13 +155,14 @@ def solve_robust(
             if attempt == 0 and damping < 1 and -0.5 * float(g @ step) < tolerance:
                 break
             reach = max_step * np.where(relative, np.maximum(1.0, np.abs(x)), 1.0)
-            step[free] = within(step[free], H, g[free], (-reach[free], reach[free]))
+            limits = np.maximum(-reach, lo - x)[free], np.minimum(reach, hi - x)[free]
+            step[free] = step_within(step[free], H, g[free], limits)
             trial = np.clip(x + step, lo, hi)
             r_new, _ = residual(trial, False)
             misfit_new = loss(r_new)
             cost_new = total(trial, misfit_new)
             if np.isfinite(cost_new) and cost_new < cost:
-                improved = True
+                improved, cut = True, bool((np.abs(step) >= reach).any())
                 break
             damping = min(damping * 8, 1e8)
         if not improved:
@@ -170,7 +171,7 @@ def solve_robust(
         gain = cost - cost_new
         x, misfit, cost = trial, misfit_new, cost_new
         damping = max(damping / 6, 1e-6)
-        if gain < tolerance:
+        if gain < tolerance and not cut:
             converged = True
             break
         if iteration < max_iterations:
@@ -189,34 +190,43 @@ def solve_robust(
     return Solution(x, cost, float(misfit @ size / len(r)), covariance, iteration, converged)
 
 
-def within(
-    step: NDArray[np.float64],
+def step_within(
+    goal: NDArray[np.float64],
     H: NDArray[np.float64],
     g: NDArray[np.float64],
     limits: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """Return the minimum of ½ pᵀ H p + gᵀ p, shortened where it leaves limits.
+    """Return a step towards the minimum of ½ pᵀ H p + gᵀ p that stays within limits.
 
-    What would go too far ends there, and the others follow it: one unknown with a long way to go does not
-    hold them up, as it would if the whole step were shortened.
+    From 0 towards the minimum up to the first limit; the unknown that has met it stays there, and the others
+    go on towards what is then their minimum. So one with a long way to go does not hold the others up, as it
+    would if the whole step were shortened, and the quadratic falls all the way.
 
     Parameters
     ----------
-    step : ndarray (n,)
+    goal : ndarray (n,)
         The minimum without limits.
     H : ndarray (n, n)
+        Positive definite.
     g : ndarray (n,)
     limits : (ndarray (n,), ndarray (n,))
+        Of each unknown, with 0 between them.
     """
     lower, upper = limits
-    held = np.zeros(len(step), dtype=bool)
-    while True:
-        far = ~held & ((step < lower) | (step > upper))
-        if not far.any():
-            return step
-        step, held = np.where(far, np.clip(step, lower, upper), step), held | far
-        rest = ~held
-        step[rest] = -np.linalg.solve(H[np.ix_(rest, rest)], g[rest] + H[np.ix_(rest, held)] @ step[held])
+    at, held = np.zeros(len(goal)), np.zeros(len(goal), dtype=bool)
+    while not held.all():
+        move = goal - at
+        room = np.where(move > 0, upper, lower) - at
+        share = np.full(len(at), np.inf)
+        np.divide(room, move, out=share, where=~held & (move != 0))
+        first = int(np.argmin(share))
+        if not share[first] < 1:
+            return goal
+        at = at + share[first] * move
+        at[first], held[first] = (upper if move[first] > 0 else lower)[first], True
+        rest, goal = ~held, at.copy()
+        goal[rest] = -np.linalg.solve(H[np.ix_(rest, rest)], g[rest] + H[np.ix_(rest, held)] @ at[held])
+    return at
 
 
 def inflation(

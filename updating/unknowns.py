@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.effects.joint_patch import JointPatch
 from fem.model import Model, ModelError, Parameter, ParameterRef
+from updating.parameters import refuse_constraining
 from updating.residuals import COMMON, FRFData, FRFResidual
 
 WIDTH = 0.2
@@ -129,12 +129,7 @@ def _scaled(model: Model, unknown: Unknown) -> Scaled:
         if name not in by_name:
             msg = f"effect '{effect}' has no parameter '{name}'; it has {', '.join(by_name) or 'none'}"
             raise ModelError(msg)
-        if isinstance(model.effect(effect), JointPatch):
-            msg = (
-                f"'{name}' of effect '{effect}' changes what constrains the model, and cannot vary in a fit; "
-                "state it, or let a diagnosis choose it"
-            )
-            raise ModelError(msg)
+        refuse_constraining(model, (effect, name))
         known.append(by_name[name])
     p = known[0]
     label = unknown.name or " ".join(unknown.refs[0])

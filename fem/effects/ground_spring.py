@@ -12,7 +12,7 @@ from fem.effects.places import OnPoint, fastening_places, held_directions, typic
 from fem.effects.support import Support
 from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter
 
-SAME_PLACE = 1e-3
+TOGETHER = 5e-3
 """Sides of a rigid joint no farther apart than this share of the structure's size count as one place."""
 
 
@@ -59,7 +59,7 @@ class GroundSpring(OnPoint):
         held = held_directions(model)
         grounded = {p.point1 for p in model.of_kind(PointPair) if p.point2 is None}
         rigid = [j for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)]
-        at, near = model.mesh.points, SAME_PLACE * model.mesh.size
+        at, near = model.mesh.points, TOGETHER * model.mesh.size
         other_sides = {
             j.point2
             for j in rigid

@@ -12,7 +12,7 @@ from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rm
 from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.noise import relative_noise
 from updating.parameters import DampingCurve, Variable
-from updating.solve import Prior, solve_robust, within
+from updating.solve import Prior, solve_robust, step_within
 
 modest = settings(max_examples=40, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)
@@ -224,17 +224,33 @@ def test_without_outliers_it_is_least_squares():
     np.testing.assert_allclose(result.covariance, s2 * np.linalg.inv(both.T @ both) * 200 / 400, rtol=0.02)
 
 
-@modest
-@given(seeds, st.integers(1, 6))
-def test_a_step_within_limits_leaves_no_free_unknown_off_its_minimum(seed, n):
+@settings(max_examples=300, derandomize=True, deadline=None)
+@given(seeds, st.integers(1, 6), st.floats(0.0, 4.0))
+def test_a_step_within_limits_is_better_than_a_shortened_one(seed, n, decades):
     rng = np.random.default_rng(seed)
-    A = rng.standard_normal((2 * n, n))
-    H, g = A.T @ A, 3 * rng.standard_normal(n)
-    lower, upper = -rng.uniform(0.1, 1, n), rng.uniform(0.1, 1, n)
-    step = within(np.linalg.solve(H, -g), H, g, (lower, upper))
+    Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    H = (Q * 10 ** rng.uniform(-decades / 2, decades / 2, n)) @ Q.T
+    goal = 3 * rng.standard_normal(n) * 10 ** rng.uniform(-1, 1)
+    g = -H @ goal
+    lower, upper = -rng.uniform(0, 1, n), rng.uniform(0, 1, n)  # also none to one side
+    step = step_within(goal, H, g, (lower, upper))
     assert ((step >= lower) & (step <= upper)).all()
     inside = (step > lower) & (step < upper)
-    np.testing.assert_allclose((H @ step + g)[inside], 0, atol=1e-10)
+    np.testing.assert_allclose((H @ step + g)[inside], 0, atol=1e-9 * np.abs(g).max())
+
+    def model(p):
+        return 0.5 * p @ H @ p + g @ p
+
+    shortened = goal * min(1.0, (np.where(goal > 0, upper, lower) / goal).min())
+    assert model(step) <= model(shortened) + 1e-9 * abs(model(goal))
+
+
+def test_a_step_within_limits_does_not_leave_a_valley():
+    across, along = np.array([3.0, 1.0]) / np.sqrt(10), np.array([1.0, -3.0]) / np.sqrt(10)
+    H = 1e4 * np.outer(across, across) + 1e-2 * np.outer(along, along)
+    goal = np.array([10.0, -30.0])
+    step = step_within(goal, H, -H @ goal, (-np.ones(2), np.ones(2)))
+    np.testing.assert_allclose(step, [1 / 3, -1], rtol=1e-3)
 
 
 @pytest.mark.parametrize("relative", [False, True])
@@ -253,6 +269,15 @@ def test_an_unknown_with_a_long_way_to_go_does_not_hold_up_the_others(relative):
     others = np.linalg.lstsq(both[:, :2], np.concatenate([b.real, b.imag]) - both[:, 2] * result.x[2] / 400)
     np.testing.assert_allclose(result.x[:2], others[0], atol=1e-2)
     assert (abs(result.x[2] / 400 - expected[2]) < 1e-3) == relative
+
+
+def test_a_small_gain_by_a_shortened_step_is_no_end():
+    def residual(x, gradient):  # 2.2 are to be gained over 1185 units
+        return np.array([1.0, 0.15 * (x[0] / 1186 - 1)], complex), np.array([[0, 0.15 / 1186]], complex)
+
+    more = {"x0": np.ones(1), "bounds": (np.zeros(1), np.full(1, 1e5)), "robust": 1e3, "tolerance": 5e-3}
+    result = solve(residual, 1, relative=np.ones(1, dtype=bool), max_iterations=20, **more)
+    assert result.x[0] == pytest.approx(1186, rel=0.01)
 
 
 def test_what_is_left_beyond_noise_stands_for_few_data_in_the_covariance():
