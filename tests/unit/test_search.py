@@ -306,7 +306,7 @@ def test_a_crack_that_stays_at_the_foot_is_found_where_it_is_before_data_are_une
         assert best is not None
         return search._polish(round_._on[crack.name], best).values[crack.name, "position"]
 
-    assert found() == pytest.approx(truth, abs=0.005)
+    assert found() == pytest.approx(truth, abs=1e-3)  # with one strength at each place 2.6e-3 off, at 0.8 dB
     monkeypatch.setattr(search._Round, "_fit_elsewhere", lambda self, name: self._final[name])
     assert abs(found() - truth) > 0.1  # fitted from the foot it stays there, in fine stages as well
 
