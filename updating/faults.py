@@ -531,9 +531,12 @@ def find_faults(
         same = {(f.kind, f.sensor) for f in faults}
         if not more or any((f.kind, f.sensor) in same for f in more):
             break
+        mended = replace(problem, data=corrected(start, [*faults, *more]))
+        fit = _again(mended, null)
+        if fit.level > null.level and not any(f.kind in _OWN for f in more):
+            break  # nothing was set right: what acts near the sensor looks like its fault
         faults += more
-        problem = replace(problem, data=corrected(start, faults))
-        null = _again(problem, null)
+        problem, null = mended, fit
     return problem, null, tuple(faults)
 
 
