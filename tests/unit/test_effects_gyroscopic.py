@@ -5,6 +5,7 @@ import pytest
 
 from fem.complex_modes import solve_complex_modes
 from fem.effects.ground_damper import GroundDamper
+from fem.effects.joint import Joint
 from fem.effects.point_inertia import PointInertia
 from fem.effects.rotor import Rotor
 from fem.effects.side_spring import SideSpring
@@ -100,7 +101,9 @@ def test_new_kinds_are_proposed_where_they_can_be():
     feet = {e.point for e in model.of_kind(Support)}
     assert places
     assert not places & feet, "a clamped foot does not turn"
-    assert {e.point for e in GroundDamper.propose(model)} == places
+    other_sides = {j.point2 for j in model.of_kind(Joint)}  # 20 mm away, and turning alike
+    assert {e.point for e in GroundDamper.propose(model)} == places | other_sides
+    assert not places & other_sides
     assert len(PointInertia.propose(model)) == 3
     assert len(SideSpring.propose(model)) == 6
 
