@@ -131,9 +131,8 @@ def with_corners(
     # Inside of corners the modes are stiffer than any of the model without.
     reduced = reduced.with_modes_of(problem.reduced.model, float(problem.data.frequency[-1]))
     mine = replace(problem, reduced=reduced, nuisances=nuisances)
-    fits = [mine.fit(stages=stages, assess=False) for stages in (mine.stages, mine.fine_stages)]
-    fits.append(mine.fit(stages=mine.stages[-1:], x_from=before, assess=False))
-    fit = min(fits, key=lambda r: r.solution.cost)
+    on = mine.fit(stages=mine.stages[-1:], x_from=before, assess=False)
+    fit = min(mine.fit_anew(), on, key=lambda r: r.solution.cost)
     off = abs(fit.values[corner.name, "size"] - 1) / CORNER_STD
     if off > CORNER_REACH or fit.solution.cost > before.solution.cost + CORNER_COST:
         return None

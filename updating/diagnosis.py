@@ -553,9 +553,9 @@ def _concluded(
 
 def _fitted(problem: FitProblem) -> FitResult:
     """Return the best fit of the uncertain parameters: in few stages, in fine ones, and from even damping."""
-    fits = problem.fit(), problem.fit(stages=problem.fine_stages)
-    best = min(fits, key=lambda r: r.solution.cost)
-    return min(best, problem.refit(best, problem.with_even_damping(best)), key=lambda r: r.solution.cost)
+    anew = problem.fit_anew()
+    even = problem.refit(anew, problem.with_even_damping(anew), assess=False)
+    return problem.assessed(min(anew, even, key=lambda r: r.solution.cost))
 
 
 def _where_patched(patch: JointPatch, before: FitResult | None = None, after: FitResult | None = None) -> str:

@@ -7,7 +7,7 @@ fault is believed if it makes most of the difference go away, in every part of t
 the other parts.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -449,7 +449,7 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: 
     found = [h for h in found if h.large and h.gain > 0]
     if not found:
         return None
-    others = _levels_of_others(problem, result)
+    others = _levels_of_others(problem, result, {h.fault.sensor for h in found})
     found = [h for h in found if h.fault.kind in _OWN or h.change > MISFIT_SHARE * others[h.fault.sensor]]
     if not found:
         return None
@@ -471,14 +471,16 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: 
     return min(alike, key=lambda h: _SIMPLER.index(h.fault.kind))
 
 
-def _levels_of_others(problem: FitProblem, result: FitResult) -> dict[str, float]:
-    """Return the residual level [nepers] that a fit leaves at all sensors but each, by its name.
+def _levels_of_others(problem: FitProblem, result: FitResult, names: Collection[str]) -> dict[str, float]:
+    """Return the residual level [nepers] that a fit leaves at all sensors but each of some, by its name.
 
     That of all where no other sensor counts.
     """
     ratio, lines = problem.log_ratio(result), np.arange(len(problem.data.frequency))
     out = {}
     for i, sensor in enumerate(problem.data.measurement.sensors):
+        if sensor.name not in names:
+            continue
         rest = ratio.copy()
         rest[:, i] = np.nan
         level = problem.level(rest, lines)

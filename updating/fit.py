@@ -374,6 +374,21 @@ class FitProblem:
         assert result is not None
         return self.assessed(result) if assess else result
 
+    def fit_anew(self, effects: Sequence[Effect] = (), starts: Sequence[dict[str, float]] = ()) -> FitResult:
+        """Return the better of fits from nominal uncertain parameters in few stages and in fine ones.
+
+        Its errors are not computed.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Candidates to add to the model.
+        starts : sequence of dict
+            For each of them the parameter values to start from.
+        """
+        fits = (self.fit(effects, starts, stages=s, assess=False) for s in (self.stages, self.fine_stages))
+        return min(fits, key=lambda r: r.solution.cost)
+
     def refit(self, result: FitResult, x_from: FitResult | None = None, *, assess: bool = True) -> FitResult:
         """Fit what a result holds once more, from where it is: on the whole band at once.
 

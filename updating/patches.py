@@ -78,8 +78,7 @@ def choose_patch(
         if size > 0:
             reduced = build(model.with_effect(patch.with_values(size=size))).reduced
         mine = replace(problem, reduced=reduced.with_forces_of(effects))
-        fits = [mine.fit(effects, starts, stages=s, assess=False) for s in (mine.stages, mine.fine_stages)]
-        return min(f.solution.cost for f in fits)
+        return mine.fit_anew(effects, starts).solution.cost
 
     costs = {size: cost(size) for size in (0.0, *PATCH_SIZES)}
     sizes = np.array(list(costs))

@@ -655,12 +655,10 @@ class _Round:
             taken.append(at)
             mine = _attached(problem, end.effects[-1:])
             starts = [*begun, parameter_values(end.effects[-1])]
-            kinds = mine.stages, mine.fine_stages
-            fits = [mine.fit(end.effects, starts, stages=stages, assess=False) for stages in kinds]
             # The basis of the place that it came from underrates it elsewhere: its strength is open again.
             anew = ([*begun, {**starts[-1], first: value}] for value in strengths)
-            fits += [mine.fit(end.effects, s, stages=mine.stages, x_from=end, assess=False) for s in anew]
-            fit = min(fits, key=lambda r: r.solution.cost)
+            fits = [mine.fit(end.effects, s, stages=mine.stages, x_from=end, assess=False) for s in anew]
+            fit = min(mine.fit_anew(end.effects, starts), *fits, key=lambda r: r.solution.cost)
             if fit.solution.cost < self._final[name].solution.cost:
                 self._on[name], self._final[name] = mine, mine.assessed(fit)
         return self._final[name]
