@@ -276,4 +276,4 @@ def fastening_places(model: Model) -> Iterator[tuple[int, str, str]]:
     for pair in model.of_kind(PointPair):
         if pair.point2 is not None and pair.point2 not in seen and pair.point2 in connected:
             seen.add(pair.point2)
-            yield pair.point2, f"joint {pair.name} on its second side", f"{pair.name}.2"
+            yield pair.point2, f"joint {pair.name} on its second side", f"{pair.name}.other"

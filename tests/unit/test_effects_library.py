@@ -468,6 +468,19 @@ def test_both_sides_of_a_rigid_joint_may_be_held_where_they_lie_apart(gap, n_poi
     assert (3 in {e.point for e in GroundDamper.propose(model)}) == (gap > 0)
 
 
+def test_a_joint_may_have_the_name_of_a_member():
+    points = [[-0.4, 0, 0], [0, 0, 0], [0.4, 0, 0], [0, -0.4, 0.02], [0, 0, 0.02], [0, 0.4, 0.02]]
+    lines = [[0, 1], [1, 2], [3, 4], [4, 5]]
+    mesh = Mesh.from_lines(points, lines, {"bar": [0, 1], "arm": [2, 3]})
+    part = MemberProperties(STEEL, FLAT)
+    bolt = Joint(name="bar", point1=1, point2=4, location=np.array(points[1]), rigid=DIRECTIONS)
+    model = Model(mesh, (Frame(members={"bar": part, "arm": part}), bolt))
+    springs = GroundSpring.propose(model)
+    assert {e.point for e in springs} == set(range(6))
+    names = [e.name for e in propose(model)]
+    assert len(set(names)) == len(names)
+
+
 def test_where_two_ends_meet_one_of_them_gives_way():
     points = [[0, 0, 0], [0, 0, 0.5], [0.4, 0, 0.5]]
     mesh = Mesh.from_lines(points, [[0, 1], [1, 2]], {"post": [0], "arm": [1]}).split(4)
