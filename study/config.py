@@ -10,6 +10,7 @@ import numpy as np
 from fem.effects import candidate_kinds
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint
+from fem.effects.section_shear import SectionShear
 from fem.model import DIRECTIONS, Effect, Model
 from fem.properties import Material
 from study.connections import (
@@ -52,6 +53,8 @@ DEFAULT_FREQUENCY = 1000.0
 """Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
 
 
+SHEAR_STD = 0.3
+"""Relative standard deviation of shear coefficients of sections with walls, unless the study says it."""
 MOST_LINES = 1_000_000
 """Frequency lines beyond which a mistake is taken for granted."""
 
@@ -298,6 +301,8 @@ class _Reader:
             model = with_sensor_masses(model, [c.sensor for c in (*sensors, *excitations)])
             groups = [[c.sensor for c in group] for group in (sensors, excitations)]
             model = model.with_effect(*read_effects(top, model, *groups))
+            shear = SectionShear.of(model)
+            model = model.with_effect(shear) if shear and self._shear_std() else model
             model.contributions()
         measurements = match(raw, sensors, excitations, notes)
         modes = match_modes(raw_modes, sensors, notes)
@@ -305,7 +310,7 @@ class _Reader:
         kinds, exclude = self._candidates()
         shaped = bool(raw) or (modes is not None and bool(modes.sensors))
         has = {"frf": bool(raw), "modes": shaped, "frequencies": bool(raw) or modes is not None}
-        known = [_unknown_of(model, n) for n in nuisances]
+        known = [_unknown_of(model, n) for n in nuisances if n.effect != SectionShear.kind]
         plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
         with top.at():
             check_units(model, measurements, raw, notes)
@@ -391,17 +396,16 @@ class _Reader:
     ) -> tuple[tuple[Nuisance, ...], float]:
         """Read ``[uncertain]``: relative standard deviations; 0 for what is known."""
         t = self.top.table("uncertain")
-        default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "damping": 0.5}
+        default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "shear": SHEAR_STD, "damping": 0.5}
         std = {key: t.number(key, None, least=0) for key in default}
-        assumed = [
-            key
-            for key, value in std.items()
-            if value is None and (key != "joints" or any(j.elastic for j in joints))
-        ]
+        shear = model.of_kind(SectionShear)
+        there = {"joints": any(j.elastic for j in joints), "shear": bool(shear)}
+        assumed = [key for key, value in std.items() if value is None and there.get(key, True)]
         words = {
             "E": "E 2 %",
             "rho": "density 1 %",
             "joints": "joint stiffness 5 %",
+            "shear": f"shear coefficients of walls {SHEAR_STD:.0%}".replace("%", " %"),
             "damping": "damping by a factor of 1.6 (0.5 of its logarithm)",
         }
         if assumed:
@@ -440,7 +444,12 @@ class _Reader:
             own.finish()
         by_joint.finish()
         t.finish()
+        out += [Nuisance(e.name, p.name, std["shear"]) for e in shear for p in e.parameters()]
         return tuple(n for n in out if n.std > 0), std["damping"]
+
+    def _shear_std(self) -> float:
+        """Return how unsure shear coefficients are that the study does not state."""
+        return self.top.table("uncertain").number("shear", SHEAR_STD, least=0)
 
     def _candidates(self) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
         t = self.top.table("candidates")

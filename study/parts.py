@@ -79,6 +79,7 @@ def read_section(t: Table, label: str = "") -> Section:
                 shape="",
                 dimensions={},
                 label=f"{section.label}, {', '.join(own)} as given",
+                estimated_k=section.estimated_k and not {"ky", "kz"} & set(own),
             )
     t.finish()
     return section

@@ -28,6 +28,12 @@ CONNECTIONS_POWER = "its power of frequency"
 """How it calls the power of the frequency that their damping goes with."""
 
 
+_QUANTITIES = {
+    "rho": "density", "k": "shear coefficients",
+    "ky": "shear coefficient along y", "kz": "shear coefficient along z",
+}  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class Uncertain:
     """An uncertain parameter before and after the fit.
@@ -65,7 +71,7 @@ class Uncertain:
         if not parameter or " " in effect:
             return self.name
         key, _, of = parameter.partition(":")
-        return f"{'density' if key == 'rho' else key} of {of or effect}"
+        return f"{_QUANTITIES.get(key, key) if of else key} of {of or effect}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

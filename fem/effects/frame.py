@@ -208,8 +208,8 @@ class SectionChange:
     ----------
     A, Iy, Iz, Ip, J : float
         Of the area and the second moments [-].
-    shear : float
-        Of the shear flexibility 1/(k G A), beside that of A [-].
+    shear, shear_y, shear_z : float
+        Of the shear flexibility 1/(k G A), beside that of A: in both directions, along y, along z [-].
     rotary : float
         Of the rotary inertia of bending, beside those of Iy and Iz [-].
     timoshenko : bool
@@ -223,6 +223,8 @@ class SectionChange:
     Ip: Any = 1.0
     J: Any = 1.0
     shear: Any = 1.0
+    shear_y: Any = 1.0
+    shear_z: Any = 1.0
     rotary: Any = 1.0
     timoshenko: bool = False
 
@@ -355,8 +357,8 @@ class Frame(Effect):
             for key in ("E", "rho")
         )
 
-        def shear(I: Array, k: Array) -> Array:
-            factor = change.shear * 24 * (1 + table["nu"]) * I
+        def shear(I: Array, k: Array, own: Any) -> Array:
+            factor = own * change.shear * 24 * (1 + table["nu"]) * I
             below = k * table["A"] * L**2
             out = np.zeros(L.shape, dtype=np.result_type(factor, below))
             return np.divide(factor, below, out=out, where=k > 0)
@@ -372,8 +374,8 @@ class Frame(Effect):
             rows=rows, dofs=dofs_of(mesh.lines[rows]).reshape(len(rows), 12), T=T, soft=soft[:0],
             slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)),
             held=np.zeros((0, 12), dtype=bool), R=R, end=end, zone=layout.zone[rows],
-            span=span, L=L, **table, phi_y=shear(table["Iz"], table["ky"]),
-            phi_z=shear(table["Iy"], table["kz"]), E=E, rho=rho,
+            span=span, L=L, **table, phi_y=shear(table["Iz"], table["ky"], change.shear_y),
+            phi_z=shear(table["Iy"], table["kz"], change.shear_z), E=E, rho=rho,
         )  # fmt: skip
         if not soft.size:
             return stiff

@@ -9,6 +9,7 @@ import pytest
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.frame import Frame
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
+from fem.effects.section_shear import SectionShear
 from fem.frf import compute_frf
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
 from fem.modes import solve_modes
@@ -81,6 +82,9 @@ def candidates(model, kind):
 NOT_PROPOSED = (
     MassDamping(name="alpha", alpha=1.0),
     StiffnessDamping(name="beta", beta=1e-5),
+    SectionShear(
+        groups={"upper": ("upper",), "lower": ("lower",)}, directions={"upper": ("ky", "kz"), "lower": ("k",)}
+    ),
 )
 """Effects of kinds that a search does not propose, on the crossed beams."""
 

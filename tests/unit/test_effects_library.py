@@ -21,6 +21,7 @@ from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.rigid_end_zone import RigidEndZone
 from fem.effects.rotor import Rotor
+from fem.effects.section_shear import SectionShear
 from fem.effects.viscoelastic import Viscoelastic
 from fem.frf import FRF, compute_frf
 from fem.laws import FractionalKelvinVoigt, Zener
@@ -190,6 +191,47 @@ def test_a_zone_of_no_length_changes_nothing_and_begins_smoothly():
 
 
 # ------------------------------------------------------------------------------------------------ sections
+
+
+def test_shear_coefficients_of_boxes_are_those_of_boxes_that_state_them():
+    def frame_with(change):
+        points = [[0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0], [0.4, 0.3, 0.5]]
+        mesh = Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3]], {n: [i] for i, n in enumerate("abc")}).split(
+            3
+        )
+        box, square = (
+            Section.hollow_rectangle(0.015, 0.025, 0.0015),
+            Section.hollow_rectangle(0.02, 0.02, 0.002),
+        )
+        parts = {"a": box, "b": square, "c": box}
+        parts = {m: MemberProperties(STEEL, change(section)) for m, section in parts.items()}
+        return Model(mesh, (Frame(members=parts), fix(0)))
+
+    model = frame_with(lambda section: section)
+    shear = SectionShear.of(model)
+    assert shear is not None
+    assert [p.name for p in shear.parameters()] == ["ky:a", "kz:a", "k:b"]
+    factors = {"ky:a": 1.7, "kz:a": 0.8, "k:b": 1.1}
+    stated = frame_with(
+        lambda s: (
+            replace(s, ky=s.ky * 1.1, kz=s.kz * 1.1)
+            if s.ky == s.kz
+            else replace(s, ky=s.ky * 1.7, kz=s.kz * 0.8)
+        )
+    )
+    for X in "KM":
+        have = getattr(assemble(model.with_effect(shear.with_values(**factors))), X)
+        want = getattr(assemble(stated), X)
+        assert abs(have - want).max() < 1e-12 * abs(want).max()
+        alone = getattr(assemble(model), X)
+        assert abs(getattr(assemble(model.with_effect(shear)), X) - alone).max() == 0
+        assert abs(want - alone).max() > 1e-6 * abs(want).max()
+
+
+def test_only_coefficients_that_are_estimated_are_unsure():
+    assert not Section.rectangle(0.02, 0.01).estimated_k
+    assert Section.tube(0.02, 0.002).estimated_k
+    assert SectionShear.of(tower(2)) is None
 
 
 def test_full_shear_of_an_euler_beam_makes_it_a_timoshenko_beam():

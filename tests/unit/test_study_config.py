@@ -1,5 +1,7 @@
 """What a study file becomes."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -85,6 +87,21 @@ def test_what_is_given_is_not_assumed(tmp_path):
     assert study.model.mesh.n_lines == 10
     assert [(n.parameter, n.std) for n in study.nuisances] == [("E:steel", 0.03)]
     assert study.frequency[-1] == pytest.approx(300)
+
+
+@pytest.mark.parametrize(
+    ("more", "uncertain", "std"),
+    [("", "", 0.3), ("", "shear = 0.1", 0.1), ("", "shear = 0", 0), (", ky = 0.4", "", 0)],
+)
+def test_shear_coefficients_of_walls_are_uncertain_unless_they_are_given(tmp_path, more, uncertain, std):
+    box = f'section = {{ shape = "hollow_rectangle", b = 0.02, h = 0.03, t = 0.001{more} }}'
+    text = re.sub("section = .*", box, BEAM) + CLAMP + f"[uncertain]\n{uncertain}\n"
+    assert "hollow" in text
+    study = load(tmp_path, text)
+    stds = {n.parameter: n.std for n in study.nuisances if n.effect == "section_shear"}
+    assert stds == ({"ky:bar": std, "kz:bar": std} if std else {})
+    said = [text for text in study.assumptions if "shear coefficients of walls 30 %" in text]
+    assert len(said) == (std == 0.3)
 
 
 @pytest.mark.parametrize("stop", [200.0, 2000.0])

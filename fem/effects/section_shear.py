@@ -1,0 +1,109 @@
+"""Shear coefficients of sections other than the model has them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.frame import Frame, SectionChange
+from fem.effects.places import frame_of, material_of
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+
+_ALIKE = 1e-6
+"""Relative difference up to which the coefficients along y and z are one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SectionShear(Effect):
+    """Shear coefficients of sections with walls, which are known only roughly.
+
+    Formulas for them differ: of a box that is 0.6 times as wide as high, along its width, by Cowper (1966)
+    0.28, as the share of the walls that lie along the force 0.36, as one number for all boxes 0.44. No
+    candidate: what is unsure about a model, as its moduli are.
+
+    Attributes
+    ----------
+    groups : mapping of str to tuple of str
+        Members that have one section, by the name of the first.
+    directions : mapping of str to tuple of str
+        For each of them the parameters: ``"ky"`` and ``"kz"``, or ``"k"`` for both.
+    values : mapping of str to number
+        Factors ``"ky:<first member>"`` of the coefficients of the model's sections [-].
+    """
+
+    kind: ClassVar[str] = "section_shear"
+    name: str = "section_shear"
+    groups: Mapping[str, tuple[str, ...]]
+    directions: Mapping[str, tuple[str, ...]]
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, model: Model) -> "SectionShear | None":
+        """Return the effect for a model's Timoshenko members whose coefficients are estimated, if any."""
+        groups: dict[int, list[str]] = {}
+        members = frame_of(model).members if model.of_kind(Frame) else {}
+        sections = {}
+        for m, p in members.items():
+            if p.theory == "timoshenko" and p.section.estimated_k and p.section2 is None:
+                sections[m] = p.section
+                known = (g for g, (first, *_) in groups.items() if _same(sections[first], p.section))
+                groups.setdefault(next(known, len(groups)), []).append(m)
+        if not groups:
+            return None
+        named = {first: (first, *others) for first, *others in groups.values()}
+        return cls(groups=named, directions={first: _directions(sections[first]) for first in named})
+
+    @property
+    def where(self) -> str:
+        """How many members."""
+        n = sum(map(len, self.groups.values()))
+        return f"{n} members with walls" if n > 1 else "the member with walls"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the factors, one or two of each section."""
+        return tuple(
+            Parameter(key, "-", self.values.get(key, 1.0), 1.0, 0.2, 5.0, log=True)
+            for first, keys in self.directions.items()
+            for key in (f"{k}:{first}" for k in keys)
+        )
+
+    def with_values(self, **values: Any) -> Self:
+        """Return the effect with other factors."""
+        return replace(self, values={**self.values, **values})
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return what other coefficients add to K, M and D of the members."""
+        frame, out = frame_of(model), []
+        for first, members in self.groups.items():
+            both, y, z = (1 / self.values.get(f"{k}:{first}", 1.0) for k in ("k", "ky", "kz"))
+            rows = np.concatenate([model.mesh.members[m] for m in members])
+            new = frame.contribution_of(model, rows, SectionChange(shear=both, shear_y=y, shear_z=z))
+            old = frame.contribution_of(model, rows)
+            for c, o in zip(new, old, strict=True):
+                parts = ((getattr(c, X), getattr(o, X)) for X in ("K", "M", "D"))
+                K, M, D = (None if a is None or b is None else a - b for a, b in parts)
+                out.append(Contribution(c.dofs, K, M, D=D))
+        return tuple(out)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's moduli and densities of the members."""
+        members = [m for group in self.groups.values() for m in group]
+        return tuple(dict.fromkeys(ref for m in members for ref in material_of(model, m, "E", "rho")))
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the middles of the members."""
+        mesh, members = model.mesh, [m for group in self.groups.values() for m in group]
+        return np.array([mesh.point_at(mesh.locate(m, mesh.member_length(m) / 2)) for m in members])
+
+
+def _same(a: Any, b: Any) -> bool:
+    keys = ("A", "Iy", "Iz", "J", "ky", "kz")
+    return a is b or all(getattr(a, key) == getattr(b, key) for key in keys)
+
+
+def _directions(section: Any) -> tuple[str, ...]:
+    """Return which coefficients a section has: one for both directions where they are alike."""
+    y, z, alike = section.ky, section.kz, abs(section.ky - section.kz) < _ALIKE * section.kz
+    return ("k",) if alike and y > 0 else tuple(k for k, value in (("ky", y), ("kz", z)) if value > 0)
