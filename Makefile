@@ -24,12 +24,13 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow independent solids extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo test slow independent a-frames solids extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
 	@echo 'make slow        the tests marked slow'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
+	@echo 'make a-frames    the same of beams of OpenSees, made here; 15 minutes'
 	@echo 'make solids      the same of bars of solid elements, made here; 40 minutes'
 	@echo 'make extras      install sectionproperties (sections of any outline) and PARDISO'
 	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
@@ -54,6 +55,10 @@ independent: $(DEV)
 	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
 
 # NAMES="ladder-notch ladder-mass" for some of them
+a-frames: $(DEV) $(PEERS_READY)
+	$(PEERS)/bin/python -m tests.independent.a_frames out/a-frames $(NAMES)
+	$(IN) python -m tests.independent.table --cases out/a-frames --out out/a-frames-results
+
 solids: $(DEV) $(PEERS_READY)
 	$(PEERS)/bin/python tests/independent/solids.py out/solids $(NAMES)
 	$(IN) python -m tests.independent.table --cases out/solids --out out/solids-results

@@ -961,22 +961,21 @@ def nominal_of(name, structure, frequency, rng):
     }
 
 
-def write(folder, name):
-    """Write a case and return its truth."""
-    import pyuff
-
-    structure_name, seed, hidden, effects = CASES[name]
-    structure, rng = STRUCTURES[structure_name], np.random.default_rng(seed)
-    frequency = np.arange(structure.step, structure.stop + 1e-9, structure.step)
-    H = accelerances(structure, hidden, frequency)
+def with_noise(H, rng):
+    """Return FRFs with noise of `NOISE` of each value and `NOISE_FLOOR_DB` under the peak of each."""
     floor = np.abs(H).max(axis=0) * 10 ** (NOISE_FLOOR_DB / 20)
 
     def noise():
         return (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2)
 
-    H = H * (1 + NOISE * noise()) + floor * noise()
-    nominal = nominal_of(name, structure, frequency, rng)
-    target = folder / name
+    return H * (1 + NOISE * noise()) + floor * noise()
+
+
+def write_files(target, nominal, frequency, H):
+    """Write nominal.json and frf.uff, H of its sensors and excitations (n_freq, n_out, n_in)."""
+    import pyuff
+
+    excitations = [e["sensor"] for e in nominal["excitations"]]
     target.mkdir(parents=True, exist_ok=True)
     (target / "nominal.json").write_text(json.dumps(nominal, indent=1), encoding="utf-8")
     (target / "frf.uff").unlink(missing_ok=True)
@@ -988,7 +987,7 @@ def write(folder, name):
         empty |= {f"{axis}_{unit}_unit_exp": 0 for unit in ("len", "force", "temp")}
         empty |= {f"{axis}_axis_lab": "NONE", f"{axis}_axis_units_lab": "NONE"}
     for i, sensor in enumerate(nominal["sensors"]):
-        for j, excitation in enumerate(structure.excitations):
+        for j, excitation in enumerate(excitations):
             at = by_name[excitation]
             given = {
                 "func_type": 4,
@@ -1009,6 +1008,15 @@ def write(folder, name):
             }
             sets.append(empty | given)
     pyuff.UFF(str(target / "frf.uff")).write_sets(sets, "overwrite")
+
+
+def write(folder, name):
+    """Write a case and return its truth."""
+    structure_name, seed, hidden, effects = CASES[name]
+    structure, rng = STRUCTURES[structure_name], np.random.default_rng(seed)
+    frequency = np.arange(structure.step, structure.stop + 1e-9, structure.step)
+    H = with_noise(accelerances(structure, hidden, frequency), rng)
+    write_files(folder / name, nominal_of(name, structure, frequency, rng), frequency, H)
     return {"code": "scikit-fem, quadratic hexahedra", "effects": effects}
 
 

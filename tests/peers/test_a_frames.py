@@ -1,0 +1,62 @@
+"""A-frames of OpenSees: what is left of them is noise once shear coefficients are uncertain, too."""
+
+import json
+import os
+import re
+import subprocess
+
+import numpy as np
+import pytest
+
+from study import load_study
+from study.run import fit_problem
+from tests.conftest import PEERS_PYTHON, ROOT
+from tests.independent.convert import convert
+
+pytestmark = pytest.mark.peer
+SHARED = ROOT.parent / "shared" / "data" / "independent-cases" / "truth.json"
+
+FREQUENCIES = """
+from tests.independent.a_frames import Hidden, Mesh, free_motions, matrices_of
+from scipy.linalg import eigvalsh
+import json, math
+out = []
+for hidden in (Hidden(), Hidden(hinge=("R1_12", "ry", 1e9))):
+    mesh = Mesh(hidden)
+    K, M, _ = matrices_of(mesh, hidden)
+    B = free_motions(mesh, hidden, K)
+    squared = eigvalsh(B.T @ K @ B, B.T @ M @ B, subset_by_index=[0, 4])
+    out.append([math.sqrt(x) / (2 * math.pi) for x in squared])
+print(json.dumps(out))
+"""
+
+
+def run(*arguments):
+    """Run the peers' interpreter in the project."""
+    where = {"cwd": ROOT, "env": {**os.environ, "PYTHONPATH": str(ROOT)}}
+    command = [str(PEERS_PYTHON), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=180, **where)
+
+
+def test_it_is_the_shared_structure():
+    plain, hinged = json.loads(run("-c", FREQUENCIES).stdout.splitlines()[0])
+    np.testing.assert_allclose(hinged, plain, rtol=1e-5)
+    if not SHARED.exists():
+        pytest.skip("the shared cases are not there")
+    truth = json.loads(SHARED.read_text(encoding="utf-8"))["a-frame-nothing-missing"]
+    np.testing.assert_allclose(plain, truth["f_first5"], rtol=1e-3)
+
+
+def test_no_more_than_noise_is_left_of_one_with_nothing_hidden(tmp_path):
+    run("-m", "tests.independent.a_frames", str(tmp_path), "a-frame-nothing")
+    case, study = tmp_path / "a-frame-nothing", tmp_path / "study.toml"
+    nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
+    text = convert(nominal, case, study)
+    left = []
+    for more in ("", "shear = 0\n"):
+        study.write_text(re.sub(r"(\[uncertain\].*\n)", rf"\g<1>{more}", text), encoding="utf-8")
+        problem = fit_problem(load_study(study))
+        left.append(problem.fit().fit_db)
+    noise = problem.data.noise_db
+    assert left[0] < 1.2 * noise  # 0.52 of 0.47 dB
+    assert left[1] > 1.7 * noise  # 0.94
