@@ -181,12 +181,16 @@ class Effect(ABC):
     connection : bool
         Whether its stiffness is that of a connection, such as a joint, a mount or a support, and may be
         damped otherwise than the members'.
+    spread : str
+        Name of the parameter, if any, at whose lower bound the effect is a simpler one that is proposed, too,
+        as a mass on a short stretch is a point mass.
     """
 
     kind: ClassVar[str]
     reciprocal: ClassVar[bool] = True
     amplitude_dependent: ClassVar[bool] = False
     connection: ClassVar[bool] = False
+    spread: ClassVar[str] = ""
     name: str
 
     @abstractmethod

@@ -126,12 +126,16 @@ class Rule:
 
 
 def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
-    """Return what candidates are ranked by: :func:`fitted_score`, and where beams may err what it foretells.
+    """Return what candidates are ranked by: :func:`fitted_score`, and more where beams may err.
 
     There the lines that no fit has seen count as those of the fit do: what only bends to what beams cannot
-    do at some lines is wrong at others.
+    do at some lines is wrong at others. An effect's ``spread`` must be ``CERTAIN`` to be named in place of
+    the simpler effect, by the ratio of likelihoods: it counts CERTAIN² / 2 and not 1.
     """
-    return fitted_score(problem, fit, n_last) + (0.0 if problem.form_right else fit.unseen)
+    if problem.form_right:
+        return fitted_score(problem, fit, n_last)
+    spread = sum(bool(effect.spread) for effect in fit.effects[len(fit.effects) - n_last :])
+    return fitted_score(problem, fit, n_last) + fit.unseen + spread * (CERTAIN**2 / 2 - 1)
 
 
 def fitted_score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:

@@ -35,6 +35,7 @@ class DistributedMass(OnMember):
     """
 
     kind: ClassVar[str] = "distributed_mass"
+    spread: ClassVar[str] = "width"
     mass: Any
     position: Any
     width: Any

@@ -668,6 +668,19 @@ def test_what_a_fit_foretells_counts_where_beams_may_err_and_only_there():
     assert acceptance.score(replace(problem, model_error=0.0), fit, 0) == -10
 
 
+def test_a_mass_must_be_certain_to_be_spread_where_beams_may_err():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    point, spread = (propose(case.model, [kind])[0] for kind in ("point_mass", "distributed_mass"))
+    fit = replace(problem.nominal(), solution=replace(problem.nominal().solution, cost=0.0))
+    for model_error, price in ((0.3, acceptance.CERTAIN**2 / 2), (0.0, 1.0)):
+        mine = replace(problem, model_error=model_error)
+        one, more = (acceptance.score(mine, replace(fit, effects=(e,))) for e in (point, spread))
+        assert more - one == pytest.approx(price)
+        both = acceptance.score(mine, replace(fit, effects=(spread, point)))  # only the last is asked for
+        assert both == pytest.approx(one)
+
+
 def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_little():
     """A soft spring to the ground acts below the first resonance of a free structure and nowhere else."""
     case = make_case(0)
