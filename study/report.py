@@ -446,7 +446,7 @@ def _nothing_found(result: RunResult) -> list[Markup]:
         NOTHING: (
             "Nothing that these data can show. This does not prove that the model is right where no mode "
             "of the band strains it."
-            if not d.left_alone
+            if not d.more_than_noise
             else "Nothing that stands out from what beams leave of any structure."
         ),
         FAULT: "Nothing, once the sensors below are set right.",
@@ -459,8 +459,6 @@ def _nothing_found(result: RunResult) -> list[Markup]:
         paragraph(text),
         paragraph(
             f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
-            if looked_at and not d.left_alone
-            else "None of the candidates was looked at: little enough is left without them."
             if looked_at
             else "There were no candidates."
         ),

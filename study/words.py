@@ -173,10 +173,10 @@ def headline(result: RunResult) -> str:
         if d.steps[-1].level > d.limit:
             told += " That explains the misfit only in part."
         return f"{told} Besides, {faults}." if faults else told
-    if d.verdict == NOTHING and not d.left_alone:
+    if d.verdict == NOTHING and not d.more_than_noise:
         return "The model lacks nothing that these data can show."
     if d.verdict == NOTHING:
-        return "The model fits the data as well as beams fit a structure. Weak effects were not searched for."
+        return "The model lacks nothing that stands out from what beams leave of any structure."
     if d.verdict == FAULT:
         return f"The measurement is at fault, not the model: {faults}."
     if d.verdict == UNEXPLAINED:

@@ -23,6 +23,10 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
+ACCEPT_TO_NOISE, ACCEPT_TO_NOISE_FIRMLY = 1.1, 1.25
+"""Or, where no more is left with it than noise and the mesh leave, that over all lines together by more than
+the first, and none of the two rises; by the second if it stands beside others or also damps. What beams leave
+of a structure no effect takes away to the last."""
 ACCEPT_GAIN, ACCEPT_GAIN_SHARE, ACCEPT_GAIN_HELD_OUT = 30.0, 0.1, 0.95
 """Or, of one alone, the score of the fitted lines must fall by more than the first and by more than the
 second share of the independent data, and the level on held-out lines by more than the third factor: what acts
@@ -50,6 +54,24 @@ STRAINED = 3.0
 effect that sets it within these is none; beyond them it is an effect, where the model's form is right."""
 DAMPING_MARGIN = 1.03
 """Of two candidates, the level of one that also damps counts as so much higher."""
+
+
+class Limits(NamedTuple):
+    """Levels of residuals [nepers].
+
+    Attributes
+    ----------
+    settled : float
+        From which on only weak effects are looked for.
+    weak : float
+        From which these count, each by its own evidence; 0 unless the model's form is right.
+    noise : float
+        Up to which noise and the mesh account for what is left.
+    """
+
+    settled: float
+    weak: float = 0.0
+    noise: float = 0.0
 
 
 class Factors(NamedTuple):
@@ -83,12 +105,15 @@ class Rule:
         Whether it was so when the round began.
     before : FitResult
         The model without it.
+    noise : float
+        Level up to which noise and the mesh account for what is left [nepers].
     """
 
     problem: FitProblem
     limit: float
     settled: bool
     before: FitResult
+    noise: float = 0.0
 
     def factors(self, effect: Effect) -> Factors:
         """Return by how much the levels must fall with an effect."""
@@ -113,6 +138,8 @@ class Rule:
         if self.settled and not stands_out(self.before, after, last.name):
             return False
         if alone and not (self.settled and form_right) and gains(self.problem, self.before, after):
+            return True
+        if self.settled and ends_in_noise(self.problem, self.before, after, last, self.noise):
             return True
         return falls(self.before, after, self.factors(last), form_right)
 
@@ -162,6 +189,16 @@ def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
     share = ACCEPT_GAIN_SHARE * problem.n_independent()
     least = max(ACCEPT_GAIN, share) + (share if damps(problem, after.effects[-1]) else 0.0)
     return gain > least and before.held_out_level > ACCEPT_GAIN_HELD_OUT * after.held_out_level
+
+
+def ends_in_noise(
+    problem: FitProblem, without: FitResult, fit: FitResult, effect: Effect, noise: float
+) -> bool:
+    """Whether an effect takes a model of which beams leave more than noise down to the level of noise."""
+    firmly = len(fit.effects) > 1 or damps(problem, effect)
+    factor = ACCEPT_TO_NOISE_FIRMLY if firmly else ACCEPT_TO_NOISE
+    neither_rises = fit.level < without.level and fit.held_out_level < without.held_out_level
+    return fit.level <= noise and neither_rises and whole_level(without) > factor * whole_level(fit)
 
 
 def damps(problem: FitProblem, effect: Effect) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fem.model import Effect
-from updating.acceptance import whole_level
+from updating.acceptance import Limits, whole_level
 from updating.findings import Finding
 from updating.fit import FitData, FitProblem, FitResult
 from updating.preparation import finer_receptances
@@ -85,7 +85,7 @@ def simulated(problem: FitProblem, result: FitResult, n: int, seed: int = 0) -> 
 
 
 def bootstrap(
-    search: Search, candidates: Sequence[Effect], limits: tuple[float, float], n: int, say: Progress
+    search: Search, candidates: Sequence[Effect], limits: Limits, n: int, say: Progress
 ) -> tuple[Search, tuple[Bootstrap, ...]]:
     """Try effects that were found against chance, that which the data need least first.
 
@@ -98,8 +98,7 @@ def bootstrap(
     search : Search
         How it ended; no effect in it depends on amplitude.
     candidates : sequence of Effect
-    limits : (float, float)
-        Levels from which on only weak effects are looked for, and from which these count [nepers].
+    limits : Limits
     n : int
         Measurements to simulate.
     say : callable
@@ -137,7 +136,7 @@ def _gain(less: Search, search: Search) -> float:
 
 
 def _by_chance(
-    null: Search, candidates: Sequence[Effect], limits: tuple[float, float], n: int, say: Progress
+    null: Search, candidates: Sequence[Effect], limits: Limits, n: int, say: Progress
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return what the best candidate gains beside a fit, and that fit's level, in simulated measurements."""
     grids = {e.name: Grid.of(null.problem, e) for e in candidates}

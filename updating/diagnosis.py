@@ -50,9 +50,9 @@ from updating.search import (
     Search,
     between,
     change_of,
+    limits_of,
     most_left,
     search_effects,
-    settled_limits,
     similarity_of,
 )
 from updating.separation import what_decides
@@ -91,6 +91,8 @@ class Diagnosis:
         Noise of the measurement, error of the mesh, and error of the reduced basis [dB].
     limit : float
         Residual level up to which the model counts as right [nepers].
+    noise_limit : float
+        Residual level up to which noise and the mesh account for what is left [nepers].
     problem : FitProblem
         Data, reduced model, sensors: what is needed to compute the FRFs of any step.
     model : Model
@@ -116,6 +118,7 @@ class Diagnosis:
     discretisation_db: float
     basis_db: float
     limit: float
+    noise_limit: float
     problem: FitProblem
     model: Model
     notes: tuple[str, ...]
@@ -125,9 +128,9 @@ class Diagnosis:
     tried: tuple[Bootstrap, ...] = ()
 
     @property
-    def left_alone(self) -> bool:
-        """Whether so little is left that no effect, or no further one, was searched for."""
-        return self.steps[-1].level < self.problem.left_alone
+    def more_than_noise(self) -> bool:
+        """Whether more is left than noise and the mesh account for: the form of beams, or weak effects."""
+        return self.steps[-1].level > self.noise_limit
 
     @property
     def noise_floor_db(self) -> float:
@@ -502,7 +505,7 @@ def _concluded(
             null = search.problem.assessed(replace(null, level=np.nan))
     tried: tuple[Bootstrap, ...] = ()
     if asked.n_simulated and not depends:
-        limits = settled_limits(floor, model_error)
+        limits = limits_of(floor, model_error)
         later = between(asked.progress, 0.5, 1.0)
         search, tried = bootstrap(search, end.searched, limits, asked.n_simulated, later)
         limit = max(limit, *tried[-1].levels)
@@ -520,8 +523,7 @@ def _concluded(
             "read weak findings with care"
         )
     believed = most_left(null, floor, model_error)
-    left_alone = current.level < problem.left_alone
-    verdict, reason = _verdict(null, current, (limit, believed), findings, faults, not left_alone)
+    verdict, reason = _verdict(null, current, (limit, believed), findings, faults)
     if depends:
         before_all, after_all = (
             combined_levels(problem, levels, fit)[0] * DB_PER_NEPER for fit in (steps[-2].result, current)
@@ -532,12 +534,11 @@ def _concluded(
     elif not gates.linear:
         reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
-    if left_alone:
-        what = "no further effect" if findings else "no effect"
+    if verdict != UNEXPLAINED and current.level > RIGHT_MARGIN * floor and model_error > 0:
         notes.append(
-            f"{what} was searched for where {current.level * DB_PER_NEPER:.2g} dB are left: that is less "
-            f"than a third of model_error = {model_error:g} neper, which the form of beams may leave; with "
-            "model_error = 0 weak ones are looked for, too"
+            f"{current.level * DB_PER_NEPER:.2g} dB are left, noise and the mesh account for "
+            f"{floor * DB_PER_NEPER:.2g}: the form of beams may leave the rest (model_error = "
+            f"{model_error:g} neper), and so may weak effects; with model_error = 0 these are named, too"
         )
     drawn = start.model
     if verdict == UNEXPLAINED:
@@ -546,7 +547,7 @@ def _concluded(
         drawn = cornered.model
     return Diagnosis(
         verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, start.mesh_db, basis_db,
-        limit, problem, fitted_model(drawn, current), tuple(notes), 0.0, gates,
+        limit, RIGHT_MARGIN * floor, problem, fitted_model(drawn, current), tuple(notes), 0.0, gates,
         (*start.candidates, *nonlinear), tried,
     )  # fmt: skip
 
@@ -684,7 +685,6 @@ def _verdict(
     limits: tuple[float, float],
     findings: Sequence[Finding],
     faults: Sequence[Fault],
-    searched: bool = True,
 ) -> tuple[str, str]:
     """Return the verdict and why, from the levels up to which a model is right and effects are believed."""
     limit, most_left = limits
@@ -712,13 +712,11 @@ def _verdict(
         )
     if right:
         if faults:
-            more = "nothing improves the model further" if searched else "the model leaves what beams may"
             return (
                 FAULT,
-                f"with {len(faults)} fault(s) of the measurement set right {more}; residual level {level} dB",
+                f"with {len(faults)} fault(s) of the measurement set right nothing improves the model "
+                f"further; residual level {level} dB",
             )
-        if not searched:
-            return NOTHING, f"the fitted model leaves no more than beams may: {level} dB"
         return NOTHING, f"no candidate improves the fitted model, whose residual level is {level} dB"
     return (
         UNEXPLAINED,

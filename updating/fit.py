@@ -54,8 +54,8 @@ MODEL_ERROR = 0.05
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
 
-LEFT_ALONE = 1 / 3
-"""Share of that level below which no effect is searched for: the form of beams leaves as much."""
+BEAMS_LEAVE = 1 / 3
+"""Share of that level which the form of beams may leave of any structure."""
 
 LEVEL_FLOOR = 0.01
 """Residual level below which nothing is gained [nepers]."""
@@ -265,9 +265,9 @@ class FitProblem:
         return self.model_error == 0
 
     @property
-    def left_alone(self) -> float:
-        """Residual level below which no effect is searched for, as it is small beside the model's error."""
-        return LEFT_ALONE * self.model_error
+    def beams_leave(self) -> float:
+        """Residual level that the form of beams may leave of any structure, and 0 where it is right."""
+        return BEAMS_LEAVE * self.model_error
 
     @property
     def noise_counted(self) -> float:

@@ -187,11 +187,14 @@ class Screened:
     starts : tuple of dict
     rank : int
         How many candidates are better by the measure by which it does best.
+    promise : float
+        Factor by which the level falls by the measure by which it falls most, before any fit.
     """
 
     effect: Effect
     starts: tuple[dict[str, float], ...]
     rank: int = 0
+    promise: float = np.inf
 
 
 def screen(
@@ -240,9 +243,10 @@ def screen(
         return weak
     n_levels = 2 if settled else 3
     n = n_levels * len(bases)
-    levels = [np.full((n, len(g.points)), np.inf) for g in grids]
+    levels, now = [np.full((n, len(g.points)), np.inf) for g in grids], np.empty(n)
     for b, base in enumerate(bases):
         look = _Look.of(problem, base, N_WHOLE, 0 if settled else N_LOW, MOST_VALUES)
+        now[n_levels * b : n_levels * (b + 1)] = look.levels_now()
         for i, grid in enumerate(grids):
             say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
             levels[i][n_levels * b : n_levels * (b + 1)] = look.levels(grid)
@@ -254,18 +258,21 @@ def screen(
         if not np.isfinite(best[i]).any():
             continue
         points: list[int] = []
+        promise = float((now / best[i, :n]).max())
         for measure in np.argsort(rank[i, :n], kind="stable"):
             k = int(np.argmin(levels[i][measure]))
             if k not in points:
                 points.append(k)
         starts = tuple(grids[i].points[k] for k in points[:2])
-        out.append(Screened(grids[i].effect, starts, int(rank[i].min())))
+        out.append(Screened(grids[i].effect, starts, int(rank[i].min()), promise))
     if not settled:
         return tuple(out)
-    strong = [s for s in out if s.rank < N_BEST_STRONG]
-    others = {s.effect.name: s.starts[:1] for s in strong}
-    both = [replace(s, starts=s.starts + others.pop(s.effect.name, ())) for s in weak]
-    return (*both, *(s for s in strong if s.effect.name in others))
+    strong, both = {s.effect.name: s for s in out if s.rank < N_BEST_STRONG}, []
+    for s in weak:
+        too = strong.pop(s.effect.name, None)
+        starts = s.starts + (too.starts[:1] if too else ())
+        both.append(replace(s, starts=starts, promise=max(s.promise, too.promise if too else 0.0)))
+    return (*both, *strong.values())
 
 
 def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
@@ -348,7 +355,7 @@ def _screen_weak(
     look = _Look.of(
         problem, current, max(N_SETTLED, problem.n_lines // 2), 0, MOST_VALUES_WEAK, at_bounds=False
     )
-    found = []
+    now, found = look.levels_now()[-1], []
     for i, grid in enumerate(grids):
         say(f"looking at {grid.effect.name}", i / len(grids))
         levels, factors = look.scores(grid)
@@ -356,8 +363,8 @@ def _screen_weak(
         if np.isfinite(levels[k]):
             found.append((float(levels[k]), i, grid.scaled(grid.weak_points[k][0], float(factors[k]))))
     return tuple(
-        Screened(grids[i].effect, (start,))
-        for _, i, start in sorted(found, key=lambda f: f[:2])[:N_BEST_WEAK]
+        Screened(grids[i].effect, (start,), promise=now / level)
+        for level, i, start in sorted(found, key=lambda f: f[:2])[:N_BEST_WEAK]
     )
 
 
@@ -432,12 +439,17 @@ class _Look:
         """
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, False))
         r = self._residuals(H)
+        levels = self._levels(r, grid.effect.replaces())
+        return levels if np.abs(r - self._now()).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
+
+    def levels_now(self) -> Floats:
+        """Return the same without a candidate."""
+        return self._levels(self._now()[None])[:, 0]
+
+    def _levels(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Floats:
         first, low = r[:, self.whole], r[:, ~self.whole]
-        adapted = self._adapted(first, grid.effect.replaces())
-        bands = [first, low, adapted] if low.size else [first, adapted]
-        if np.abs(r - self._now()).max(initial=0.0) < VISIBLE:
-            return np.full((len(bands), len(r)), np.inf)
-        return np.stack([_level(each) for each in bands])
+        adapted = self._adapted(first, replaced)
+        return np.stack([_level(each) for each in ([first, low, adapted] if low.size else [first, adapted])])
 
     def scores(self, grid: Grid) -> tuple[Floats, Floats]:
         """Return the level that the best strength of each weak point would leave, and its multiple."""

@@ -14,8 +14,10 @@ from updating.acceptance import (
     ACCEPT_LEVEL,
     STRAINED,
     Factors,
+    Limits,
     Rule,
     damps,
+    ends_in_noise,
     falls,
     fitted_score,
     gains,
@@ -72,6 +74,9 @@ candidates are tried because nothing explains the data, all that are fitted full
 N_PLACES, APART = 4, 0.05
 """Where nothing explains the data, what has a position is fitted from so many places, at least this share of
 its range apart."""
+PROMISING = 1.1
+"""Where less is left than beams may leave, candidates are fitted if one of them is likely to lower the level
+by this factor."""
 QUICK_LINES, QUICK_ITERATIONS = 50, 6
 """Lines of a quick fit, and its iterations in each band, where the model is not settled."""
 QUICK_REACH = 3.0
@@ -150,7 +155,7 @@ def search_effects(
 
     ``floor`` is the level that noise and the mesh leave.
     """
-    limit, full = max(RIGHT_MARGIN * floor, model_error), settled_limits(floor, model_error)
+    limit, full = max(RIGHT_MARGIN * floor, model_error), limits_of(floor, model_error)
     grids = {e.name: Grid.of(begin.problem, e) for e in candidates}
     first = _Round(begin.problem, begin.current, settled=False, grids=tuple(grids.values()))
     search = _forward(begin, candidates, grids, full, N_BEST, say, round_=first)
@@ -159,7 +164,9 @@ def search_effects(
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
     believed = max(limit, most_left(begin.current, floor, model_error))
     if len(search.findings) > 1 or search.current.level > believed:
-        alone = _forward(begin, candidates, grids, (limit, full[1]), N_BEST_DEEP, later, 1, first)
+        alone = _forward(
+            begin, candidates, grids, full._replace(settled=limit), N_BEST_DEEP, later, 1, first
+        )
         if alone.findings and _as_good(alone, search):
             search = alone
         if search.current.level > believed and any(alone.rounds[:1]):
@@ -200,7 +207,7 @@ def _strained(search: Search, candidates: Sequence[Effect]) -> Search:
 
 
 def _exchanged(
-    search: Search, candidates: Sequence[Effect], limits: tuple[float, float], say: Progress
+    search: Search, candidates: Sequence[Effect], limits: Limits, say: Progress
 ) -> Search:
     """Take away each of several effects but the last, search on beside the others, and keep the best end.
 
@@ -219,7 +226,7 @@ def _branched(
     search: Search,
     ranked: tuple[Ranked, ...],
     candidates: Sequence[Effect],
-    limits: tuple[float, float],
+    limits: Limits,
     enough: float,
     say: Progress,
 ) -> Search:
@@ -330,42 +337,39 @@ def _forward(
     begin: Search,
     candidates: Sequence[Effect],
     grids: Mapping[str, Grid],
-    limits: tuple[float, float],
+    limits: Limits,
     n_best: int,
     say: Progress,
     most: int = MAX_EFFECTS,
     round_: "_Round | None" = None,
-    least: float | None = None,
+    promise: float = PROMISING,
 ) -> Search:
     """Add effects while they pay, and drop those that the others have made idle.
 
-    ``grids`` are those of the candidates on the problem to begin with; ``limits`` are the levels from which
-    on only weak effects are looked for, and from which they count. The ``n_best`` best candidates by each
+    ``grids`` are those of the candidates on the problem to begin with. The ``n_best`` best candidates by each
     measure are fitted, and ``most`` effects added. ``round_`` is one that may have begun where this begins.
-    Below the level ``least`` none is searched for; ``problem.left_alone`` unless it is given.
+    ``promise`` is the factor by which the level must be likely to fall below ``problem.beams_leave``.
     """
     problem, current = begin.problem, begin.current
-    least = problem.left_alone if least is None else least
     findings, rounds, steps = list(begin.findings), list(begin.rounds), list(begin.steps)
     first = steps[: len(steps) - bool(findings)]
-    limit, weak_limit = limits
-    while len(findings) < most and current.level >= least:
+    while len(findings) < most:
         taken = {f.effect.name for f in findings}
         open_ = [
             e for e in candidates if e.name not in taken and not (set(e.released()) & _released(findings))
         ]
         part = _part(say, len(rounds))
         grids = grids or {e.name: Grid.of(problem, e) for e in open_}
-        settled = current.level < limit
-        if settled and weak_limit and problem.n_lines < N_LINES_WEAK:
+        settled = current.level < limits.settled
+        if settled and limits.weak and problem.n_lines < N_LINES_WEAK:
             problem = replace(problem, n_lines=N_LINES_WEAK)
             current = problem.refit(current)
             findings = at_values_of(current, findings)
             steps[-1] = step_of(steps[-1].label, current)
-        rule = Rule(problem, limit, settled, current)
+        rule = Rule(problem, limits.settled, settled, current, limits.noise)
         if round_ is None or not round_.is_from(problem, current, settled):
             round_ = _Round(problem, current, settled, tuple(grids[e.name] for e in open_))
-        ranked, best = round_.run(rule, n_best, part)
+        ranked, best = round_.run(rule, n_best, part, promise)
         rounds.append(ranked)
         if best is None:
             break
@@ -395,7 +399,7 @@ def _forward(
         current = best
         steps.append(step_added([last], best))
     before = findings
-    findings, current = _without_idle(problem, findings, current, limit, weak_limit)
+    findings, current = _without_idle(problem, findings, current, limits)
     if len(findings) < len(before):
         left = {f.effect.name for f in findings}
         kept = [k for k, f in enumerate(before) if f.effect.name in left]
@@ -405,12 +409,12 @@ def _forward(
 
 
 def best_addition(
-    begin: Search, candidates: Sequence[Effect], grids: Mapping[str, Grid], limits: tuple[float, float]
+    begin: Search, candidates: Sequence[Effect], grids: Mapping[str, Grid], limits: Limits
 ) -> tuple[FitResult, FitResult]:
     """Return a fit without and with the best of all candidates beside its effects, whether or not it pays."""
     most = len(begin.findings) + 1
     begin = replace(begin, rounds=begin.rounds[: most - 1])
-    search = _forward(begin, candidates, grids, limits, N_BEST, lambda text, done: None, most, least=0.0)
+    search = _forward(begin, candidates, grids, limits, N_BEST, lambda text, done: None, most, promise=0.0)
     last = search.rounds[most - 1] if len(search.rounds) >= most else ()
     if len(search.findings) == most:
         return begin.current, search.current
@@ -418,10 +422,11 @@ def best_addition(
     return search.current, min(fits, key=whole_level, default=search.current)
 
 
-def settled_limits(floor: float, model_error: float) -> tuple[float, float]:
-    """Return the levels from which on only weak effects are looked for, and from which these count."""
+def limits_of(floor: float, model_error: float) -> Limits:
+    """Return the limits of a search from the level that noise and the mesh leave."""
     settled = FLOOR_MARGIN * floor
-    return max(settled, model_error), settled if model_error == 0 else 0.0
+    weak = settled if model_error == 0 else 0.0
+    return Limits(max(settled, model_error), weak, 0.0 if model_error == 0 else RIGHT_MARGIN * floor)
 
 
 def most_left(null: FitResult, floor: float, model_error: float) -> float:
@@ -478,11 +483,14 @@ class _Round:
         """Whether the round begins there."""
         return self.problem is problem and self.before is before and self.settled == settled
 
-    def run(self, rule: Rule, n_best: int, say: Progress) -> tuple[tuple[Ranked, ...], FitResult | None]:
+    def run(
+        self, rule: Rule, n_best: int, say: Progress, promise: float = PROMISING
+    ) -> tuple[tuple[Ranked, ...], FitResult | None]:
         """Return the candidates that were fitted, best first, and the best fit.
 
-        The ``n_best`` best by each measure are fitted. The best of those that pay comes before a better one
-        that does not: it may have found its gain where the lines of the fit are, and nowhere else.
+        The ``n_best`` best by each measure are fitted, none where less is left than beams may leave and none
+        is likely to lower the level by the factor ``promise``. The best of those that pay comes before a
+        better one that does not: it may have found its gain where the lines of the fit are, and nowhere else.
         """
         problem, current = self.problem, self.before
         if self._looked is None:
@@ -495,6 +503,8 @@ class _Round:
                 weak_only=problem.form_right,
             )
         chosen = [option for option in self._looked if option.rank < n_best]
+        if current.level < problem.beams_leave and all(option.promise < promise for option in chosen):
+            chosen = []
         if not chosen:
             return (), None
         self._fit_quickly(chosen, say)
@@ -719,13 +729,13 @@ def _believed(fit: FitResult) -> FitResult:
 
 
 def _without_idle(
-    problem: FitProblem, findings: list[Finding], current: FitResult, limit: float, weak_limit: float
+    problem: FitProblem, findings: list[Finding], current: FitResult, limits: Limits
 ) -> tuple[list[Finding], FitResult]:
     """Drop effects without which the fit is nearly as good, or that may as well be absent.
 
     One at a time: first what is within tolerance, then that without which the score is best, so that of two
-    that do much the same one stays. Those that may be absent go up to the level ``limit``. Up to
-    ``weak_limit``, which is 0 unless the model's form is right, weak effects stay.
+    that do much the same one stays. Those that may be absent go where the model is settled, and weak effects
+    stay where they count.
     """
 
     def tolerated(name: str) -> bool:
@@ -735,10 +745,12 @@ def _without_idle(
     def is_idle(effect: Effect, less: FitResult) -> bool:
         rest = len(findings) > 1
         usual = Factors(ACCEPT_LEVEL, ACCEPT_HELD_OUT)
-        weak = current.level < weak_limit
+        weak = current.level < limits.weak
         factors = weak_factors(problem, effect, beside=rest) if weak else usual
-        certain = current.level >= limit or stands_out(less, current, effect.name)
+        certain = current.level >= limits.settled or stands_out(less, current, effect.name)
         if certain and not rest and gains(problem, less, current):
+            return False
+        if certain and ends_in_noise(problem, less, current, effect, limits.noise):
             return False
         return not certain or not falls(less, current, factors, problem.form_right)
 

@@ -81,12 +81,17 @@ def test_a_part_of_the_band_with_other_damping_than_its_neighbours_is_fitted_onc
     np.testing.assert_array_equal(even.zeta[n:], right.zeta[n:])
 
 
-def test_nothing_is_searched_for_where_less_is_left_than_beams_may_leave():
+def test_where_beams_may_have_left_it_all_candidates_are_looked_at_and_none_is_fitted():
     found = run(make_case(5))
-    assert (found.verdict, found.findings, found.faults, found.rounds) == (NOTHING, (), (), ())
-    assert found.steps[-1].level < found.problem.left_alone == pytest.approx(0.1)
-    assert found.reason.startswith("the fitted model leaves no more than beams may")
-    assert found.notes[-1].startswith("no effect was searched for where 0.")
+    assert (found.verdict, found.findings, found.faults, found.rounds) == (NOTHING, (), (), ((),))
+    level = found.steps[-1].level
+    assert level < found.problem.beams_leave == pytest.approx(0.1)
+    assert found.reason.startswith("no candidate improves the fitted model")
+    # all of it is noise, and no note says that beams may have left a part
+    assert level < found.noise_limit
+    assert not found.more_than_noise
+    assert replace(found, noise_limit=0.9 * level).more_than_noise
+    assert not any("the form of beams" in note for note in found.notes)
 
 
 def test_elements_are_cut_where_the_mesh_leaves_much_beside_the_noise(monkeypatch):

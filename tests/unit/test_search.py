@@ -13,7 +13,7 @@ from tests.hidden.cases import make_case
 from updating import acceptance, findings, preparation, screening, search
 from updating.bootstrap import bootstrap
 from updating.diagnosis import diagnose, propose
-from updating.fit import EXPLAINED_LEVEL, ITERATIONS, LEVEL_FLOOR, ROBUST, FitProblem
+from updating.fit import BEAMS_LEAVE, EXPLAINED_LEVEL, ITERATIONS, LEVEL_FLOOR, ROBUST, FitProblem
 from updating.parameters import Nuisance
 from updating.preparation import build_problem
 from updating.screening import Grid
@@ -219,7 +219,7 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     taken = findings.Finding(wrong, findings.parameters_of(wrong, fits[0]), ())
     ended_at = replace(fits[0], solution=replace(fits[0].solution, cost=fits[0].solution.cost - 1.0))
     had = search.Search(problem, (taken,), (ranked,), (*steps, findings.step_of("mass", ended_at)), ended_at)
-    limits = EXPLAINED_LEVEL, 0.0
+    limits = acceptance.Limits(EXPLAINED_LEVEL)
 
     def branched(ranked, enough=0.0):
         return search._branched(begin, had, ranked, candidates, limits, enough, lambda text, done: None)
@@ -459,7 +459,7 @@ def test_what_stood_for_another_effect_gives_way_to_it():
     fits = {"nominal": problem.nominal(), "uncertain": null, "both": both}
     steps = tuple(findings.step_of(label, fit) for label, fit in fits.items())
     had = search.Search(problem, found, ((), ()), steps, both)
-    limits = EXPLAINED_LEVEL, 0.0
+    limits = acceptance.Limits(EXPLAINED_LEVEL)
     ended = search._exchanged(had, candidates, limits, lambda text, done: None)
     (left,) = ended.findings  # and the one beside it has become idle
     assert (left.effect.kind, left.effect.where) == (case.hidden.kind, case.hidden.where)
@@ -715,6 +715,56 @@ def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_litt
     assert not pays(enough, 0.2, settled=True, form_right=True)  # weak effects have thresholds of their own
 
 
+def test_what_takes_the_level_down_to_noise_pays_though_it_was_little():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)  # beams may err
+    null = replace(problem.nominal(), level=0.05, held_out_level=0.05)
+    heavier, another = propose(case.model, ["member_density"])[:2]
+    (dashpot, *_) = propose(case.model, ["ground_damper"])
+
+    def pays(level, held_out, *, noise, effect=heavier, beside=(), settled=True):
+        before = replace(null, effects=beside)
+        p = effect.parameters()[0]
+        after = replace(
+            null,
+            effects=(*beside, effect.with_values(**{p.name: 1.0})),
+            std={(effect.name, p.name): 1e-3},
+            level=level,
+            held_out_level=held_out,
+        )
+        return acceptance.Rule(problem, 0.3, settled, before, noise).pays(after)
+
+    least, firmly = acceptance.ACCEPT_TO_NOISE, acceptance.ACCEPT_TO_NOISE_FIRMLY
+    low, lower = 0.0499 / least, 0.0499 / firmly
+    assert pays(low, low, noise=low)
+    assert not pays(low, low, noise=0.99 * low)  # beams leave more
+    assert not pays(1.01 * low, 1.01 * low, noise=0.05)
+    assert not pays(0.9 * low, 0.051, noise=0.05)  # held-out lines are worse
+    for other in ({"beside": (another,)}, {"effect": dashpot}):
+        assert not pays(1.01 * lower, 1.01 * lower, noise=0.05, **other)
+        assert pays(lower, lower, noise=0.05, **other)
+
+
+def test_where_beams_leave_as_much_only_what_promises_something_is_fitted():
+    case = make_case(0)  # a member is heavier
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    null = problem.fit()
+    grids = tuple(Grid.of(problem, e) for e in propose(case.model, ["member_density"]))
+
+    def fitted(model_error, promise):
+        mine = replace(problem, model_error=model_error)
+        round_ = search._Round(mine, null, True, grids)
+        ranked, _ = round_.run(acceptance.Rule(mine, 1.0, True, null), 5, lambda text, done: None, promise)
+        return len(ranked)
+
+    looked = screening.screen(problem, null, grids, True, lambda text, done: None, weak_only=False)
+    best = max(option.promise for option in looked)
+    assert best > search.PROMISING
+    much = 2 * null.level / BEAMS_LEAVE  # beams may leave all of it
+    assert fitted(much, 1.01 * best) == 0 < fitted(much, 0.99 * best)
+    assert fitted(0.9 * null.level / BEAMS_LEAVE, 1.01 * best) > 0
+
+
 def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances)
@@ -873,7 +923,7 @@ def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypat
     begin = search.Search(problem, (), (), steps, null)
     kinds = ("joint_fractional", "joint_viscous_damping", "joint_stiffness", "member_torsion", "rotor")
     candidates = propose(case.model, kinds)
-    ended = search._forward(begin, candidates, {}, (1.0, 1.0), 5, lambda text, done: None, 1)
+    ended = search._forward(begin, candidates, {}, acceptance.Limits(1.0, 1.0), 5, lambda text, done: None, 1)
     (found,) = ended.findings
     assert acceptance.damps(problem, found.effect)
     assert found.effect.where == "joint J1, rx"
