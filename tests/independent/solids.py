@@ -2,9 +2,10 @@
 
 The elements are scikit-fem's quadratic hexahedra; nothing here comes from a beam code. Bars, or frames of
 bars that are one body, are reduced to their modes and their responses to forces where something is attached;
-joints, masses, springs and dampers are added to that exactly, line by line. Each case becomes a folder with
-nominal.json and frf.uff, as in ../shared/data/independent-cases, and all of them one truth.json. It runs
-where scikit-fem and pyuff are installed (make peers), and imports nothing of Dovetail.
+joints, masses, springs and dampers are added to that exactly, line by line, and what depends on amplitude by
+harmonic balance. Each case becomes a folder with nominal.json and frf.uff, as in
+../shared/data/independent-cases, and all of them one truth.json. It runs where scikit-fem and pyuff are
+installed (make peers), and imports nothing of Dovetail.
 """
 
 import json
@@ -16,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse.linalg as sla
+from scipy.optimize import brentq
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 AXES = "xyz"
@@ -31,6 +33,8 @@ JOINT_LOSS = 0.006
 HELD = 1e11
 """Stiffness of a soft base in its other directions [N/m, N·m/rad]."""
 NOISE, NOISE_FLOOR_DB = 0.01, -65.0
+LEVELS_N = {"frf.uff": 1.0, "frf_level2.uff": 20.0}
+"""Amplitudes of the force where something depends on amplitude, by the file that they make [N]."""
 N_MODES, HIGHEST = 60, 9000.0
 N_MODES_WELDED = 100
 WELDED = (
@@ -90,21 +94,65 @@ class Structure:
 class Hidden:
     """What a case hides; everything is nominal unless it is named here.
 
-    ``weaker`` is (from, to, factor of E) of a stretch, ``masses`` and ``ground`` are (bar, position, …) with
-    a mass [kg], or a direction, a stiffness [N/m] and a loss factor; ``joints`` are factors of stiffnesses by
-    (joint, direction), ``dashpots`` dampers there [N·m·s/rad, N·s/m], ``bases`` stiffnesses [N·m/rad] of held
-    ends by (bar, direction).
+    Bars, by name: ``E``, ``rho``, ``b`` and ``h`` are factors, ``loss`` loss factors beyond modal damping
+    of bars that are not welded, and ``weaker`` is (from, to, factor of E) of a stretch.
+
+    Places: ``masses``, ``ground``, ``dampers``, ``inertias`` and ``rotors`` are (bar, position, …) with a
+    mass [kg]; a direction, a stiffness [N/m] and a loss factor; a direction and a dashpot to the ground
+    [N·s/m]; a rotary inertia alike about all axes [kg·m²]; the axis of rotation, global, and the angular
+    momentum about it [kg·m²/s]. What turns takes the mean motion of what lies within `PATCH` along the bar.
+    ``bases`` are stiffnesses [N·m/rad] of held ends by (bar, direction).
+
+    Joints, by (joint, direction): ``joints`` are factors of stiffnesses, ``dashpots`` dampers [N·m·s/rad,
+    N·s/m], ``zener`` the (r, τ [s]) of k (1 + r iωτ/(1 + iωτ)). ``couplings`` are the shares c of
+    k_ij = c √(k_ii k_jj) by (joint, direction, direction). By joint: ``joint_masses`` are masses, half on
+    each side [kg], and ``offsets`` where the springs act, from the middle [m]. ``nonlinear`` is one (joint,
+    direction, law of `LAWS`, values of the law), beside the joint's spring.
+
+    Faults of the measurement, by sensor: ``gains``, ``delays`` [s], ``tilts`` (towards a direction, angle
+    [rad]) and ``places`` where a sensor truly is [m]; ``swaps`` are pairs of exchanged labels, and
+    ``force_gains`` what the readings of excitations carry.
     """
 
     E: dict = field(default_factory=dict)
     rho: dict = field(default_factory=dict)
+    b: dict = field(default_factory=dict)
     h: dict = field(default_factory=dict)
+    loss: dict = field(default_factory=dict)
     weaker: dict = field(default_factory=dict)
     masses: tuple = ()
     ground: tuple = ()
+    dampers: tuple = ()
+    inertias: tuple = ()
+    rotors: tuple = ()
     joints: dict = field(default_factory=dict)
     dashpots: dict = field(default_factory=dict)
+    zener: dict = field(default_factory=dict)
+    couplings: dict = field(default_factory=dict)
+    joint_masses: dict = field(default_factory=dict)
+    offsets: dict = field(default_factory=dict)
+    nonlinear: tuple = ()
     bases: dict = field(default_factory=dict)
+    gains: dict = field(default_factory=dict)
+    delays: dict = field(default_factory=dict)
+    tilts: dict = field(default_factory=dict)
+    places: dict = field(default_factory=dict)
+    swaps: tuple = ()
+    force_gains: dict = field(default_factory=dict)
+
+    @property
+    def points(self):
+        """Where something acts on displacements: (bar, position)."""
+        return [(bar, s) for bar, s, *_ in (*self.masses, *self.ground, *self.dampers)]
+
+    @property
+    def turning(self):
+        """Where something acts on rotations: (bar, position)."""
+        return [(bar, s) for bar, s, *_ in (*self.inertias, *self.rotors)]
+
+    def changed(self, name, bar):
+        """Return a bar with the section that it truly has."""
+        return replace(bar, b=bar.b * self.b.get(name, 1.0), h=bar.h * self.h.get(name, 1.0))
 
 
 def along(bar, n, step, directions="z", first=0.0):
@@ -251,6 +299,11 @@ def named(kind, *place, value, unit, position=None, length=None):
     }
 
 
+def fault(sensor, **magnitude):
+    """Return what truth.json says of a sensor's fault: ``factor``, ``delay_s``, ``swapped_with``, …"""
+    return {"type": "sensor_fault", "location": sensor, "magnitude": magnitude}
+
+
 NOTHING = {"type": "none", "location": "-", "magnitude": 0}
 NOTCH = (0.24, 0.26, 0.4)
 SPREAD = tuple(("D", 0.36 + 0.02 * k, 0.025) for k in range(7))
@@ -326,7 +379,139 @@ CASES = {
         Hidden(rho={"D": 1.06}),
         [named("member_density", "D", value=0.06, unit="-")],
     ),
-    # and not on these
+    # and not on these: kinds that no other case of solids has
+    "more-joint-mass": (
+        "cross",
+        121,
+        Hidden(joint_masses={"J": 0.1}),
+        [named("joint_mass", "J", value=0.1, unit="kg")],
+    ),
+    "more-zener-joint": (
+        "cross",
+        122,
+        Hidden(zener={("J", "ry"): (1.5, 4e-4)}),
+        [named("joint_zener", "J", "ry", value=1.5, unit="-")],
+    ),
+    "more-joint-offset": (
+        "cross",
+        123,
+        Hidden(offsets={"J": (0.008, 0.0, 0.0)}),
+        [named("joint_offset", "J", "x", value=0.008, unit="m")],
+    ),
+    "more-joint-coupling": (
+        "cross",
+        124,
+        Hidden(couplings={("J", "rx", "ry"): 0.6}),
+        [named("joint_coupling", "J", "rx", "with", "ry", value=0.6, unit="-")],
+    ),
+    "more-gyroscopic": (
+        "cross",
+        125,
+        Hidden(rotors=(("U", 0.8, (0.0, 0.0, 1.0), 0.3),)),
+        [named("rotor", "end", "2", "of", "U", "about", "local", "z", value=0.3, unit="kg·m²/s")],
+    ),
+    "more-ground-damper": (
+        "cross",
+        126,
+        Hidden(dampers=(("D", 0.8, "z", 50.0),)),
+        [named("ground_damper", "end", "2", "of", "D", "z", value=50.0, unit="N·s/m")],
+    ),
+    "more-point-inertia": (
+        "cross",
+        127,
+        Hidden(inertias=(("U", 0.8, 2e-5),)),
+        [named("point_inertia", "U", value=2e-5, unit="kg·m²", position=0.8, length=0.8)],
+    ),
+    "more-joint-translation": (
+        "cross",
+        128,
+        Hidden(joints={("J", "z"): 0.015}),
+        [named("joint_stiffness", "J", "z", value=1.5e5, unit="N/m")],
+    ),
+    "more-joint-translation-less": (
+        "cross",
+        144,
+        Hidden(joints={("J", "z"): 0.3}),
+        [named("joint_stiffness", "J", "z", value=3e6, unit="N/m")],
+    ),
+    "more-driver-mass": (
+        "cross",
+        129,
+        Hidden(masses=(("U", 0.0, 0.03), ("D", 0.2, 0.03))),
+        [named("driver_mass", "excitations", "at", "U", "D", value=0.03, unit="kg")],
+    ),
+    "more-stinger": (
+        "cross",
+        130,
+        Hidden(ground=(("D", 0.2, "z", 1e5, 0.0),)),
+        [named("stinger", "excitation", "at", "D", "along", "it", value=1e5, unit="N/m")],
+    ),
+    "more-cubic-joint": (
+        "cross",
+        131,
+        Hidden(nonlinear=("J", "ry", "cubic", 3e9)),
+        [named("joint_cubic", "J", "ry", value=3e9, unit="N·m/rad³")],
+    ),
+    "more-friction-joint": (
+        "cross",
+        132,
+        Hidden(nonlinear=("J", "ry", "friction", 0.01)),
+        [named("joint_friction", "J", "ry", value=0.01, unit="N·m")],
+    ),
+    "more-gap-joint": (
+        "cross",
+        133,
+        Hidden(nonlinear=("J", "ry", "gap", 3e3, 1e-4)),
+        [named("joint_gap", "J", "ry", value=3e3, unit="N·m/rad")],
+    ),
+    "more-swap": ("cross", 134, Hidden(swaps=(("U3z", "D6z"),)), [fault("U3z", swapped_with="D6z")]),
+    "more-delay": ("cross", 135, Hidden(delays={"D7z": 2e-5}), [fault("D7z", delay_s=2e-5)]),
+    "more-tilt": (
+        "cross",
+        136,
+        Hidden(tilts={"U9z": ("y", float(np.radians(25)))}),
+        [fault("U9z", tilt_rad=round(float(np.radians(25)), 4))],
+    ),
+    "more-wrong-position": (
+        "cross",
+        137,
+        Hidden(places={"U3z": 0.24}),
+        [fault("U3z", moved_m=0.04)],
+    ),
+    "more-excitation-gain": (
+        "cross",
+        138,
+        Hidden(force_gains={"U1z": 1.25}),
+        [fault("U1z", excitation_factor=1.25)],
+    ),
+    "more-fault-and-effect": (
+        "cross",
+        139,
+        Hidden(joints={("J", "rx"): 0.1}, gains={"U7z": 1.3}),
+        [named("joint_stiffness", "J", "rx", value=300.0, unit="N·m/rad"), fault("U7z", factor=1.3)],
+    ),
+    "more-two": (
+        "cross",
+        140,
+        Hidden(dashpots={("J", "ry"): 0.6}, rho={"D": 1.06}),
+        [
+            named("joint_viscous_damping", "J", "ry", value=0.6, unit="N·m·s/rad"),
+            named("member_density", "D", value=0.06, unit="-"),
+        ],
+    ),
+    "more-nothing": ("cross", 141, Hidden(), [NOTHING]),
+    "more-local-damping": (
+        "cross",
+        142,
+        Hidden(loss={"D": 0.03}),
+        [named("member_damping", "D", value=0.03, unit="-")],
+    ),
+    "more-section-width": (
+        "cross",
+        143,
+        Hidden(b={"D": 1.04}),
+        [named("member_section", "D", "along", "local", "y", value=0.04, unit="-")],
+    ),
     "ladder-nothing": ("ladder", 21, Hidden(), [NOTHING]),
     "ladder-nothing-again": ("ladder", 22, Hidden(), [NOTHING]),
     "ladder-notch": (
@@ -740,7 +925,7 @@ def bar_alone(name, bar, hidden):
     """Return one bar as a body."""
     from skfem import MeshHex
 
-    bar = replace(bar, h=bar.h * hidden.h.get(name, 1.0))
+    bar = hidden.changed(name, bar)
     n = round(bar.length / ELEMENT)
     grid = (
         np.linspace(0, bar.length, n + 1),
@@ -774,7 +959,7 @@ def welded(structure, hidden):
     """Return all bars as one body: the elements of a grid that lie in one of them, in the first if in two."""
     from skfem import MeshHex
 
-    bars = {name: replace(b, h=b.h * hidden.h.get(name, 1.0)) for name, b in structure.bars.items()}
+    bars = {name: hidden.changed(name, bar) for name, bar in structure.bars.items()}
     boxes, cuts = {}, [set(), set(), set()]
     for name, bar in bars.items():
         half = np.abs(bar.rotation) @ [0, bar.b / 2, bar.h / 2]
@@ -784,7 +969,7 @@ def welded(structure, hidden):
         )
         for axis in range(3):
             cuts[axis] |= {boxes[name][0][axis], boxes[name][1][axis], bar.at(0.0)[axis]}
-    for name, s, *_ in (*structure.sensors, *hidden.masses, *hidden.ground):
+    for name, s, *_ in (*structure.sensors, *hidden.points, *hidden.turning):
         for axis, x in enumerate(bars[name].at(s)):
             cuts[axis].add(x)
     for name, (start, end, _) in hidden.weaker.items():
@@ -829,27 +1014,38 @@ def sensors_of(structure):
     return out
 
 
-def accelerances(structure, hidden, frequency):
-    """Return FRFs (n_freq, n_sensors, n_excitations) [m/s²/N] without noise."""
+def receptances(structure, hidden, frequency):
+    """Return FRFs (n_freq, n_sensors, n_excitations) [m/N] without noise.
+
+    The relative motion of what depends on amplitude, without it, is one more response and one more force.
+    """
     sensors = sensors_of(structure)
     attached = {bar: {s["position"] for s in sensors if s["member"] == bar} for bar in structure.bars}
-    for bar, s, *_ in (*hidden.masses, *hidden.ground):
+    for bar, s in hidden.points:
         attached[bar].add(s)
+    for s in sensors:
+        attached[s["member"]].add(hidden.places.get(s["name"], s["position"]))
     if structure.welded:
         bodies = [welded(structure, hidden)]
     else:
         bodies = [bar_alone(name, bar, hidden) for name, bar in structure.bars.items()]
-    squares, places, n = [], {}, 0
+    squares, more_loss, places, n = [], [], {}, 0
     for body in bodies:
         soft = {name for name, _ in hidden.bases}
         ends = {(name, s): body.point(name, s) for name in body.bars for s in sorted(attached[name])}
         for joint, bar1, s1, bar2, s2 in structure.joints:
             middle = 0.5 * (structure.bars[bar1].at(s1) + structure.bars[bar2].at(s2))
+            about = middle + hidden.offsets.get(joint, np.zeros(3))
             for name, s in ((bar1, s1), (bar2, s2)):
                 if name in body.bars:
-                    ends[joint, name] = body.patch(name, s, middle, structure.clamped or PATCH)
+                    ends[joint, name] = body.patch(name, s, about, structure.clamped or PATCH)
+                    if joint in hidden.joint_masses:
+                        ends["mass", joint, name] = body.patch(name, s, middle, structure.clamped or PATCH)
         for name in sorted(soft):
             ends["base", name] = body.patch(name, 0.0, body.bars[name].at(0.0), reach=0.0)
+        for name, s in hidden.turning:
+            if name in body.bars:
+                ends["turns", name, s] = body.patch(name, s, body.bars[name].at(s))
         free = body.hold(structure, soft)
         forces, n_modes = (
             np.hstack([P[free] for P in ends.values()]),
@@ -859,52 +1055,167 @@ def accelerances(structure, hidden, frequency):
         places |= {key: (n, V.T @ P[free]) for key, P in ends.items()}
         n += len(w2)
         squares.append(w2)
-    w2 = np.concatenate(squares)
+        more_loss.append(np.full(len(w2), 0.0 if structure.welded else hidden.loss.get(*body.bars, 0.0)))
+    w2, more_loss = np.concatenate(squares), np.concatenate(more_loss)
 
-    def whole(place):
-        start, P = place
+    def whole(*place):
+        start, P = places[place]
         out = np.zeros((n, P.shape[1]))
         out[start : start + len(P)] = P
         return out
 
     omega = 2 * np.pi * frequency
-    vectors, dynamic = [], []
-    for joint, bar1, _, bar2, _ in structure.joints:
-        apart = whole(places[joint, bar1]) - whole(places[joint, bar2])
-        for k, d in enumerate(DIRECTIONS):
-            known = HELD if structure.clamped else TRUE_JOINT[d]
-            stiffness = known * hidden.joints.get((joint, d), 1.0)
-            vectors.append(apart[:, k])
-            dynamic.append(
-                stiffness * (1 + 1j * JOINT_LOSS) + 1j * omega * hidden.dashpots.get((joint, d), 0.0)
-            )
-    for bar, s, mass in hidden.masses:
-        vectors += list(whole(places[bar, s]).T)
-        dynamic += 3 * [-(omega**2) * mass + 0j]
-    for bar, s, d, stiffness, loss in hidden.ground:
-        vectors.append(whole(places[bar, s])[:, AXES.index(d)])
-        dynamic.append(np.full(len(omega), stiffness * (1 + 1j * loss)))
-    for bar in sorted({name for name, _ in hidden.bases}):
-        vectors += list(whole(places["base", bar]).T)
-        dynamic += [np.full(len(omega), hidden.bases.get((bar, d), HELD) + 0j) for d in DIRECTIONS]
+    apart = {joint: whole(joint, bar1) - whole(joint, bar2) for joint, bar1, _, bar2, _ in structure.joints}
+    parts = [(apart[joint], joint_stiffness(joint, structure, hidden, omega)) for joint in apart]
+    parts += attachments(structure, hidden, omega, whole)
+    C = np.hstack([vectors for vectors, _ in parts] or [np.zeros((n, 0))])
+    Z = np.zeros((len(omega), C.shape[1], C.shape[1]), dtype=complex)
+    first = 0
+    for _, dynamic in parts:
+        at = slice(first, first + dynamic.shape[-1])
+        Z[:, at, at] = dynamic
+        first = at.stop
 
-    C = np.array(vectors).T.reshape(n, -1)
-    Z = np.array(dynamic).reshape(C.shape[1], len(omega)).T[:, :, None]
-    by_name = {
-        s["name"]: whole(places[s["member"], s["position"]])[:, AXES.index(s["direction"])] for s in sensors
-    }
-    out = np.array(list(by_name.values())).T
-    inputs = np.array([by_name[name] for name in structure.excitations]).T
+    out = np.array([reading(s, hidden, whole) for s in sensors]).T
+    stated = {s["name"]: whole(s["member"], s["position"])[:, AXES.index(s["direction"])] for s in sensors}
+    inputs = np.array([stated[name] for name in structure.excitations]).T
+    if hidden.nonlinear:
+        joint, direction, *_ = hidden.nonlinear
+        own = apart[joint][:, [DIRECTIONS.index(direction)]]
+        out, inputs = np.hstack([out, own]), np.hstack([inputs, own])
     f = np.sqrt(w2) / (2 * np.pi)
     mean, period = structure.damping
     zeta = mean * (1 + 0.35 * np.sin(2 * np.pi * f / period + 0.7))
     H = np.empty((len(omega), out.shape[1], inputs.shape[1]), dtype=complex)
     for k, w in enumerate(omega):
-        modal = 1 / (w2 + 2j * zeta * np.sqrt(w2) * w - w**2)
+        modal = 1 / (w2 * (1 + 1j * more_loss) + 2j * zeta * np.sqrt(w2) * w - w**2)
         left, right = C.T * modal, modal[:, None] * inputs
-        forces = np.linalg.solve(np.eye(C.shape[1]) + Z[k] * (left @ C), Z[k] * (C.T @ right))
+        forces = np.linalg.solve(np.eye(C.shape[1]) + Z[k] @ (left @ C), Z[k] @ (C.T @ right))
         H[k] = out.T @ right - (out.T * modal) @ (C @ forces)
-    return -(omega[:, None, None] ** 2) * H
+    return H
+
+
+def joint_stiffness(joint, structure, hidden, omega):
+    """Return the dynamic stiffness (n_freq, 6, 6) of a joint."""
+    known = [HELD if structure.clamped else TRUE_JOINT[d] for d in DIRECTIONS]
+    k = np.array([v * hidden.joints.get((joint, d), 1.0) for v, d in zip(known, DIRECTIONS, strict=True)])
+    K = np.diag(k)
+    for (name, *pair), share in hidden.couplings.items():
+        if name == joint:
+            i, j = (DIRECTIONS.index(d) for d in pair)
+            K[i, j] = K[j, i] = share * np.sqrt(k[i] * k[j])
+    if np.linalg.eigvalsh(K / np.sqrt(np.outer(k, k)))[0] <= 0:
+        msg = f"the stiffness of joint {joint} is not positive definite"
+        raise ValueError(msg)
+    Z = np.tile(K * (1 + 1j * JOINT_LOSS), (len(omega), 1, 1))
+    for i, d in enumerate(DIRECTIONS):
+        r, tau = hidden.zener.get((joint, d), (0.0, 1.0))
+        Z[:, i, i] += 1j * omega * hidden.dashpots.get((joint, d), 0.0)
+        Z[:, i, i] += k[i] * r * 1j * omega * tau / (1 + 1j * omega * tau)
+    return Z
+
+
+def attachments(structure, hidden, omega, whole):
+    """Return what hangs on the structure beside joints: motions (n, m), dynamic stiffness (n_freq, m, m)."""
+    one = np.ones((len(omega), 1, 1))
+    w = omega[:, None, None]
+    out = []
+    for joint, bar1, _, bar2, _ in structure.joints:
+        if joint in hidden.joint_masses:
+            half = -(w**2) * 0.5 * hidden.joint_masses[joint] * np.eye(3)
+            out += [(whole("mass", joint, bar)[:, :3], half) for bar in (bar1, bar2)]
+    for bar, s, mass in hidden.masses:
+        out.append((whole(bar, s), -(w**2) * mass * np.eye(3)))
+    for bar, s, d, stiffness, loss in hidden.ground:
+        out.append((whole(bar, s)[:, [AXES.index(d)]], stiffness * (1 + 1j * loss) * one))
+    for bar, s, d, dashpot in hidden.dampers:
+        out.append((whole(bar, s)[:, [AXES.index(d)]], 1j * w * dashpot))
+    for bar, s, inertia in hidden.inertias:
+        out.append((whole("turns", bar, s)[:, 3:], -(w**2) * inertia * np.eye(3)))
+    for bar, s, axis, momentum in hidden.rotors:
+        # the rotor takes the moment momentum · (rate of turn × axis), that by which its momentum changes
+        gyroscopic = momentum * np.cross(np.eye(3), axis).T
+        out.append((whole("turns", bar, s)[:, 3:], 1j * w * gyroscopic))
+    for bar in sorted({name for name, _ in hidden.bases}):
+        held = np.diag([hidden.bases.get((bar, d), HELD) for d in DIRECTIONS])
+        out.append((whole("base", bar), held * one))
+    return out
+
+
+def reading(sensor, hidden, whole):
+    """Return the motion (n,) that a sensor takes, where it truly is and in the direction that it has."""
+    name = sensor["name"]
+    motions = whole(sensor["member"], hidden.places.get(name, sensor["position"]))
+    towards, angle = hidden.tilts.get(name, (sensor["direction"], 0.0))
+    along, across = (motions[:, AXES.index(d)] for d in (sensor["direction"], towards))
+    return along if angle == 0 else np.cos(angle) * along + np.sin(angle) * across
+
+
+def gap(a, k, g):
+    """Return the stiffness at amplitude a of a spring that acts beyond a gap g on either side."""
+    x = np.minimum(g / a, 1.0)
+    return k * (1 - 2 / np.pi * (np.arcsin(x) + x * np.sqrt(1 - x**2)))
+
+
+LAWS = {
+    "cubic": lambda a, k3: 0.75 * k3 * a**2,
+    "friction": lambda a, F: 4j * F / (np.pi * a),
+    "gap": gap,
+}
+"""Stiffnesses at amplitude a, the fundamental of the force over the motion: k₃ δ³, dry friction F, a gap."""
+
+
+def steady(R, law, force):
+    """Return receptances at a level of force where one relative motion has a stiffness k(a).
+
+    R is of :func:`receptances`. With h the motion by the force and g by a pair of forces at it, both without
+    k, a |1 + k(a) g| = force |h|. Of several solutions the one is taken that goes on from the line before, as
+    a slow sweep upwards does; without any the motion is held.
+    """
+    H, c, h, g = R[:, :-1, :-1], R[:, :-1, -1], R[:, -1, :-1], R[:, -1, -1]
+    out = np.array(H)
+    for j in range(h.shape[1]):
+        before = None
+        for k in range(len(h)):
+            found = amplitudes(law, force * abs(h[k, j]), g[k])
+            if found:
+                a = min(found, key=lambda x: abs(np.log(x / before))) if before else found[0]
+                q = law(a) / (1 + law(a) * g[k])
+                before = a
+            else:
+                q, before = 1 / g[k], None
+            out[k, :, j] -= c[k] * q * h[k, j]
+    return out
+
+
+def amplitudes(law, free, g):
+    """Return the amplitudes of stable steady motions, the lowest first; ``free`` is that without k."""
+
+    def excess(a):
+        return a * abs(1 + law(a) * g) - free
+
+    grid = free * np.geomspace(1e-6, 1e4, 4001)  # near a fold two solutions are close
+    above = excess(grid) > 0
+    return [brentq(excess, grid[i], grid[i + 1]) for i in np.flatnonzero(~above[:-1] & above[1:])]
+
+
+def accelerances(R, structure, hidden, frequency, force=1.0):
+    """Return FRFs [m/s²/N] without noise as the instruments read them, from receptances, at a level [N]."""
+    if hidden.nonlinear:
+        _, _, law, *values = hidden.nonlinear
+        R = steady(R, lambda a: LAWS[law](a, *values), force)
+    H = -((2 * np.pi * frequency[:, None, None]) ** 2) * R
+    names = [s["name"] for s in sensors_of(structure)]
+    for name, gain in hidden.gains.items():
+        H[:, names.index(name)] *= gain
+    for name, delay in hidden.delays.items():
+        H[:, names.index(name)] *= np.exp(-2j * np.pi * frequency * delay)[:, None]
+    for pair in hidden.swaps:
+        i, j = (names.index(name) for name in pair)
+        H[:, [i, j]] = H[:, [j, i]]
+    for name, gain in hidden.force_gains.items():
+        H[:, :, structure.excitations.index(name)] /= gain
+    return H
 
 
 def nominal_of(name, structure, frequency, rng):
@@ -971,14 +1282,14 @@ def with_noise(H, rng):
     return H * (1 + NOISE * noise()) + floor * noise()
 
 
-def write_files(target, nominal, frequency, H):
-    """Write nominal.json and frf.uff, H of its sensors and excitations (n_freq, n_out, n_in)."""
+def write_files(target, nominal, frequency, H, file="frf.uff"):
+    """Write nominal.json and a file of FRFs, H of its sensors and excitations (n_freq, n_out, n_in)."""
     import pyuff
 
     excitations = [e["sensor"] for e in nominal["excitations"]]
     target.mkdir(parents=True, exist_ok=True)
     (target / "nominal.json").write_text(json.dumps(nominal, indent=1), encoding="utf-8")
-    (target / "frf.uff").unlink(missing_ok=True)
+    (target / file).unlink(missing_ok=True)
     by_name = {s["name"]: s for s in nominal["sensors"]}
     sets, empty = [], {"type": 58, "binary": 0}
     empty |= dict.fromkeys(("func_id", "ver_num", "load_case_id", "z_axis_value", "z_axis_spec_data_type"), 0)
@@ -1007,7 +1318,7 @@ def write_files(target, nominal, frequency, H):
                 "data": H[:, i, j],
             }
             sets.append(empty | given)
-    pyuff.UFF(str(target / "frf.uff")).write_sets(sets, "overwrite")
+    pyuff.UFF(str(target / file)).write_sets(sets, "overwrite")
 
 
 def write(folder, name):
@@ -1015,8 +1326,18 @@ def write(folder, name):
     structure_name, seed, hidden, effects = CASES[name]
     structure, rng = STRUCTURES[structure_name], np.random.default_rng(seed)
     frequency = np.arange(structure.step, structure.stop + 1e-9, structure.step)
-    H = with_noise(accelerances(structure, hidden, frequency), rng)
-    write_files(folder / name, nominal_of(name, structure, frequency, rng), frequency, H)
+    R = receptances(structure, hidden, frequency)
+    levels = LEVELS_N if hidden.nonlinear else {"frf.uff": 1.0}
+    measured = {
+        file: with_noise(accelerances(R, structure, hidden, frequency, force), rng)
+        for file, force in levels.items()
+    }
+    nominal = nominal_of(name, structure, frequency, rng)
+    if hidden.nonlinear:
+        nominal |= {"files": list(levels), "levels_N": levels}
+        nominal["files_note"] = "the same channels and lines at the amplitudes of force of levels_N"
+    for file, H in measured.items():
+        write_files(folder / name, nominal, frequency, H, file)
     return {"code": "scikit-fem, quadratic hexahedra", "effects": effects}
 
 

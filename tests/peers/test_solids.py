@@ -33,7 +33,24 @@ gate = solids.welded(solids.STRUCTURES["gate"], solids.Hidden())
 along_x = (gate.direction == 0).astype(float)
 table = solids.welded(solids.STRUCTURES["table"], solids.Hidden(weaker={"X1": (0.1, 0.14, 0.5)}))
 feet = len(table.direction) - len(table.hold(solids.STRUCTURES["table"], set()))
+g, friction = -2e-4 - 1e-4j, lambda a: solids.LAWS["friction"](a, 3.0)
+cubic = lambda a: solids.LAWS["cubic"](a, 1e9)
+grid = (np.arange(4000) + 0.5) * 2 * np.pi / 4000
+moved_by = 0.7e-3 * np.sin(grid)
+beyond = 5e4 * np.sign(moved_by) * np.maximum(np.abs(moved_by) - 0.4e-3, 0.0)
+omega, pair = np.array([100.0, 2000.0]), {("J", "rx", "ry"): 0.6}
+cross = solids.STRUCTURES["cross"]
+whole = lambda *place: np.eye(6)
+rotor = solids.Hidden(rotors=(("U", 0.8, (0.0, 0.0, 1.0), 0.3),))
+((_, C),) = solids.attachments(cross, rotor, omega, whole)
+Z = solids.joint_stiffness("J", cross, solids.Hidden(couplings=pair), omega)
 print(json.dumps({
+    "sliding": solids.amplitudes(friction, 1e-3, g),
+    "held": solids.amplitudes(friction, 5e-4, g),
+    "leaning": [abs(a * abs(1 + cubic(a) * g) / 1e-4 - 1) for a in solids.amplitudes(cubic, 1e-4, g)],
+    "gap": [float(solids.gap(0.7e-3, 5e4, 0.4e-3)), float((beyond * np.sin(grid)).mean() * 2 / 0.7e-3)],
+    "rotor": (C[1] / 2000j).real.tolist(),
+    "coupled": float(Z[0, 3, 4].real),
     "frequency": (np.sqrt(squares) / (2 * np.pi)).tolist(),
     "orthonormal": float(np.abs(weights - np.eye(len(weights))).max()),
     "mass": float(rigid[:, 0] @ (solid.M @ rigid[:, 0])),
@@ -69,6 +86,21 @@ def test_a_bar_of_solids_has_the_frequencies_of_a_slender_beam(bar):
 
 def test_a_joint_takes_the_mean_motion_of_what_it_holds(bar):
     assert bar["patch"] == pytest.approx([0, 0, 0, 0, 0, 1], abs=1e-12)
+
+
+def test_a_joint_couples_two_directions_and_a_rotor_two_turns(bar):
+    assert bar["coupled"] == pytest.approx(0.6 * 3e3)
+    assert np.array(bar["rotor"]) == pytest.approx(0.3 * np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 0]]))
+
+
+def test_steady_motion_where_stiffness_depends_on_amplitude(bar):
+    """Dry friction slides with a² - 2 c a Im g + c² |g|² = free², c = 4F/π, and holds what is below c |g|."""
+    c, g, free = 12 / np.pi, -2e-4 - 1e-4j, 1e-3
+    a = c * g.imag + np.sqrt((c * g.imag) ** 2 + free**2 - (c * abs(g)) ** 2)
+    assert bar["sliding"] == pytest.approx([a])
+    assert bar["held"] == []
+    assert max(bar["leaning"]) < 1e-9
+    assert bar["gap"][0] == pytest.approx(bar["gap"][1], rel=1e-5)
 
 
 def test_welded_bars_are_one_body(bar):
