@@ -10,7 +10,7 @@ without the element,
 with h those of δ to the forces, c those of the responses to a pair of forces at δ, g that of δ to it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 _GRID = np.geomspace(1e-4, 1e4, 97)
 """Amplitudes at which a solution is looked for, in multiples of that without the element."""
 _BISECTIONS = 40
+_SECTIONS = 24
 _LEAST = 1e-100
 """Least amplitude, for forces that do not move the element: one whose square is not 0 [m or rad]."""
 
@@ -131,6 +132,37 @@ class Steady:
         return by_structure, own
 
 
+def _with_turns(grid: Floats, excess: Callable[[Floats], Floats]) -> Floats:
+    """Return amplitudes and those between them where the excess comes nearest to crossing zero and turns.
+
+    Two solutions beside a fold may lie between two amplitudes at which it has the same sign.
+
+    Parameters
+    ----------
+    grid : ndarray (n, n_freq, n_in)
+        Rising.
+    excess : callable
+
+    Returns
+    -------
+    ndarray (n + 2, n_freq, n_in)
+        Rising.
+    """
+    at, turns = excess(grid), []
+    for sign in (1.0, -1.0):  # it dips towards 0 from above, or rises towards it from below
+        e = sign * at
+        turning = (e[1:-1] > 0) & (e[1:-1] <= e[:-2]) & (e[1:-1] <= e[2:])
+        i = np.argmin(np.where(turning, e[1:-1], np.inf), axis=0)[None]
+        low, high = (np.take_along_axis(grid, i + k, axis=0)[0] for k in (0, 2))
+        for _ in range(_SECTIONS):
+            third = np.cbrt(high / low)
+            left, right = low * third, high / third
+            nearer = sign * excess(left) < sign * excess(right)
+            low, high = np.where(nearer, low, left), np.where(nearer, right, high)
+        turns.append(np.sqrt(low * high))
+    return np.sort(np.concatenate([grid, turns]), axis=0)
+
+
 def solve_steady(
     element: Describing, force: float | None, part: Receptances, measured: Complexes | None = None
 ) -> Steady:
@@ -160,7 +192,7 @@ def solve_steady(
         """Return a |1 + k(a) g| - F |h| over F |h|, for a (…, n_freq, n_in)."""
         return a * np.abs(1 + element.stiffness_at(a) * part.g[:, None]) / free - 1
 
-    grid = _GRID[:, None, None] * free
+    grid = _with_turns(_GRID[:, None, None] * free, excess)
     above = excess(grid) > 0
     rises = ~above[:-1] & above[1:]  # between these the excess crosses zero from below: stable
     some = rises.any(axis=0)

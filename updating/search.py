@@ -164,9 +164,7 @@ def search_effects(
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
     believed = max(limit, most_left(begin.current, floor, model_error))
     if len(search.findings) > 1 or search.current.level > believed:
-        alone = _forward(
-            begin, candidates, grids, full._replace(settled=limit), N_BEST_DEEP, later, 1, first
-        )
+        alone = _forward(begin, candidates, grids, full._replace(settled=limit), N_BEST_DEEP, later, 1, first)
         if alone.findings and _as_good(alone, search):
             search = alone
         if search.current.level > believed and any(alone.rounds[:1]):
@@ -206,9 +204,7 @@ def _strained(search: Search, candidates: Sequence[Effect]) -> Search:
     return Search(mine, (finding,), ((entry,), *search.rounds), steps, fit)
 
 
-def _exchanged(
-    search: Search, candidates: Sequence[Effect], limits: Limits, say: Progress
-) -> Search:
+def _exchanged(search: Search, candidates: Sequence[Effect], limits: Limits, say: Progress) -> Search:
     """Take away each of several effects but the last, search on beside the others, and keep the best end.
 
     The first was chosen while the others were missing, and may have stood for some of them.

@@ -48,6 +48,21 @@ def test_duffings_oscillator_has_its_closed_form():
     np.testing.assert_allclose(np.abs(steady.H[:, 0, 0]) * F, a, rtol=1e-8)
 
 
+def test_solutions_beside_a_fold_are_found_however_close_they_are():
+    """F² |h|² = |1 + κ a² g|² a² turns at the fold; just above it lies the highest solution."""
+    k3, F = 2.0, 1.0
+    kappa, above = 0.75 * k3, np.geomspace(1e-4, 1e-2, 20)
+    g, above = np.meshgrid(0.15 * np.exp(-1j * np.linspace(2.7, 3.1, 60)), above)
+    cubic, square = kappa**2 * np.abs(g) ** 2, 2 * kappa * g.real
+    fold = (-square + np.sqrt(square**2 - 3 * cubic)) / (3 * cubic)
+    s = fold * (1 + above)
+    level = np.sqrt(s * (1 + s * (square + s * cubic)))
+    block = np.ones((g.size, 2, 2), dtype=complex)
+    block[:, 1, 1], block[:, 1, 0] = g.ravel(), level.ravel() / F
+    steady = solve_steady(JointCubic(**COMMON, cubic=k3), F, Receptances.of(block))
+    np.testing.assert_allclose(steady.amplitude[:, 0], np.sqrt(s).ravel(), rtol=1e-6)
+
+
 def test_the_cubic_chain_vibrates_as_time_integration_says():
     """At two levels; what harmonic balance leaves out is what the third harmonic does to the first."""
     omega = np.array([0.35, 0.8, 1.6])
