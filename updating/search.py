@@ -160,7 +160,7 @@ def search_effects(
     first = _Round(begin.problem, begin.current, settled=False, grids=tuple(grids.values()))
     search = _forward(begin, candidates, grids, full, N_BEST, say, round_=first)
     later = between(say, 0.53, 1.0)
-    if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > limit):
+    if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > RIGHT_MARGIN * floor):
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
     believed = max(limit, most_left(begin.current, floor, model_error))
     if len(search.findings) > 1 or search.current.level > believed:

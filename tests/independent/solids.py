@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 from scipy.optimize import brentq
 
@@ -101,7 +102,8 @@ class Hidden:
     mass [kg]; a direction, a stiffness [N/m] and a loss factor; a direction and a dashpot to the ground
     [N·s/m]; a rotary inertia alike about all axes [kg·m²]; the axis of rotation, global, and the angular
     momentum about it [kg·m²/s]. What turns takes the mean motion of what lies within `PATCH` along the bar.
-    ``bases`` are stiffnesses [N·m/rad] of held ends by (bar, direction).
+    ``bases`` are stiffnesses [N·m/rad, N/m] of held ends by (bar, direction), and ``base_dashpots`` dashpots
+    [N·m·s/rad, N·s/m] beside them.
 
     Joints, by (joint, direction): ``joints`` are factors of stiffnesses, ``dashpots`` dampers [N·m·s/rad,
     N·s/m], ``zener`` the (r, τ [s]) of k (1 + r iωτ/(1 + iωτ)). ``couplings`` are the shares c of
@@ -133,6 +135,7 @@ class Hidden:
     offsets: dict = field(default_factory=dict)
     nonlinear: tuple = ()
     bases: dict = field(default_factory=dict)
+    base_dashpots: dict = field(default_factory=dict)
     gains: dict = field(default_factory=dict)
     delays: dict = field(default_factory=dict)
     tilts: dict = field(default_factory=dict)
@@ -814,7 +817,11 @@ CASES = {
         "table",
         76,
         Hidden(ground=(("X2", 0.23, "z", 2e5, 0.02),)),
-        [named("ground_spring", "X2", "at", "0.23", "m", "z", value=2e5, unit="N/m")],
+        [
+            named(
+                "side_spring", "X2", "along", "local", "z", value=2e5, unit="N/m", position=0.23, length=0.46
+            )
+        ],
     ),
     "table-notch": (
         "table",
@@ -826,6 +833,126 @@ CASES = {
             )
         ],
     ),
+    # kinds that other cases of these structures do not have; nothing was looked at on these either
+    "more-lap-rotor": (
+        "lap",
+        151,
+        Hidden(rotors=(("B", 0.4, (0.0, 0.0, 1.0), 0.1),)),
+        [named("rotor", "end", "2", "of", "B", "about", "local", "z", value=0.1, unit="kg·m²/s")],
+    ),
+    "more-lap-ground-damper": (
+        "lap",
+        152,
+        Hidden(dampers=(("A", 0.62, "z", 40.0),)),
+        [named("ground_damper", "end", "2", "of", "A", "z", value=40.0, unit="N·s/m")],
+    ),
+    "more-lap-driver-mass": (
+        "lap",
+        153,
+        Hidden(masses=(("A", 0.0, 0.008), ("B", 0.4, 0.008))),
+        [named("driver_mass", "excitations", "at", "A", "B", value=0.008, unit="kg")],
+    ),
+    "more-lap-softer": (
+        "lap",
+        154,
+        Hidden(E={"A": 0.96}),
+        [named("member_stiffness", "A", value=-0.04, unit="-")],
+    ),
+    "more-lap-swap": ("lap", 155, Hidden(swaps=(("A3z", "B3z"),)), [fault("A3z", swapped_with="B3z")]),
+    "more-lap-gain": ("lap", 156, Hidden(gains={"A5z": 1.25}), [fault("A5z", factor=1.25)]),
+    "more-lap-tilt": (
+        "lap",
+        157,
+        Hidden(tilts={"A6z": ("y", float(np.radians(20)))}),
+        [fault("A6z", tilt_rad=round(float(np.radians(20)), 4))],
+    ),
+    "more-lap-nothing-third": ("lap", 158, Hidden(), [NOTHING]),
+    "more-gate-driver-mass": (
+        "gate",
+        161,
+        Hidden(masses=(("L", 0.0, 0.02), ("R", 0.0, 0.02))),
+        [named("driver_mass", "excitations", "at", "L", "R", value=0.02, unit="kg")],
+    ),
+    "more-gate-ground-spring": (
+        "gate",
+        162,
+        Hidden(ground=(("R", 0.52, "y", 1e5, 0.02),)),
+        [named("ground_spring", "end", "2", "of", "R", "y", value=1e5, unit="N/m")],
+    ),
+    "more-gate-rotor": (
+        "gate",
+        163,
+        Hidden(rotors=(("L", 0.6, (0.0, 0.0, 1.0), 1.0),)),
+        [named("rotor", "end", "2", "of", "L", "about", "local", "x", value=1.0, unit="kg·m²/s")],
+    ),
+    "more-gate-stiffness": (
+        "gate",
+        164,
+        Hidden(E={"L": 1.1}),
+        [named("member_stiffness", "L", value=0.1, unit="-")],
+    ),
+    "more-gate-gain-and-sign": (
+        "gate",
+        165,
+        Hidden(gains={"R2y": 1.25, "S1z": -1.0}),
+        [fault("R2y", factor=1.25), fault("S1z", factor=-1)],
+    ),
+    "more-gate-two": (
+        "gate",
+        166,
+        Hidden(masses=(("T", 0.14, 0.06),), rho={"R": 1.08}),
+        [
+            named("point_mass", "T", value=0.06, unit="kg", position=0.14, length=0.4),
+            named("member_density", "R", value=0.08, unit="-"),
+        ],
+    ),
+    "more-gate-nothing-again": ("gate", 167, Hidden(), [NOTHING]),
+    "more-table-base-ry": (
+        "table",
+        171,
+        Hidden(bases={("C4", "ry"): 2e4}),
+        [named("support_flexibility", "C4", "ry", value=2e4, unit="N·m/rad")],
+    ),
+    "more-table-base-damper": (
+        "table",
+        172,
+        Hidden(bases={("C3", "rx"): 1.2e4}, base_dashpots={("C3", "rx"): 12.0}),
+        [named("foundation_dashpot", "C3", "rx", value=1.2e4, unit="N·m/rad")],
+    ),
+    "more-table-driver-mass": (
+        "table",
+        173,
+        Hidden(masses=(("C1", 0.41, 0.1), ("C3", 0.41, 0.1))),
+        [named("driver_mass", "excitations", "at", "C1", "C3", value=0.1, unit="kg")],
+    ),
+    "more-table-lighter": (
+        "table",
+        174,
+        Hidden(rho={"X2": 0.92}),
+        [named("member_density", "X2", value=-0.08, unit="-")],
+    ),
+    "more-table-faults": (
+        "table",
+        175,
+        Hidden(gains={"C41y": 0.8}, swaps=(("C21x", "X11y"),)),
+        [fault("C41y", factor=0.8), fault("C21x", swapped_with="X11y")],
+    ),
+    "more-table-damper": (
+        "table",
+        176,
+        Hidden(dampers=(("C2", 0.42, "y", 60.0),)),
+        [named("ground_damper", "end", "2", "of", "C2", "y", value=60.0, unit="N·s/m")],
+    ),
+    "more-table-two": (
+        "table",
+        177,
+        Hidden(bases={("C1", "rx"): 1.5e4}, masses=(("Y2", 0.12, 0.1),)),
+        [
+            named("support_flexibility", "C1", "rx", value=1.5e4, unit="N·m/rad"),
+            named("point_mass", "Y2", value=0.1, unit="kg", position=0.12, length=0.34),
+        ],
+    ),
+    "more-table-nothing-again": ("table", 178, Hidden(), [NOTHING]),
 }
 
 
@@ -892,20 +1019,32 @@ class Body:
     def patch(self, name, s, about, reach=PATCH):
         """Return the mean motion (n, 6) of what lies near s on a bar, in global directions about a point."""
         near = self.near(name, s, reach)
-        arm, along = self.places[:, near].T - about, np.eye(3)[self.direction[near]]
-        rigid = np.hstack([along, np.cross(arm, along)])
         P = np.zeros((self.places.shape[1], 6))
-        P[near] = np.linalg.pinv(rigid).T
+        P[near] = np.linalg.pinv(self.rigid(near, about)).T
         return P
 
+    def rigid(self, unknowns, about):
+        """Return what motions (6,) of a rigid body are there, in global directions about a point."""
+        arm, along = self.places[:, unknowns].T - about, np.eye(3)[self.direction[unknowns]]
+        return np.hstack([along, np.cross(arm, along)])
+
     def hold(self, structure, soft):
-        """Clamp the first ends of bars that are held and not soft; return the unknowns that are left."""
-        clamped = np.zeros(self.K.shape[0], dtype=bool)
-        for name in set(structure.held) - soft:
-            clamped[self.near(name, 0.0, 0.0)] = True
-        free = np.flatnonzero(~clamped)
-        self.K, self.M = (X[free][:, free].tocsc() for X in (self.K, self.M))
-        return free
+        """Clamp the first ends of bars that are held, but those that are soft move as rigid bodies.
+
+        Return what the unknowns (n, n_left) are by those that are left: with a soft base that is as good as
+        rigid an end is clamped, and nothing else in it gives way.
+        """
+        n = self.K.shape[0]
+        moves, faces = np.ones(n, dtype=bool), []
+        for name in structure.held:
+            face = self.near(name, 0.0, 0.0)
+            moves[face] = False
+            if name in soft:
+                faces.append(np.zeros((n, 6)))
+                faces[-1][face] = self.rigid(face, self.bars[name].at(0.0))
+        T = sp.hstack([sp.eye(n, format="csc")[:, moves], *map(sp.csc_matrix, faces)], format="csc")
+        self.K, self.M = ((T.T @ X @ T).tocsc() for X in (self.K, self.M))
+        return T
 
     def reduced(self, forces, n_modes, free):
         """Return squared frequencies and M-orthonormal vectors of modes and responses to forces."""
@@ -1046,13 +1185,12 @@ def receptances(structure, hidden, frequency):
         for name, s in hidden.turning:
             if name in body.bars:
                 ends["turns", name, s] = body.patch(name, s, body.bars[name].at(s))
-        free = body.hold(structure, soft)
-        forces, n_modes = (
-            np.hstack([P[free] for P in ends.values()]),
-            N_MODES_WELDED if structure.welded else N_MODES,
-        )
+        T = body.hold(structure, soft)
+        ends = {key: T.T @ P for key, P in ends.items()}
+        forces = np.hstack(list(ends.values()))
+        n_modes = N_MODES_WELDED if structure.welded else N_MODES
         w2, V = body.reduced(forces, n_modes, free=not structure.held)
-        places |= {key: (n, V.T @ P[free]) for key, P in ends.items()}
+        places |= {key: (n, V.T @ P) for key, P in ends.items()}
         n += len(w2)
         squares.append(w2)
         more_loss.append(np.full(len(w2), 0.0 if structure.welded else hidden.loss.get(*body.bars, 0.0)))
@@ -1138,7 +1276,8 @@ def attachments(structure, hidden, omega, whole):
         out.append((whole("turns", bar, s)[:, 3:], 1j * w * gyroscopic))
     for bar in sorted({name for name, _ in hidden.bases}):
         held = np.diag([hidden.bases.get((bar, d), HELD) for d in DIRECTIONS])
-        out.append((whole("base", bar), held * one))
+        dashpots = np.diag([hidden.base_dashpots.get((bar, d), 0.0) for d in DIRECTIONS])
+        out.append((whole("base", bar), held * one + 1j * w * dashpots))
     return out
 
 

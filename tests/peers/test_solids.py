@@ -32,7 +32,7 @@ moved = turn[np.arange(len(turn)), solid.direction]
 gate = solids.welded(solids.STRUCTURES["gate"], solids.Hidden())
 along_x = (gate.direction == 0).astype(float)
 table = solids.welded(solids.STRUCTURES["table"], solids.Hidden(weaker={"X1": (0.1, 0.14, 0.5)}))
-feet = len(table.direction) - len(table.hold(solids.STRUCTURES["table"], set()))
+feet = len(table.direction) - table.hold(solids.STRUCTURES["table"], set()).shape[1]
 g, friction = -2e-4 - 1e-4j, lambda a: solids.LAWS["friction"](a, 3.0)
 cubic = lambda a: solids.LAWS["cubic"](a, 1e9)
 grid = (np.arange(4000) + 0.5) * 2 * np.pi / 4000

@@ -109,6 +109,54 @@ def test_an_unknown_truth_is_an_error():
         table.hidden_effects({"effects": [{"type": "gap", "location": "joint J", "magnitude": 1}]}, NOMINAL)
 
 
+GAP = {"type": "gap", "location": "joint J", "magnitude": 1}
+ENDED = {"error_db": [{"fit": 3.0}, {"fit": 0.5}], "noise_floor_db": 0.3, "seconds": 2.0}
+
+
+def row(folder, result, truth):
+    """Return the line of a case whose nominal.json is `NOMINAL`, by its columns."""
+    (folder / "nominal.json").write_text(json.dumps(NOMINAL), encoding="utf-8")
+    return dict(zip(table.HEAD, table.row(folder, result, truth), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("truth", "told"),
+    [
+        ({"effects": [GAP]}, "gap at joint J"),
+        (
+            {"effects": [GAP, SIGN, {"prose": "a loose bolt"}]},
+            "gap at joint J; sensor_fault at D6z; a loose bolt",
+        ),
+        (
+            {"effects": [{**SOFT, "location": "lap joint X-Y"}]},
+            "joint_rotational_flexibility at lap joint X-Y",
+        ),
+        ({"effects": "see the notes"}, "see the notes"),
+        ({}, "effects are not stated"),
+        (None, "not in truth.json"),
+    ],
+)
+def test_what_is_not_understood_is_shown_and_not_judged(tmp_path, truth, told):
+    shown = row(tmp_path, result("effect", SOFT_FOUND) | ENDED, truth)
+    assert (shown["hidden"], shown["right"]) == (told, table.NOT_JUDGED)
+    assert (shown["verdict"], shown["error [dB]"]) == ("effect", "3.00 → 0.50")
+    assert "joint_stiffness joint J, rx" in shown["found"]
+
+
+def test_a_run_that_failed_is_wrong_whatever_the_truth_is(tmp_path):
+    for truth in (None, {"effects": [GAP]}, {"effects": [SOFT]}):
+        shown = row(tmp_path, "exit code 2", truth)
+        assert (shown["verdict"], shown["found"], shown["right"]) == ("failed", "exit code 2", table.NO)
+
+
+def test_only_what_was_judged_is_counted(tmp_path):
+    found = result("effect", SOFT_FOUND) | ENDED
+    rows = [tuple(row(tmp_path, found, t).values()) for t in ({"effects": [SOFT]}, {"effects": [MASS]})]
+    assert table.count(rows) == "1 of 2 right"
+    rows += [tuple(row(tmp_path, found, t).values()) for t in ({"effects": [GAP]}, None)]
+    assert table.count(rows) == "1 of 2 right; 2 not judged"
+
+
 @pytest.mark.shared("data/independent-cases")
 def test_every_truth_is_understood():
     truth = json.loads((table.CASES / "truth.json").read_text(encoding="utf-8"))
