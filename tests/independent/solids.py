@@ -910,8 +910,8 @@ CASES = {
     "more-table-base-ry": (
         "table",
         171,
-        Hidden(bases={("C4", "ry"): 2e4}),
-        [named("support_flexibility", "C4", "ry", value=2e4, unit="N·m/rad")],
+        Hidden(bases={("C4", "ry"): 4e4}),
+        [named("support_flexibility", "C4", "ry", value=4e4, unit="N·m/rad")],
     ),
     "more-table-base-damper": (
         "table",
@@ -940,15 +940,15 @@ CASES = {
     "more-table-damper": (
         "table",
         176,
-        Hidden(dampers=(("C2", 0.42, "y", 60.0),)),
-        [named("ground_damper", "end", "2", "of", "C2", "y", value=60.0, unit="N·s/m")],
+        Hidden(dampers=(("C2", 0.42, "y", 300.0),)),
+        [named("ground_damper", "end", "2", "of", "C2", "y", value=300.0, unit="N·s/m")],
     ),
     "more-table-two": (
         "table",
         177,
-        Hidden(bases={("C1", "rx"): 1.5e4}, masses=(("Y2", 0.12, 0.1),)),
+        Hidden(bases={("C1", "rx"): 3e4}, masses=(("Y2", 0.12, 0.1),)),
         [
-            named("support_flexibility", "C1", "rx", value=1.5e4, unit="N·m/rad"),
+            named("support_flexibility", "C1", "rx", value=3e4, unit="N·m/rad"),
             named("point_mass", "Y2", value=0.1, unit="kg", position=0.12, length=0.34),
         ],
     ),
