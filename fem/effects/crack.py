@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.effects.places import OnMember, bending_stiffness, frame_of, is_bar, material_of, welded_ends
+from fem.effects.places import (
+    OnMember,
+    bending_stiffness,
+    frame_of,
+    is_bar,
+    material_of,
+    section_extent,
+    welded_ends,
+)
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
 _WORDS = {"rx": "torsion", "ry": "bending about local y", "rz": "bending about local z"}
@@ -34,6 +42,9 @@ class Crack(OnMember):
         Length of the member [m].
     reference : float
         Length / (E I), which sets the scale [rad/(N·m)].
+    nearest : float
+        Least distance from the member's ends [m]. Within half its depth from an end a member does not bend
+        as a beam, and what gives way there is its connection.
     """
 
     kind: ClassVar[str] = "crack"
@@ -42,6 +53,7 @@ class Crack(OnMember):
     direction: str
     length: float
     reference: float
+    nearest: float = 0.0
 
     @property
     def where(self) -> str:
@@ -52,23 +64,27 @@ class Crack(OnMember):
         """Return compliance and position."""
         return (
             Parameter("compliance", "rad/(N·m)", self.compliance, 0.0, 0.0, 5 * self.reference),
-            Parameter("position", "m", self.position, self.position, 0.0, self.length),
+            Parameter(
+                "position", "m", self.position, self.position, self.nearest, self.length - self.nearest
+            ),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the loss of one element's stiffness."""
+        """Return what one element loses of its stiffness, and its mass that follows the kink."""
         frame = frame_of(model)
         return (frame.cut(model, self.member, self.position, self.direction, self.compliance),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's modulus of the member."""
-        return material_of(model, self.member, "E")
+        """Return Young's modulus and density of the member."""
+        return material_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 1 to 100 % of the member's length, at eleven places along it."""
         return tuple(
-            {"compliance": f * self.reference, "position": float(x * self.length)}
-            for x in np.linspace(0.03, 0.97, 11)
+            {"compliance": f * self.reference, "position": float(x)}
+            for x in np.linspace(
+                max(0.03 * self.length, self.nearest), self.length - max(0.03 * self.length, self.nearest), 11
+            )
             for f in (0.01, 0.05, 0.2, 1.0)
         )
 
@@ -79,13 +95,14 @@ class Crack(OnMember):
             return ()
         out: list[Effect] = []
         for m in model.mesh.members:
-            for d in ("ry", "rz") if not is_bar(model, m) else ():
+            for d, depth in (("ry", 2), ("rz", 1)) if not is_bar(model, m) else ():
                 length = model.mesh.member_length(m)
                 reference = length / bending_stiffness(model, m, d)
+                half = section_extent(model, m, np.eye(3), np.eye(3)[depth])
                 out.append(
                     cls(
                         name=f"crack:{m}.{d}", member=m, position=length / 2, compliance=0.0, direction=d,
-                        length=length, reference=reference,
+                        length=length, reference=reference, nearest=min(half, 0.1 * length),
                     )
                 )  # fmt: skip
         return tuple(out)
@@ -100,9 +117,8 @@ class Crack(OnMember):
 class EndRelease(OnMember):
     """A rotational flexibility where a member's end is welded to others in the model: a soft weld, a hinge.
 
-    In K the same as a spring of 1/compliance at the member's end (``spring1``, ``spring2`` in
-    :class:`~fem.effects.frame.MemberProperties`); the mass of the end's element follows the node, which errs
-    with the square of the element's size. A ``crack`` at the member's end is its twin.
+    The same as a spring of 1/compliance at the member's end (``spring1``, ``spring2`` in
+    :class:`~fem.effects.frame.MemberProperties`). A ``crack`` near the member's end is its twin.
 
     Attributes
     ----------
@@ -133,14 +149,14 @@ class EndRelease(OnMember):
         return (Parameter("compliance", "rad/(N·m)", self.compliance, 0.0, 0.0, 1e3 * self.reference),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the loss of the end element's stiffness."""
+        """Return what the end's element loses of its stiffness, and its mass that follows the turn."""
         frame = frame_of(model)
         position = 0.0 if self.end == 1 else model.mesh.member_length(self.member)
         return (frame.cut(model, self.member, position, self.direction, self.compliance),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's modulus of the member."""
-        return material_of(model, self.member, "E")
+        """Return Young's modulus and density of the member."""
+        return material_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 0.3 % of the member's length to nearly a hinge."""

@@ -635,7 +635,7 @@ class Frame(Effect):
         return Contribution(g.dofs, M=factor[:, None, None] * M)
 
     def cut(self, model: Model, member: str, position: Any, direction: str, compliance: Any) -> Contribution:
-        """Return what K and D lose where a member gives way at a place, in one local direction.
+        """Return how K, M and D change where a member gives way at a place, in one direction.
 
         The two sides of the cut slip by the compliance c times the force that is passed. With m the motion
         of the element's second end that a unit slip lets it have, and K of the element between its points,
@@ -644,7 +644,13 @@ class Frame(Effect):
 
         which is exact: the element's flexibility grows by c times the square of the force at the cut
         (Przemieniecki, Theory of Matrix Structural Analysis, ch. 8). At a member's end it is what a spring of
-        1/c makes. The element keeps its mass matrix.
+        1/c makes. The element's shapes N get the kink, ψ = r - N m for a unit slip, r the rigid motion of what
+        lies beyond the cut, so that with a = c / (1 + c mᵀ K m), μ the mass per length and q = K m
+
+            ΔM = a (b qᵀ + q bᵀ) + a² β q qᵀ,   b = ∫ Nᵀ μ ψ dx,   β = ∫ ψᵀ μ ψ dx.
+
+        Without that the mass follows the nodes, and frequencies err with the cube of the element's part of
+        the member. Lumps stay with the nodes.
 
         Parameters
         ----------
@@ -671,9 +677,20 @@ class Frame(Effect):
         if direction == "rz":
             m[7] = arm
         q = K0 @ m
-        K = -compliance / (1 + compliance * (m @ q)) * np.outer(q, q)
-        K = _to_global(K[None], g.T_nodes)
-        return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+        slip = compliance / (1 + compliance * (m @ q))
+        K = _to_global((-slip * np.outer(q, q))[None], g.T_nodes)
+        M = None
+        if not g.lumped[0]:
+            rigid = m.copy()
+            rigid[i] = 1.0
+            if direction in ("ry", "rz"):
+                rigid[:6] += np.eye(6)[2] * x * g.L[0] if direction == "ry" else -np.eye(6)[1] * x * g.L[0]
+            whole, beyond = _masses_beyond(g, x)
+            b = beyond @ rigid - whole @ m
+            beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ whole @ m
+            bent = slip * np.outer(b, q)
+            M = _to_global((bent + bent.T + slip**2 * beta * np.outer(q, q))[None], g.T_nodes)
+        return Contribution(g.dofs, K, M, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
     def stiffened(
         self, model: Model, zones: Sequence[tuple[str, float, Any, int]], flexibility: float
@@ -1165,18 +1182,35 @@ def _from_flexibility(g: _Lines, F: Array) -> Array:
     return np.swapaxes(E, 1, 2) @ np.linalg.inv(F) @ E
 
 
-def _mass(g: _Lines) -> Array:
-    """Return ∫ Nᵀ ρ diag(A, …) N dx, with what mass of higher order adds, or lumps: global, (b, 12, 12)."""
-    lumped = g.lumped != 0
-    scale = g.L[:, None] * _inertia(g)
-    M: Array = np.zeros((len(g.L), 12, 12), dtype=np.result_type(scale, g.T))
+def _local_mass(g: _Lines, start: Any = 0.0) -> Array:
+    """Return ∫ Nᵀ ρ diag(A, …) N dx from a fraction on, with what mass of higher order adds: (b, 12, 12).
+
+    Of the latter the same part as of the length.
+    """
+    scale = (1 - start) * g.L[:, None] * _inertia(g)
+    M: Array = np.zeros((len(g.L), 12, 12), dtype=scale.dtype)
     for xi, weight in zip(*_gauss(4), strict=True):
-        N = _shape(g, np.full(len(g.L), xi))
+        N = _shape(g, np.full(len(g.L), start + (1 - start) * xi))
         M = M + np.swapaxes(N, 1, 2) @ ((weight * scale)[:, :, None] * N)
-    if g.higher.any():
-        M = M + _local(*_higher(g))
-    M = _to_global(M, g.T)
+    return M + (1 - start) * _local(*_higher(g)) if g.higher.any() else M
+
+
+def _masses_beyond(g: _Lines, start: Any) -> tuple[Array, Array]:
+    """Return a line's local mass (12, 12) from node to node, all of it and that from a fraction on."""
+    masses = np.concatenate([_local_mass(g), _local_mass(g, start)])
+    if g.soft.size:  # the ends slip in their connections, and the shapes follow the element's own ends
+        K = _stiffness(_unslipped(g))
+        ends = np.eye(12) - end_slips(K, np.where(g.held, 1.0, g.ends), np.where(g.held, 0.0, 1.0))[0]
+        masses = ends.T @ masses @ ends
+    return masses[0], masses[1]
+
+
+def _mass(g: _Lines) -> Array:
+    """Return :func:`_local_mass` or lumps: global, (b, 12, 12)."""
+    lumped = g.lumped != 0
+    M = _to_global(_local_mass(g), g.T)
     if lumped.any():
+        scale = g.L[:, None] * _inertia(g)
         T = g.T_nodes[lumped]
         M[lumped] = np.swapaxes(T, 1, 2) @ (np.tile(scale[lumped] / 2, 2)[:, :, None] * T)
     return M
