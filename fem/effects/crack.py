@@ -11,10 +11,11 @@ from fem.effects.frame import Frame
 from fem.effects.places import (
     OnMember,
     bending_stiffness,
+    elements_of,
     frame_of,
     is_bar,
-    material_of,
     section_extent,
+    sheared_frame,
     welded_ends,
 )
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
@@ -71,12 +72,12 @@ class Crack(OnMember):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what one element loses of its stiffness, and its mass that follows the kink."""
-        frame = frame_of(model)
+        frame = sheared_frame(model)
         return (frame.cut(model, self.member, self.position, self.direction, self.compliance),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's modulus and density of the member."""
-        return material_of(model, self.member, "E", "rho")
+        """Return what the member's elements depend on."""
+        return elements_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 1 to 100 % of the member's length, at eleven places along it."""
@@ -150,13 +151,13 @@ class EndRelease(OnMember):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what the end's element loses of its stiffness, and its mass that follows the turn."""
-        frame = frame_of(model)
+        frame = sheared_frame(model)
         position = 0.0 if self.end == 1 else model.mesh.member_length(self.member)
         return (frame.cut(model, self.member, position, self.direction, self.compliance),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's modulus and density of the member."""
-        return material_of(model, self.member, "E", "rho")
+        """Return what the member's elements depend on."""
+        return elements_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 0.3 % of the member's length to nearly a hinge."""

@@ -265,12 +265,15 @@ class Frame(Effect):
     values : mapping of str to number
         Young's moduli ``"E:<material>"`` [Pa] and densities ``"rho:<material>"`` [kg/m³] that replace
         those of the materials; G follows E at constant ν.
+    shear : mapping of str to (number, number)
+        Factors of members' shear flexibility 1/(k G A) along y and z [-].
     """
 
     kind: ClassVar[str] = "frame"
     name: str = "frame"
     members: Mapping[str, MemberProperties]
     values: Mapping[str, Any] = field(default_factory=dict)
+    shear: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         by_name: dict[str, Material] = {}
@@ -350,6 +353,9 @@ class Frame(Effect):
                 beam = 1 - table["bar"]
                 table |= {f"k{d}": layout.table[f"k_full_{d}"][kind] * beam for d in "yz"}
                 table["rotary"] = change.rotary * beam
+        if self.shear:
+            y, z = _shear_factors(self, mesh)[:, rows]
+            table |= {"ky": table["ky"] / y, "kz": table["kz"] / z}
         kinds, each = np.unique(kind, return_inverse=True)
         made_of = [layout.materials[k] for k in kinds]
         E, rho = (
@@ -361,7 +367,7 @@ class Frame(Effect):
             factor = own * change.shear * 24 * (1 + table["nu"]) * I
             below = k * table["A"] * L**2
             out = np.zeros(L.shape, dtype=np.result_type(factor, below))
-            return np.divide(factor, below, out=out, where=k > 0)
+            return np.divide(factor, below, out=out, where=np.real(k) > 0)
 
         T = np.zeros((len(rows), 12, 12) if maps else (len(rows), 0, 0))
         for k in range(2 if maps else 0):
@@ -644,8 +650,8 @@ class Frame(Effect):
 
         which is exact: the element's flexibility grows by c times the square of the force at the cut
         (Przemieniecki, Theory of Matrix Structural Analysis, ch. 8). At a member's end it is what a spring of
-        1/c makes. The element's shapes N get the kink, ψ = r - N m for a unit slip, r the rigid motion of what
-        lies beyond the cut, so that with a = c / (1 + c mᵀ K m), μ the mass per length and q = K m
+        1/c makes. The element's shapes N get the kink ψ = r - N m of a unit slip, r the rigid motion of what
+        lies beyond, so that with a = c / (1 + c mᵀ K m), μ the mass per length and q = K m
 
             ΔM = a (b qᵀ + q bᵀ) + a² β q qᵀ,   b = ∫ Nᵀ μ ψ dx,   β = ∫ ψᵀ μ ψ dx.
 
@@ -1013,6 +1019,16 @@ def _alike(members: _Same, mesh: Mesh, member: str) -> bool:
     return bool(same and np.ptp(L) <= _ALIKE * L[0] and np.abs(R - R[0]).max() <= _ALIKE)
 
 
+@lru_cache(maxsize=8)
+def _shear_factors(frame: Frame, mesh: Mesh) -> Array:
+    """Return the factors of shear flexibility along y and z of all lines, shape (2, n_lines)."""
+    each = [np.asarray(pair) for pair in frame.shear.values()]
+    out = np.ones((2, mesh.n_lines), dtype=np.result_type(float, *each))
+    for member, pair in zip(frame.shear, each, strict=True):
+        out[:, mesh.members[member]] = pair[:, None]
+    return out
+
+
 @lru_cache(maxsize=16)  # cuts of one line are asked for together, in all directions
 def _uncut(frame: Frame, mesh: Mesh, line: int) -> tuple[_Lines, Array]:
     """Return a line of the mesh and its local stiffness (12, 12) from node to node."""
@@ -1162,7 +1178,7 @@ def _flexibility(g: _Lines, lo: Array, hi: Array) -> Array:
     """
     arm1, arm2 = g.L * (1 - lo), g.L * (1 - hi)
     one, first, second = arm1 - arm2, (arm1**2 - arm2**2) / 2, (arm1**3 - arm2**3) / 3
-    F: Array = np.zeros((len(g.L), 6, 6), dtype=np.result_type(one, g.E))
+    F: Array = np.zeros((len(g.L), 6, 6), dtype=np.result_type(one, g.E, g.phi_y, g.phi_z))
     F[:, 0, 0] = one / (g.E * g.A)
     F[:, 3, 3] = one * 2 * (1 + g.nu) / (g.E * g.J)
     for v, r, I, phi, sign in ((1, 5, g.Iz, g.phi_y, 1.0), (2, 4, g.Iy, g.phi_z, -1.0)):
@@ -1437,7 +1453,7 @@ def _strain(g: _Lines, xi: Array) -> Array:
 
 
 def _slope(g: _Lines, xi: Array) -> Array:
-    S = np.zeros((len(g.L), 2, 12))
+    S = np.zeros((len(g.L), 2, 12), dtype=np.result_type(g.phi_y, g.phi_z))
     (S[:, 0, _Y],) = _plane(xi, g.L, g.phi_y, "s")
     (rise,) = _plane(xi, g.L, g.phi_z, "s")
     S[:, 1, _Z] = rise * _SIGN

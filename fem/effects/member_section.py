@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame, SectionChange, member_contribution
-from fem.effects.places import OnMember, frame_of, is_bar, material_of
+from fem.effects.places import OnMember, elements_of, frame_of, is_bar, material_of, sheared_frame
 from fem.model import Array, Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
 
 
@@ -20,7 +20,7 @@ def changed_member(
     ``instead_of`` gives the sections that the model has; those of its frame unless given. Of elements that
     are alike one is formed, and stands for all.
     """
-    frame, mesh = frame_of(model), model.mesh
+    frame, mesh = sheared_frame(model), model.mesh
     rows = mesh.members[member]
     alike = frame.alike(mesh, member)
     some = rows[:1] if alike else rows
@@ -99,8 +99,8 @@ class MemberSection(OnMember):
         )
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's modulus and density of the member."""
-        return material_of(model, self.member, "E", "rho")
+        """Return what the member's elements depend on."""
+        return elements_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 30 % thinner to 40 % thicker."""
@@ -202,8 +202,8 @@ class MemberShear(OnMember):
         return changed_member(model, self.member, here, there)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's modulus and density of the member."""
-        return material_of(model, self.member, "E", "rho")
+        """Return what the member's elements depend on."""
+        return elements_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a tenth of the theory's, or near the model's, to twenty times as much."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from fem.effects.added_mass import AddedMass
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
+from fem.effects.section_shear import SectionShear
 from fem.effects.superelement import Superelement
 from fem.model import DIRECTIONS, Effect, Model, ModelError, ParameterRef, dofs_of
 
@@ -134,6 +136,12 @@ def material_of(model: Model, member: str, *quantities: str) -> tuple[ParameterR
     return tuple((frame.name, f"{q}:{material}") for q in quantities)
 
 
+def elements_of(model: Model, member: str, *quantities: str) -> tuple[ParameterRef, ...]:
+    """Return what a member's elements depend on: its material, and shear coefficients that are uncertain."""
+    shear = (ref for effect in model.of_kind(SectionShear) for ref in effect.of_member(member))
+    return (*material_of(model, member, *quantities), *shear)
+
+
 def stiffness_of_sprung(model: Model, member: str) -> tuple[ParameterRef, ...]:
     """Return Young's modulus of a member with ends on springs: it says how much of a motion these take."""
     k = frame_of(model).members[member].end_stiffness
@@ -144,6 +152,20 @@ def frame_of(model: Model) -> Frame:
     """Return the model's frame."""
     (frame,) = model.of_kind(Frame)
     return frame
+
+
+def sheared_frame(model: Model) -> Frame:
+    """Return the model's frame with the shear coefficients that it has where these are uncertain.
+
+    What takes a part of an element's stiffness must take it of the element as it is.
+    """
+    frame, shear = frame_of(model), model.of_kind(SectionShear)
+    return _sheared(frame, shear[0]) if shear else frame
+
+
+@lru_cache(maxsize=8)
+def _sheared(frame: Frame, shear: SectionShear) -> Frame:
+    return shear.applied_to(frame)
 
 
 def member_mass(model: Model, member: str) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.joint import PointPair
-from fem.effects.places import frame_of, is_bar, material_of, member_ends, n_lines_at
+from fem.effects.places import elements_of, is_bar, member_ends, n_lines_at, sheared_frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01
@@ -53,7 +53,7 @@ class RigidEndZone(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what the zones gain in stiffness."""
-        frame, zones = frame_of(model), []
+        frame, zones = sheared_frame(model), []
         for m, end in self.ends:
             p, whole = frame.members[m], model.mesh.member_length(m)
             start, towards = (p.rigid1, 1) if end == 1 else (whole - p.rigid2, -1)
@@ -61,8 +61,8 @@ class RigidEndZone(Effect):
         return (frame.stiffened(model, zones, _FLEXIBILITY),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's moduli of the members."""
-        return tuple(dict.fromkeys(ref for m, _ in self.ends for ref in material_of(model, m, "E")))
+        """Return what the members' stiffness depends on."""
+        return tuple(dict.fromkeys(ref for m, _ in self.ends for ref in elements_of(model, m, "E")))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 2 to 80 % of the longest."""

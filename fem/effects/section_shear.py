@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame, SectionChange
-from fem.effects.places import frame_of, material_of
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _ALIKE = 1e-6
@@ -43,7 +42,7 @@ class SectionShear(Effect):
     def of(cls, model: Model) -> "SectionShear | None":
         """Return the effect for a model's Timoshenko members whose coefficients are estimated, if any."""
         groups: dict[int, list[str]] = {}
-        members = frame_of(model).members if model.of_kind(Frame) else {}
+        members = model.of_kind(Frame)[0].members if model.of_kind(Frame) else {}
         sections = {}
         for m, p in members.items():
             if p.theory == "timoshenko" and p.section.estimated_k and p.section2 is None:
@@ -75,11 +74,11 @@ class SectionShear(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what other coefficients add to K, M and D of the members."""
-        frame, out = frame_of(model), []
+        (frame,), out = model.of_kind(Frame), []
         for first, members in self.groups.items():
-            both, y, z = (1 / self.values.get(f"{k}:{first}", 1.0) for k in ("k", "ky", "kz"))
+            y, z = self._factors(first)
             rows = np.concatenate([model.mesh.members[m] for m in members])
-            new = frame.contribution_of(model, rows, SectionChange(shear=both, shear_y=y, shear_z=z))
+            new = frame.contribution_of(model, rows, SectionChange(shear_y=y, shear_z=z))
             old = frame.contribution_of(model, rows)
             for c, o in zip(new, old, strict=True):
                 parts = ((getattr(c, X), getattr(o, X)) for X in ("K", "M", "D"))
@@ -89,8 +88,26 @@ class SectionShear(Effect):
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's moduli and densities of the members."""
-        members = [m for group in self.groups.values() for m in group]
-        return tuple(dict.fromkeys(ref for m in members for ref in material_of(model, m, "E", "rho")))
+        (frame,) = model.of_kind(Frame)
+        materials = dict.fromkeys(
+            frame.members[m].material.name for group in self.groups.values() for m in group
+        )
+        return tuple((frame.name, f"{key}:{name}") for name in materials for key in ("E", "rho"))
+
+    def of_member(self, member: str) -> tuple[ParameterRef, ...]:
+        """Return the factors that concern a member."""
+        groups = (first for first, members in self.groups.items() if member in members)
+        return tuple((self.name, f"{k}:{first}") for first in groups for k in self.directions[first])
+
+    def applied_to(self, frame: Frame) -> Frame:
+        """Return a frame whose members have these coefficients, for what changes a part of them."""
+        shear = {m: self._factors(first) for first, members in self.groups.items() for m in members}
+        return replace(frame, shear=shear)
+
+    def _factors(self, first: str) -> tuple[Any, Any]:
+        """Return the factors of the shear flexibility along y and z."""
+        both, y, z = (1 / self.values.get(f"{k}:{first}", 1.0) for k in ("k", "ky", "kz"))
+        return both * y, both * z
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the middles of the members."""

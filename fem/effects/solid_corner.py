@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame, begun
-from fem.effects.places import frame_of, is_bar, material_of, section_extent
+from fem.effects.places import elements_of, frame_of, is_bar, section_extent, sheared_frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01
@@ -93,7 +93,7 @@ class SolidCorner(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what the zones gain in stiffness, and lose of their mass."""
-        frame, stiffer, lighter = frame_of(model), [], []
+        frame, stiffer, lighter = sheared_frame(model), [], []
         density = {m: frame.mass_per_length(m) for m in {z.member for z in self.zones}}
         for z in self.zones:
             inside = _at_most(self.size * z.depth, z.longest)
@@ -106,9 +106,9 @@ class SolidCorner(Effect):
         return (*out, frame.masses(model, lighter, (1, 1, 1, 0, 0, 0))) if lighter else out
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's moduli and densities of the members."""
+        """Return what the members' elements depend on."""
         members = dict.fromkeys(z.member for z in self.zones)
-        return tuple(dict.fromkeys(ref for m in members for ref in material_of(model, m, "E", "rho")))
+        return tuple(dict.fromkeys(ref for m in members for ref in elements_of(model, m, "E", "rho")))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a tenth to one and a half of what the sections say."""

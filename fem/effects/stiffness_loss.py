@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
-from fem.effects.places import material_of
+from fem.effects.places import elements_of, sheared_frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
@@ -54,7 +53,7 @@ class StiffnessLoss(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the lost strain energy of the stretch."""
-        (frame,) = model.of_kind(Frame)
+        frame = sheared_frame(model)
         part = frame.strain_energy_matrix(
             model, self.member, self.position - self.width / 2, self.position + self.width / 2
         )
@@ -63,8 +62,8 @@ class StiffnessLoss(Effect):
         )
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return Young's modulus of the member."""
-        return material_of(model, self.member, "E")
+        """Return what the member's stiffness depends on."""
+        return elements_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Losses of 3 to 90 % at ten places along the member."""

@@ -233,6 +233,32 @@ def test_shear_coefficients_of_boxes_are_those_of_boxes_that_state_them():
         assert abs(want - alone).max() > 1e-6 * abs(want).max()
 
 
+@pytest.mark.parametrize(
+    "kind", ["crack", "end_release", "stiffness_loss", "rigid_end_zone", "member_section", "member_shear"]
+)
+def test_what_takes_a_part_of_an_element_takes_it_of_that_with_the_shear_that_it_has(kind):
+    """A hinge is one whatever shear coefficients are: with those of the model it left stiffness behind."""
+    model = portal(0.2)
+    (frame,), members = model.of_kind(Frame), tuple(model.mesh.members)
+    part = frame.members[members[0]]
+    assert all(p.section == part.section for p in frame.members.values())
+    shear = SectionShear(groups={members[0]: members}, directions={members[0]: ("ky", "kz")})
+    shear = shear.with_values(**{f"ky:{members[0]}": 0.3, f"kz:{members[0]}": 0.2})
+    section = replace(part.section, ky=0.3 * part.section.ky, kz=0.2 * part.section.kz)
+    other = replace(frame, members=dict.fromkeys(members, replace(part, section=section)))
+    stated = replace(model, effects=tuple(other if e is frame else e for e in model.effects))
+    hinge = EndRelease(name="h", member="left", end=2, direction="rz", compliance=1.0, reference=1.0)
+    effect = hinge if kind == hinge.kind else propose(model, [kind])[0]
+    effect = effect.with_values(**effect.starts(lambda key: 1e3)[-1])
+    sheared = model.with_effect(shear)
+    for X in "KM":
+        have, want = (getattr(assemble(m.with_effect(effect)), X) for m in (sheared, stated))
+        assert abs(have - want).max() < 1e-9 * abs(want).max()
+    # with the model's coefficients much else
+    alone = sums(model, effect)[0]
+    assert abs(sums(sheared, effect)[0] - alone).max() > 1e-3 * abs(alone).max()
+
+
 def test_only_coefficients_that_are_estimated_are_unsure():
     assert not Section.rectangle(0.02, 0.01).estimated_k
     assert Section.tube(0.02, 0.002).estimated_k
