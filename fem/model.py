@@ -183,7 +183,7 @@ class Effect(ABC):
         damped otherwise than the members'.
     spread : str
         Name of the parameter, if any, at whose lower bound the effect is a simpler one that is proposed, too,
-        as a mass on a short stretch is a point mass.
+        as a mass on a short stretch is a point mass, and a foundation with little damping a flexible support.
     """
 
     kind: ClassVar[str]

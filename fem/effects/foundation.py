@@ -86,6 +86,7 @@ class Foundation(_Foundation):
     """
 
     kind: ClassVar[str] = "foundation"
+    spread: ClassVar[str] = "loss_factor"
     loss_factor: Any
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -127,6 +128,7 @@ class FoundationDashpot(_Foundation):
     """
 
     kind: ClassVar[str] = "foundation_dashpot"
+    spread: ClassVar[str] = "tau"
     tau: Any
 
     def parameters(self) -> tuple[Parameter, ...]:
