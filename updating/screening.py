@@ -476,7 +476,11 @@ class _Look:
         if not ratio:
             return grid.terms(self.problem, weak)
         stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
-        changes = [(f, e) for ref, f in ratio.items() if (e := reduced.scaling_of(effect, ref)) is not None]
+        changes = []
+        for ref, f in ratio.items():
+            if (exponents := reduced.scaling_of(effect, ref)) is None:
+                break
+            changes.append((f, exponents))
         if len(changes) == len(ratio):
             factors = scale_factors(changes)
             terms = [t.scaled(factors) for t in grid.terms(self.problem, weak)]

@@ -671,7 +671,7 @@ class Frame(Effect):
         """
         mesh = model.mesh
         at = mesh.locate(member, float(np.real(position)))
-        g, K0 = _uncut(self, mesh, at.line)
+        g, K0, whole = _uncut(self, mesh, at.line)
         xi = at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0.0)
         x = _flexible(g, np.atleast_1d(xi))[0]
         i = DIRECTIONS.index(direction)
@@ -691,7 +691,7 @@ class Frame(Effect):
             rigid[i] = 1.0
             if direction in ("ry", "rz"):
                 rigid[:6] += np.eye(6)[2] * x * g.L[0] if direction == "ry" else -np.eye(6)[1] * x * g.L[0]
-            whole, beyond = _masses_beyond(g, x)
+            beyond = whole * (1.0 - x) if x in (0.0, 1.0) else _from_nodes(g, _local_mass(g, x))[0]
             b = beyond @ rigid - whole @ m
             beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ whole @ m
             bent = slip * np.outer(b, q)
@@ -1030,13 +1030,13 @@ def _shear_factors(frame: Frame, mesh: Mesh) -> Array:
 
 
 @lru_cache(maxsize=16)  # cuts of one line are asked for together, in all directions
-def _uncut(frame: Frame, mesh: Mesh, line: int) -> tuple[_Lines, Array]:
-    """Return a line of the mesh and its local stiffness (12, 12) from node to node."""
+def _uncut(frame: Frame, mesh: Mesh, line: int) -> tuple[_Lines, Array, Array]:
+    """Return a line of the mesh and its local stiffness and mass (12, 12) from node to node."""
     g = frame._lines(mesh, [line])
-    K = _with_ends(g, _stiffness(_unslipped(g)))[0]
-    for shared in (g.dofs, g.T, K):
+    K, M = _with_ends(g, _stiffness(_unslipped(g)))[0], _from_nodes(g, _local_mass(g))[0]
+    for shared in (g.dofs, g.T, K, M):
         shared.flags.writeable = False
-    return g, K
+    return g, K, M
 
 
 def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: str) -> NDArray[np.float64]:
@@ -1211,14 +1211,13 @@ def _local_mass(g: _Lines, start: Any = 0.0) -> Array:
     return M + (1 - start) * _local(*_higher(g)) if g.higher.any() else M
 
 
-def _masses_beyond(g: _Lines, start: Any) -> tuple[Array, Array]:
-    """Return a line's local mass (12, 12) from node to node, all of it and that from a fraction on."""
-    masses = np.concatenate([_local_mass(g), _local_mass(g, start)])
-    if g.soft.size:  # the ends slip in their connections, and the shapes follow the element's own ends
-        K = _stiffness(_unslipped(g))
-        ends = np.eye(12) - end_slips(K, np.where(g.held, 1.0, g.ends), np.where(g.held, 0.0, 1.0))[0]
-        masses = ends.T @ masses @ ends
-    return masses[0], masses[1]
+def _from_nodes(g: _Lines, M: Array) -> Array:
+    """Return the local mass of a line for motions of its nodes; its shapes follow its ends, which may slip."""
+    if not g.soft.size:
+        return M
+    K = _stiffness(_unslipped(g))
+    slips = end_slips(K, np.where(g.held, 1.0, g.ends), np.where(g.held, 0.0, 1.0))
+    return _to_global(M, np.eye(12) - slips)
 
 
 def _mass(g: _Lines) -> Array:

@@ -139,7 +139,7 @@ def material_of(model: Model, member: str, *quantities: str) -> tuple[ParameterR
 def elements_of(model: Model, member: str, *quantities: str) -> tuple[ParameterRef, ...]:
     """Return what a member's elements depend on: its material, and shear coefficients that are uncertain."""
     shear = (ref for effect in model.of_kind(SectionShear) for ref in effect.of_member(member))
-    return (*material_of(model, member, *quantities), *shear)
+    return (*shear, *material_of(model, member, *quantities))
 
 
 def stiffness_of_sprung(model: Model, member: str) -> tuple[ParameterRef, ...]:
