@@ -1212,7 +1212,7 @@ def _local_mass(g: _Lines, start: Any = 0.0) -> Array:
 
 
 def _from_nodes(g: _Lines, M: Array) -> Array:
-    """Return the local mass of a line for motions of its nodes; the shapes follow its ends, which may slip."""
+    """Return the local mass of a line for motions of its nodes; its shapes follow its own ends."""
     if not g.soft.size:
         return M
     K = _stiffness(_unslipped(g))
