@@ -536,9 +536,9 @@ def _concluded(
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
     if verdict != UNEXPLAINED and current.level > RIGHT_MARGIN * floor and model_error > 0:
         notes.append(
-            f"{current.level * DB_PER_NEPER:.2g} dB are left, noise and the mesh account for "
-            f"{floor * DB_PER_NEPER:.2g}: the form of beams may leave the rest (model_error = "
-            f"{model_error:g} neper), and so may weak effects; with model_error = 0 these are named, too"
+            f"{current.fit_db:.2g} dB are left, noise and the mesh account for "
+            f"{np.hypot(problem.data.noise_db, start.mesh_db):.2g}: the form of beams may leave the rest "
+            f"(model_error = {model_error:g} neper), and so may weak effects; with model_error = 0 these are named, too"
         )
     drawn = start.model
     if verdict == UNEXPLAINED:
