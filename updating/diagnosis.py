@@ -538,7 +538,8 @@ def _concluded(
         notes.append(
             f"{current.fit_db:.2g} dB are left, noise and the mesh account for "
             f"{np.hypot(problem.data.noise_db, start.mesh_db):.2g}: the form of beams may leave the rest "
-            f"(model_error = {model_error:g} neper), and so may weak effects; with model_error = 0 these are named, too"
+            f"(model_error = {model_error:g} neper), and so may weak effects; with model_error = 0 these are "
+            "named, too"
         )
     drawn = start.model
     if verdict == UNEXPLAINED:
