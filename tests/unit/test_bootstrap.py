@@ -11,7 +11,7 @@ from study import words
 from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
 from updating import preparation
-from updating.acceptance import whole_level
+from updating.acceptance import Limits, whole_level
 from updating.bootstrap import Bootstrap, bootstrap, simulated
 from updating.diagnosis import diagnose, propose
 from updating.findings import Finding, parameters_of, step_of
@@ -67,7 +67,7 @@ def test_where_nothing_is_hidden_chance_leaves_what_the_measurement_leaves(nothi
     candidates = propose(case.model, ("member_stiffness", "joint_mass", "point_mass"))
     steps = tuple(step_of(label, fit) for label, fit in (("nominal", problem.nominal()), ("fitted", null)))
     begin = Search(problem, (), (), steps, null)
-    after, (tried,) = bootstrap(begin, candidates, (1.0, 1.0), 5, SILENT)
+    after, (tried,) = bootstrap(begin, candidates, Limits(1.0, 1.0), 5, SILENT)
     assert after is begin
     assert tried.effect == ""
     assert math.isnan(tried.gain)
@@ -89,7 +89,7 @@ def test_an_effect_that_chance_could_have_made_is_dropped_and_a_real_one_stays()
     found = tuple(Finding(e, parameters_of(e, both), ()) for e in both.effects)
     fits = {"nominal": problem.nominal(), "uncertain": null, "both": both}
     begin = Search(problem, found, ((), ()), tuple(step_of(n, f) for n, f in fits.items()), both)
-    after, tried = bootstrap(begin, candidates, (1.0, 1.0), 3, SILENT)
+    after, tried = bootstrap(begin, candidates, Limits(1.0, 1.0), 3, SILENT)
     assert [t.effect for t in tried] == [idle.name, real.name]
     assert [t.believed for t in tried] == [False, True]
     assert tried[0].gain < 1.02

@@ -791,7 +791,7 @@ def test_a_lone_effect_that_the_posterior_asks_for_is_not_pruned(monkeypatch):
             ),
         )
         taken = [findings.Finding(e, findings.parameters_of(e, fit), ()) for e in effects]
-        return [f.effect.kind for f in search._without_idle(problem, taken, fit, limit, 0.0)[0]]
+        return [f.effect.kind for f in search._without_idle(problem, taken, fit, acceptance.Limits(limit))[0]]
 
     assert left([heavier], 0.20, True) == ["member_density"]
     assert left([heavier], 0.20, False) == []
@@ -853,7 +853,7 @@ def test_of_idle_effects_that_goes_first_which_costs_the_least(monkeypatch):
     monkeypatch.setattr(FitProblem, "fit_without", without)
     fit = replace(fit, level=0.2, held_out_level=0.2, solution=replace(fit.solution, cost=0.0))
     taken = [findings.Finding(e, findings.parameters_of(e, fit), ()) for e in effects]
-    stay, less = search._without_idle(problem, taken, fit, 0.0, 0.0)
+    stay, less = search._without_idle(problem, taken, fit, acceptance.Limits(0.0))
     assert [f.effect.kind for f in stay] == ["member_density", "member_torsion"]
     assert [e.kind for e in less.effects] == ["member_density", "member_torsion"]
 
@@ -953,7 +953,7 @@ def test_an_uncertain_parameter_far_off_its_tolerance_is_an_effect():
     # chance has no say in it
     begin = search.Search(found.problem, found.findings, found.rounds, found.steps, found.steps[-1].result)
     after, (tried,) = bootstrap(
-        begin, propose(case.model, ["point_mass"])[:2], (1.0, 1.0), 1, lambda *_: None
+        begin, propose(case.model, ["point_mass"])[:2], acceptance.Limits(1.0, 1.0), 1, lambda *_: None
     )
     assert after is begin
     assert tried.effect == ""
