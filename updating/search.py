@@ -366,9 +366,9 @@ def _forward(
         if round_ is None or not round_.is_from(problem, current, settled):
             round_ = _Round(problem, current, settled, tuple(grids[e.name] for e in open_))
         ranked, best = round_.run(rule, n_best, part, promise)
-        rounds.append(ranked)
         if best is None:
             break
+        rounds.append(ranked)
         # The candidate's fit may have found better nuisance parameters; the model without it
         # deserves them too.
         again = problem.refit(current, _believed(best))

@@ -83,7 +83,7 @@ def test_a_part_of_the_band_with_other_damping_than_its_neighbours_is_fitted_onc
 
 def test_where_beams_may_have_left_it_all_candidates_are_looked_at_and_none_is_fitted():
     found = run(make_case(5))
-    assert (found.verdict, found.findings, found.faults, found.rounds) == (NOTHING, (), (), ((),))
+    assert (found.verdict, found.findings, found.faults, found.rounds) == (NOTHING, (), (), ())
     level = found.steps[-1].level
     assert level < found.problem.beams_leave == pytest.approx(0.1)
     assert found.reason.startswith("no candidate improves the fitted model")
