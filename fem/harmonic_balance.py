@@ -132,8 +132,8 @@ class Steady:
         return by_structure, own
 
 
-def _with_turns(grid: Floats, excess: Callable[[Floats], Floats]) -> Floats:
-    """Return amplitudes and those between them where the excess comes nearest to crossing zero and turns.
+def _with_turns(grid: Floats, excess: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+    """Return amplitudes, with those where the excess turns nearest to crossing zero, and the excess there.
 
     Two solutions beside a fold may lie between two amplitudes at which it has the same sign.
 
@@ -145,8 +145,8 @@ def _with_turns(grid: Floats, excess: Callable[[Floats], Floats]) -> Floats:
 
     Returns
     -------
-    ndarray (n + 2, n_freq, n_in)
-        Rising.
+    amplitudes, excess : ndarray (n + 2, n_freq, n_in)
+        The amplitudes rise.
     """
     at, turns = excess(grid), []
     for sign in (1.0, -1.0):  # it dips towards 0 from above, or rises towards it from below
@@ -160,7 +160,11 @@ def _with_turns(grid: Floats, excess: Callable[[Floats], Floats]) -> Floats:
             nearer = sign * excess(left) < sign * excess(right)
             low, high = np.where(nearer, low, left), np.where(nearer, right, high)
         turns.append(np.sqrt(low * high))
-    return np.sort(np.concatenate([grid, turns]), axis=0)
+    every = np.concatenate([grid, turns])
+    order = np.argsort(every, axis=0)
+    both = every, np.concatenate([at, excess(np.array(turns))])
+    amplitudes, values = (np.take_along_axis(each, order, axis=0) for each in both)
+    return amplitudes, values
 
 
 def solve_steady(
@@ -192,8 +196,8 @@ def solve_steady(
         """Return a |1 + k(a) g| - F |h| over F |h|, for a (…, n_freq, n_in)."""
         return a * np.abs(1 + element.stiffness_at(a) * part.g[:, None]) / free - 1
 
-    grid = _with_turns(_GRID[:, None, None] * free, excess)
-    above = excess(grid) > 0
+    grid, values = _with_turns(_GRID[:, None, None] * free, excess)
+    above = values > 0
     rises = ~above[:-1] & above[1:]  # between these the excess crosses zero from below: stable
     some = rises.any(axis=0)
     first = np.argmax(rises, axis=0)

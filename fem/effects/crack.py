@@ -81,11 +81,10 @@ class Crack(OnMember):
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 1 to 100 % of the member's length, at eleven places along it."""
+        first = max(0.03 * self.length, self.nearest)
         return tuple(
             {"compliance": f * self.reference, "position": float(x)}
-            for x in np.linspace(
-                max(0.03 * self.length, self.nearest), self.length - max(0.03 * self.length, self.nearest), 11
-            )
+            for x in np.linspace(first, self.length - first, 11)
             for f in (0.01, 0.05, 0.2, 1.0)
         )
 

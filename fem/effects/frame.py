@@ -208,8 +208,8 @@ class SectionChange:
     ----------
     A, Iy, Iz, Ip, J : float
         Of the area and the second moments [-].
-    shear, shear_y, shear_z : float
-        Of the shear flexibility 1/(k G A), beside that of A: in both directions, along y, along z [-].
+    shear : float
+        Of the shear flexibility 1/(k G A), beside that of A [-].
     rotary : float
         Of the rotary inertia of bending, beside those of Iy and Iz [-].
     timoshenko : bool
@@ -223,8 +223,6 @@ class SectionChange:
     Ip: Any = 1.0
     J: Any = 1.0
     shear: Any = 1.0
-    shear_y: Any = 1.0
-    shear_z: Any = 1.0
     rotary: Any = 1.0
     timoshenko: bool = False
 
@@ -363,8 +361,8 @@ class Frame(Effect):
             for key in ("E", "rho")
         )
 
-        def shear(I: Array, k: Array, own: Any) -> Array:
-            factor = own * change.shear * 24 * (1 + table["nu"]) * I
+        def shear(I: Array, k: Array) -> Array:
+            factor = change.shear * 24 * (1 + table["nu"]) * I
             below = k * table["A"] * L**2
             out = np.zeros(L.shape, dtype=np.result_type(factor, below))
             return np.divide(factor, below, out=out, where=np.real(k) > 0)
@@ -380,8 +378,8 @@ class Frame(Effect):
             rows=rows, dofs=dofs_of(mesh.lines[rows]).reshape(len(rows), 12), T=T, soft=soft[:0],
             slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)),
             held=np.zeros((0, 12), dtype=bool), R=R, end=end, zone=layout.zone[rows],
-            span=span, L=L, **table, phi_y=shear(table["Iz"], table["ky"], change.shear_y),
-            phi_z=shear(table["Iy"], table["kz"], change.shear_z), E=E, rho=rho,
+            span=span, L=L, **table, phi_y=shear(table["Iz"], table["ky"]),
+            phi_z=shear(table["Iy"], table["kz"]), E=E, rho=rho,
         )  # fmt: skip
         if not soft.size:
             return stiff
@@ -689,8 +687,10 @@ class Frame(Effect):
         if not g.lumped[0]:
             rigid = m.copy()
             rigid[i] = 1.0
-            if direction in ("ry", "rz"):
-                rigid[:6] += np.eye(6)[2] * x * g.L[0] if direction == "ry" else -np.eye(6)[1] * x * g.L[0]
+            if direction == "ry":
+                rigid[2] = x * g.L[0]
+            if direction == "rz":
+                rigid[1] = -x * g.L[0]
             beyond = whole * (1.0 - x) if x in (0.0, 1.0) else _from_nodes(g, _local_mass(g, x))[0]
             b = beyond @ rigid - whole @ m
             beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ whole @ m
@@ -1164,11 +1164,14 @@ def _with_ends(g: _Lines, K: Array) -> Array:
     """Return local stiffnesses K (b, 12, 12) with the ends' connections in series: from node to node."""
     if not g.soft.size:
         return K
-    rigid = g.held
-    slips = end_slips(K[g.soft], np.where(rigid, 1.0, g.ends), np.where(rigid, 0.0, 1.0))
     K = K.copy()
-    K[g.soft] -= K[g.soft] @ slips
+    K[g.soft] -= K[g.soft] @ _slips(g, K[g.soft])
     return K
+
+
+def _slips(g: _Lines, K: Array) -> Array:
+    """Return :func:`end_slips` of the lines whose ends slip, from their stiffness without connections."""
+    return end_slips(K, np.where(g.held, 1.0, g.ends), np.where(g.held, 0.0, 1.0))
 
 
 def _flexibility(g: _Lines, lo: Array, hi: Array) -> Array:
@@ -1215,9 +1218,7 @@ def _from_nodes(g: _Lines, M: Array) -> Array:
     """Return the local mass of a line for motions of its nodes; its shapes follow its own ends."""
     if not g.soft.size:
         return M
-    K = _stiffness(_unslipped(g))
-    slips = end_slips(K, np.where(g.held, 1.0, g.ends), np.where(g.held, 0.0, 1.0))
-    return _to_global(M, np.eye(12) - slips)
+    return _to_global(M, np.eye(12) - _slips(g, _stiffness(_unslipped(g))))
 
 
 def _mass(g: _Lines) -> Array:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame, SectionChange
+from fem.effects.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _ALIKE = 1e-6
@@ -75,10 +75,10 @@ class SectionShear(Effect):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what other coefficients add to K, M and D of the members."""
         (frame,), out = model.of_kind(Frame), []
-        for first, members in self.groups.items():
-            y, z = self._factors(first)
+        sheared = self.applied_to(frame)
+        for members in self.groups.values():
             rows = np.concatenate([model.mesh.members[m] for m in members])
-            new = frame.contribution_of(model, rows, SectionChange(shear_y=y, shear_z=z))
+            new = sheared.contribution_of(model, rows)
             old = frame.contribution_of(model, rows)
             for c, o in zip(new, old, strict=True):
                 parts = ((getattr(c, X), getattr(o, X)) for X in ("K", "M", "D"))
