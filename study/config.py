@@ -47,6 +47,7 @@ from study.table import Source, StudyError, Table, suggest
 from updating.fit import EXPLAINED_LEVEL
 from updating.measurement import Measurement, Sensor, with_sensor_masses
 from updating.parameters import Nuisance
+from updating.patches import with_turning
 from updating.unknowns import Unknown
 
 DEFAULT_FREQUENCY = 1000.0
@@ -300,7 +301,7 @@ class _Reader:
             model = Model(mesh, effects, damping)
             model = with_sensor_masses(model, [c.sensor for c in (*sensors, *excitations)])
             groups = [[c.sensor for c in group] for group in (sensors, excitations)]
-            model = model.with_effect(*read_effects(top, model, *groups))
+            model = read_effects(top, model, *groups)
             shear = SectionShear.of(model)
             model = model.with_effect(shear) if shear and self._shear_std() else model
             model.contributions()
@@ -445,7 +446,7 @@ class _Reader:
         by_joint.finish()
         t.finish()
         out += [Nuisance(e.name, p.name, std["shear"]) for e in shear for p in e.parameters()]
-        return tuple(n for n in out if n.std > 0), std["damping"]
+        return with_turning([n for n in out if n.std > 0], model), std["damping"]
 
     def _shear_std(self) -> float:
         """Return how unsure shear coefficients are that the study does not state."""

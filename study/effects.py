@@ -8,18 +8,18 @@ import numpy as np
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint_nonlinear import AmplitudeDependent
+from fem.effects.joint_patch import JointPatch, with_patch
 from fem.model import Effect, Instruments, Model
 from study.table import Table, suggest
 from updating.measurement import Sensor, sensor_point
 
 
-def read_effects(
-    top: Table, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
-) -> tuple[Effect, ...]:
-    """Read ``[[effects]]``: each the name of a candidate for the model, and values of its parameters.
+def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Model:
+    """Return a model with ``[[effects]]``: each the name of a candidate for it, and values of its parameters.
 
     A value that is not given stays what the candidate begins with. The effect is called "known" and the
-    candidate's name, so that a search may propose the candidate again.
+    candidate's name, so that a search may propose the candidate again. Candidates after joints' patches are
+    those of a model with these, the others of one without what is known.
     """
     out: list[Effect] = []
     names = {e.name for e in model.effects}
@@ -49,8 +49,12 @@ def read_effects(
             t.refuse("name", f"the model has two effects '{own}'; names must differ")
         names.add(own)
         t.finish()
-        out.append(replace(effect.with_values(**values), name=own))
-    return tuple(out)
+        effect = replace(effect.with_values(**values), name=own)
+        if isinstance(effect, JointPatch):
+            model = with_patch(model, effect)
+        else:
+            out.append(effect)
+    return model.with_effect(*out)
 
 
 def candidates_of(

@@ -125,9 +125,9 @@ def found_text(result: RunResult, folder: Path) -> str:
 
 
 def _patches(result: RunResult) -> tuple[JointPatch, ...]:
-    """Return the joints' patches that the fitted model has and the study has not."""
-    known = {e.name for e in result.study.model.effects}
-    return tuple(e for e in result.diagnosis.model.of_kind(JointPatch) if e.name not in known)
+    """Return the joints' patches that the fitted model has and the study has not, with its values."""
+    known, model = {e.name for e in result.study.model.effects}, result.diagnosis.model
+    return tuple(e.fitted_in(model) for e in model.of_kind(JointPatch) if e.name not in known)
 
 
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:

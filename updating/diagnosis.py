@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint_nonlinear import AmplitudeDependent
-from fem.effects.joint_patch import JointPatch
+from fem.effects.joint_patch import JointPatch, with_patch
 from fem.effects.solid_corner import SolidCorner
 from fem.frf import FRF
 from fem.model import Effect, Model
@@ -34,7 +34,7 @@ from updating.fit import EXPLAINED_LEVEL, LEVEL_FLOOR, FitData, FitProblem, FitR
 from updating.gates import Gates, check_gates, with_last_faults
 from updating.measurement import Measurement, instruments_on
 from updating.parameters import Nuisance
-from updating.patches import choose_patch, proposed_patch, refined_at
+from updating.patches import choose_patch, proposed_patch, refined_at, with_turning
 from updating.preparation import (
     N_LINES,
     build_problem,
@@ -275,7 +275,8 @@ class _Asked:
     def build(self, model: Model, nuisances: Sequence[Nuisance] | None = None) -> FitProblem:
         """Return the fits' problem of a model, with more uncertain parameters if these are given."""
         return build_problem(
-            model, self.measurements[0], self.nuisances if nuisances is None else nuisances,
+            model, self.measurements[0],
+            with_turning(self.nuisances if nuisances is None else nuisances, model),
             damping_std=self.damping_std, band=self.band, n_lines=self.n_lines, connections=True,
             model_error=self.model_error,
         )  # fmt: skip
@@ -376,8 +377,8 @@ def _attempt(
     found = _concluded(asked, start, end, gates, levels, nonlinear)
     used, other = start.used, end.other
     if patch and choose and found.verdict == UNEXPLAINED and gates.linear:
-        other = patch.with_values(size=1.0)
-    if used and other and abs(used.size - other.size) < SAME_SIZE:
+        other = patch.with_values(size=1.0, twist=used.twist if used else 0.0)
+    if used and other and used.twist == other.twist and abs(used.size - other.size) < SAME_SIZE:
         other = used
     return found, used, other
 
@@ -385,8 +386,8 @@ def _attempt(
 def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: JointPatch | None) -> _Start:
     """Reduce the model on a mesh that is fine enough, set faults right, and choose joints' patches."""
     asked.say("reducing the model", 0.0)
-    candidates, notes = asked.candidates(model), list[str]()
-    model = model.with_effect(given) if given else model
+    model, notes = with_patch(model, given) if given else model, list[str]()
+    candidates = asked.candidates(model)
     problem = asked.build(model)
     mesh_db, mesh_level = discretisation_error(problem)
     n = splits(mesh_level, max(problem.data.noise_level, asked.model_error, LEVEL_FLOOR))
@@ -397,7 +398,7 @@ def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: Joint
         )
         asked.say(f"cutting each element into {n}", 0.01)
         model = model.with_mesh(model.mesh.split(n))
-        candidates = asked.candidates(model.without_effect(given.name) if given else model)
+        candidates = asked.candidates(model)
         problem = asked.build(model)
         mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
@@ -410,8 +411,10 @@ def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: Joint
         asked.say("looking for the extent of joints", 0.04)
         used = choose_patch(asked.build, model, patch, problem)
         if used:
-            model = model.with_effect(used)
-            problem = replace(problem, reduced=asked.build(model).reduced)
+            model = with_patch(model, used)
+            built = asked.build(model)
+            problem = replace(problem, reduced=built.reduced, nuisances=built.nuisances)
+            candidates = asked.candidates(model) if used.twist else candidates
             before, null = null, _fitted(problem)
             notes.append(_where_patched(used, before, null))
     steps = step_of("nominal model", problem.nominal()), step_of(FITTED, null)
@@ -471,7 +474,8 @@ def _searched(
             say("looking for the extent of joints once more", 0.9)
             plain = replace(start.plain, data=problem.data)
             found = [f.effect for f in search.findings]
-            other = choose_patch(asked.build, start.bare, patch, plain, found)
+            twist = start.used.twist if start.used else 0.0
+            other = choose_patch(asked.build, start.bare, patch, plain, found, twist)
     if nonlinear:
         search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
     return _End(search, null, faults, cornered, open_, other, notes)
@@ -568,9 +572,11 @@ def _where_patched(patch: JointPatch, before: FitResult | None = None, after: Fi
     if before and after:
         one, two = (f"{r.level * DB_PER_NEPER:.2g}" for r in (before, after))
         why = f"the data are more likely so ({two} dB are left in place of {one})"
+    several = len(patch.joints) > 1
+    turning = f", and turn{'' if several else 's'} about {'their normals' if several else 'its normal'}"
     return (
         f"{patch.where}: joined over {length} of the members, {patch.size:.2g} times their breadth, rather "
-        f"than in a point: {why}; all that follows has it"
+        f"than in a point{turning if patch.twist else ''}: {why}; all that follows has it"
     )
 
 

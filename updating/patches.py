@@ -6,15 +6,19 @@ from dataclasses import replace
 import numpy as np
 
 from fem.effects.joint import Joint
-from fem.effects.joint_patch import JointPatch
+from fem.effects.joint_patch import JointPatch, turning_parameters, with_patch
 from fem.model import Effect, Model, parameter_values
 from updating.acceptance import ACCEPT_GAIN
-from updating.fit import FitProblem
+from updating.fit import FitProblem, FitResult
+from updating.parameters import Nuisance
 
 PATCH_SIZES = (0.5, 0.75, 1.0, 1.25)
 """Sizes that are tried, over the breadth of the members that cross [-]."""
 PATCH_ELEMENTS = 3
 """So many elements lie on half of a stretch as long as the other member is broad."""
+TWIST_STD, TWIST_REACH = 0.7, 2.0
+"""Standard deviation of the logarithm of the stiffness about the normal of joints with patches, from that of
+discs as broad as the members; by how many of them it may be off [-]."""
 MOST_JOINTS = 12
 """Patches are looked for at no more joints: the model is reduced anew for each size."""
 
@@ -47,22 +51,35 @@ def refined_at(model: Model, patch: JointPatch) -> Model:
     return model.with_mesh(mesh.split(pieces)) if mesh is not model.mesh or (pieces > 1).any() else model
 
 
+def with_turning(nuisances: Sequence[Nuisance], model: Model) -> tuple[Nuisance, ...]:
+    """Return uncertain parameters with the stiffnesses about their normals of joints that have patches.
+
+    They replace what is said of these.
+    """
+    own = {ref: Nuisance(*ref, TWIST_STD) for ref in turning_parameters(model)}
+    kept = tuple(own.pop((n.effect, n.parameter), n) for n in nuisances)
+    return (*kept, *own.values())
+
+
 def choose_patch(
     build: Callable[[Model], FitProblem],
     model: Model,
     patch: JointPatch,
     problem: FitProblem,
     effects: Sequence[Effect] = (),
+    twist: float = 0.0,
 ) -> JointPatch | None:
     """Return patches of the size with which the data are most likely; None if they hardly are more so.
 
     Constraints cannot be a parameter of a fit: the model is reduced and fitted for each size, and once more
-    where a parabola through the best three has its minimum.
+    where a parabola through the best three has its minimum. Then joints that are rigid about their normals
+    are let turn about them; that stays if the data are more likely by more than ``ACCEPT_GAIN`` and the
+    stiffness is within ``TWIST_REACH`` standard deviations: a softer joint is an effect.
 
     Parameters
     ----------
     build : callable
-        Makes the fits' problem of a model.
+        Makes the fits' problem of a model, with its uncertain parameters.
     model : Model
         Without patches.
     patch : JointPatch
@@ -70,15 +87,20 @@ def choose_patch(
         Of that model, with the data as they are by now.
     effects : sequence of Effect
         What was found, with its values: fitted beside.
+    twist : float
+        Of patches of any size, if joints turn about their normals in all that was found [-].
     """
     starts = [parameter_values(e) for e in effects]
 
+    def fitted(size: float, twist: float) -> FitResult:
+        built = problem
+        if size > 0 or twist > 0:
+            built = build(with_patch(model, patch.with_values(size=size, twist=twist)))
+        reduced = built.reduced.with_forces_of(effects)
+        return replace(problem, reduced=reduced, nuisances=built.nuisances).fit_anew(effects, starts)
+
     def cost(size: float) -> float:
-        reduced = problem.reduced
-        if size > 0:
-            reduced = build(model.with_effect(patch.with_values(size=size))).reduced
-        mine = replace(problem, reduced=reduced.with_forces_of(effects))
-        return mine.fit_anew(effects, starts).solution.cost
+        return fitted(size, twist).solution.cost
 
     costs = {size: cost(size) for size in (0.0, *PATCH_SIZES)}
     sizes = np.array(list(costs))
@@ -89,4 +111,13 @@ def choose_patch(
         if vertex > 0.02 and np.abs(vertex - sizes).min() > 0.02:
             costs[vertex] = cost(vertex)
     best = min((s for s in costs if s > 0), key=lambda s: costs[s])
-    return patch.with_values(size=best) if costs[0.0] - costs[best] > ACCEPT_GAIN else None
+    least = costs[best]
+    held = {(name, f"k{d}") for e in effects for name, d in e.released()}
+    rigid = {(j.name, f"k{d}") for j in model.of_kind(Joint) for d in j.rigid}
+    turning = {ref: k for ref, k in patch.turning(model).items() if ref in rigid}
+    if turning and not twist and not held & set(turning):
+        fit = fitted(best, 1.0)
+        off = max(abs(np.log(fit.values[ref] / k)) for ref, k in turning.items()) / TWIST_STD
+        if least - fit.solution.cost > ACCEPT_GAIN and off < TWIST_REACH:
+            least, twist = fit.solution.cost, 1.0
+    return patch.with_values(size=best, twist=twist) if costs[0.0] - least > ACCEPT_GAIN else None

@@ -1,8 +1,8 @@
 """Joints of finite extent: flats that lie on each other touch over an area, not in a point."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair, Spread
 from fem.effects.places import frame_of, is_bar, section_extent
 from fem.mesh import Mesh
-from fem.model import Contribution, Model, Parameter, lever_matrix
+from fem.model import DIRECTIONS, Contribution, Model, Parameter, ParameterRef, lever_matrix
 
 _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such joints are left as they are."""
@@ -19,6 +19,8 @@ _ON_TOP = 0.7
 """The way from one axis to the other goes across both members by at least this cosine."""
 _NEAR = 1.5
 """Its length is less than this multiple of that at which they touch."""
+_SQUARE = 0.99
+"""A joint's own axis is the normal of its flats from this cosine."""
 _N_ALONG = 7
 """Points of Gauss along a patch."""
 _Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
@@ -42,6 +44,11 @@ class JointPatch(Spread):
     interpolating (RBE3) element in programs for solids. A member that ends in a joint is as if shorter
     by up to a third of half the stretch, in bending and in torsion.
 
+    In their plane flats turn about a patch that is smaller than they are broad: a rigid disc of radius a in a
+    large plate of thickness h turns by T / 4πGa²h (Lamé's solution, u_φ ~ 1/r). Where a joint is rigid about
+    the normal of its flats, ``twist`` times that of both flats in series, with half the other's breadth for
+    a, stands in place of rigid: see :func:`with_patches`.
+
     Attributes
     ----------
     sides : tuple of (_Side, _Side)
@@ -50,12 +57,15 @@ class JointPatch(Spread):
         Names.
     size : float
         Length of the stretches over the breadth of the other member [-].
+    twist : float
+        Stiffness about the normal over what discs as broad as the members have [-]; 0 stands for rigid.
     """
 
     kind: ClassVar[str] = "joint_patch"
     sides: tuple[tuple[_Side, _Side], ...]
     joints: tuple[str, ...]
     size: float = 0.0
+    twist: float = 0.0
     _known: dict[Any, tuple[Mesh, Frame, _Rows]] = field(default_factory=dict, repr=False)
 
     @property
@@ -64,8 +74,11 @@ class JointPatch(Spread):
         return f"joint{'s' if len(self.joints) > 1 else ''} {', '.join(self.joints)}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the size."""
-        return (Parameter("size", "-", self.size, 0.0, 0.0, 2.0),)
+        """Return the size, and the stiffness about the normal."""
+        return (
+            Parameter("size", "-", self.size, 0.0, 0.0, 2.0),
+            Parameter("twist", "-", self.twist, 0.0, 0.0, 100.0),
+        )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return nothing: the joints themselves act otherwise."""
@@ -89,6 +102,33 @@ class JointPatch(Spread):
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As broad as the other member, half that, and more."""
         return ({"size": 1.0}, {"size": 0.5}, {"size": 1.4})
+
+    def turning(self, model: Model) -> dict[ParameterRef, float]:
+        """Return the stiffnesses about their normal of joints that are rigid otherwise [N·m/rad].
+
+        Those of discs as broad as the members, ``twist`` = 1; none of joints whose axes are askew.
+        """
+        out = {}
+        for name, pair in zip(self.joints, self.sides, strict=True):
+            joint = model.effect(name)
+            assert isinstance(joint, Joint)
+            axes = [_axes(model, side) for side in pair]
+            across = np.cross(axes[0][0], axes[1][0])
+            across /= np.linalg.norm(across)
+            (about,) = np.nonzero(np.abs(joint.axes @ across) > _SQUARE)
+            if about.size:
+                gives = sum(1 / _disc(model, side, own, across) for side, own in zip(pair, axes, strict=True))
+                out[name, f"k{DIRECTIONS[3 + int(about[0])]}"] = 1 / gives
+        return out
+
+    def fitted_in(self, model: Model) -> Self:
+        """Return patches whose ``twist`` is that of a model's joints, the geometric mean of several."""
+        known = model.values()
+        turning = {ref: k for ref, k in self.turning(model).items() if ref in known}
+        if not self.twist or not turning:
+            return self
+        ratios = [known[ref] / k for ref, k in turning.items()]
+        return self.with_values(twist=float(np.exp(np.mean(np.log(ratios)))))
 
     def lengths(self) -> tuple[float, float]:
         """Return the shortest and the longest stretch, cut nowhere [m]."""
@@ -134,6 +174,48 @@ def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
     half1 = section_extent(model, two[0], axes[1], along1) / sine
     half2 = section_extent(model, one[0], axes[0], along2) / sine
     return _Side(element.point1, *one[:2], half1), _Side(element.point2, *two[:2], half2)
+
+
+def with_patch(model: Model, patch: JointPatch) -> Model:
+    """Return a model with patches, whose joints turn about their normals if the patches have a ``twist``.
+
+    Joints that are elastic about it stay as they are.
+    """
+    effects = list(model.effects)
+    for (name, key), stiffness in patch.turning(model).items() if patch.twist > 0 else ():
+        k = [e.name for e in effects].index(name)
+        joint, d = effects[k], key[1:]
+        if isinstance(joint, Joint) and d in joint.rigid:
+            at = DIRECTIONS.index(d)
+            K = np.array(joint.K, dtype=float)
+            K[at, :], K[:, at] = 0.0, 0.0
+            K[at, at] = patch.twist * stiffness
+            effects[k] = replace(joint, K=K, rigid=tuple(r for r in joint.rigid if r != d))
+    return replace(model, effects=tuple(effects)).with_effect(patch)
+
+
+def turning_parameters(model: Model) -> tuple[ParameterRef, ...]:
+    """Return the stiffnesses about the normal of joints that have patches with a ``twist``."""
+    patches = [e for e in model.of_kind(JointPatch) if e.twist > 0]
+    own = {(j.name, f"k{d}") for j in model.of_kind(Joint) for d in j.elastic}
+    return tuple(ref for patch in patches for ref in patch.turning(model) if ref in own)
+
+
+def _axes(model: Model, side: _Side) -> NDArray[np.float64]:
+    """Return the axes of a side's member there, as rows."""
+    line = model.mesh.locate(side.member, side.position).line
+    return frame_of(model).rotations(model.mesh, [line])[0]
+
+
+def _disc(model: Model, side: _Side, axes: NDArray[np.float64], across: NDArray[np.float64]) -> float:
+    """Return the stiffness with which a flat holds a disc as broad as the other against turning in its plane.
+
+    4πGa²h [N·m/rad]; h is the area of its section over its breadth.
+    """
+    properties = frame_of(model).members[side.member]
+    breadth = 2 * section_extent(model, side.member, axes, np.cross(across, axes[0]))
+    thickness = properties.section.A / breadth
+    return 4 * np.pi * properties.material.G * side.half**2 * thickness
 
 
 def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:

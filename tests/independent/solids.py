@@ -85,6 +85,7 @@ class Structure:
     step: float = 2.0
     damping: tuple = (0.003, 1700.0)  # of modes, and how its variation goes with frequency [-, Hz]
     clamped: float = 0.0  # joints hold patches of this reach as good as rigidly [m]
+    disc: bool = False  # of flats that touch: a joint holds a rigid disc of that radius on either face
 
     @property
     def welded(self):
@@ -243,6 +244,23 @@ STRUCTURES = {
         1800.0,
         damping=(0.003, 900.0),
         clamped=0.015,
+    ),
+    "bolt": Structure(
+        {
+            "A": Bar((0.0, 0.0, -0.0045), "x", 0.58, 0.045, 0.009),
+            "B": Bar((0.22, -0.0225, 0.0045), "y", 0.36, 0.036, 0.009),
+        },
+        (("J", "A", 0.22, "B", 0.0225),),
+        (
+            *(("A", 0.0, "yz"), ("A", 0.1, "z"), ("A", 0.16, "z"), ("A", 0.3, "yz"), ("A", 0.4, "z")),
+            *(("A", 0.5, "z"), ("A", 0.58, "yz"), ("B", 0.08, "z"), ("B", 0.16, "xz"), ("B", 0.24, "z")),
+            *(("B", 0.3, "z"), ("B", 0.36, "xz")),
+        ),
+        ("A1z", "B5z", "B5x"),
+        2400.0,
+        damping=(0.0028, 1100.0),
+        clamped=0.016,
+        disc=True,
     ),
     "gate": Structure(
         {
@@ -756,6 +774,86 @@ CASES = {
         Hidden(masses=tuple((bar, s, 0.01) for bar, s, _ in STRUCTURES["strap"].sensors)),
         [named("sensor_mass", "the", "12", "places", "of", "sensors", value=0.01, unit="kg")],
     ),
+    # flats that a bolt's disc joins on the faces that touch, which is smaller than the lap
+    "bolt-nothing": ("bolt", 201, Hidden(), [NOTHING]),
+    "bolt-nothing-again": ("bolt", 202, Hidden(), [NOTHING]),
+    "bolt-soft-joint-rx": (
+        "bolt",
+        203,
+        Hidden(joints={("J", "rx"): 400.0 / HELD}),
+        [named("joint_stiffness", "J", "rx", value=400.0, unit="N·m/rad")],
+    ),
+    "bolt-soft-joint-ry": (
+        "bolt",
+        204,
+        Hidden(joints={("J", "ry"): 350.0 / HELD}),
+        [named("joint_stiffness", "J", "ry", value=350.0, unit="N·m/rad")],
+    ),
+    "bolt-soft-joint-rz": (
+        "bolt",
+        205,
+        Hidden(joints={("J", "rz"): 2500.0 / HELD}),
+        [named("joint_stiffness", "J", "rz", value=2500.0, unit="N·m/rad")],
+    ),
+    "bolt-mass": (
+        "bolt",
+        206,
+        Hidden(masses=(("A", 0.4, 0.06),)),
+        [named("point_mass", "A", value=0.06, unit="kg", position=0.4, length=0.58)],
+    ),
+    "bolt-sensor-masses": (
+        "bolt",
+        207,
+        Hidden(masses=tuple((bar, s, 0.012) for bar, s, _ in STRUCTURES["bolt"].sensors)),
+        [named("sensor_mass", "the", "12", "places", "of", "sensors", value=0.012, unit="kg")],
+    ),
+    "bolt-notch": (
+        "bolt",
+        208,
+        Hidden(weaker={"B": (0.18, 0.2, 0.3)}),
+        [
+            named(
+                ("crack", "stiffness_loss"), "B", value=1.02e-4, unit="rad/(N·m)", position=0.19, length=0.36
+            )
+        ],
+    ),
+    "bolt-ground-spring": (
+        "bolt",
+        209,
+        Hidden(ground=(("B", 0.36, "z", 3e4, 0.02),)),
+        [named("ground_spring", "end", "2", "of", "B", "z", value=3e4, unit="N/m")],
+    ),
+    "bolt-heavier": (
+        "bolt",
+        210,
+        Hidden(rho={"B": 1.07}),
+        [named("member_density", "B", value=0.07, unit="-")],
+    ),
+    "bolt-stiffness": (
+        "bolt",
+        211,
+        Hidden(E={"A": 0.94}),
+        [named("member_stiffness", "A", value=-0.06, unit="-")],
+    ),
+    "bolt-wider": (
+        "bolt",
+        212,
+        Hidden(b={"A": 1.06}),
+        [named("member_section", "A", "along", "local", "y", value=0.06, unit="-")],
+    ),
+    "bolt-ground-damper": (
+        "bolt",
+        213,
+        Hidden(dampers=(("B", 0.36, "z", 30.0),)),
+        [named("ground_damper", "end", "2", "of", "B", "z", value=30.0, unit="N·s/m")],
+    ),
+    "bolt-driver-mass": (
+        "bolt",
+        214,
+        Hidden(masses=(("A", 0.0, 0.015), ("B", 0.36, 0.015))),
+        [named("driver_mass", "excitations", "at", "A", "B", value=0.015, unit="kg")],
+    ),
+    "bolt-gain": ("bolt", 215, Hidden(gains={"A4z": 1.2}), [fault("A4z", factor=1.2)]),
     # corners of finite size, which no frame of beams has
     "gate-nothing": ("gate", 61, Hidden(), [NOTHING]),
     "gate-mass": (
@@ -1009,16 +1107,20 @@ class Body:
         P[at] = np.eye(3)[self.direction[at]]
         return P
 
-    def near(self, name, s, reach):
-        """Return the unknowns of a bar within a distance of a place along it."""
+    def near(self, name, s, reach, disc=None):
+        """Return the unknowns of a bar within a distance of a place along it, or of a point on its face."""
         x, y, z = self.local(name)
         bar = self.bars[name]
+        if disc is not None:
+            middle = bar.rotation.T @ (disc - np.array(bar.start))
+            face = np.abs(z - middle[2]) < 1e-6
+            return np.flatnonzero(face & (np.hypot(x - middle[0], y - middle[1]) < reach + 1e-9))
         within = (np.abs(y) < 0.5 * bar.b + 1e-9) & (np.abs(z) < 0.5 * bar.h + 1e-9)
         return np.flatnonzero(within & (np.abs(x - s) < reach + 1e-9))
 
-    def patch(self, name, s, about, reach=PATCH):
+    def patch(self, name, s, about, reach=PATCH, disc=None):
         """Return the mean motion (n, 6) of what lies near s on a bar, in global directions about a point."""
-        near = self.near(name, s, reach)
+        near = self.near(name, s, reach, disc)
         P = np.zeros((self.places.shape[1], 6))
         P[near] = np.linalg.pinv(self.rigid(near, about)).T
         return P
@@ -1028,8 +1130,10 @@ class Body:
         arm, along = self.places[:, unknowns].T - about, np.eye(3)[self.direction[unknowns]]
         return np.hstack([along, np.cross(arm, along)])
 
-    def hold(self, structure, soft):
+    def hold(self, structure, soft, discs=()):
         """Clamp the first ends of bars that are held, but those that are soft move as rigid bodies.
+
+        So do discs: unknowns and a point about which they move.
 
         Return what the unknowns (n, n_left) are by those that are left: with a soft base that is as good as
         rigid an end is clamped, and nothing else in it gives way.
@@ -1042,6 +1146,10 @@ class Body:
             if name in soft:
                 faces.append(np.zeros((n, 6)))
                 faces[-1][face] = self.rigid(face, self.bars[name].at(0.0))
+        for disc, about in discs:
+            moves[disc] = False
+            faces.append(np.zeros((n, 6)))
+            faces[-1][disc] = self.rigid(disc, about)
         T = sp.hstack([sp.eye(n, format="csc")[:, moves], *map(sp.csc_matrix, faces)], format="csc")
         self.K, self.M = ((T.T @ X @ T).tocsc() for X in (self.K, self.M))
         return T
@@ -1060,14 +1168,21 @@ class Body:
         return np.maximum(squares, 0.0), Q @ U
 
 
-def bar_alone(name, bar, hidden):
-    """Return one bar as a body."""
+def disc_cuts(structure, name):
+    """Return where a bar is cut besides, so that elements on discs are short [m]."""
+    ends = [(bar, s) for _, bar1, s1, bar2, s2 in structure.joints for bar, s in ((bar1, s1), (bar2, s2))]
+    marks = [s + r * structure.clamped for bar, s in ends if bar == name for r in (-1, -0.5, 0, 0.5, 1)]
+    return marks if structure.disc else []
+
+
+def bar_alone(name, bar, hidden, cuts=()):
+    """Return one bar as a body, with more cuts along it [m]."""
     from skfem import MeshHex
 
     bar = hidden.changed(name, bar)
     n = round(bar.length / ELEMENT)
     grid = (
-        np.linspace(0, bar.length, n + 1),
+        np.unique(np.round([*np.linspace(0, bar.length, n + 1), *cuts], 9)),
         np.linspace(-bar.b / 2, bar.b / 2, ACROSS[0] + 1),
         np.linspace(-bar.h / 2, bar.h / 2, ACROSS[1] + 1),
     )
@@ -1167,17 +1282,23 @@ def receptances(structure, hidden, frequency):
     if structure.welded:
         bodies = [welded(structure, hidden)]
     else:
-        bodies = [bar_alone(name, bar, hidden) for name, bar in structure.bars.items()]
+        bodies = [
+            bar_alone(name, bar, hidden, disc_cuts(structure, name)) for name, bar in structure.bars.items()
+        ]
     squares, more_loss, places, n = [], [], {}, 0
     for body in bodies:
         soft = {name for name, _ in hidden.bases}
         ends = {(name, s): body.point(name, s) for name in body.bars for s in sorted(attached[name])}
+        discs = []
         for joint, bar1, s1, bar2, s2 in structure.joints:
             middle = 0.5 * (structure.bars[bar1].at(s1) + structure.bars[bar2].at(s2))
             about = middle + hidden.offsets.get(joint, np.zeros(3))
             for name, s in ((bar1, s1), (bar2, s2)):
                 if name in body.bars:
-                    ends[joint, name] = body.patch(name, s, about, structure.clamped or PATCH)
+                    disc = middle if structure.disc else None
+                    ends[joint, name] = body.patch(name, s, about, structure.clamped or PATCH, disc)
+                    if structure.disc:
+                        discs.append((body.near(name, s, structure.clamped, middle), middle))
                     if joint in hidden.joint_masses:
                         ends["mass", joint, name] = body.patch(name, s, middle, structure.clamped or PATCH)
         for name in sorted(soft):
@@ -1185,7 +1306,7 @@ def receptances(structure, hidden, frequency):
         for name, s in hidden.turning:
             if name in body.bars:
                 ends["turns", name, s] = body.patch(name, s, body.bars[name].at(s))
-        T = body.hold(structure, soft)
+        T = body.hold(structure, soft, discs)
         ends = {key: T.T @ P for key, P in ends.items()}
         forces = np.hstack(list(ends.values()))
         n_modes = N_MODES_WELDED if structure.welded else N_MODES

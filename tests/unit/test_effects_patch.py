@@ -28,6 +28,7 @@ from updating.patches import (
     choose_patch,
     proposed_patch,
     refined_at,
+    with_turning,
 )
 from updating.preparation import build_problem
 
@@ -191,7 +192,7 @@ def test_the_size_is_chosen_by_the_data(size):
     nominal, measurement = measured(truth, lap(60))
 
     def build(model):
-        return build_problem(model, measurement, DOUBTS, connections=True)
+        return build_problem(model, measurement, with_turning(DOUBTS, model), connections=True)
 
     (patch,) = JointPatch.propose(nominal)
     found = choose_patch(build, nominal, patch, build(nominal))
