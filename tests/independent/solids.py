@@ -85,7 +85,9 @@ class Structure:
     step: float = 2.0
     damping: tuple = (0.003, 1700.0)  # of modes, and how its variation goes with frequency [-, Hz]
     clamped: float = 0.0  # joints hold patches of this reach as good as rigidly [m]
-    disc: bool = False  # of flats that touch: a joint holds a rigid disc of that radius on either face
+    disc: str = (
+        ""  # of flats that touch: a joint holds a disc of that radius on either face, "mean" or "rigid"
+    )
 
     @property
     def welded(self):
@@ -260,7 +262,7 @@ STRUCTURES = {
         2400.0,
         damping=(0.0028, 1100.0),
         clamped=0.016,
-        disc=True,
+        disc="mean",
     ),
     "gate": Structure(
         {
@@ -303,6 +305,7 @@ STRUCTURES = {
         damping=(0.006, 260.0),
     ),
 }
+STRUCTURES["bond"] = replace(STRUCTURES["bolt"], disc="rigid")
 
 
 def named(kind, *place, value, unit, position=None, length=None):
@@ -854,6 +857,20 @@ CASES = {
         [named("driver_mass", "excitations", "at", "A", "B", value=0.015, unit="kg")],
     ),
     "bolt-gain": ("bolt", 215, Hidden(gains={"A4z": 1.2}), [fault("A4z", factor=1.2)]),
+    # and where nothing within the disc gives way: the face that it bonds makes the flats stiffer, too
+    "bond-nothing": ("bond", 221, Hidden(), [NOTHING]),
+    "bond-mass": (
+        "bond",
+        222,
+        Hidden(masses=(("A", 0.4, 0.06),)),
+        [named("point_mass", "A", value=0.06, unit="kg", position=0.4, length=0.58)],
+    ),
+    "bond-soft-joint-ry": (
+        "bond",
+        223,
+        Hidden(joints={("J", "ry"): 350.0 / HELD}),
+        [named("joint_stiffness", "J", "ry", value=350.0, unit="N·m/rad")],
+    ),
     # corners of finite size, which no frame of beams has
     "gate-nothing": ("gate", 61, Hidden(), [NOTHING]),
     "gate-mass": (
@@ -1297,7 +1314,7 @@ def receptances(structure, hidden, frequency):
                 if name in body.bars:
                     disc = middle if structure.disc else None
                     ends[joint, name] = body.patch(name, s, about, structure.clamped or PATCH, disc)
-                    if structure.disc:
+                    if structure.disc == "rigid":
                         discs.append((body.near(name, s, structure.clamped, middle), middle))
                     if joint in hidden.joint_masses:
                         ends["mass", joint, name] = body.patch(name, s, middle, structure.clamped or PATCH)
