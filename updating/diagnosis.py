@@ -467,15 +467,15 @@ def _searched(
             search = look(anew, open_)
     other, notes = start.used, ()
     if patch and search.findings and not cornered:
-        if null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2:
-            notes = (_why_weak(search, null),)
-            search = Search(problem, (), search.rounds[:1], steps, null)
-        elif choose:
+        if choose:
             say("looking for the extent of joints once more", 0.9)
             plain = replace(start.plain, data=problem.data)
             found = [f.effect for f in search.findings]
             twist = start.used.twist if start.used else 0.0
             other = choose_patch(asked.build, start.bare, patch, plain, found, twist)
+        if null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2:
+            notes = (_why_weak(search, null),)
+            search = Search(problem, (), search.rounds[:1], steps, null)
     if nonlinear:
         search = _amplitude_added(search, levels, nonlinear, between(say, 0.9, 0.98))
     return _End(search, null, faults, cornered, open_, other, notes)

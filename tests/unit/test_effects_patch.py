@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import fem
 from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
-from fem.effects.joint_patch import JointPatch
+from fem.effects.joint_patch import JointPatch, turning_parameters, with_patch
 from fem.frf import compute_frf
 from fem.mesh import Mesh
 from fem.model import Damping, Model, dofs_of, lever_matrix
@@ -25,6 +25,7 @@ from updating.patches import (
     MOST_JOINTS,
     PATCH_ELEMENTS,
     PATCH_SIZES,
+    TWIST_STD,
     choose_patch,
     proposed_patch,
     refined_at,
@@ -240,6 +241,64 @@ def test_members_that_butt_have_no_patch():
         assert JointPatch.propose(Model(mesh, (frame, butt))) == ()
 
 
+DISC = 4 * np.pi * STEEL.G * 0.015**2 * 0.01 / 2
+"""Two flats of 30 x 10 mm in series, each of which holds a disc of 30 mm in its plane [N·m/rad]."""
+
+
+def turning(model, twist, size=0.0):
+    (patch,) = JointPatch.propose(model)
+    return with_patch(model, patch.with_values(size=size, twist=twist))
+
+
+def test_flats_turn_about_the_normal_of_a_patch_as_about_a_disc():
+    model = turning(lap(), 0.5)
+    joint = model.effect("J")
+    assert joint.rigid == ("x", "y", "z", "rx", "ry")
+    assert_allclose(joint.K, np.diag([0, 0, 0, 0, 0, 0.5 * DISC]), rtol=1e-9)
+    assert turning_parameters(model) == (("J", "krz"),)
+    assert turning(lap(), 0.0).effect("J").rigid == RIGID
+    assert turning_parameters(turning(lap(), 0.0)) == ()
+    wide = Section.rectangle(0.06, 0.01)
+    (patch,) = JointPatch.propose(lap(sections=(wide, FLAT)))
+    a, b = (4 * np.pi * STEEL.G * half**2 * 0.01 for half in (0.015, 0.03))  # A holds the narrow one's disc
+    assert patch.turning(lap(sections=(wide, FLAT)))["J", "krz"] == pytest.approx(a * b / (a + b))
+
+
+def test_a_joint_turns_about_its_own_axis_along_the_normal():
+    model = lap(rigid=RIGID, axes=np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]))
+    assert turning(model, 1.0).effect("J").elastic == ("rx",)
+    askew = np.array([[np.cos(0.3), 0, -np.sin(0.3)], [0, 1, 0], [np.sin(0.3), 0, np.cos(0.3)]])
+    assert turning(lap(rigid=RIGID, axes=askew), 1.0).effect("J").rigid == RIGID
+    elastic = lap(rigid=("x", "y", "z", "rx", "ry"), K=np.diag([0, 0, 0, 0, 0, 7e4]))
+    assert turning(elastic, 1.0).effect("J").K[5, 5] == 7e4
+
+
+def test_the_stiffness_about_the_normal_is_uncertain_whatever_else_is_said():
+    model = turning(lap(), 1.0)
+    own = Nuisance("J", "krz", TWIST_STD)
+    assert with_turning(DOUBTS, model) == (*DOUBTS, own)
+    assert with_turning((Nuisance("J", "krz", 0.03), *DOUBTS), model) == (own, *DOUBTS)
+    assert with_turning(DOUBTS, lap()) == DOUBTS
+
+
+@pytest.mark.parametrize(("share", "turns"), [(0.5, True), (0.02, False), (1e6, False)])
+def test_joints_turn_about_their_normals_where_the_data_ask_for_what_flats_give(share, turns):
+    """Far softer joints are an effect, and what is rigid stays so."""
+    nominal, measurement = measured(turning(lap(120), share, size=0.8), lap(60))
+
+    def build(model):
+        return build_problem(model, measurement, with_turning(DOUBTS, model), connections=True)
+
+    (patch,) = JointPatch.propose(nominal)
+    found = choose_patch(build, nominal, patch, build(nominal))
+    assert (found is not None and found.twist > 0) == turns
+    if turns:
+        assert found.size == pytest.approx(0.8, abs=0.12)
+        (soft,) = (e for e in fem.effects.JointStiffness.propose(nominal) if e.where == "joint J, rz")
+        beside = choose_patch(build, nominal, patch, build(nominal), [soft.with_values(stiffness=0.5 * DISC)])
+        assert beside is None or not beside.twist
+
+
 def test_elements_on_patches_are_short_and_others_stay():
     model = lap(12)
     (patch,) = JointPatch.propose(model)
@@ -286,6 +345,33 @@ def test_a_search_is_made_with_patches_and_says_so():
     assert patch.size == pytest.approx(1.0, abs=SAME_SIZE)
     (note,) = (n for n in found.notes if "rather than in a point" in n)
     assert note.startswith("joint J: joined over ")
+
+
+def test_a_search_is_made_with_joints_that_turn_about_their_normals():
+    truth = turning(lap(80), 0.4, size=0.7)
+    (heavier,) = (e for e in fem.effects.MemberDensity.propose(truth) if e.where == "member A")
+    nominal, measurement = measured(truth.with_effect(heavier.with_values(change=0.06)), lap(40))
+    kinds = ("member_density", "member_stiffness", "joint_stiffness", "joint_patch")
+    found = diagnose(nominal, [measurement], DOUBTS, kinds=kinds)
+    assert [f.effect.name for f in found.findings] == [heavier.name]
+    assert found.findings[0].parameters[0].value == pytest.approx(0.06, abs=0.006)
+    assert found.model.values()["J", "krz"] == pytest.approx(0.4 * DISC, rel=0.15)
+    (note,) = (n for n in found.notes if "rather than in a point" in n)
+    assert "and turns about its normal" in note
+    (patch,) = found.model.of_kind(JointPatch)
+    again = patch.fitted_in(found.model)
+    assert with_patch(lap(40), again).effect("J").K[5, 5] == pytest.approx(
+        found.model.values()["J", "krz"], rel=1e-9
+    )
+
+
+def test_a_joint_that_is_soft_about_its_normal_is_an_effect():
+    truth = turning(lap(80), 0.005, size=0.8)
+    nominal, measurement = measured(truth, lap(40))
+    kinds = ("member_density", "member_stiffness", "joint_stiffness", "joint_patch")
+    found = diagnose(nominal, [measurement], DOUBTS, kinds=kinds)
+    assert [f.effect.where for f in found.findings] == ["joint J, rz"]
+    assert found.findings[0].parameters[0].value == pytest.approx(0.005 * DISC, rel=0.03)
 
 
 def test_weak_effects_beside_patches_are_not_believed_and_named(monkeypatch):
@@ -364,3 +450,17 @@ def test_what_was_found_is_written_with_its_patches(tmp_path, monkeypatch):
     again = load_study(tmp_path / "out" / "found.toml").model
     (patch,) = again.of_kind(JointPatch)
     assert patch.size == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_study_with_patches_has_joints_that_turn(tmp_path):
+    study = tmp_path / "study.toml"
+    study.write_text(
+        STUDY
+        + '[[effects]]\ncandidate = "joint_patch:all"\nsize = 0.7\ntwist = 0.6\n'
+        + '[[effects]]\ncandidate = "joint_stiffness:J.rz"\nstiffness = 9000\n',
+        encoding="utf-8",
+    )
+    read = load_study(study)
+    assert read.model.effect("J").K[5, 5] == pytest.approx(0.6 * DISC, rel=0.01)
+    assert read.model.effect("known joint_stiffness:J.rz").assumed == pytest.approx(0.6 * DISC, rel=0.01)
+    assert Nuisance("J", "krz", TWIST_STD) in read.nuisances
