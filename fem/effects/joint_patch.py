@@ -127,7 +127,7 @@ class JointPatch(Spread):
         turning = {ref: k for ref, k in self.turning(model).items() if ref in known}
         if not self.twist or not turning:
             return self
-        ratios = [known[ref] / k for ref, k in turning.items()]
+        ratios = [float(np.real(known[ref])) / k for ref, k in turning.items()]
         return self.with_values(twist=float(np.exp(np.mean(np.log(ratios)))))
 
     def lengths(self) -> tuple[float, float]:
@@ -213,7 +213,7 @@ def _disc(model: Model, side: _Side, axes: NDArray[np.float64], across: NDArray[
     4πGa²h [N·m/rad]; h is the area of its section over its breadth.
     """
     properties = frame_of(model).members[side.member]
-    breadth = 2 * section_extent(model, side.member, axes, np.cross(across, axes[0]))
+    breadth = 2 * section_extent(model, side.member, axes, np.real(np.cross(across, axes[0])))
     thickness = properties.section.A / breadth
     return 4 * np.pi * properties.material.G * side.half**2 * thickness
 
