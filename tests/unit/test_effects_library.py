@@ -118,6 +118,21 @@ def test_a_crack_is_a_hinge_with_a_spring_condensed_away(theory, direction):
     assert abs(cracked[1] - sums(model, *model.effects)[1]).max() > 1e-2 * abs(cracked[1]).max()
 
 
+def test_cracks_keep_half_the_depth_from_ends_or_a_tenth_of_a_stubby_member():
+    model = beam(4, 0.9)
+    section = model.of_kind(Frame)[0].members["beam"].section
+    half = {"ry": np.sqrt(3 * section.Iy / section.A), "rz": np.sqrt(3 * section.Iz / section.A)}
+    found = {e.direction: e for e in Crack.propose(model)}
+    for direction, depth in half.items():
+        position = found[direction].parameters()[1]
+        assert (position.lower, position.upper) == (
+            pytest.approx(depth, rel=1e-6), pytest.approx(0.9 - depth, rel=1e-6),
+        )  # fmt: skip
+        assert min(start["position"] for start in found[direction].starts(lambda _: 1.0)) >= depth
+    (short, _) = Crack.propose(beam(4, 2 * half["ry"]))
+    assert short.nearest == pytest.approx(0.2 * half["ry"])
+
+
 def test_a_crack_in_the_middle_of_a_hinged_beam_lowers_its_frequency_as_rayleighs_quotient_says():
     """Δ(ω²)/ω² = -c M(s)²/(2 U) with M = EI κ of the mode: -2 c EI/L sin²(πs/L) to first order in c EI/L."""
     EI = STEEL.E * FLAT.Iy

@@ -689,6 +689,23 @@ def test_a_mass_must_be_certain_to_be_spread_where_beams_may_err():
         assert both == pytest.approx(one)
 
 
+@pytest.mark.parametrize("kind", ["foundation", "foundation_dashpot"])
+def test_a_foundation_must_be_certain_to_be_damped_where_beams_may_err(kind, monkeypatch):
+    case = make_case(1)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    effect = propose(case.model, [kind])[0]
+    nominal = problem.nominal()
+    fit = replace(nominal, effects=(effect,), solution=replace(nominal.solution, cost=0.0))
+    prices = []
+    for model_error in (0.3, 0.0):
+        mine = replace(problem, model_error=model_error)
+        damped = acceptance.score(mine, fit)
+        with monkeypatch.context() as m:
+            m.setattr(type(effect), "spread", "")
+            prices.append(damped - acceptance.score(mine, fit))
+    assert prices == [pytest.approx(acceptance.CERTAIN**2 / 2 - 1), pytest.approx(0.0)]
+
+
 def test_what_the_posterior_gains_by_much_pays_though_the_whole_level_falls_little():
     """A soft spring to the ground acts below the first resonance of a free structure and nowhere else."""
     case = make_case(0)
