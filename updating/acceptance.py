@@ -23,6 +23,9 @@ In cases with nothing hidden the best of all candidates gains a few per cent.
 """
 ACCEPT_SETTLED = 1.5
 """Where the model counts as right already, both levels must fall by more than this factor."""
+ACCEPT_BESIDE = 2.0
+"""Where beams may err and the model is right with other effects, the level on fitted lines must fall by more
+than this factor: what beams leave beside an effect looks like a weak one."""
 ACCEPT_TO_NOISE, ACCEPT_TO_NOISE_FIRMLY = 1.1, 1.25
 """Or, where no more is left with it than noise and the mesh leave, that over all lines together by more than
 the first, and none of the two rises; by the second if it stands beside others or also damps. What beams leave
@@ -120,7 +123,7 @@ class Rule:
         if not self.settled:
             return Factors(STEP_LEVEL, STEP_LEVEL)
         if not self.problem.form_right:
-            return Factors(ACCEPT_SETTLED, ACCEPT_SETTLED)
+            return Factors(ACCEPT_BESIDE if self.before.effects else ACCEPT_SETTLED, ACCEPT_SETTLED)
         return weak_factors(self.problem, effect, beside=bool(self.before.effects))
 
     def pays(self, after: FitResult) -> bool:
@@ -136,6 +139,8 @@ class Rule:
         ):
             return False
         if self.settled and not stands_out(self.before, after, last.name):
+            return False
+        if not form_right and not is_spread(after, last):
             return False
         if alone and not (self.settled and form_right) and gains(self.problem, self.before, after):
             return True
@@ -199,6 +204,16 @@ def ends_in_noise(
     factor = ACCEPT_TO_NOISE_FIRMLY if firmly else ACCEPT_TO_NOISE
     neither_rises = fit.level < without.level and fit.held_out_level < without.held_out_level
     return fit.level <= noise and neither_rises and whole_level(without) > factor * whole_level(fit)
+
+
+def is_spread(fit: FitResult, effect: Effect) -> bool:
+    """Whether the parameter that tells an effect from a simpler one is ``CERTAIN`` deviations from 0.
+
+    As the fit knows it: the ratio of likelihoods is that of an error model, which may be too sure. True of
+    effects that have no such parameter.
+    """
+    p = next((p for p in effect.parameters() if p.name == effect.spread), None)
+    return p is None or abs(p.value) > CERTAIN * fit.std[effect.name, p.name]
 
 
 def damps(problem: FitProblem, effect: Effect) -> bool:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
 from updating.acceptance import (
+    ACCEPT_BESIDE,
     ACCEPT_GAIN,
     ACCEPT_HELD_OUT,
     ACCEPT_LEVEL,
@@ -740,7 +741,8 @@ def _without_idle(
 
     def is_idle(effect: Effect, less: FitResult) -> bool:
         rest = len(findings) > 1
-        usual = Factors(ACCEPT_LEVEL, ACCEPT_HELD_OUT)
+        beside = rest and not problem.form_right and less.level <= limits.settled
+        usual = Factors(ACCEPT_BESIDE if beside else ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < limits.weak
         factors = weak_factors(problem, effect, beside=rest) if weak else usual
         certain = current.level >= limits.settled or stands_out(less, current, effect.name)

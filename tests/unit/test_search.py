@@ -689,6 +689,68 @@ def test_a_mass_must_be_certain_to_be_spread_where_beams_may_err():
         assert both == pytest.approx(one)
 
 
+def test_beside_another_an_effect_must_take_more_where_beams_may_err():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    nominal = problem.nominal()
+    first, second = (propose(case.model, [kind])[0] for kind in ("member_density", "ground_spring"))
+    second = second.with_values(stiffness=1e3)
+    before = replace(nominal, level=0.2, held_out_level=0.2, solution=replace(nominal.solution, cost=0.0))
+
+    def pays(level, *, beside, noise=0.0):
+        without = replace(before, effects=(first,) if beside else ())
+        after = replace(
+            without, effects=(*without.effects, second), std={(second.name, "stiffness"): 1.0}, level=level,
+            held_out_level=level,
+        )  # fmt: skip
+        return acceptance.Rule(replace(problem, model_error=0.3), 0.3, True, without, noise).pays(after)
+
+    alone, together = 0.2 / acceptance.ACCEPT_SETTLED, 0.2 / acceptance.ACCEPT_BESIDE
+    assert pays(0.99 * alone, beside=False)
+    assert not pays(0.99 * alone, beside=True)
+    assert not pays(1.01 * together, beside=True)
+    assert pays(0.99 * together, beside=True)
+    assert pays(0.99 * alone, beside=True, noise=alone)
+
+
+def test_an_effect_stays_beside_another_only_if_beams_could_not_leave_as_much(monkeypatch):
+    case = make_case(0)
+    problem = replace(build_problem(case.model, case.measurement, case.nuisances), model_error=0.3)
+    nominal = problem.nominal()
+    effects = tuple(propose(case.model, [kind])[0] for kind in ("member_density", "point_mass"))
+    found = [findings.Finding(e, (), ()) for e in effects]
+
+    def left(without, settled):
+        """Return what stays of two where the second leaves 0.1 and 0.1 times a factor is left without it."""
+        fits = {effects[0].name: 0.9, effects[1].name: 0.1 * without}
+        monkeypatch.setattr(FitProblem, "fit_without", lambda self, fit, name: less(fits[name], name))
+        monkeypatch.setattr(search, "known_already", lambda *_: False)
+        monkeypatch.setattr(search, "stands_out", lambda *_: True)
+        monkeypatch.setattr(search, "at_values_of", lambda fit, kept: list(kept))
+        limits = search.Limits(settled, 0.0, 0.0)
+        kept, _ = search._without_idle(problem, list(found), less(0.1, ""), limits)
+        return [f.effect.kind for f in kept]
+
+    def less(level, name):
+        kept = tuple(e for e in effects if e.name != name)
+        return replace(nominal, effects=kept, level=level, held_out_level=level)
+
+    assert left(1.05 * acceptance.ACCEPT_BESIDE, 0.3) == ["member_density", "point_mass"]
+    assert left(0.95 * acceptance.ACCEPT_BESIDE, 0.3) == ["member_density"]
+    assert left(0.95 * acceptance.ACCEPT_BESIDE, 0.15) == ["member_density", "point_mass"]  # not right without
+
+
+def test_what_tells_an_effect_from_a_simpler_one_must_be_certain_in_the_fit_as_well():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    wide = propose(case.model, ["distributed_mass"])[0].with_values(width=0.06)
+    for std, certain in ((0.019, True), (0.021, False)):
+        fit = replace(problem.nominal(), effects=(wide,), std={(wide.name, "width"): std})
+        assert acceptance.is_spread(fit, wide) == certain
+    point = propose(case.model, ["point_mass"])[0]
+    assert acceptance.is_spread(problem.nominal(), point)
+
+
 @pytest.mark.parametrize("kind", ["foundation", "foundation_dashpot"])
 def test_a_foundation_must_be_certain_to_be_damped_where_beams_may_err(kind, monkeypatch):
     case = make_case(1)
