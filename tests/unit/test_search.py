@@ -737,7 +737,10 @@ def test_an_effect_stays_beside_another_only_if_beams_could_not_leave_as_much(mo
 
     assert left(1.05 * acceptance.ACCEPT_BESIDE, 0.3) == ["member_density", "point_mass"]
     assert left(0.95 * acceptance.ACCEPT_BESIDE, 0.3) == ["member_density"]
-    assert left(0.95 * acceptance.ACCEPT_BESIDE, 0.15) == ["member_density", "point_mass"]  # not right without
+    assert left(0.95 * acceptance.ACCEPT_BESIDE, 0.15) == [
+        "member_density",
+        "point_mass",
+    ]  # not right without
 
 
 def test_what_tells_an_effect_from_a_simpler_one_must_be_certain_in_the_fit_as_well():
