@@ -62,6 +62,8 @@ FITTED = "uncertain parameters fitted"
 """Label of the step before effects."""
 N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end, unless the search has done so."""
+MOST_CHOICES = 2
+"""So many times the search is made again with joints' patches that fit better beside what was found."""
 SAME_SIZE = 0.1
 """Sizes of joints' patches that differ by no more count as one where the search would be made again [-]."""
 PATCHES_LEFT = 0.25
@@ -246,8 +248,10 @@ def diagnose(
     if patch:
         model = refined_at(model, patch)
     found, used, other = _attempt(asked, model, patch, choose=patch is not known)
-    if other is not used:
-        again, *_ = _attempt(asked, model, patch, choose=False, given=other)
+    for _ in range(MOST_CHOICES):
+        if other is used:
+            break
+        again, used, other = _attempt(asked, model, patch, choose=other is not None, given=other)
         found = found if again.verdict == UNEXPLAINED else again
     return replace(found, seconds=time.perf_counter() - begun)
 
@@ -367,7 +371,7 @@ def _attempt(
 ) -> tuple[Diagnosis, JointPatch | None, JointPatch | None]:
     """Return a diagnosis, the joints' patches with which it was made, and those that it speaks for.
 
-    ``patch`` may be there, by a choice of the data if that is asked for; ``given`` is there.
+    ``patch`` may be there, by a choice of the data if that is asked for; ``given`` is there at first.
     """
     start = _started(asked, model, patch if choose else None, given)
     gates = check_gates(start.problem, start.null, asked.measurements[1:], start.mesh_db, start.faults)
@@ -376,8 +380,8 @@ def _attempt(
     end = _searched(asked, start, patch, levels, nonlinear, choose=choose)
     found = _concluded(asked, start, end, gates, levels, nonlinear)
     used, other = start.used, end.other
-    if patch and choose and found.verdict == UNEXPLAINED and gates.linear:
-        other = patch.with_values(size=1.0, twist=used.twist if used else 0.0)
+    if patch and choose and found.verdict == UNEXPLAINED and gates.linear and other is used and not given:
+        other = patch.with_values(size=1.0, twist=1.0)
     if used and other and used.twist == other.twist and abs(used.size - other.size) < SAME_SIZE:
         other = used
     return found, used, other
@@ -386,7 +390,8 @@ def _attempt(
 def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: JointPatch | None) -> _Start:
     """Reduce the model on a mesh that is fine enough, set faults right, and choose joints' patches."""
     asked.say("reducing the model", 0.0)
-    model, notes = with_patch(model, given) if given else model, list[str]()
+    bare, notes = model, list[str]()
+    model = with_patch(bare, given) if given else bare
     candidates = asked.candidates(model)
     problem = asked.build(model)
     mesh_db, mesh_level = discretisation_error(problem)
@@ -397,15 +402,18 @@ def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: Joint
             f"noise of {problem.data.noise_db:.2g} dB"
         )
         asked.say(f"cutting each element into {n}", 0.01)
-        model = model.with_mesh(model.mesh.split(n))
+        bare = bare.with_mesh(bare.mesh.split(n))
+        model = with_patch(bare, given) if given else bare
         candidates = asked.candidates(model)
         problem = asked.build(model)
         mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     asked.say("fitting the uncertain parameters", 0.03)
     problem, null, faults = find_faults(problem, _fitted(problem))
-    bare, plain, used = model, problem, given
+    plain, used = problem, given
     if given:
+        built = asked.build(bare)
+        plain = replace(problem, reduced=built.reduced, nuisances=built.nuisances)
         notes.append(_where_patched(given))
     elif patch:
         asked.say("looking for the extent of joints", 0.04)
