@@ -924,7 +924,8 @@ class LocalChanges:
     def with_terms(self, terms: Sequence[_Term]) -> list[NDArray[np.complex128]]:
         """Return the same for effects that are projected already.
 
-        Terms at the same place share Hₒ, Hᵢ and G, also in later calls, and are solved for together.
+        Terms at the same place share Hₒ, Hᵢ and G, also in later calls, and are solved for together. A term
+        that takes away more mass than there is has no receptances: they are NaN.
         """
         out = [self.H] * len(terms)
         factors = self.engine._factors(self.state)
@@ -936,7 +937,10 @@ class LocalChanges:
             if not parts:
                 continue
             if term.L is None:
-                out[i] = self._anew(term)
+                try:
+                    out[i] = self._anew(term)
+                except np.linalg.LinAlgError:  # the mass matrix is not positive definite
+                    out[i] = np.full_like(self.H, np.nan)
                 continue
             key = term.place
             rows[key] = term

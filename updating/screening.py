@@ -438,8 +438,9 @@ class _Look:
         Shape (3 or 2, n_points).
         """
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, False))
-        r = self._residuals(H)
-        levels = self._levels(r, grid.effect.replaces())
+        possible = np.array([bool(np.isfinite(each).all()) for each in H])
+        r = np.where(possible[:, None], self._residuals(H), self._now())
+        levels = np.where(possible, self._levels(r, grid.effect.replaces()), np.inf)
         return levels if np.abs(r - self._now()).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
 
     def levels_now(self) -> Floats:
@@ -456,7 +457,9 @@ class _Look:
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, True))
         replaced = grid.effect.replaces()
         now = self._adapted(self._now()[None])[0]
-        change = self._adapted(self._residuals(H) - self._now(), replaced)
+        possible = np.array([bool(np.isfinite(each).all()) for each in H])
+        r = np.where(possible[:, None], self._residuals(H), self._now())
+        change = self._adapted(r - self._now(), replaced)
         most = np.array([m for _, m in grid.weak_points])
         return _best_multiples(now, change, most, grid.one_sided())
 

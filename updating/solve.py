@@ -158,7 +158,11 @@ def solve_robust(
             limits = np.maximum(-reach, lo - x)[free], np.minimum(reach, hi - x)[free]
             step[free] = step_within(step[free], H, g[free], limits)
             trial = np.clip(x + step, lo, hi)
-            r_new, _ = residual(trial, False)
+            try:
+                r_new, _ = residual(trial, False)
+            except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
+                damping = min(damping * 8, 1e8)
+                continue
             misfit_new = loss(r_new)
             cost_new = total(trial, misfit_new)
             if np.isfinite(cost_new) and cost_new < cost:

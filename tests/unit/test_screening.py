@@ -93,6 +93,25 @@ def test_what_a_hinge_does_is_seen_on_members_that_are_not_nominal(prepared):
     assert seen > 1
 
 
+def test_what_takes_more_mass_away_than_there_is_is_never_the_best(prepared):
+    """Beside an effect that has taken most of a member's mass already."""
+    case, problem, _, _ = prepared
+    member = propose(case.model, ["member_density"])[0]
+    light = replace(member.with_values(change=-0.6), name="light")
+    mine = replace(problem, reduced=problem.reduced.with_forces_of([light]))
+    nominal = mine.nominal()
+    values = {**nominal.values, (light.name, "change"): -0.6}
+    base = replace(nominal, effects=(light,), values=values)
+    grid = Grid(member, ({"change": -0.5}, {"change": 0.1}))
+    look = screening._Look.of(mine, base, 44, 24, 700)
+    gone, there = look._local(()).with_terms(look._terms(grid, False))
+    assert np.isnan(gone).all()
+    assert np.isfinite(there).all()
+    levels = look.levels(grid)
+    assert np.isinf(levels[:, 0]).all()
+    assert np.isfinite(levels[:, 1]).all()
+
+
 def test_a_point_is_scaled_between_absent_and_itself(prepared):
     _, problem, _, candidates = prepared
     for effect in candidates:
