@@ -438,8 +438,7 @@ class _Look:
         Shape (3 or 2, n_points).
         """
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, False))
-        possible = np.array([bool(np.isfinite(each).all()) for each in H])
-        r = np.where(possible[:, None], self._residuals(H), self._now())
+        r, possible = self._possible(H)
         levels = np.where(possible, self._levels(r, grid.effect.replaces()), np.inf)
         return levels if np.abs(r - self._now()).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
 
@@ -457,9 +456,7 @@ class _Look:
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, True))
         replaced = grid.effect.replaces()
         now = self._adapted(self._now()[None])[0]
-        possible = np.array([bool(np.isfinite(each).all()) for each in H])
-        r = np.where(possible[:, None], self._residuals(H), self._now())
-        change = self._adapted(r - self._now(), replaced)
+        change = self._adapted(self._possible(H)[0] - self._now(), replaced)
         most = np.array([m for _, m in grid.weak_points])
         return _best_multiples(now, change, most, grid.one_sided())
 
@@ -513,6 +510,11 @@ class _Look:
         if "now" not in self._solved:
             self._solved["now"] = self._residuals([self._local(()).H])[0]
         return self._solved["now"]
+
+    def _possible(self, H: Sequence[Complexes]) -> tuple[Complexes, NDArray[np.bool_]]:
+        """Return residuals, those of now for what cannot be, and what can: its receptances are finite."""
+        possible = np.array([bool(np.isfinite(each).all()) for each in H])
+        return np.where(possible[:, None], self._residuals(H), self._now()), possible
 
     def _residuals(self, H: Sequence[Complexes]) -> Complexes:
         """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""

@@ -47,7 +47,7 @@ class JointPatch(Spread):
     In their plane flats turn about a patch that is smaller than they are broad: a rigid disc of radius a in a
     large plate of thickness h turns by T / 4πGa²h (Lamé's solution, u_φ ~ 1/r). Where a joint is rigid about
     the normal of its flats, ``twist`` times that of both flats in series, with half the other's breadth for
-    a, stands in place of rigid: see :func:`with_patches`.
+    a, stands in place of rigid: see :func:`with_patch`.
 
     Attributes
     ----------
@@ -195,10 +195,14 @@ def with_patch(model: Model, patch: JointPatch) -> Model:
 
 
 def turning_parameters(model: Model) -> tuple[ParameterRef, ...]:
-    """Return the stiffnesses about the normal of joints that have patches with a ``twist``."""
-    patches = [e for e in model.of_kind(JointPatch) if e.twist > 0]
-    own = {(j.name, f"k{d}") for j in model.of_kind(Joint) for d in j.elastic}
-    return tuple(ref for patch in patches for ref in patch.turning(model) if ref in own)
+    """Return the stiffnesses about the normal that joints have of patches with a ``twist``."""
+    own = model.values()
+    return tuple(
+        ref
+        for patch in model.of_kind(JointPatch)
+        for ref, k in patch.turning(model).items()
+        if patch.twist > 0 and np.isclose(own.get(ref, 0.0), patch.twist * k, rtol=1e-9)
+    )
 
 
 def _axes(model: Model, side: _Side) -> NDArray[np.float64]:

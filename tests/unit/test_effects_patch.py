@@ -279,6 +279,9 @@ def test_the_stiffness_about_the_normal_is_uncertain_whatever_else_is_said():
     assert with_turning(DOUBTS, model) == (*DOUBTS, own)
     assert with_turning((Nuisance("J", "krz", 0.03), *DOUBTS), model) == (own, *DOUBTS)
     assert with_turning(DOUBTS, lap()) == DOUBTS
+    given = Nuisance("J", "krz", 0.03)  # of a joint that is elastic about it anyhow
+    elastic = lap(rigid=("x", "y", "z", "rx", "ry"), K=np.diag([0, 0, 0, 0, 0, 7e4]))
+    assert with_turning((given,), turning(elastic, 1.0)) == (given,)
 
 
 @pytest.mark.parametrize(("share", "turns"), [(0.5, True), (0.02, False), (1e6, False)])
