@@ -140,7 +140,7 @@ class Rule:
             return False
         if self.settled and not stands_out(self.before, after, last.name):
             return False
-        if not form_right and not is_spread(after, last):
+        if not form_right and not spread_is_certain(after, last):
             return False
         if alone and not (self.settled and form_right) and gains(self.problem, self.before, after):
             return True
@@ -206,7 +206,7 @@ def ends_in_noise(
     return fit.level <= noise and neither_rises and whole_level(without) > factor * whole_level(fit)
 
 
-def is_spread(fit: FitResult, effect: Effect) -> bool:
+def spread_is_certain(fit: FitResult, effect: Effect) -> bool:
     """Whether the parameter that tells an effect from a simpler one is ``CERTAIN`` deviations from 0.
 
     As the fit knows it: the ratio of likelihoods is that of an error model, which may be too sure. True of

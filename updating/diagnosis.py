@@ -306,7 +306,7 @@ class _Start:
     Attributes
     ----------
     bare, plain : Model, FitProblem
-        Without the joints' patches that this looked for itself.
+        Without the joints' patches that this looked for itself; the problem has those that were given.
     model, problem : Model, FitProblem
         With them.
     used : JointPatch or None
@@ -412,8 +412,6 @@ def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: Joint
     problem, null, faults = find_faults(problem, _fitted(problem))
     plain, used = problem, given
     if given:
-        built = asked.build(bare)
-        plain = replace(problem, reduced=built.reduced, nuisances=built.nuisances)
         notes.append(_where_patched(given))
     elif patch:
         asked.say("looking for the extent of joints", 0.04)

@@ -84,7 +84,7 @@ def choose_patch(
         Without patches.
     patch : JointPatch
     problem : FitProblem
-        Of that model, with the data as they are by now.
+        Of that model, or of one with patches, with the data as they are by now.
     effects : sequence of Effect
         What was found, with its values: fitted beside.
     twist : float
@@ -93,9 +93,10 @@ def choose_patch(
     starts = [parameter_values(e) for e in effects]
 
     def fitted(size: float, twist: float) -> FitResult:
-        built = problem
         if size > 0 or twist > 0:
             built = build(with_patch(model, patch.with_values(size=size, twist=twist)))
+        else:
+            built = build(model) if problem.reduced.model.of_kind(JointPatch) else problem
         reduced = built.reduced.with_forces_of(effects)
         return replace(problem, reduced=reduced, nuisances=built.nuisances).fit_anew(effects, starts)
 

@@ -85,9 +85,7 @@ class Structure:
     step: float = 2.0
     damping: tuple = (0.003, 1700.0)  # of modes, and how its variation goes with frequency [-, Hz]
     clamped: float = 0.0  # joints hold patches of this reach as good as rigidly [m]
-    disc: str = (
-        ""  # of flats that touch: a joint holds a disc of that radius on either face, "mean" or "rigid"
-    )
+    disc: str = ""  # or flats that touch hold a disc of that radius on their faces, "mean" or "rigid"
 
     @property
     def welded(self):

@@ -749,9 +749,9 @@ def test_what_tells_an_effect_from_a_simpler_one_must_be_certain_in_the_fit_as_w
     wide = propose(case.model, ["distributed_mass"])[0].with_values(width=0.06)
     for std, certain in ((0.019, True), (0.021, False)):
         fit = replace(problem.nominal(), effects=(wide,), std={(wide.name, "width"): std})
-        assert acceptance.is_spread(fit, wide) == certain
+        assert acceptance.spread_is_certain(fit, wide) == certain
     point = propose(case.model, ["point_mass"])[0]
-    assert acceptance.is_spread(problem.nominal(), point)
+    assert acceptance.spread_is_certain(problem.nominal(), point)
 
 
 @pytest.mark.parametrize("kind", ["foundation", "foundation_dashpot"])
