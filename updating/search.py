@@ -1,5 +1,6 @@
 """The search for missing effects: rounds in which candidates are looked at, fitted and accepted or not."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -705,10 +706,29 @@ def _against_rivals(
             entries[name] = rule.ranked(fit, similarity_of(shift, change_of(mine, fit, rule.before)), True)
         if score(problem, fit) < score(problem, chosen) and rule.pays(fit):
             chosen_problem, chosen = mine, fit
+    likelier = _of_fewest_places(problem, rule, entries.values(), chosen, candidates)
+    if likelier is not chosen:
+        chosen_problem, chosen = _attached(problem, likelier.effects[-1:]), likelier
     if chosen is not best:
         chosen = _polish(chosen_problem, chosen)
         entries[chosen.effects[-1].name] = rule.ranked(chosen, 1.0, True)
     return chosen_problem, _in_order(problem, entries.values(), chosen.effects[-1].name), chosen
+
+
+def _of_fewest_places(
+    problem: FitProblem, rule: Rule, ranked: Iterable[Ranked], best: FitResult, candidates: Sequence[Effect]
+) -> FitResult:
+    """Return the fit of the likeliest candidate with as many parameters as the best, if all kinds are.
+
+    Of a kind with n candidates each is then so by one in n, and log n joins its score: a force along a bar may
+    be held by the instrument there, or by a spring to the ground at any of its places, which do the same.
+    """
+    n_places = Counter(effect.kind for effect in candidates)
+    size = len(best.effects[-1].parameters())
+    others = [r.result for r in ranked if r.refined and len(r.parameters) == size and rule.pays(r.result)]
+    return min(
+        (best, *others), key=lambda fit: score(problem, fit) + np.log(n_places[fit.effects[-1].kind])
+    )
 
 
 def _in_order(problem: FitProblem, ranked: Iterable[Ranked], best: str) -> tuple[Ranked, ...]:
