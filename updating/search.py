@@ -726,9 +726,7 @@ def _of_fewest_places(
     n_places = Counter(effect.kind for effect in candidates)
     size = len(best.effects[-1].parameters())
     others = [r.result for r in ranked if r.refined and len(r.parameters) == size and rule.pays(r.result)]
-    return min(
-        (best, *others), key=lambda fit: score(problem, fit) + np.log(n_places[fit.effects[-1].kind])
-    )
+    return min((best, *others), key=lambda fit: score(problem, fit) + np.log(n_places[fit.effects[-1].kind]))
 
 
 def _in_order(problem: FitProblem, ranked: Iterable[Ranked], best: str) -> tuple[Ranked, ...]:

@@ -971,6 +971,49 @@ def test_twins_gain_as_much_of_the_posterior_not_of_the_level():
     assert rival is as_low
 
 
+def test_of_candidates_that_do_alike_that_comes_first_of_whose_kind_there_are_fewest_places():
+    """A member's stiffness is one of two, its thickness one of four: log 2 is between them."""
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    null = problem.fit()
+    rule = acceptance.Rule(problem, 1.0, False, null)
+    candidates = propose(case.model, ["member_stiffness", "member_section", "point_mass"])
+    n_places = {
+        kind: sum(e.kind == kind for e in candidates) for kind in ("member_stiffness", "member_section")
+    }
+    margin = np.log(n_places["member_section"] / n_places["member_stiffness"])
+    assert margin > 0.5
+
+    def fit_of(kind, gain):
+        effect = next(e for e in candidates if e.kind == kind)
+        solution = replace(null.solution, cost=null.solution.cost - gain)
+        values = {**null.values, **{(effect.name, p.name): 0.1 for p in effect.parameters()}}
+        std = dict.fromkeys(values, 1e-3)
+        level, held_out = 0.1 * null.level, 0.1 * null.held_out_level
+        return replace(
+            null,
+            effects=(effect,),
+            values=values,
+            std=std,
+            solution=solution,
+            level=level,
+            held_out_level=held_out,
+        )
+
+    def chosen(best, other, pays=True):
+        asked = rule if pays else replace(rule, before=other)
+        return search._of_fewest_places(problem, asked, [rule.ranked(other, 1.0, True)], best, candidates)
+
+    many = fit_of("member_section", 100.0)
+    nearly, too_poor = (fit_of("member_stiffness", 100.0 - f * margin) for f in (0.9, 1.1))
+    assert chosen(many, nearly) is nearly
+    assert chosen(many, too_poor) is many
+    assert chosen(many, nearly, pays=False) is many
+    assert chosen(nearly, fit_of("member_section", 100.0)) is nearly
+    more = fit_of("point_mass", 101.0)
+    assert chosen(many, more) is many  # more parameters would have to earn their places, too
+
+
 def test_one_effect_does_not_take_the_place_of_two_that_are_much_more_likely():
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances)
