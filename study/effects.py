@@ -37,8 +37,9 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
         values = {p.name: t.number(p.name, p.value) for p in effect.parameters()}
         for p in effect.parameters():
             if p.name in t.values and not p.lower <= values[p.name] <= p.upper:
+                unit = "" if p.unit == "-" else f" {p.unit}"
                 t.refuse(
-                    p.name, f"{values[p.name]:g} {p.unit} is not between {p.lower:g} and {p.upper:g} {p.unit}"
+                    p.name, f"{values[p.name]:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}"
                 )
         if isinstance(effect, AmplitudeDependent):
             effect = replace(

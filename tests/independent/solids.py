@@ -1154,17 +1154,16 @@ class Body:
         rigid an end is clamped, and nothing else in it gives way.
         """
         n = self.K.shape[0]
-        moves, faces = np.ones(n, dtype=bool), []
+        moves, rigid = np.ones(n, dtype=bool), []
         for name in structure.held:
             face = self.near(name, 0.0, 0.0)
             moves[face] = False
-            if name in soft:
-                faces.append(np.zeros((n, 6)))
-                faces[-1][face] = self.rigid(face, self.bars[name].at(0.0))
-        for disc, about in discs:
-            moves[disc] = False
+            rigid += [(face, self.bars[name].at(0.0))] if name in soft else []
+        faces = []
+        for unknowns, about in (*rigid, *discs):
+            moves[unknowns] = False
             faces.append(np.zeros((n, 6)))
-            faces[-1][disc] = self.rigid(disc, about)
+            faces[-1][unknowns] = self.rigid(unknowns, about)
         T = sp.hstack([sp.eye(n, format="csc")[:, moves], *map(sp.csc_matrix, faces)], format="csc")
         self.K, self.M = ((T.T @ X @ T).tocsc() for X in (self.K, self.M))
         return T

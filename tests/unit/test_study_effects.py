@@ -91,6 +91,7 @@ def test_every_kind_comes_back_from_a_study_file(tmp_path):
         ('candidate = "joint_mass:bolt"', "no candidate 'joint_mass:bolt', nor another of this kind"),
         ('candidate = "crack:post.ry"\ncompliance = -1', "-1 rad/(N·m) is not between 0 and"),
         ('candidate = "crack:post.ry"\ncompliance = "soft"', "compliance"),
+        ('candidate = "member_density:post"\nchange = -3', "change: -3 is not between -"),
         ('candidate = "crack:post.ry"\ndepth = 1', "depth: unknown key"),
         ('candidate = "crack:post.ry"\nname = "frame"', "two effects 'frame'"),
         ("compliance = 1", "candidate"),
