@@ -26,6 +26,12 @@ ACCEPT_SETTLED = 1.5
 ACCEPT_BESIDE = 2.0
 """Where beams may err and the model is right with other effects, the level on fitted lines must fall by more
 than this factor: what beams leave beside an effect looks like a weak one."""
+FIRM = 5.0
+"""Or by ``ACCEPT_SETTLED``, if its first parameter lies so many standard deviations from its absence."""
+ACCEPT_DAMPING = 30.0
+"""Where beams may err and the model is settled, what takes energy and does nothing else counts if both levels
+fall and the score of the fitted lines and that of the others fall by more than this together: beams err in
+stiffness and mass, and leave no such forces."""
 ACCEPT_TO_NOISE, ACCEPT_TO_NOISE_FIRMLY = 1.1, 1.25
 """Or, where no more is left with it than noise and the mesh leave, that over all lines together by more than
 the first, and none of the two rises; by the second if it stands beside others or also damps. What beams leave
@@ -118,18 +124,21 @@ class Rule:
     before: FitResult
     noise: float = 0.0
 
-    def factors(self, effect: Effect) -> Factors:
-        """Return by how much the levels must fall with an effect."""
+    def factors(self, after: FitResult) -> Factors:
+        """Return by how much the levels must fall with the last effect of a fit."""
+        beside, last = bool(self.before.effects), after.effects[-1]
         if not self.settled:
             return Factors(STEP_LEVEL, STEP_LEVEL)
         if not self.problem.form_right:
-            return Factors(ACCEPT_BESIDE if self.before.effects else ACCEPT_SETTLED, ACCEPT_SETTLED)
-        return weak_factors(self.problem, effect, beside=bool(self.before.effects))
+            more = beside and not is_firm(after, last)
+            return Factors(ACCEPT_BESIDE if more else ACCEPT_SETTLED, ACCEPT_SETTLED)
+        return weak_factors(self.problem, last, beside=beside)
 
-    def pays(self, after: FitResult) -> bool:
+    def pays(self, after: FitResult, *, best: bool = True) -> bool:
         """Whether a fit with one more effect is enough better than that without.
 
         And not within tolerance nor, where the model is settled, within ``CERTAIN`` deviations of nothing.
+        ``best`` is whether no other candidate has a lower score, which :func:`takes_energy` asks for.
         """
         alone, last = not self.before.effects, after.effects[-1]
         form_right = self.problem.form_right
@@ -138,6 +147,8 @@ class Rule:
             self.problem, after, last.name
         ):
             return False
+        if best and self.settled and not form_right and takes_energy(self.problem, self.before, after, last):
+            return True
         if self.settled and not stands_out(self.before, after, last.name):
             return False
         if not form_right and not spread_is_certain(after, last):
@@ -146,14 +157,14 @@ class Rule:
             return True
         if self.settled and ends_in_noise(self.problem, self.before, after, last, self.noise):
             return True
-        return falls(self.before, after, self.factors(last), form_right)
+        return falls(self.before, after, self.factors(after), form_right)
 
     def ranked(self, fit: FitResult, similarity: float, refined: bool) -> Ranked:
         """Return a candidate's fit as an entry of the ranking."""
         effect = fit.effects[-1]
         return Ranked(
             effect.name, effect.kind, effect.where, parameters_of(effect, fit), fit.level, fit.fit_db,
-            fit.held_out_db, similarity, refined, self.before.level / self.factors(effect).level, fit,
+            fit.held_out_db, similarity, refined, self.before.level / self.factors(fit).level, fit,
         )  # fmt: skip
 
 
@@ -202,8 +213,21 @@ def ends_in_noise(
     """Whether an effect takes a model of which beams leave more than noise down to the level of noise."""
     firmly = len(fit.effects) > 1 or damps(problem, effect)
     factor = ACCEPT_TO_NOISE_FIRMLY if firmly else ACCEPT_TO_NOISE
-    neither_rises = fit.level < without.level and fit.held_out_level < without.held_out_level
-    return fit.level <= noise and neither_rises and whole_level(without) > factor * whole_level(fit)
+    lower = whole_level(without) > factor * whole_level(fit)
+    return fit.level <= noise and lower and _neither_rises(without, fit)
+
+
+def takes_energy(problem: FitProblem, without: FitResult, fit: FitResult, effect: Effect) -> bool:
+    """Whether an effect takes energy and does nothing else, and the data ask for it by ``ACCEPT_DAMPING``."""
+    if not dissipates(problem, effect):
+        return False
+    gain = without.solution.cost + without.unseen - fit.solution.cost - fit.unseen
+    return gain > ACCEPT_DAMPING and _neither_rises(without, fit)
+
+
+def _neither_rises(without: FitResult, fit: FitResult) -> bool:
+    """Whether the levels of fitted and of held-out lines are lower with an effect."""
+    return fit.level < without.level and fit.held_out_level < without.held_out_level
 
 
 def spread_is_certain(fit: FitResult, effect: Effect) -> bool:
@@ -219,6 +243,12 @@ def spread_is_certain(fit: FitResult, effect: Effect) -> bool:
 def damps(problem: FitProblem, effect: Effect) -> bool:
     """Whether a parameter of an effect changes damping alone, or a law of stiffness and damping."""
     return any(_damps(problem, effect, p) for p in effect.parameters())
+
+
+def dissipates(problem: FitProblem, effect: Effect) -> bool:
+    """Whether all parameters of an effect change damping alone."""
+    changed = [_changed(problem, effect, p) for p in effect.parameters()]
+    return all(keys and keys <= {"C", "D"} for keys in changed)
 
 
 def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> Factors:
@@ -278,6 +308,15 @@ def stands_out(without: FitResult, fit: FitResult, name: str) -> bool:
         return bool(far or (std > p.value and p.absent - p.value > CERTAIN * std))
     distance = p.value if np.isinf(p.absent) else abs(p.value - p.absent)
     return bool(distance > CERTAIN * std)
+
+
+def is_firm(fit: FitResult, effect: Effect) -> bool:
+    """Whether the first parameter of an effect lies ``FIRM`` standard deviations from where it is absent."""
+    p = effect.parameters()[0]
+    std = fit.std[effect.name, p.name]
+    if p.log and 0 < p.absent < np.inf:
+        return bool(abs(np.log(p.value / p.absent)) > FIRM * np.arcsinh(std / p.value))
+    return bool((p.value if np.isinf(p.absent) else abs(p.value - p.absent)) > FIRM * std)
 
 
 def _own_share(fit: FitResult, effect: Effect) -> float:

@@ -14,7 +14,7 @@ from fem.effects.joint_patch import JointPatch, with_patch
 from fem.effects.solid_corner import SolidCorner
 from fem.frf import FRF
 from fem.model import Effect, Model
-from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL
+from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL, takes_energy
 from updating.amplitude import combined_levels, deviation_at_level, force_levels, search_amplitude
 from updating.bootstrap import Bootstrap, bootstrap
 from updating.corners import Cornered, with_corners
@@ -479,7 +479,10 @@ def _searched(
             found = [f.effect for f in search.findings]
             twist = start.used.twist if start.used else 0.0
             other = choose_patch(asked.build, start.bare, patch, plain, found, twist)
-        if null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2:
+        damped = len(search.findings) == 1 and takes_energy(
+            search.problem, null, search.current, search.findings[0].effect
+        )
+        if null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2 and not damped:
             notes = (_why_weak(search, null),)
             search = Search(problem, (), search.rounds[:1], steps, null)
     if nonlinear:

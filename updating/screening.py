@@ -205,6 +205,7 @@ def screen(
     say: Callable[[str, float], None],
     *,
     weak_only: bool = True,
+    also: Callable[[Effect], bool] = lambda effect: False,
 ) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
@@ -232,13 +233,15 @@ def screen(
         Called with a text and the fraction done.
     weak_only : bool
         Whether nothing but weak effects can be left where the model is settled.
+    also : callable
+        Says of which candidates the best goes on in any case where the model is settled.
     """
     bases = (current,) if settled else (current, problem.at_nominal(current))
     more = np.zeros((len(grids), 0))
     if len(grids) > MOST_CANDIDATES:
         listed, more = shortlist(problem, bases, grids, say)
         grids, more = [grids[i] for i in listed], more[:, ::2] if settled else more
-    weak = _screen_weak(problem, current, grids, say) if settled else ()
+    weak = _screen_weak(problem, current, grids, say, also) if settled else ()
     if settled and weak_only:
         return weak
     n_levels = 2 if settled else 3
@@ -350,7 +353,11 @@ def _proportional_levels(
 
 
 def _screen_weak(
-    problem: FitProblem, current: FitResult, grids: Sequence[Grid], say: Callable[[str, float], None]
+    problem: FitProblem,
+    current: FitResult,
+    grids: Sequence[Grid],
+    say: Callable[[str, float], None],
+    also: Callable[[Effect], bool],
 ) -> tuple[Screened, ...]:
     look = _Look.of(
         problem, current, max(N_SETTLED, problem.n_lines // 2), 0, MOST_VALUES_WEAK, at_bounds=False
@@ -362,10 +369,12 @@ def _screen_weak(
         k = int(np.argmin(levels))
         if np.isfinite(levels[k]):
             found.append((float(levels[k]), i, grid.scaled(grid.weak_points[k][0], float(factors[k]))))
-    return tuple(
+    order = [
         Screened(grids[i].effect, (start,), promise=now / level)
-        for level, i, start in sorted(found, key=lambda f: f[:2])[:N_BEST_WEAK]
-    )
+        for level, i, start in sorted(found, key=lambda f: f[:2])
+    ]
+    first = next((k for k, s in enumerate(order) if also(s.effect)), 0)
+    return (*order[:N_BEST_WEAK], *order[max(first, N_BEST_WEAK) : first + 1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

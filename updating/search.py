@@ -19,13 +19,16 @@ from updating.acceptance import (
     Limits,
     Rule,
     damps,
+    dissipates,
     ends_in_noise,
     falls,
     fitted_score,
     gains,
+    is_firm,
     known_already,
     score,
     stands_out,
+    takes_energy,
     weak_factors,
     whole_level,
     within_tolerance,
@@ -499,6 +502,7 @@ class _Round:
                 self.settled,
                 between(say, 0.0, 0.3),
                 weak_only=problem.form_right,
+                also=self._takes_energy,
             )
         chosen = [option for option in self._looked if option.rank < n_best]
         if current.level < problem.beams_leave and all(option.promise < promise for option in chosen):
@@ -520,9 +524,11 @@ class _Round:
         # What is known already can only take the place of what is not.
         names.sort(key=lambda n: self.settled and known_already(problem, self._quick[n][0], n))
         finalists = names[: FINALS_SETTLED if self.settled else int(np.clip(len(near), 3, MOST_REFINED))]
-        if self.settled and problem.form_right:
-            # What damps stands behind all that do nothing, by its margin: its best is tried as well.
-            loose = next((n for n in names if damps(problem, self._quick[n][0].effects[-1])), names[0])
+        if self.settled:
+            # What damps stands behind all that do nothing, by its margin, or behind what bends to what beams
+            # leave: its best is tried as well.
+            kind = damps if problem.form_right else dissipates
+            loose = next((n for n in names if kind(problem, self._quick[n][0].effects[-1])), names[0])
             finalists += [loose] if loose not in finalists else []
         for i, name in enumerate(finalists):
             say(f"fitting {label(self._quick[name][0].effects[-1])}", 0.6 + 0.4 * i / len(finalists))
@@ -537,7 +543,7 @@ class _Round:
                 if deep:
                     final[name] = self._fit_elsewhere(name)
             order.sort(key=lambda n: score(problem, final[n]))
-        best_name = next((n for n in order if rule.pays(final[n])), order[0])
+        best_name = next((n for n in order if rule.pays(final[n], best=n == order[0])), order[0])
         best = final[best_name]
         shift = change_of(self._on[best_name], best, current)
         ranked = []
@@ -546,6 +552,9 @@ class _Round:
             similarity = similarity_of(shift, change_of(self._on[name], fit, current))
             ranked.append(rule.ranked(fit, similarity, name in final))
         return _in_order(problem, ranked, best_name), best
+
+    def _takes_energy(self, effect: Effect) -> bool:
+        return not self.problem.form_right and dissipates(self.problem, effect)
 
     @property
     def _begun(self) -> list[dict[str, float]]:
@@ -759,7 +768,15 @@ def _without_idle(
 
     def is_idle(effect: Effect, less: FitResult) -> bool:
         rest = len(findings) > 1
-        beside = rest and not problem.form_right and less.level <= limits.settled
+        if (
+            less.level <= limits.settled
+            and not problem.form_right
+            and takes_energy(problem, less, current, effect)
+        ):
+            return False
+        beside = (
+            rest and not problem.form_right and less.level <= limits.settled and not is_firm(current, effect)
+        )
         usual = Factors(ACCEPT_BESIDE if beside else ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < limits.weak
         factors = weak_factors(problem, effect, beside=rest) if weak else usual

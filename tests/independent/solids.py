@@ -302,6 +302,34 @@ STRUCTURES = {
         step=1.0,
         damping=(0.006, 260.0),
     ),
+    "tower": Structure(
+        {
+            **{
+                f"C{k + 1}": Bar((x, y, 0.0), "z", 0.78, 0.02, 0.02)
+                for k, (x, y) in enumerate(((0.0, 0.0), (0.44, 0.0), (0.44, 0.32), (0.0, 0.32)))
+            },
+            **{
+                f"X{k}{side}": Bar((0.0, y, z), "x", 0.44, 0.02, 0.02)
+                for k, z in ((1, 0.37), (2, 0.77))
+                for side, y in (("a", 0.0), ("b", 0.32))
+            },
+            **{
+                f"Y{k}{side}": Bar((x, 0.0, z), "y", 0.32, 0.02, 0.012)
+                for k, z in ((1, 0.37), (2, 0.77))
+                for side, x in (("a", 0.0), ("b", 0.44))
+            },
+        },
+        (),
+        (
+            *((f"C{k}", s, "xyz") for k in range(1, 5) for s in (0.2, 0.37, 0.58, 0.77)),
+            *(("X1a", 0.22, "xyz"), ("X2b", 0.22, "xyz"), ("Y1a", 0.16, "xyz"), ("Y2b", 0.16, "xyz")),
+        ),
+        ("C24x", "C42y"),
+        500.0,
+        held=("C1", "C2", "C3", "C4"),
+        step=1.0,
+        damping=(0.007, 240.0),
+    ),
 }
 STRUCTURES["bond"] = replace(STRUCTURES["bolt"], disc="rigid")
 
@@ -1066,6 +1094,128 @@ CASES = {
         ],
     ),
     "more-table-nothing-again": ("table", 178, Hidden(), [NOTHING]),
+    "tower-nothing": ("tower", 301, Hidden(), [NOTHING]),
+    "tower-nothing-again": ("tower", 302, Hidden(), [NOTHING]),
+    "tower-soft-base-rx": (
+        "tower",
+        303,
+        Hidden(bases={("C3", "rx"): 5000.0}),
+        [named("support_flexibility", "C3", "rx", value=5000.0, unit="N·m/rad")],
+    ),
+    "tower-mass": (
+        "tower",
+        304,
+        Hidden(masses=(("X2a", 0.3, 0.15),)),
+        [named("point_mass", "X2a", value=0.15, unit="kg", position=0.3, length=0.44)],
+    ),
+    "tower-stiffness": (
+        "tower",
+        305,
+        Hidden(E={"C2": 0.9}),
+        [named("member_stiffness", "C2", value=-0.1, unit="-")],
+    ),
+    "tower-heavier": (
+        "tower",
+        306,
+        Hidden(rho={"Y2b": 1.2}),
+        [named("member_density", "Y2b", value=0.2, unit="-")],
+    ),
+    "tower-notch": (
+        "tower",
+        307,
+        Hidden(weaker={"C1": (0.46, 0.48, 0.15)}),
+        [named(("crack", "stiffness_loss"), "C1", value=4.1e-5, unit="rad/(N·m)", position=0.47, length=0.78)],
+    ),
+    "tower-thinner": (
+        "tower",
+        308,
+        Hidden(h={"X1b": 0.9}),
+        [named("member_section", "X1b", "along", "local", "z", value=-0.1, unit="-")],
+    ),
+    "tower-ground-spring": (
+        "tower",
+        309,
+        Hidden(ground=(("C4", 0.78, "x", 2e4, 0.02),)),
+        [named("ground_spring", "end", "2", "of", "C4", "x", value=2e4, unit="N/m")],
+    ),
+    "tower-damper": (
+        "tower",
+        310,
+        Hidden(dampers=(("C3", 0.78, "y", 30.0),)),
+        [named("ground_damper", "end", "2", "of", "C3", "y", value=30.0, unit="N·s/m")],
+    ),
+    "tower-sensor-masses": (
+        "tower",
+        311,
+        Hidden(masses=tuple((bar, s, 0.015) for bar, s, _ in STRUCTURES["tower"].sensors)),
+        [named("sensor_mass", "the", "20", "places", "of", "sensors", value=0.015, unit="kg")],
+    ),
+    "tower-gain-and-sign": (
+        "tower",
+        312,
+        Hidden(gains={"C13y": 1.2, "X1a1z": -1.0}),
+        [fault("C13y", factor=1.2), fault("X1a1z", factor=-1)],
+    ),
+    "tower-base-and-mass": (
+        "tower",
+        313,
+        Hidden(bases={("C1", "ry"): 6000.0}, masses=(("Y1b", 0.2, 0.12),)),
+        [
+            named("support_flexibility", "C1", "ry", value=6000.0, unit="N·m/rad"),
+            named("point_mass", "Y1b", value=0.12, unit="kg", position=0.2, length=0.32),
+        ],
+    ),
+    # dampers and pairs, where beams leave more than noise
+    "strap-ground-damper": (
+        "strap",
+        321,
+        Hidden(dampers=(("C", 0.42, "z", 25.0),)),
+        [named("ground_damper", "end", "2", "of", "C", "z", value=25.0, unit="N·s/m")],
+    ),
+    "lap-ground-damper-y": (
+        "lap",
+        322,
+        Hidden(dampers=(("A", 0.0, "y", 30.0),)),
+        [named("ground_damper", "end", "1", "of", "A", "y", value=30.0, unit="N·s/m")],
+    ),
+    "gate-ground-damper": (
+        "gate",
+        323,
+        Hidden(dampers=(("L", 0.6, "y", 20.0),)),
+        [named("ground_damper", "end", "2", "of", "L", "y", value=20.0, unit="N·s/m")],
+    ),
+    "gate-mass-and-stiffness": (
+        "gate",
+        324,
+        Hidden(masses=(("S", 0.28, 0.07),), E={"L": 0.9}),
+        [
+            named("point_mass", "S", value=0.07, unit="kg", position=0.28, length=0.4),
+            named("member_stiffness", "L", value=-0.1, unit="-"),
+        ],
+    ),
+    "tower-notch-and-heavier": (
+        "tower",
+        325,
+        Hidden(weaker={"C4": (0.18, 0.2, 0.15)}, rho={"X2a": 1.15}),
+        [
+            named(
+                ("crack", "stiffness_loss"), "C4", value=4.1e-5, unit="rad/(N·m)", position=0.19, length=0.78
+            ),
+            named("member_density", "X2a", value=0.15, unit="-"),
+        ],
+    ),
+    "tower-damper-x": (
+        "tower",
+        326,
+        Hidden(dampers=(("C1", 0.37, "x", 60.0),)),
+        [named("ground_damper", "end", "1", "of", "X1a", "x", value=60.0, unit="N·s/m")],
+    ),
+    "strap-damped-member": (
+        "strap",
+        327,
+        Hidden(loss={"B": 0.03}),
+        [named("member_damping", "B", value=0.03, unit="-")],
+    ),
 }
 
 
