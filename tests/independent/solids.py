@@ -1124,7 +1124,11 @@ CASES = {
         "tower",
         307,
         Hidden(weaker={"C1": (0.46, 0.48, 0.15)}),
-        [named(("crack", "stiffness_loss"), "C1", value=4.1e-5, unit="rad/(N·m)", position=0.47, length=0.78)],
+        [
+            named(
+                ("crack", "stiffness_loss"), "C1", value=4.1e-5, unit="rad/(N·m)", position=0.47, length=0.78
+            )
+        ],
     ),
     "tower-thinner": (
         "tower",

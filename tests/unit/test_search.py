@@ -102,11 +102,13 @@ def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
     fitted.clear()
     anew, best_anew = search._Round(problem, null, False, grids).run(rule, 20, lambda text, done: None)
     assert len(fitted) < quickly + 3  # what the first run fitted fully may not be among the best of all
-    assert looked == 2 * [{"weak_only": True}]
+    assert [options["weak_only"] for options in looked] == [True, True]
     not_right = replace(problem, model_error=EXPLAINED_LEVEL)
     rule = replace(rule, problem=not_right)
     search._Round(not_right, null, True, grids).run(rule, 1, lambda text, done: None)
-    assert looked[2:] == [{"weak_only": False}]  # a part of the level may be the model's own error
+    assert [options["weak_only"] for options in looked[2:]] == [
+        False
+    ]  # a part of the level may be the model's own error
     assert {r.name for r in more} == {r.name for r in anew}
     assert {r.name for r in few if r.refined} <= {r.name for r in more if r.refined}
     assert best.values == best_anew.values
@@ -695,12 +697,13 @@ def test_beside_another_an_effect_must_take_more_where_beams_may_err():
     nominal = problem.nominal()
     first, second = (propose(case.model, [kind])[0] for kind in ("member_density", "ground_spring"))
     second = second.with_values(stiffness=1e3)
+    firm, loose = 0.99e3 / acceptance.FIRM, 1.01e3 / acceptance.FIRM
     before = replace(nominal, level=0.2, held_out_level=0.2, solution=replace(nominal.solution, cost=0.0))
 
-    def pays(level, *, beside, noise=0.0):
+    def pays(level, *, beside, noise=0.0, std=loose):
         without = replace(before, effects=(first,) if beside else ())
         after = replace(
-            without, effects=(*without.effects, second), std={(second.name, "stiffness"): 1.0}, level=level,
+            without, effects=(*without.effects, second), std={(second.name, "stiffness"): std}, level=level,
             held_out_level=level,
         )  # fmt: skip
         return acceptance.Rule(replace(problem, model_error=0.3), 0.3, True, without, noise).pays(after)
@@ -711,6 +714,61 @@ def test_beside_another_an_effect_must_take_more_where_beams_may_err():
     assert not pays(1.01 * together, beside=True)
     assert pays(0.99 * together, beside=True)
     assert pays(0.99 * alone, beside=True, noise=alone)
+    assert pays(0.99 * alone, beside=True, std=firm)
+    assert not pays(1.01 * alone, beside=True, std=firm)
+
+
+def test_what_takes_energy_counts_by_the_score_where_beams_may_err():
+    """Beams leave errors of stiffness and mass, which a damper does not take up."""
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.3)
+    damper, spring = (propose(case.model, [kind])[0] for kind in ("ground_damper", "ground_spring"))
+    damper, spring = damper.with_values(damping=30.0), spring.with_values(stiffness=1e3)
+    foundation = propose(make_case(1).model, ["foundation_dashpot"])[0]
+    assert acceptance.dissipates(problem, damper)
+    assert not acceptance.dissipates(problem, spring)
+    assert not acceptance.dissipates(
+        build_problem(make_case(1).model, make_case(1).measurement, ()), foundation
+    )
+    nominal = problem.nominal()
+    before = replace(
+        nominal, level=0.1, held_out_level=0.1, unseen=0.0, solution=replace(nominal.solution, cost=0.0)
+    )
+
+    def pays(effect, fitted, unseen, *, held_out=0.09, best=True, settled=True, error=0.3):
+        after = replace(
+            before, effects=(effect,), values={(effect.name, effect.parameters()[0].name): 30.0},
+            std={(effect.name, effect.parameters()[0].name): 14.0}, level=0.09, held_out_level=held_out,
+            unseen=-unseen, solution=replace(nominal.solution, cost=-fitted),
+        )  # fmt: skip
+        rule = acceptance.Rule(replace(problem, model_error=error), 0.3, settled, before)
+        return rule.pays(after, best=best)
+
+    least = acceptance.ACCEPT_DAMPING
+    assert pays(damper, 0.6 * least, 0.5 * least)
+    assert not pays(damper, 0.6 * least, 0.3 * least)
+    assert not pays(damper, 0.6 * least, 0.5 * least, held_out=0.11)
+    assert not pays(damper, 0.6 * least, 0.5 * least, best=False)
+    assert not pays(damper, 0.6 * least, 0.5 * least, error=0.0)
+    assert not pays(spring, 0.6 * least, 0.5 * least)
+
+
+def test_what_takes_energy_is_looked_at_whatever_stands_before_it(monkeypatch):
+    case = make_case(1)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.3)
+    null = problem.fit()
+    kinds = ("member_density", "member_stiffness", "point_mass", "ground_damper")
+    grids = tuple(Grid.of(problem, e) for e in propose(case.model, kinds))
+    monkeypatch.setattr(screening, "N_BEST_WEAK", 1)
+
+    def weak(also):
+        return screening.screen(problem, null, grids, True, lambda text, done: None, also=also)
+
+    first = weak(lambda effect: False)
+    assert len(first) == 1
+    other = "ground_damper" if first[0].effect.kind != "ground_damper" else "point_mass"
+    assert [s.effect.kind for s in weak(lambda effect: effect.kind == other)][1:] == [other]
+    assert len(weak(lambda effect: effect.kind == first[0].effect.kind)) == 1
 
 
 def test_an_effect_stays_beside_another_only_if_beams_could_not_leave_as_much(monkeypatch):
@@ -726,6 +784,7 @@ def test_an_effect_stays_beside_another_only_if_beams_could_not_leave_as_much(mo
         monkeypatch.setattr(FitProblem, "fit_without", lambda self, fit, name: less(fits[name], name))
         monkeypatch.setattr(search, "known_already", lambda *_: False)
         monkeypatch.setattr(search, "stands_out", lambda *_: True)
+        monkeypatch.setattr(search, "is_firm", lambda *_: False)
         monkeypatch.setattr(search, "at_values_of", lambda fit, kept: list(kept))
         limits = search.Limits(settled, 0.0, 0.0)
         kept, _ = search._without_idle(problem, list(found), less(0.1, ""), limits)
