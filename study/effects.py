@@ -38,9 +38,7 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
         for p in effect.parameters():
             if p.name in t.values and not p.lower <= values[p.name] <= p.upper:
                 unit = "" if p.unit == "-" else f" {p.unit}"
-                t.refuse(
-                    p.name, f"{values[p.name]:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}"
-                )
+                t.refuse(p.name, f"{values[p.name]:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}")
         if isinstance(effect, AmplitudeDependent):
             effect = replace(
                 effect, amplitude=t.number("amplitude", effect.amplitude, above=0, unit="m or rad")

@@ -729,8 +729,8 @@ def _of_fewest_places(
 ) -> FitResult:
     """Return the fit of the likeliest candidate with as many parameters as the best, if all kinds are.
 
-    Of a kind with n candidates each is then so by one in n, and log n joins its score: a force along a bar may
-    be held by the instrument there, or by a spring to the ground at any of its places, which do the same.
+    Of a kind with n candidates each is then so by one in n, and log n joins its score: a force along a bar
+    may be held by the instrument there, or by a spring to the ground at any place of it, which do the same.
     """
     n_places = Counter(effect.kind for effect in candidates)
     size = len(best.effects[-1].parameters())
