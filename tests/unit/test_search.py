@@ -55,7 +55,7 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
 
     def ranked(pays):
         class Rule(acceptance.Rule):
-            def pays(self, after):
+            def pays(self, after, *, best=True):
                 return pays(after.effects[-1].kind)
 
         rule = Rule(problem, 0.0, False, null)
