@@ -147,7 +147,7 @@ class Rule:
             self.problem, after, last.name
         ):
             return False
-        if best and self.settled and not form_right and takes_energy(self.problem, self.before, after, last):
+        if best and self.settled and takes_energy(self.problem, self.before, after, last):
             return True
         if self.settled and not stands_out(self.before, after, last.name):
             return False
@@ -218,8 +218,11 @@ def ends_in_noise(
 
 
 def takes_energy(problem: FitProblem, without: FitResult, fit: FitResult, effect: Effect) -> bool:
-    """Whether an effect takes energy and does nothing else, and the data ask for it by ``ACCEPT_DAMPING``."""
-    if not dissipates(problem, effect):
+    """Whether an effect takes energy and does nothing else, and the data ask for it by ``ACCEPT_DAMPING``.
+
+    Not where the model's form is right: weaker ones count there, by their levels.
+    """
+    if problem.form_right or not dissipates(problem, effect):
         return False
     gain = without.solution.cost + without.unseen - fit.solution.cost - fit.unseen
     return gain > ACCEPT_DAMPING and _neither_rises(without, fit)

@@ -768,15 +768,10 @@ def _without_idle(
 
     def is_idle(effect: Effect, less: FitResult) -> bool:
         rest = len(findings) > 1
-        if (
-            less.level <= limits.settled
-            and not problem.form_right
-            and takes_energy(problem, less, current, effect)
-        ):
+        settled = less.level <= limits.settled
+        if settled and takes_energy(problem, less, current, effect):
             return False
-        beside = (
-            rest and not problem.form_right and less.level <= limits.settled and not is_firm(current, effect)
-        )
+        beside = rest and settled and not problem.form_right and not is_firm(current, effect)
         usual = Factors(ACCEPT_BESIDE if beside else ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < limits.weak
         factors = weak_factors(problem, effect, beside=rest) if weak else usual
