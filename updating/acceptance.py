@@ -305,21 +305,24 @@ def stands_out(without: FitResult, fit: FitResult, name: str) -> bool:
     std = fit.std[name, p.name] * _own_share(fit, effect)
     if not std > 0 or without.level > ACCEPT_LEVEL * fit.level:
         return True
-    if p.log and 0 < p.absent < np.inf:
-        far = abs(np.log(p.value / p.absent)) > CERTAIN * np.arcsinh(std / p.value)
-        # Next to nothing is uncertain by any factor, and yet so much less than what would be its absence.
-        return bool(far or (std > p.value and p.absent - p.value > CERTAIN * std))
-    distance = p.value if np.isinf(p.absent) else abs(p.value - p.absent)
-    return bool(distance > CERTAIN * std)
+    # Next to nothing is uncertain by any factor, and yet so much less than what would be its absence.
+    factor = p.log and 0 < p.absent < np.inf
+    next_to_nothing = factor and std > p.value and p.absent - p.value > CERTAIN * std
+    return bool(next_to_nothing) or _lies_off(p, std, CERTAIN)
 
 
 def is_firm(fit: FitResult, effect: Effect) -> bool:
     """Whether the first parameter of an effect lies ``FIRM`` standard deviations from where it is absent."""
     p = effect.parameters()[0]
-    std = fit.std[effect.name, p.name]
+    return _lies_off(p, fit.std[effect.name, p.name], FIRM)
+
+
+def _lies_off(p: Parameter, std: float, n_std: float) -> bool:
+    """Whether a parameter lies more than so many standard deviations from where its effect is absent."""
     if p.log and 0 < p.absent < np.inf:
-        return bool(abs(np.log(p.value / p.absent)) > FIRM * np.arcsinh(std / p.value))
-    return bool((p.value if np.isinf(p.absent) else abs(p.value - p.absent)) > FIRM * std)
+        return bool(abs(np.log(p.value / p.absent)) > n_std * np.arcsinh(std / p.value))
+    distance = p.value if np.isinf(p.absent) else abs(p.value - p.absent)
+    return bool(distance > n_std * std)
 
 
 def _own_share(fit: FitResult, effect: Effect) -> float:

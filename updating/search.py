@@ -502,7 +502,7 @@ class _Round:
                 self.settled,
                 between(say, 0.0, 0.3),
                 weak_only=problem.form_right,
-                also=self._takes_energy,
+                also=self._only_dissipates,
             )
         chosen = [option for option in self._looked if option.rank < n_best]
         if current.level < problem.beams_leave and all(option.promise < promise for option in chosen):
@@ -553,7 +553,7 @@ class _Round:
             ranked.append(rule.ranked(fit, similarity, name in final))
         return _in_order(problem, ranked, best_name), best
 
-    def _takes_energy(self, effect: Effect) -> bool:
+    def _only_dissipates(self, effect: Effect) -> bool:
         return not self.problem.form_right and dissipates(self.problem, effect)
 
     @property

@@ -100,15 +100,16 @@ def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
     assert len(more) > len(few)
     quickly = len(fitted)
     fitted.clear()
-    anew, best_anew = search._Round(problem, null, False, grids).run(rule, 20, lambda text, done: None)
+    other = search._Round(problem, null, False, grids)
+    anew, best_anew = other.run(rule, 20, lambda text, done: None)
     assert len(fitted) < quickly + 3  # what the first run fitted fully may not be among the best of all
-    assert [options["weak_only"] for options in looked] == [True, True]
+    assert looked == [{"weak_only": True, "also": r._only_dissipates} for r in (alone, other)]
     not_right = replace(problem, model_error=EXPLAINED_LEVEL)
     rule = replace(rule, problem=not_right)
-    search._Round(not_right, null, True, grids).run(rule, 1, lambda text, done: None)
-    assert [options["weak_only"] for options in looked[2:]] == [
-        False
-    ]  # a part of the level may be the model's own error
+    erring = search._Round(not_right, null, True, grids)
+    erring.run(rule, 1, lambda text, done: None)
+    # a part of the level may be the model's own error
+    assert looked[2:] == [{"weak_only": False, "also": erring._only_dissipates}]
     assert {r.name for r in more} == {r.name for r in anew}
     assert {r.name for r in few if r.refined} <= {r.name for r in more if r.refined}
     assert best.values == best_anew.values
