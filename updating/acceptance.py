@@ -52,6 +52,9 @@ ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING_BESIDE = 1.05, 1.12
 """Both factors for an effect that also damps, alone and beside others, and that on the fitted lines by
 themselves, as the curve of modal damping is no exact model; the second number is the first factor for
 gyroscopic forces."""
+ACCEPT_WEAK_DAMPED = 4.5
+"""Or, for one alone, the gain of the score on fitted and on other lines together beyond its parameters, if
+neither level rises and no other that damps has a lower score."""
 LOSS_ALIKE = 0.2
 """Where the form is right and nothing stands beside it, a loss factor of less than this share of all damping
 is no effect: members and joints are damped alike to a tenth at best."""
@@ -138,14 +141,12 @@ class Rule:
         """Whether a fit with one more effect is enough better than that without.
 
         And not within tolerance nor, where the model is settled, within ``CERTAIN`` deviations of nothing.
-        ``best`` is whether no other candidate has a lower score, which :func:`takes_energy` asks for.
+        ``best`` is whether no other candidate has a lower score, where the form is right none that damps,
+        which :func:`takes_energy` asks for.
         """
         alone, last = not self.before.effects, after.effects[-1]
         form_right = self.problem.form_right
-        share = LOSS_ALIKE if form_right and alone else None
-        if within_tolerance(self.problem, after, last.name, share) or known_already(
-            self.problem, after, last.name
-        ):
+        if self.tolerates(after) or known_already(self.problem, after, last.name):
             return False
         if best and self.settled and takes_energy(self.problem, self.before, after, last):
             return True
@@ -159,6 +160,11 @@ class Rule:
             return True
         return falls(self.before, after, self.factors(after), form_right)
 
+    def tolerates(self, after: FitResult) -> bool:
+        """Whether the last effect of a fit is but a loss factor within the tolerance of damping."""
+        share = LOSS_ALIKE if self.problem.form_right and not self.before.effects else None
+        return within_tolerance(self.problem, after, after.effects[-1].name, share)
+
     def ranked(self, fit: FitResult, similarity: float, refined: bool) -> Ranked:
         """Return a candidate's fit as an entry of the ranking."""
         effect = fit.effects[-1]
@@ -169,23 +175,25 @@ class Rule:
 
 
 def score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
-    """Return what candidates are ranked by: :func:`fitted_score`, and more where beams may err.
+    """Return what candidates are ranked by: :func:`fitted_score`, and the lines that no fit has seen.
 
-    There the lines that no fit has seen count as those of the fit do: what only bends to what beams cannot
-    do at some lines is wrong at others. An effect's ``spread`` must be ``CERTAIN`` to be named in place of
-    the simpler effect, by the ratio of likelihoods: it counts CERTAIN² / 2 and not 1.
+    These count as those of the fit do: what only bends to what a model cannot do at some lines is wrong at
+    others. Where beams may err an effect's ``spread`` must be ``CERTAIN`` to be named in place of the simpler
+    effect, by the ratio of likelihoods: it counts CERTAIN² / 2 and not 1.
     """
+    out = fitted_score(problem, fit, n_last) + fit.unseen
     if problem.form_right:
-        return fitted_score(problem, fit, n_last)
+        return out
     spread = sum(bool(effect.spread) for effect in fit.effects[len(fit.effects) - n_last :])
-    return fitted_score(problem, fit, n_last) + fit.unseen + spread * (CERTAIN**2 / 2 - 1)
+    return out + spread * (CERTAIN**2 / 2 - 1)
 
 
 def fitted_score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
-    """Return the negative log posterior of a fit + k.
+    """Return the negative log posterior of a fit + k / c.
 
     Akaike's criterion (IEEE Trans. Autom. Control 19, 1974) with k parameters of the last effects, so that
-    one with more must earn them. The posterior is what was minimised: each band has an error level of its
+    one with more must earn them, by data of which noise makes ``noise_counted`` c times as many independent
+    ones as the posterior counts. The posterior is what was minimised: each band has an error level of its
     own, so that one that no model reaches says little, and an uncertain parameter far from its nominal value
     counts against a candidate that asks for it. The level of an effect that also damps counts
     ``DAMPING_MARGIN`` times.
@@ -193,7 +201,7 @@ def fitted_score(problem: FitProblem, fit: FitResult, n_last: int = 1) -> float:
     last = fit.effects[len(fit.effects) - n_last :]
     damping = any(damps(problem, effect) for effect in last)
     margin = problem.n_independent() * np.log(DAMPING_MARGIN) if damping else 0.0
-    return float(fit.solution.cost + margin + sum(len(e.parameters()) for e in last))
+    return float(fit.solution.cost + margin + sum(len(e.parameters()) for e in last) / problem.noise_counted)
 
 
 def gains(problem: FitProblem, before: FitResult, after: FitResult) -> bool:
@@ -218,14 +226,18 @@ def ends_in_noise(
 
 
 def takes_energy(problem: FitProblem, without: FitResult, fit: FitResult, effect: Effect) -> bool:
-    """Whether an effect takes energy and does nothing else, and the data ask for it by ``ACCEPT_DAMPING``.
+    """Whether an effect takes energy, and the data ask for it by their likelihood and not by the level alone.
 
-    Not where the model's form is right: weaker ones count there, by their levels.
+    Where beams may err it must do nothing else, and gain ``ACCEPT_DAMPING``. Where the form is right one that
+    stands alone needs ``ACCEPT_WEAK_DAMPED``, but must be certain.
     """
-    if problem.form_right or not dissipates(problem, effect):
-        return False
+    if problem.form_right:
+        asked = ACCEPT_WEAK_DAMPED + len(effect.parameters()) / problem.noise_counted
+        fits = len(fit.effects) == 1 and damps(problem, effect) and stands_out(without, fit, effect.name)
+    else:
+        asked, fits = ACCEPT_DAMPING, dissipates(problem, effect)
     gain = without.solution.cost + without.unseen - fit.solution.cost - fit.unseen
-    return gain > ACCEPT_DAMPING and _neither_rises(without, fit)
+    return fits and gain > asked and _neither_rises(without, fit)
 
 
 def _neither_rises(without: FitResult, fit: FitResult) -> bool:

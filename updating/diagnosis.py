@@ -48,10 +48,10 @@ from updating.search import (
     TWIN_SHARE,
     Progress,
     Search,
+    believed_up_to,
     between,
     change_of,
     limits_of,
-    most_left,
     search_effects,
     similarity_of,
 )
@@ -464,7 +464,7 @@ def _searched(
     if not cornered:
         open_ = candidates
         search = look(search, open_)
-    if search.current.level > max(limit, most_left(null, floor, model_error)):
+    if search.current.level > (believed_up_to(null, floor, model_error) if search.findings else limit):
         # A sensor near a support with a wrong gain: it may be the support, but no effect explains it.
         anew, doubtful = _with_doubtful_faults(problem, null, search.steps, limit)
         if doubtful:
@@ -535,8 +535,8 @@ def _concluded(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
             "read weak findings with care"
         )
-    believed = most_left(null, floor, model_error)
-    verdict, reason = _verdict(null, current, (limit, believed), findings, faults)
+    limits = limit, believed_up_to(null, floor, model_error)
+    verdict, reason = _verdict(null, current, limits, findings, faults)
     if depends:
         before_all, after_all = (
             combined_levels(problem, levels, fit)[0] * DB_PER_NEPER for fit in (steps[-2].result, current)
@@ -561,8 +561,8 @@ def _concluded(
         drawn = cornered.model
     return Diagnosis(
         verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, start.mesh_db, basis_db,
-        limit, RIGHT_MARGIN * floor, problem, fitted_model(drawn, current), tuple(notes), 0.0, gates,
-        (*start.candidates, *nonlinear), tried,
+        limit, RIGHT_MARGIN * floor, problem, fitted_model(drawn, current), tuple(notes), 0.0,
+        gates, (*start.candidates, *nonlinear), tried,
     )  # fmt: skip
 
 
@@ -703,9 +703,9 @@ def _verdict(
     faults: Sequence[Fault],
 ) -> tuple[str, str]:
     """Return the verdict and why, from the levels up to which a model is right and effects are believed."""
-    limit, most_left = limits
+    limit, believed = limits
     level, before = (f"{r.level * DB_PER_NEPER:.2g}" for r in (current, null))
-    right = current.level <= limit
+    right = current.level <= (min(limit, believed) if findings else limit)
     if findings:
         names, lower = labels(f.effect for f in findings), "lower" if len(findings) > 1 else "lowers"
         off = next((abs(f.strain) for f in findings if f.strain), 0.0)
@@ -720,7 +720,7 @@ def _verdict(
         if right:
             return EFFECT, f"{names} {lower} the residual level from {before} to {level} dB"
         left = f"the {level} dB that are left are more than a right model leaves"
-        if current.level <= most_left:
+        if current.level <= believed:
             return EFFECT, f"{names} {lower} the residual level from {before} to {level} dB; {left}"
         return (
             UNEXPLAINED,

@@ -49,22 +49,18 @@ from updating.preparation import basis_error, fitted_model
 from updating.screening import N_BEST, N_BEST_DEEP, Grid, Screened, rivals, screen
 from updating.separation import Decisive, Proposal, next_measurements, what_decides
 
-RIGHT_MARGIN = 1.25
-"""A model counts as right up to this multiple of the level that noise and the mesh leave."""
+RIGHT_MARGIN, BELIEVED_MARGIN = 1.25, 1.15
+"""A model counts as right up to the first multiple of the level that noise and the mesh leave; where the
+caller says that its form is right, effects are believed up to the second: right ones leave no more."""
 FLOOR_MARGIN = 2.5
 """Up to this multiple of it, little enough is left for a search of weak effects."""
 MOST_LEFT = 0.25
-"""Effects that leave more than a right model are believed if they bring the level's square below this share.
-
-Not where the caller says that the model's form is right.
-"""
-NEARLY_RIGHT, NEARLY_ALL = 1.5, 0.02
-"""There they are believed up to the first multiple of what noise and the mesh leave, if they bring the
-level's square below the second share."""
+"""Where beams may err, effects that leave more than a right model are believed if they bring the level's
+square below this share."""
 TWIN_SHARE = 0.9
 """A candidate that takes more than this share of what the best does off the score, without k, is a twin."""
 FINALS_SETTLED = 3
-"""So many are fitted fully where the model is right already."""
+"""So many are fitted fully at least."""
 N_RIVALS = 4
 """So many candidates at the place of an accepted one are fitted from where its fit ended."""
 SAME_PLACE = 0.1
@@ -161,19 +157,22 @@ def search_effects(
     ``floor`` is the level that noise and the mesh leave.
     """
     limit, full = max(RIGHT_MARGIN * floor, model_error), limits_of(floor, model_error)
+    believed = believed_up_to(begin.current, floor, model_error)
     grids = {e.name: Grid.of(begin.problem, e) for e in candidates}
     first = _Round(begin.problem, begin.current, settled=False, grids=tuple(grids.values()))
     search = _forward(begin, candidates, grids, full, N_BEST, say, round_=first)
     later = between(say, 0.53, 1.0)
-    if len(search.findings) > 2 or (len(search.findings) > 1 and search.current.level > RIGHT_MARGIN * floor):
+    more_than_noise = search.current.level > min(RIGHT_MARGIN * floor, believed)
+    if len(search.findings) > 2 or (len(search.findings) > 1 and more_than_noise):
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
-    believed = max(limit, most_left(begin.current, floor, model_error))
-    if len(search.findings) > 1 or search.current.level > believed:
+    enough = believed if search.findings else limit
+    if len(search.findings) > 1 or search.current.level > enough:
         alone = _forward(begin, candidates, grids, full._replace(settled=limit), N_BEST_DEEP, later, 1, first)
         if alone.findings and _as_good(alone, search):
             search = alone
-        if search.current.level > believed and any(alone.rounds[:1]):
-            search = _branched(begin, search, alone.rounds[0], candidates, full, limit, later)
+        if search.current.level > enough and any(alone.rounds[:1]):
+            ending = min(limit, believed)
+            search = _branched(begin, search, alone.rounds[0], candidates, full, ending, later)
     if model_error == 0 and not search.findings and search.current.level <= limit:
         search = _strained(search, candidates)
     return _on_own_basis(search)
@@ -430,11 +429,14 @@ def limits_of(floor: float, model_error: float) -> Limits:
     return Limits(max(settled, model_error), weak, 0.0 if model_error == 0 else RIGHT_MARGIN * floor)
 
 
-def most_left(null: FitResult, floor: float, model_error: float) -> float:
-    """Return the level up to which effects are believed though more is left than a right model leaves."""
-    if model_error > 0:
-        return MOST_LEFT**0.5 * null.level
-    return min(NEARLY_RIGHT * floor, NEARLY_ALL**0.5 * null.level)
+def believed_up_to(null: FitResult, floor: float, model_error: float) -> float:
+    """Return the level up to which effects that were found are believed.
+
+    ``null`` is the model without them.
+    """
+    if model_error == 0:
+        return BELIEVED_MARGIN * floor
+    return max(RIGHT_MARGIN * floor, model_error, MOST_LEFT**0.5 * null.level)
 
 
 def _part(say: Progress, n: int) -> Progress:
@@ -520,10 +522,10 @@ class _Round:
                 say(f"screening {label(self._quick[name][0].effects[-1])}", 0.5 + 0.1 * i / N_STRONGER)
                 self._fit_stronger(name)
             names.sort(key=quick_score)
-        near = [n for n in names if self._quick[n][0].level < 1.8 * self._quick[names[0]][0].level]
+        near = [n for n in names if self._is_near(n, names[0])]
         # What is known already can only take the place of what is not.
         names.sort(key=lambda n: self.settled and known_already(problem, self._quick[n][0], n))
-        finalists = names[: FINALS_SETTLED if self.settled else int(np.clip(len(near), 3, MOST_REFINED))]
+        finalists = names[: int(np.clip(len(near), FINALS_SETTLED, MOST_REFINED))]
         if self.settled:
             # What damps stands behind all that do nothing, by its margin, or behind what bends to what beams
             # leave: its best is tried as well.
@@ -543,7 +545,7 @@ class _Round:
                 if deep:
                     final[name] = self._fit_elsewhere(name)
             order.sort(key=lambda n: score(problem, final[n]))
-        best_name = next((n for n in order if rule.pays(final[n], best=n == order[0])), order[0])
+        best_name = next((n for n in order if self._pays(rule, final, order, n)), order[0])
         best = final[best_name]
         shift = change_of(self._on[best_name], best, current)
         ranked = []
@@ -552,6 +554,27 @@ class _Round:
             similarity = similarity_of(shift, change_of(self._on[name], fit, current))
             ranked.append(rule.ranked(fit, similarity, name in final))
         return _in_order(problem, ranked, best_name), best
+
+    def _is_near(self, name: str, best: str) -> bool:
+        """Whether a candidate is fitted quickly nearly as well as the best, and may be better in the end."""
+        mine, first, now = self._quick[name][0], self._quick[best][0], self.before.solution.cost
+        if not self.settled:
+            return mine.level < 1.8 * first.level
+        twin = now - mine.solution.cost > TWIN_SHARE * (now - first.solution.cost)
+        return self.problem.form_right and twin
+
+    def _pays(self, rule: Rule, final: Mapping[str, FitResult], order: Sequence[str], name: str) -> bool:
+        """Whether a candidate pays, ``order`` being that of the scores.
+
+        Where the form is right and members' damping within its tolerance explains the data better than all
+        else that damps, nothing that damps is missing.
+        """
+        if not self.problem.form_right:
+            return rule.pays(final[name], best=name == order[0])
+        damping = [n for n in order if damps(self.problem, final[n].effects[-1])]
+        if name in damping and rule.tolerates(final[damping[0]]):
+            return False
+        return rule.pays(final[name], best=name in damping[:1])
 
     def _only_dissipates(self, effect: Effect) -> bool:
         return not self.problem.form_right and dissipates(self.problem, effect)

@@ -13,7 +13,15 @@ from tests.hidden.cases import make_case
 from updating import acceptance, findings, preparation, screening, search
 from updating.bootstrap import bootstrap
 from updating.diagnosis import diagnose, propose
-from updating.fit import BEAMS_LEAVE, EXPLAINED_LEVEL, ITERATIONS, LEVEL_FLOOR, ROBUST, FitProblem
+from updating.fit import (
+    BEAMS_LEAVE,
+    EXPLAINED_LEVEL,
+    ITERATIONS,
+    LEVEL_FLOOR,
+    NOISE_COUNTED,
+    ROBUST,
+    FitProblem,
+)
 from updating.parameters import Nuisance
 from updating.preparation import build_problem
 from updating.screening import Grid
@@ -363,7 +371,7 @@ def test_what_leaves_little_of_much_is_not_searched_on_from(monkeypatch):
     went = []
     monkeypatch.setattr(search, "_branched", lambda begin, search, *args: went.append(search) or search)
     for most, times in ((np.inf, 0), (0.0, 1)):
-        monkeypatch.setattr(search, "most_left", lambda null, floor, model_error, most=most: most)
+        monkeypatch.setattr(search, "believed_up_to", lambda null, floor, model_error, most=most: most)
         search.search_effects(begin, candidates, 0.5 * begin.current.level / 1.25, 0.0, lambda *a: None)
         assert len(went) == times
 
@@ -658,7 +666,7 @@ def test_what_damps_must_do_more_and_so_must_what_comes_beside_others():
     assert scores[1] - scores[0] == pytest.approx(n * np.log(acceptance.DAMPING_MARGIN))
 
 
-def test_what_a_fit_foretells_counts_where_beams_may_err_and_only_there():
+def test_what_a_fit_foretells_counts_as_what_it_has_seen():
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances)
     fit = problem.nominal()
@@ -674,9 +682,10 @@ def test_what_a_fit_foretells_counts_where_beams_may_err_and_only_there():
     assert len(np.unique(bands)) > 1
     assert fit.unseen == pytest.approx(expected)
     fit = replace(fit, solution=replace(fit.solution, cost=-10.0))
-    assert acceptance.score(problem, fit, 0) == pytest.approx(expected - 10)
     assert acceptance.fitted_score(problem, fit, 0) == -10
-    assert acceptance.score(replace(problem, model_error=0.0), fit, 0) == -10
+    for model_error in (0.0, 0.3):
+        mine = replace(problem, model_error=model_error)
+        assert acceptance.score(mine, fit, 0) == pytest.approx(expected - 10)
 
 
 def test_a_mass_must_be_certain_to_be_spread_where_beams_may_err():
@@ -684,7 +693,7 @@ def test_a_mass_must_be_certain_to_be_spread_where_beams_may_err():
     problem = build_problem(case.model, case.measurement, case.nuisances)
     point, spread = (propose(case.model, [kind])[0] for kind in ("point_mass", "distributed_mass"))
     fit = replace(problem.nominal(), solution=replace(problem.nominal().solution, cost=0.0))
-    for model_error, price in ((0.3, acceptance.CERTAIN**2 / 2), (0.0, 1.0)):
+    for model_error, price in ((0.3, acceptance.CERTAIN**2 / 2), (0.0, 1 / NOISE_COUNTED)):
         mine = replace(problem, model_error=model_error)
         one, more = (acceptance.score(mine, replace(fit, effects=(e,))) for e in (point, spread))
         assert more - one == pytest.approx(price)
@@ -1095,12 +1104,13 @@ def test_the_damping_curve_has_a_knot_for_every_two_modes():
     assert (problem.n_modes, len(problem.damping.knots)) == (9, 4)
 
 
-def test_little_may_be_left_of_much_where_the_form_is_right():
+def test_much_may_be_left_of_more_where_beams_may_err():
     case = make_case(1)
     null = replace(build_problem(case.model, case.measurement, case.nuisances).nominal(), level=0.4)
-    assert search.most_left(null, 0.03, 0.0) == pytest.approx(0.045)  # a hundredth of the square
-    assert search.most_left(null, 0.1, 0.0) == pytest.approx(np.sqrt(0.02) * 0.4)
-    assert search.most_left(null, 0.03, 0.3) == pytest.approx(np.sqrt(0.25) * 0.4)
+    assert search.believed_up_to(null, 0.03, 0.0) == pytest.approx(1.15 * 0.03)
+    assert search.believed_up_to(null, 0.03, 0.1) == pytest.approx(np.sqrt(0.25) * 0.4)
+    assert search.believed_up_to(null, 0.03, 0.3) == 0.3
+    assert search.believed_up_to(null, 0.3, 0.3) == pytest.approx(1.25 * 0.3)
 
 
 def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypatch):
@@ -1121,7 +1131,8 @@ def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypat
     assert acceptance.damps(problem, found.effect)
     assert found.effect.where == "joint J1, rx"
     idle = [r for r in ended.rounds[0] if not acceptance.damps(problem, r.result.effects[-1])]
-    assert min(acceptance.score(problem, r.result) for r in idle) < acceptance.score(problem, ended.current)
+    first = min(acceptance.fitted_score(problem, r.result) for r in idle)
+    assert first < acceptance.fitted_score(problem, ended.current)
 
 
 def test_an_uncertain_parameter_far_off_its_tolerance_is_an_effect():
