@@ -1,6 +1,7 @@
 """Rounds of the search, when an effect pays, and what a search begins with."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -745,13 +746,15 @@ def test_what_takes_energy_counts_by_the_score_where_beams_may_err():
         nominal, level=0.1, held_out_level=0.1, unseen=0.0, solution=replace(nominal.solution, cost=0.0)
     )
 
-    def pays(effect, fitted, unseen, *, held_out=0.09, best=True, settled=True, error=0.3):
+    def pays(effect, fitted, unseen, *, beside=(), level=0.09, held_out=0.09, best=True, error=0.3, std=14.0):
         after = replace(
-            before, effects=(effect,), values={(effect.name, effect.parameters()[0].name): 30.0},
-            std={(effect.name, effect.parameters()[0].name): 14.0}, level=0.09, held_out_level=held_out,
+            before, effects=(*beside, effect), values={(effect.name, effect.parameters()[0].name): 30.0},
+            std={(effect.name, effect.parameters()[0].name): std}, level=level, held_out_level=held_out,
             unseen=-unseen, solution=replace(nominal.solution, cost=-fitted),
         )  # fmt: skip
-        rule = acceptance.Rule(replace(problem, model_error=error), 0.3, settled, before)
+        rule = acceptance.Rule(
+            replace(problem, model_error=error), 0.3, True, replace(before, effects=beside)
+        )
         return rule.pays(after, best=best)
 
     least = acceptance.ACCEPT_DAMPING
@@ -761,6 +764,54 @@ def test_what_takes_energy_counts_by_the_score_where_beams_may_err():
     assert not pays(damper, 0.6 * least, 0.5 * least, best=False)
     assert not pays(damper, 0.6 * least, 0.5 * least, error=0.0)
     assert not pays(spring, 0.6 * least, 0.5 * least)
+    # where the form is right a weak one counts, though the levels hardly fall, if it is certain and alone
+    least = acceptance.ACCEPT_WEAK_DAMPED + 1 / NOISE_COUNTED
+    weak = {"error": 0.0, "std": 5.0, "level": 0.099, "held_out": 0.099}
+    assert pays(damper, 0.6 * least, 0.5 * least, **weak)
+    assert not pays(damper, 0.6 * least, 0.3 * least, **weak)
+    assert not pays(damper, 0.6 * least, 0.5 * least, **weak | {"held_out": 0.101})
+    assert not pays(damper, 0.6 * least, 0.5 * least, **weak | {"std": 14.0})
+    assert not pays(damper, 0.6 * least, 0.5 * least, **weak, best=False)
+    assert not pays(damper, 0.6 * least, 0.5 * least, **weak, beside=(spring,))
+    assert not pays(spring, 0.6 * least, 0.5 * least, **weak)
+
+
+def test_nothing_that_damps_is_missing_where_members_damping_may_do_more():
+    case = make_case(1)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    kinds = ("member_damping", "foundation_dashpot", "member_density")
+    final = {k: replace(problem.nominal(), effects=(propose(case.model, [k])[0],)) for k in kinds}
+
+    def paying(order, tolerated, model_error=0.0):
+        rule = SimpleNamespace(
+            tolerates=lambda fit: fit.effects[0].kind in tolerated, pays=lambda fit, best: best or "not best"
+        )
+        mine = search._Round(replace(problem, model_error=model_error), problem.nominal(), True, ())
+        return [mine._pays(rule, final, order, name) for name in order]
+
+    assert paying(kinds, ()) == [True, "not best", "not best"]
+    assert paying(kinds, kinds[:1]) == [False, False, "not best"]
+    assert paying(kinds[::-1], kinds[:1]) == ["not best", True, "not best"]
+    assert paying(kinds, kinds[:1], 0.3) == [True, "not best", "not best"]
+
+
+def test_twins_of_the_best_are_fitted_fully_where_weak_effects_are_looked_for():
+    case = make_case(1)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    nominal = problem.nominal()
+
+    def fit(cost, level=0.1):
+        return replace(nominal, level=level, solution=replace(nominal.solution, cost=cost))
+
+    def near(settled, error=0.0):
+        mine = search._Round(replace(problem, model_error=error), fit(0.0), settled, ())
+        fits = {"best": fit(-10.0), "twin": fit(-9.1, 0.19), "other": fit(-8.9, 0.17)}
+        mine._quick.update({name: [f] for name, f in fits.items()})
+        return [name for name in fits if mine._is_near(name, "best")]
+
+    assert near(settled=True) == ["best", "twin"]
+    assert near(settled=True, error=0.3) == []
+    assert near(settled=False) == ["best", "other"]
 
 
 def test_what_takes_energy_is_looked_at_whatever_stands_before_it(monkeypatch):
