@@ -162,17 +162,20 @@ def search_effects(
     first = _Round(begin.problem, begin.current, settled=False, grids=tuple(grids.values()))
     search = _forward(begin, candidates, grids, full, N_BEST, say, round_=first)
     later = between(say, 0.53, 1.0)
+
+    def explains(search: Search) -> bool:
+        return search.current.level <= (believed if search.findings else limit)
+
     more_than_noise = search.current.level > min(RIGHT_MARGIN * floor, believed)
     if len(search.findings) > 2 or (len(search.findings) > 1 and more_than_noise):
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
-    enough = believed if search.findings else limit
-    if len(search.findings) > 1 or search.current.level > enough:
+    if len(search.findings) > 1 or not explains(search):
         alone = _forward(begin, candidates, grids, full._replace(settled=limit), N_BEST_DEEP, later, 1, first)
         if alone.findings and _as_good(alone, search):
             search = alone
-        if search.current.level > enough and any(alone.rounds[:1]):
-            ending = min(limit, believed)
-            search = _branched(begin, search, alone.rounds[0], candidates, full, ending, later)
+        if not explains(search) and any(alone.rounds[:1]):
+            enough = min(limit, believed)
+            search = _branched(begin, search, alone.rounds[0], candidates, full, enough, later)
     if model_error == 0 and not search.findings and search.current.level <= limit:
         search = _strained(search, candidates)
     return _on_own_basis(search)
