@@ -50,11 +50,11 @@ ACCEPT_WEAK_BESIDE = 1.05
 """The first factor for one beside other effects, which may be a little otherwise than they are modelled."""
 ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING_BESIDE = 1.05, 1.12
 """Both factors for an effect that also damps, alone and beside others, and that on the fitted lines by
-themselves, as the curve of modal damping is no exact model; the second number is the first factor for
-gyroscopic forces."""
-ACCEPT_WEAK_DAMPED = 4.5
+themselves, as the curve of modal damping is no exact model; for gyroscopic forces
+the second number is the factor for all lines together, and the first that on held-out lines."""
+ACCEPT_WEAK_DAMPED = 6.0
 """Or, for one alone, the gain of the score on fitted and on other lines together beyond its parameters, if
-neither level rises and no other that damps has a lower score."""
+neither level rises and none that makes modes complex has a lower score."""
 LOSS_ALIKE = 0.2
 """Where the form is right and nothing stands beside it, a loss factor of less than this share of all damping
 is no effect: members and joints are damped alike to a tenth at best."""
@@ -141,8 +141,8 @@ class Rule:
         """Whether a fit with one more effect is enough better than that without.
 
         And not within tolerance nor, where the model is settled, within ``CERTAIN`` deviations of nothing.
-        ``best`` is whether no other candidate has a lower score, where the form is right none that damps,
-        which :func:`takes_energy` asks for.
+        ``best`` is whether no other candidate has a lower score, where the form is right none that makes
+        modes complex, which :func:`takes_energy` asks for.
         """
         alone, last = not self.before.effects, after.effects[-1]
         form_right = self.problem.form_right
@@ -260,6 +260,16 @@ def damps(problem: FitProblem, effect: Effect) -> bool:
     return any(_damps(problem, effect, p) for p in effect.parameters())
 
 
+def makes_complex(problem: FitProblem, effect: Effect) -> bool:
+    """Whether an effect does as uneven damping does: it damps, or adds gyroscopic forces alone."""
+    return any(_damps(problem, effect, p) or _is_gyroscopic(problem, effect, p) for p in effect.parameters())
+
+
+def is_loss_factor(effect: Effect) -> bool:
+    """Whether an effect is but a loss factor, which the tolerance of damping may allow for."""
+    return [p.name for p in effect.parameters()] == ["loss_factor"]
+
+
 def dissipates(problem: FitProblem, effect: Effect) -> bool:
     """Whether all parameters of an effect change damping alone."""
     changed = [_changed(problem, effect, p) for p in effect.parameters()]
@@ -272,7 +282,7 @@ def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> Factor
         damping = ACCEPT_WEAK_DAMPING_BESIDE if beside else ACCEPT_WEAK_DAMPING
         return Factors(damping, damping, damping)
     if any(_is_gyroscopic(problem, effect, p) for p in effect.parameters()):
-        return Factors(ACCEPT_WEAK_DAMPING_BESIDE, ACCEPT_WEAK_HELD_OUT)
+        return Factors(ACCEPT_WEAK_DAMPING_BESIDE, ACCEPT_WEAK_DAMPING)
     return Factors(ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT)
 
 
@@ -282,9 +292,9 @@ def within_tolerance(problem: FitProblem, fit: FitResult, name: str, share: floa
     Members and joints are not damped alike to a tenth of their damping; that is no effect that a model lacks.
     """
     curve, effect = problem.damping, next(e for e in fit.effects if e.name == name)
-    p, *others = effect.parameters()
-    if others or p.name != "loss_factor":
+    if not is_loss_factor(effect):
         return False
+    (p,) = effect.parameters()
     mean = float(np.exp(np.log(fit.zeta[: len(curve.knots)]).mean()))
     return abs(p.value) < (curve.std if share is None else share) * 2 * mean
 

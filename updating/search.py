@@ -25,7 +25,9 @@ from updating.acceptance import (
     fitted_score,
     gains,
     is_firm,
+    is_loss_factor,
     known_already,
+    makes_complex,
     score,
     stands_out,
     takes_energy,
@@ -507,7 +509,7 @@ class _Round:
                 self.settled,
                 between(say, 0.0, 0.3),
                 weak_only=problem.form_right,
-                also=self._only_dissipates,
+                also=self._goes_on,
             )
         chosen = [option for option in self._looked if option.rank < n_best]
         if current.level < problem.beams_leave and all(option.promise < promise for option in chosen):
@@ -531,10 +533,11 @@ class _Round:
         finalists = names[: int(np.clip(len(near), FINALS_SETTLED, MOST_REFINED))]
         if self.settled:
             # What damps stands behind all that do nothing, by its margin, or behind what bends to what beams
-            # leave: its best is tried as well.
-            kind = damps if problem.form_right else dissipates
-            loose = next((n for n in names if kind(problem, self._quick[n][0].effects[-1])), names[0])
-            finalists += [loose] if loose not in finalists else []
+            # leave: its best is tried as well, and what may do the same within its tolerance.
+            last = {n: self._quick[n][0].effects[-1] for n in names}
+            damping = [n for n in names if problem.form_right and damps(problem, last[n])]
+            for loose in (damping[:1], [n for n in names if self._goes_on(last[n])][:1]):
+                finalists += [n for n in loose if n not in finalists]
         for i, name in enumerate(finalists):
             say(f"fitting {label(self._quick[name][0].effects[-1])}", 0.6 + 0.4 * i / len(finalists))
             self._fit_fully(name)
@@ -570,17 +573,18 @@ class _Round:
         """Whether a candidate pays, ``order`` being that of the scores.
 
         Where the form is right and members' damping within its tolerance explains the data better than all
-        else that damps, nothing that damps is missing.
+        else that damps or makes modes complex, none of that is missing.
         """
         if not self.problem.form_right:
             return rule.pays(final[name], best=name == order[0])
-        damping = [n for n in order if damps(self.problem, final[n].effects[-1])]
-        if name in damping and rule.tolerates(final[damping[0]]):
+        alike = [n for n in order if makes_complex(self.problem, final[n].effects[-1])]
+        if name in alike and rule.tolerates(final[alike[0]]):
             return False
-        return rule.pays(final[name], best=name in damping[:1])
+        return rule.pays(final[name], best=name in alike[:1])
 
-    def _only_dissipates(self, effect: Effect) -> bool:
-        return not self.problem.form_right and dissipates(self.problem, effect)
+    def _goes_on(self, effect: Effect) -> bool:
+        """Whether the best such candidate is fitted whatever stands before it, where the model is settled."""
+        return is_loss_factor(effect) if self.problem.form_right else dissipates(self.problem, effect)
 
     @property
     def _begun(self) -> list[dict[str, float]]:
