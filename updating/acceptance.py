@@ -50,8 +50,8 @@ ACCEPT_WEAK_BESIDE = 1.05
 """The first factor for one beside other effects, which may be a little otherwise than they are modelled."""
 ACCEPT_WEAK_DAMPING, ACCEPT_WEAK_DAMPING_BESIDE = 1.05, 1.12
 """Both factors for an effect that also damps, alone and beside others, and that on the fitted lines by
-themselves, as the curve of modal damping is no exact model; for gyroscopic forces
-the second number is the factor for all lines together, and the first that on held-out lines."""
+themselves, as the curve of modal damping is no exact model; for gyroscopic forces the second number is the
+factor for all lines together, and the first that on held-out lines."""
 ACCEPT_WEAK_DAMPED = 6.0
 """Or, for one alone, the gain of the score on fitted and on other lines together beyond its parameters, if
 neither level rises and none that makes modes complex has a lower score."""
