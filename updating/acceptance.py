@@ -281,7 +281,7 @@ def weak_factors(problem: FitProblem, effect: Effect, *, beside: bool) -> Factor
     if damps(problem, effect):
         damping = ACCEPT_WEAK_DAMPING_BESIDE if beside else ACCEPT_WEAK_DAMPING
         return Factors(damping, damping, damping)
-    if any(_is_gyroscopic(problem, effect, p) for p in effect.parameters()):
+    if makes_complex(problem, effect):
         return Factors(ACCEPT_WEAK_DAMPING_BESIDE, ACCEPT_WEAK_DAMPING)
     return Factors(ACCEPT_WEAK_BESIDE if beside else ACCEPT_WEAK, ACCEPT_WEAK_HELD_OUT)
 

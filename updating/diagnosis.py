@@ -464,7 +464,7 @@ def _searched(
     if not cornered:
         open_ = candidates
         search = look(search, open_)
-    if search.current.level > (believed_up_to(null, floor, model_error) if search.findings else limit):
+    if not search.explains(limit, believed_up_to(null, floor, model_error)):
         # A sensor near a support with a wrong gain: it may be the support, but no effect explains it.
         anew, doubtful = _with_doubtful_faults(problem, null, search.steps, limit)
         if doubtful:

@@ -61,7 +61,7 @@ MOST_LEFT = 0.25
 square below this share."""
 TWIN_SHARE = 0.9
 """A candidate that takes more than this share of what the best does off the score, without k, is a twin."""
-FINALS_SETTLED = 3
+LEAST_REFINED = 3
 """So many are fitted fully at least."""
 N_RIVALS = 4
 """So many candidates at the place of an accepted one are fitted from where its fit ended."""
@@ -142,6 +142,10 @@ class Search:
         steps = (*self.steps[: 2 if kept else 1], last)
         return Search(self.problem, tuple(findings), tuple(self.rounds[k] for k in kept), steps, less)
 
+    def explains(self, limit: float, believed: float) -> bool:
+        """Whether no more is left than a right model leaves, or than effects that were found may leave."""
+        return self.current.level <= (believed if self.findings else limit)
+
     @property
     def depends_on_amplitude(self) -> bool:
         """Whether an effect was found that does."""
@@ -164,18 +168,14 @@ def search_effects(
     first = _Round(begin.problem, begin.current, settled=False, grids=tuple(grids.values()))
     search = _forward(begin, candidates, grids, full, N_BEST, say, round_=first)
     later = between(say, 0.53, 1.0)
-
-    def explains(search: Search) -> bool:
-        return search.current.level <= (believed if search.findings else limit)
-
     more_than_noise = search.current.level > min(RIGHT_MARGIN * floor, believed)
     if len(search.findings) > 2 or (len(search.findings) > 1 and more_than_noise):
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
-    if len(search.findings) > 1 or not explains(search):
+    if len(search.findings) > 1 or not search.explains(limit, believed):
         alone = _forward(begin, candidates, grids, full._replace(settled=limit), N_BEST_DEEP, later, 1, first)
         if alone.findings and _as_good(alone, search):
             search = alone
-        if not explains(search) and any(alone.rounds[:1]):
+        if not search.explains(limit, believed) and any(alone.rounds[:1]):
             enough = min(limit, believed)
             search = _branched(begin, search, alone.rounds[0], candidates, full, enough, later)
     if model_error == 0 and not search.findings and search.current.level <= limit:
@@ -530,7 +530,7 @@ class _Round:
         near = [n for n in names if self._is_near(n, names[0])]
         # What is known already can only take the place of what is not.
         names.sort(key=lambda n: self.settled and known_already(problem, self._quick[n][0], n))
-        finalists = names[: int(np.clip(len(near), FINALS_SETTLED, MOST_REFINED))]
+        finalists = names[: int(np.clip(len(near), LEAST_REFINED, MOST_REFINED))]
         if self.settled:
             # What damps stands behind all that do nothing, by its margin, or behind what bends to what beams
             # leave: its best is tried as well, and what may do the same within its tolerance.
