@@ -119,8 +119,8 @@ def _steps(result: RunResult) -> Markup:
             paragraph(
                 "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
                 "also counts the phase and weighs outliers less. Candidates are ranked by how likely "
-                "the data are with them, each of up to four bands having an error level of its own; where "
-                "beams may err, held-out lines count as well."
+                "the data are with them, each of up to four bands having an error level of its own; held-out "
+                "lines count as well."
             ),
         ]
     )
