@@ -362,8 +362,8 @@ def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
 
 
 MORE_LIKELY = (
-    "; the data are more likely with it, as each band has an error level of its own, and lines that no fit has "
-    "seen count as well."
+    "; the data are more likely with it, as each band has an error level of its own, and lines that no fit "
+    "has seen count as well."
 )
 
 

@@ -44,14 +44,12 @@ from updating.preparation import (
     with_higher_mass,
 )
 from updating.search import (
-    RIGHT_MARGIN,
     TWIN_SHARE,
+    Floor,
     Progress,
     Search,
-    believed_up_to,
     between,
     change_of,
-    limits_of,
     search_effects,
     similarity_of,
 )
@@ -317,9 +315,10 @@ class _Start:
     steps : tuple of Step
         The nominal model, and that.
     faults : tuple of Fault
-    mesh_db, floor, limit : float
-        Error of the mesh [dB], what it and noise leave together, and the level up to which the model counts
-        as right [nepers].
+    mesh_db : float
+        Error of the mesh [dB].
+    floor : Floor
+        What it and noise leave together, and how much more a model may leave.
     notes : tuple of str
     """
 
@@ -333,8 +332,7 @@ class _Start:
     steps: tuple[Step, ...]
     faults: tuple[Fault, ...]
     mesh_db: float
-    floor: float
-    limit: float
+    floor: Floor
     notes: tuple[str, ...]
 
 
@@ -407,7 +405,8 @@ def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: Joint
         candidates = asked.candidates(model)
         problem = asked.build(model)
         mesh_db, mesh_level = discretisation_error(problem)
-    floor = float(np.hypot(problem.data.noise_level, mesh_level))
+    data = problem.data
+    level, floor_db = np.hypot([data.noise_level, data.noise_db], [mesh_level, mesh_db]).tolist()
     asked.say("fitting the uncertain parameters", 0.03)
     problem, null, faults = find_faults(problem, _fitted(problem))
     plain, used = problem, given
@@ -425,8 +424,8 @@ def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: Joint
             notes.append(_where_patched(used, before, null))
     steps = step_of("nominal model", problem.nominal()), step_of(FITTED, null)
     return _Start(
-        bare, plain, model, problem, used, candidates, null, steps, faults, mesh_db, floor,
-        max(RIGHT_MARGIN * floor, asked.model_error), tuple(notes),
+        bare, plain, model, problem, used, candidates, null, steps, faults, mesh_db,
+        Floor(level, floor_db, asked.model_error), tuple(notes),
     )  # fmt: skip
 
 
@@ -440,21 +439,20 @@ def _searched(
     choose: bool,
 ) -> _End:
     """Search for effects: beside corners of finite size, then without; and for what depends on amplitude."""
-    say, model_error, floor, candidates = asked.say, asked.model_error, start.floor, start.candidates
+    say, floor, candidates = asked.say, start.floor, start.candidates
     problem, null, faults, steps = start.problem, start.null, start.faults, start.steps
-    limit = start.limit
     search, open_ = Search(problem, (), (), steps, null), candidates
     cornered = (
         with_corners(asked.build, start.model, candidates, problem, null)
-        if model_error > 0 and not levels
+        if floor.model_error > 0 and not levels
         else None
     )
     if nonlinear:
         alone = _amplitude_added(search, levels, nonlinear, between(say, 0.05, 0.2))
-        search = alone if alone.current.level <= limit else search
+        search = alone if alone.current.level <= floor.limit else search
     if search.depends_on_amplitude:
         return _End(search, null, faults, cornered, open_, start.used)
-    look = partial(search_effects, floor=floor, model_error=model_error, say=between(say, 0.05, 0.9))
+    look = partial(search_effects, floor=floor, say=between(say, 0.05, 0.9))
     if cornered:
         open_ = tuple(e for e in candidates if not isinstance(e, SolidCorner))
         solid = look(cornered.begin(steps[0]), open_)
@@ -464,9 +462,9 @@ def _searched(
     if not cornered:
         open_ = candidates
         search = look(search, open_)
-    if not search.explains(limit, believed_up_to(null, floor, model_error)):
+    if not search.explains(floor, null):
         # A sensor near a support with a wrong gain: it may be the support, but no effect explains it.
-        anew, doubtful = _with_doubtful_faults(problem, null, search.steps, limit)
+        anew, doubtful = _with_doubtful_faults(problem, null, search.steps, floor.limit)
         if doubtful:
             problem, faults = anew.problem, (*faults, *doubtful)
             null = problem.assessed(replace(null, level=np.nan)) if cornered else anew.current
@@ -482,7 +480,8 @@ def _searched(
         damped = len(search.findings) == 1 and takes_energy(
             search.problem, null, search.current, search.findings[0].effect
         )
-        if null.level <= limit and search.current.level**2 > PATCHES_LEFT * null.level**2 and not damped:
+        weak = search.current.level**2 > PATCHES_LEFT * null.level**2
+        if null.level <= floor.limit and weak and not damped:
             notes = (_why_weak(search, null),)
             search = Search(problem, (), search.rounds[:1], steps, null)
     if nonlinear:
@@ -508,7 +507,7 @@ def _concluded(
             "and two differ"
         )
     notes += end.notes
-    limit, floor, model_error = start.limit, start.floor, asked.model_error
+    floor, limit = start.floor, start.floor.limit
     depends = search.depends_on_amplitude
     if not depends:
         first, before = faults, search.problem.data
@@ -518,9 +517,8 @@ def _concluded(
             null = search.problem.assessed(replace(null, level=np.nan))
     tried: tuple[Bootstrap, ...] = ()
     if asked.n_simulated and not depends:
-        limits = limits_of(floor, model_error)
         later = between(asked.progress, 0.5, 1.0)
-        search, tried = bootstrap(search, end.searched, limits, asked.n_simulated, later)
+        search, tried = bootstrap(search, end.searched, floor.limits, asked.n_simulated, later)
         limit = max(limit, *tried[-1].levels)
         notes += [_why_dropped(each) for each in tried if each.effect and not each.believed]
     problem, current, findings, rounds, steps = (
@@ -535,8 +533,7 @@ def _concluded(
             f"the reduced basis differs from the full model by {basis_db:.2g} dB at the checked lines: "
             "read weak findings with care"
         )
-    limits = limit, believed_up_to(null, floor, model_error)
-    verdict, reason = _verdict(null, current, limits, findings, faults)
+    verdict, reason = _verdict(null, current, floor, limit, findings, faults)
     if depends:
         before_all, after_all = (
             combined_levels(problem, levels, fit)[0] * DB_PER_NEPER for fit in (steps[-2].result, current)
@@ -547,12 +544,12 @@ def _concluded(
     elif not gates.linear:
         reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
-    if verdict != UNEXPLAINED and current.level > RIGHT_MARGIN * floor and model_error > 0:
+    if verdict != UNEXPLAINED and current.level > floor.noise and floor.model_error > 0:
         notes.append(
             f"{current.fit_db:.2g} dB are left, noise and the mesh account for "
             f"{np.hypot(problem.data.noise_db, start.mesh_db):.2g}: the form of beams may leave the rest "
-            f"(model_error = {model_error:g} neper), and so may weak effects; with model_error = 0 these are "
-            "named, too"
+            f"(model_error = {floor.model_error:g} neper), and so may weak effects; with model_error = 0 "
+            "these are named, too"
         )
     drawn = start.model
     if verdict == UNEXPLAINED:
@@ -561,7 +558,7 @@ def _concluded(
         drawn = cornered.model
     return Diagnosis(
         verdict, reason, findings, faults, steps, rounds, problem.data.noise_db, start.mesh_db, basis_db,
-        limit, RIGHT_MARGIN * floor, problem, fitted_model(drawn, current), tuple(notes), 0.0,
+        limit, floor.noise, problem, fitted_model(drawn, current), tuple(notes), 0.0,
         gates, (*start.candidates, *nonlinear), tried,
     )  # fmt: skip
 
@@ -698,14 +695,15 @@ def _with_faults_settled(
 def _verdict(
     null: FitResult,
     current: FitResult,
-    limits: tuple[float, float],
+    floor: Floor,
+    limit: float,
     findings: Sequence[Finding],
     faults: Sequence[Fault],
 ) -> tuple[str, str]:
-    """Return the verdict and why, from the levels up to which a model is right and effects are believed."""
-    limit, believed = limits
+    """Return the verdict and why; ``limit`` is the level up to which a model counts as right [nepers]."""
+    believed = not findings or floor.believes(current, null)
     level, before = (f"{r.level * DB_PER_NEPER:.2g}" for r in (current, null))
-    right = current.level <= (min(limit, believed) if findings else limit)
+    right = believed and current.level <= limit
     if findings:
         names, lower = labels(f.effect for f in findings), "lower" if len(findings) > 1 else "lowers"
         off = next((abs(f.strain) for f in findings if f.strain), 0.0)
@@ -720,11 +718,17 @@ def _verdict(
         if right:
             return EFFECT, f"{names} {lower} the residual level from {before} to {level} dB"
         left = f"the {level} dB that are left are more than a right model leaves"
-        if current.level <= believed:
+        if believed:
             return EFFECT, f"{names} {lower} the residual level from {before} to {level} dB; {left}"
+        if current.level <= floor.believed(null):
+            left = (
+                f"at some lines more is left than a right model leaves, {current.fit_db:.2g} dB as root mean "
+                f"square where noise and the mesh leave {floor.db:.2g}"
+            )
         return (
             UNEXPLAINED,
-            f"the best of the candidates, {names}, {lower} the residual level from {before}; {left}",
+            f"the best of the candidates, {names}, {lower} the residual level from {before} to {level} dB; "
+            f"{left}",
         )
     if right:
         if faults:

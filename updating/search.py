@@ -54,6 +54,9 @@ from updating.separation import Decisive, Proposal, next_measurements, what_deci
 RIGHT_MARGIN, BELIEVED_MARGIN = 1.25, 1.15
 """A model counts as right up to the first multiple of the level that noise and the mesh leave; where the
 caller says that its form is right, effects are believed up to the second: right ones leave no more."""
+BELIEVED_RMS = 1.3
+"""There the root mean square of the error must also be no more than so many times that of noise and mesh: the
+level forgives a few lines that no effect reaches."""
 FLOOR_MARGIN = 2.5
 """Up to this multiple of it, little enough is left for a search of weak effects."""
 MOST_LEFT = 0.25
@@ -114,6 +117,54 @@ Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""
 
 
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """What noise and the mesh leave, and how much more a model or effects may leave.
+
+    Attributes
+    ----------
+    level : float
+        Residual level that noise and the mesh leave [nepers].
+    db : float
+        Root mean square of the amplitude's error that they leave [dB].
+    model_error : float
+        Level that the form of the model may leave; 0 where that is right [nepers].
+    """
+
+    level: float
+    db: float
+    model_error: float
+
+    @property
+    def noise(self) -> float:
+        """Level up to which noise and the mesh account for what is left [nepers]."""
+        return RIGHT_MARGIN * self.level
+
+    @property
+    def limit(self) -> float:
+        """Level up to which a model counts as right [nepers]."""
+        return max(self.noise, self.model_error)
+
+    @property
+    def limits(self) -> Limits:
+        """The limits of a search."""
+        settled = FLOOR_MARGIN * self.level
+        if self.model_error == 0:
+            return Limits(settled, settled)
+        return Limits(max(settled, self.model_error), noise=self.noise)
+
+    def believed(self, null: FitResult) -> float:
+        """Return the level up to which effects are believed [nepers]; ``null`` is the model without them."""
+        if self.model_error == 0:
+            return BELIEVED_MARGIN * self.level
+        return max(self.limit, MOST_LEFT**0.5 * null.level)
+
+    def believes(self, fit: FitResult, null: FitResult) -> bool:
+        """Whether the effects of a fit are believed; ``null`` is the model without them."""
+        few_off = self.model_error > 0 or fit.fit_db <= BELIEVED_RMS * self.db
+        return few_off and fit.level <= self.believed(null)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Search:
     """How far the search for effects has come.
@@ -142,9 +193,9 @@ class Search:
         steps = (*self.steps[: 2 if kept else 1], last)
         return Search(self.problem, tuple(findings), tuple(self.rounds[k] for k in kept), steps, less)
 
-    def explains(self, limit: float, believed: float) -> bool:
+    def explains(self, floor: Floor, null: FitResult) -> bool:
         """Whether no more is left than a right model leaves, or than effects that were found may leave."""
-        return self.current.level <= (believed if self.findings else limit)
+        return floor.believes(self.current, null) if self.findings else self.current.level <= floor.limit
 
     @property
     def depends_on_amplitude(self) -> bool:
@@ -152,33 +203,28 @@ class Search:
         return any(f.effect.amplitude_dependent for f in self.findings)
 
 
-def search_effects(
-    begin: Search, candidates: Sequence[Effect], floor: float, model_error: float, say: Progress
-) -> Search:
+def search_effects(begin: Search, candidates: Sequence[Effect], floor: Floor, say: Progress) -> Search:
     """Search for effects.
 
     Once more among more of the candidates for one effect that does alone what several do together, or before
     what is left is called unexplained; then also from other first effects.
-
-    ``floor`` is the level that noise and the mesh leave.
     """
-    limit, full = max(RIGHT_MARGIN * floor, model_error), limits_of(floor, model_error)
-    believed = believed_up_to(begin.current, floor, model_error)
+    null, full = begin.current, floor.limits
     grids = {e.name: Grid.of(begin.problem, e) for e in candidates}
     first = _Round(begin.problem, begin.current, settled=False, grids=tuple(grids.values()))
     search = _forward(begin, candidates, grids, full, N_BEST, say, round_=first)
     later = between(say, 0.53, 1.0)
-    more_than_noise = search.current.level > min(RIGHT_MARGIN * floor, believed)
+    more_than_noise = search.current.level > min(floor.noise, floor.believed(null))
     if len(search.findings) > 2 or (len(search.findings) > 1 and more_than_noise):
         search = _exchanged(search, candidates, full, between(say, 0.5, 0.53))
-    if len(search.findings) > 1 or not search.explains(limit, believed):
-        alone = _forward(begin, candidates, grids, full._replace(settled=limit), N_BEST_DEEP, later, 1, first)
+    if len(search.findings) > 1 or not search.explains(floor, null):
+        strict = full._replace(settled=floor.limit)
+        alone = _forward(begin, candidates, grids, strict, N_BEST_DEEP, later, 1, first)
         if alone.findings and _as_good(alone, search):
             search = alone
-        if not search.explains(limit, believed) and any(alone.rounds[:1]):
-            enough = min(limit, believed)
-            search = _branched(begin, search, alone.rounds[0], candidates, full, enough, later)
-    if model_error == 0 and not search.findings and search.current.level <= limit:
+        if not search.explains(floor, null) and any(alone.rounds[:1]):
+            search = _branched(begin, search, alone.rounds[0], candidates, floor, later)
+    if floor.model_error == 0 and not search.findings and search.current.level <= floor.limit:
         search = _strained(search, candidates)
     return _on_own_basis(search)
 
@@ -231,16 +277,16 @@ def _branched(
     search: Search,
     ranked: tuple[Ranked, ...],
     candidates: Sequence[Effect],
-    limits: Limits,
-    enough: float,
+    floor: Floor,
     say: Progress,
 ) -> Search:
     """Search on from candidates of a first round, and keep the best end.
 
     From the first of what was found, beside more of the candidates; then from others: of two effects neither
     need come first while both are missing. A third is looked for beside the best two alone. No other is tried
-    once one leaves no more than ``enough``.
+    once one explains the data as a right model does.
     """
+    limits, null = floor.limits, begin.current
     ended, names = search, [f.effect.name for f in search.findings]
     ways = [
         (r, _attached(begin.problem, r.result.effects), N_BEST_DEEP) for r in ranked if r.name in names[:1]
@@ -255,7 +301,7 @@ def _branched(
         branch = Search(problem, (finding,), (order,), steps, best)
         end = _forward(branch, candidates, {}, limits, n_best, say, most=2)
         ended = _better(end, ended)
-        if ended.current.level <= enough:
+        if ended.current.level <= floor.limit and floor.believes(ended.current, null):
             break
     may_go_on = ended is not search and len(ended.findings) == 2
     return _forward(ended, candidates, {}, limits, N_BEST, say) if may_go_on else ended
@@ -425,23 +471,6 @@ def best_addition(
         return begin.current, search.current
     fits = [r.result for r in last if r.refined]
     return search.current, min(fits, key=whole_level, default=search.current)
-
-
-def limits_of(floor: float, model_error: float) -> Limits:
-    """Return the limits of a search from the level that noise and the mesh leave."""
-    settled = FLOOR_MARGIN * floor
-    weak = settled if model_error == 0 else 0.0
-    return Limits(max(settled, model_error), weak, 0.0 if model_error == 0 else RIGHT_MARGIN * floor)
-
-
-def believed_up_to(null: FitResult, floor: float, model_error: float) -> float:
-    """Return the level up to which effects that were found are believed.
-
-    ``null`` is the model without them.
-    """
-    if model_error == 0:
-        return BELIEVED_MARGIN * floor
-    return max(RIGHT_MARGIN * floor, model_error, MOST_LEFT**0.5 * null.level)
 
 
 def _part(say: Progress, n: int) -> Progress:

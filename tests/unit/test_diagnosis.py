@@ -26,7 +26,7 @@ from updating import (
 )
 from updating.findings import Finding
 from updating.fit import NOISE_COUNTED, FitProblem
-from updating.search import BASIS_SHARE
+from updating.search import BASIS_SHARE, Floor
 
 
 def run(case, **options):
@@ -127,7 +127,7 @@ def test_a_mass_is_placed_between_the_sensors():
         (0.10, 1, 0.0, EFFECT, r"^mass at A lowers the residual level from 8\.7 to 0\.87 dB$"),
         (0.10, 2, 0.0, EFFECT, r"^mass at A and mass at B lower the residual level from 8\.7 to 0\.87 dB$"),
         (0.30, 1, 0.0, EFFECT, r"; the 2\.6 dB that are left are more than a right model leaves$"),
-        (0.50, 1, 0.0, UNEXPLAINED, "^the best of the candidates, mass at A, lowers .* more than a right"),
+        (0.60, 1, 0.0, UNEXPLAINED, "^the best of the candidates, mass at A, lowers .* more than a right"),
         (1.00, 1, 0.0, UNEXPLAINED, "^the best of the candidates"),
         (0.10, 1, -4.0, EFFECT, "^without mass at A .* in its place 4 standard deviations off nominal$"),
         (0.50, 0, 0.0, UNEXPLAINED, "none of the candidates lowers it enough$"),
@@ -137,16 +137,37 @@ def test_a_mass_is_placed_between_the_sensors():
 def test_a_verdict_gives_its_reason(level, n, strain, verdict, reason):
     effects = [SimpleNamespace(kind="mass", where=where) for where in "AB"]
     findings = [Finding(e, (), (), strain=strain) for e in effects[:n]]
-    got = diagnosis._verdict(*(SimpleNamespace(level=x) for x in (1.0, level)), (0.2, 0.4), findings, ())
+    null, fit = (SimpleNamespace(level=x) for x in (1.0, level))
+    floor = Floor(0.1, 0.5, 0.2)
+    got = diagnosis._verdict(null, fit, floor, floor.limit, findings, ())
     assert got[0] == verdict
     assert re.search(reason, got[1])
 
 
 def test_an_effect_at_an_equal_level_is_what_makes_the_data_more_likely():
     level, finding = SimpleNamespace(level=0.1), Finding(SimpleNamespace(kind="mass", where="A"), (), ())
-    verdict, reason = diagnosis._verdict(level, level, (0.2, 0.4), [finding], ())
+    verdict, reason = diagnosis._verdict(level, level, Floor(0.1, 0.5, 0.2), 0.2, [finding], ())
     assert verdict == EFFECT
     assert reason == "the data are more likely with mass at A, though the residual level stays at 0.87 dB"
+
+
+@pytest.mark.parametrize(
+    ("level", "rms", "verdict", "reason"),
+    [
+        (0.11, 0.64, EFFECT, "^mass at A lowers the residual level from 8.7 to 0.96 dB$"),
+        (0.12, 0.64, UNEXPLAINED, "to 1 dB; the 1 dB that are left are more than a right model leaves$"),
+        (0.11, 0.66, UNEXPLAINED, "at some lines .*, 0.66 dB as root mean square where noise .* leave 0.5$"),
+    ],
+)
+def test_where_the_form_is_right_neither_level_nor_mean_square_may_be_more_than_noise(
+    level, rms, verdict, reason
+):
+    finding = Finding(SimpleNamespace(kind="mass", where="A"), (), ())
+    null, fit = SimpleNamespace(level=1.0), SimpleNamespace(level=level, fit_db=rms)
+    floor = Floor(0.1, 0.5, 0.0)
+    got = diagnosis._verdict(null, fit, floor, floor.limit, [finding], ())
+    assert got[0] == verdict
+    assert re.search(reason, got[1])
 
 
 def test_without_the_right_candidate_the_verdict_is_unexplained():

@@ -231,10 +231,11 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     taken = findings.Finding(wrong, findings.parameters_of(wrong, fits[0]), ())
     ended_at = replace(fits[0], solution=replace(fits[0].solution, cost=fits[0].solution.cost - 1.0))
     had = search.Search(problem, (taken,), (ranked,), (*steps, findings.step_of("mass", ended_at)), ended_at)
-    limits = acceptance.Limits(EXPLAINED_LEVEL)
+    floor = search.Floor(0.0, 0.0, EXPLAINED_LEVEL)
 
-    def branched(ranked, enough=0.0):
-        return search._branched(begin, had, ranked, candidates, limits, enough, lambda text, done: None)
+    def branched(ranked, enough=False):
+        monkeypatch.setattr(search.Floor, "believes", lambda *args: enough)
+        return search._branched(begin, had, ranked, candidates, floor, lambda text, done: None)
 
     ended = branched(ranked)
     (left,) = ended.findings
@@ -286,7 +287,7 @@ def test_before_what_is_left_is_unexplained_the_search_goes_on_from_other_candid
     # where one explains all no other is tried
     monkeypatch.setattr(search, "_others", lambda *args: 2 * [(ranked[1], problem)])
     assert ways(ranked) == [*both, (2, usual)]
-    assert ways(ranked, enough=EXPLAINED_LEVEL) == both
+    assert ways(ranked, enough=True) == both
 
 
 def test_what_is_looked_at_first_has_a_second_start_however_badly_its_first_ends(monkeypatch):
@@ -371,9 +372,10 @@ def test_what_leaves_little_of_much_is_not_searched_on_from(monkeypatch):
     candidates = propose(case.model, ["point_mass"])  # a member is heavier
     went = []
     monkeypatch.setattr(search, "_branched", lambda begin, search, *args: went.append(search) or search)
+    floor = search.Floor(0.5 * begin.current.level / 1.25, begin.current.fit_db, 0.0)
     for most, times in ((np.inf, 0), (0.0, 1)):
-        monkeypatch.setattr(search, "believed_up_to", lambda null, floor, model_error, most=most: most)
-        search.search_effects(begin, candidates, 0.5 * begin.current.level / 1.25, 0.0, lambda *a: None)
+        monkeypatch.setattr(search.Floor, "believed", lambda self, null, most=most: most)
+        search.search_effects(begin, candidates, floor, lambda *a: None)
         assert len(went) == times
 
 
@@ -382,7 +384,7 @@ def test_a_search_among_no_candidates_ends():
     problem = build_problem(case.model, case.measurement, case.nuisances)
     steps = findings.step_of("nominal", problem.nominal()), findings.step_of("uncertain", problem.fit())
     begin = search.Search(problem, (), (), steps, steps[1].result)
-    ended = search.search_effects(begin, (), 0.0, 0.0, lambda *a: None)
+    ended = search.search_effects(begin, (), search.Floor(0.0, 0.0, 0.0), lambda *a: None)
     assert ended.findings == ()
     assert ended.current is begin.current
 
@@ -1160,10 +1162,14 @@ def test_the_damping_curve_has_a_knot_for_every_two_modes():
 def test_much_may_be_left_of_more_where_beams_may_err():
     case = make_case(1)
     null = replace(build_problem(case.model, case.measurement, case.nuisances).nominal(), level=0.4)
-    assert search.believed_up_to(null, 0.03, 0.0) == pytest.approx(1.15 * 0.03)
-    assert search.believed_up_to(null, 0.03, 0.1) == pytest.approx(np.sqrt(0.25) * 0.4)
-    assert search.believed_up_to(null, 0.03, 0.3) == 0.3
-    assert search.believed_up_to(null, 0.3, 0.3) == pytest.approx(1.25 * 0.3)
+    assert search.Floor(0.03, 0.2, 0.0).believed(null) == pytest.approx(1.15 * 0.03)
+    assert search.Floor(0.03, 0.2, 0.1).believed(null) == pytest.approx(np.sqrt(0.25) * 0.4)
+    assert search.Floor(0.03, 0.2, 0.3).believed(null) == 0.3
+    assert search.Floor(0.3, 2.0, 0.3).believed(null) == pytest.approx(1.25 * 0.3)
+    # the root mean square only counts where the form is right
+    fit = replace(null, level=0.03, fit_db=0.27)
+    assert not search.Floor(0.03, 0.2, 0.0).believes(fit, null)
+    assert search.Floor(0.03, 0.2, 0.1).believes(fit, null)
 
 
 def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypatch):
