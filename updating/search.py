@@ -53,10 +53,8 @@ from updating.separation import Decisive, Proposal, next_measurements, what_deci
 
 RIGHT_MARGIN, BELIEVED_MARGIN = 1.25, 1.15
 """A model counts as right up to the first multiple of the level that noise and the mesh leave; where the
-caller says that its form is right, effects are believed up to the second: right ones leave no more."""
-BELIEVED_RMS = 1.3
-"""There the root mean square of the error must also be no more than so many times that of noise and mesh: the
-level forgives a few lines that no effect reaches."""
+caller says that its form is right, effects are believed up to the second: right ones leave no more. There the
+root mean square of the error counts in the same way, as the level forgives lines that no effect reaches."""
 FLOOR_MARGIN = 2.5
 """Up to this multiple of it, little enough is left for a search of weak effects."""
 MOST_LEFT = 0.25
@@ -161,8 +159,8 @@ class Floor:
 
     def believes(self, fit: FitResult, null: FitResult) -> bool:
         """Whether the effects of a fit are believed; ``null`` is the model without them."""
-        few_off = self.model_error > 0 or fit.fit_db <= BELIEVED_RMS * self.db
-        return few_off and fit.level <= self.believed(null)
+        all_lines = self.model_error > 0 or fit.fit_db <= BELIEVED_MARGIN * self.db
+        return all_lines and fit.level <= self.believed(null)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
