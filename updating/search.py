@@ -224,7 +224,10 @@ def search_effects(begin: Search, candidates: Sequence[Effect], floor: Floor, sa
             search = _branched(begin, search, alone.rounds[0], candidates, floor, later)
     if floor.model_error == 0 and not search.findings and search.current.level <= floor.limit:
         search = _strained(search, candidates)
-    return _on_own_basis(search)
+    ended = _on_own_basis(search)
+    if ended.current is search.current or len(ended.findings) == 1:
+        return ended
+    return _with_idle_dropped(ended, full)
 
 
 def _strained(search: Search, candidates: Sequence[Effect]) -> Search:
@@ -401,7 +404,6 @@ def _forward(
     """
     problem, current = begin.problem, begin.current
     findings, rounds, steps = list(begin.findings), list(begin.rounds), list(begin.steps)
-    first = steps[: len(steps) - bool(findings)]
     while len(findings) < most:
         taken = {f.effect.name for f in findings}
         open_ = [
@@ -447,14 +449,7 @@ def _forward(
         findings = [*at_values_of(best, findings), Finding(last, parameters_of(last, best), *explained)]
         current = best
         steps.append(step_added([last], best))
-    before = findings
-    findings, current = _without_idle(problem, findings, current, limits)
-    if len(findings) < len(before):
-        left = {f.effect.name for f in findings}
-        kept = [k for k, f in enumerate(before) if f.effect.name in left]
-        rounds = [rounds[k] for k in (*kept, *(k for k in range(len(rounds)) if k not in kept))]
-        steps = [*first, *([step_added((f.effect for f in findings), current)] if findings else [])]
-    return Search(problem, tuple(findings), tuple(rounds), tuple(steps), current)
+    return _with_idle_dropped(Search(problem, tuple(findings), tuple(rounds), tuple(steps), current), limits)
 
 
 def best_addition(
@@ -807,6 +802,24 @@ def _believed(fit: FitResult) -> FitResult:
     if len(replaced) != 1 or len(own) != 1:
         return fit
     return replace(fit, values={**fit.values, replaced[0]: own[0].value})
+
+
+def _with_idle_dropped(search: Search, limits: Limits) -> Search:
+    """Return a search without the effects that are idle beside the others, their rounds behind the rest."""
+    findings, current = _without_idle(search.problem, list(search.findings), search.current, limits)
+    if len(findings) == len(search.findings):
+        return search
+    left = {f.effect.name for f in findings}
+    kept = [k for k, f in enumerate(search.findings) if f.effect.name in left]
+    order = *kept, *(k for k in range(len(search.rounds)) if k not in kept)
+    last = [step_added((f.effect for f in findings), current)] if findings else []
+    return Search(
+        search.problem,
+        tuple(findings),
+        tuple(search.rounds[k] for k in order),
+        (*search.steps[:2], *last),
+        current,
+    )
 
 
 def _without_idle(

@@ -379,6 +379,35 @@ def test_what_leaves_little_of_much_is_not_searched_on_from(monkeypatch):
         assert len(went) == times
 
 
+def test_what_is_idle_on_the_last_basis_is_dropped(monkeypatch):
+    case = make_case(0)  # a member is heavier
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    steps = findings.step_of("nominal", problem.nominal()), findings.step_of("uncertain", problem.fit())
+    begin = search.Search(problem, (), (), steps, steps[1].result)
+    candidates = propose(case.model, ["member_density"])
+    floor = search.Floor(problem.data.noise_level, problem.data.noise_db, 0.0)
+    mass = propose(case.model, ["point_mass"])[0].with_values(mass=1e-9)
+
+    def with_a_mass_of_nothing(ended):
+        both = [*ended.current.effects, mass]
+        fit = problem.fit(both, [parameter_values(e) for e in both], x_from=ended.current)
+        entry = findings.Finding(mass, findings.parameters_of(mass, fit), ())
+        return search.Search(
+            problem,
+            (*ended.findings, entry),
+            (*ended.rounds[:1], ended.rounds[0]),
+            (*ended.steps, findings.step_added([mass], fit)),
+            fit,
+        )
+
+    monkeypatch.setattr(search, "_on_own_basis", with_a_mass_of_nothing)
+    ended = search.search_effects(begin, candidates, floor, lambda *a: None)
+    (left,) = ended.findings
+    assert (left.effect.kind, left.effect.where) == (case.hidden.kind, case.hidden.where)
+    assert [e.kind for e in ended.current.effects] == ["member_density"]
+    assert len(ended.steps) == 3
+
+
 def test_a_search_among_no_candidates_ends():
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances)
