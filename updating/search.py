@@ -225,6 +225,7 @@ def search_effects(begin: Search, candidates: Sequence[Effect], floor: Floor, sa
     if floor.model_error == 0 and not search.findings and search.current.level <= floor.limit:
         search = _strained(search, candidates)
     ended = _on_own_basis(search)
+    # One effect alone was judged by what it is; of several one may have stood for an error of the basis.
     if ended.current is search.current or len(ended.findings) == 1:
         return ended
     return _with_idle_dropped(ended, full)
