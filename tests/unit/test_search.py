@@ -406,6 +406,29 @@ def test_what_is_idle_on_the_last_basis_is_dropped(monkeypatch):
     assert (left.effect.kind, left.effect.where) == (case.hidden.kind, case.hidden.where)
     assert [e.kind for e in ended.current.effects] == ["member_density"]
     assert len(ended.steps) == 3
+    # one effect alone was judged by what it is
+    monkeypatch.setattr(search, "_on_own_basis", lambda ended: replace(ended, current=replace(ended.current)))
+    monkeypatch.setattr(search, "_with_idle_dropped", lambda ended, _: pruned.append(ended) or ended)
+    pruned: list[search.Search] = []
+    (left,) = search.search_effects(begin, candidates, floor, lambda *a: None).findings
+    assert (left.effect.kind, left.effect.where) == (case.hidden.kind, case.hidden.where)
+    assert len(pruned) == 1  # where it was found
+
+
+@pytest.mark.parametrize("more", [1.001, 1 / 1.001])
+def test_effects_explain_the_data_up_to_their_margin_of_the_level_and_of_the_mean_square(more):
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    null = problem.fit()
+    mass = propose(case.model, ["point_mass"])[0]
+    fit = problem.fit([mass], [parameter_values(mass)])
+    found = findings.Finding(mass, findings.parameters_of(mass, fit), ())
+    without, with_it = (search.Search(problem, f, (), (), fit) for f in ((), (found,)))
+    level, db = (more * x / search.BELIEVED_MARGIN for x in (fit.level, fit.fit_db))
+    for floor in (search.Floor(level, fit.fit_db, 0.0), search.Floor(fit.level, db, 0.0)):
+        assert with_it.explains(floor, null) == (more > 1)
+        assert without.explains(floor, null)  # a model may leave more
+    assert with_it.explains(search.Floor(fit.level, db, fit.level), null)  # and so may beams that err
 
 
 def test_a_search_among_no_candidates_ends():

@@ -271,6 +271,22 @@ def test_an_unknown_with_a_long_way_to_go_does_not_hold_up_the_others(relative):
     assert (abs(result.x[2] / 400 - expected[2]) < 1e-3) == relative
 
 
+def test_a_step_to_where_there_is_no_structure_is_shortened():
+    """As one that takes more mass away than there is: the minimum lies before that, the full step beyond."""
+    tried = []
+
+    def residual(x, gradient):  # its slope at 0 is a third of that near the minimum, 0.75
+        tried.append(x[0])
+        if x[0] > 1:
+            raise np.linalg.LinAlgError
+        r = x[0] ** 3 + x[0] - 0.75**3 - 0.75
+        return np.array([r], complex), np.array([[3 * x[0] ** 2 + 1]], complex)
+
+    result = solve(residual, 1, max_step=9.0, robust=1e3)
+    assert max(tried) > 1
+    assert result.x[0] == pytest.approx(0.75, rel=1e-6)
+
+
 def test_a_small_gain_by_a_shortened_step_is_no_end():
     def residual(x, gradient):  # 2.2 are to be gained over 1185 units
         return np.array([1.0, 0.15 * (x[0] / 1186 - 1)], complex), np.array([[0, 0.15 / 1186]], complex)
