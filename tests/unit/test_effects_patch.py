@@ -1,6 +1,6 @@
 """Joints that act over a stretch of their members: mean motions, closed forms, the choice of a size."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -388,6 +388,47 @@ def test_weak_effects_beside_patches_are_not_believed_and_named(monkeypatch):
     assert found.verdict == "nothing missing"
     (note,) = (n for n in found.notes if "is not believed" in n)
     assert note.startswith("member density at member A would lower the residual level")
+    # what takes energy is, as beams leave no such forces
+    monkeypatch.setattr(diagnosis, "takes_energy", lambda *_: True)
+    assert diagnose(nominal, [measurement], DOUBTS, kinds=kinds).verdict == "effect"
+
+
+def test_patches_are_chosen_anew_until_the_choice_stays_or_two_times(monkeypatch):
+    choices = [proposed_patch(JointPatch.propose(lap()), lap())] + [object() for _ in range(3)]
+    attempts, verdicts = [], []
+
+    def attempt(asked, model, patch, *, choose, given=None):
+        """Choose first the second patch beside the first, then the third beside the second, and so on."""
+        attempts.append(given)
+        used, other = choices[len(attempts) - 1 : len(attempts) + 1]
+        end = Result(verdicts[len(attempts) - 1])
+        return end, used, used if len(attempts) == stays else other
+
+    @dataclass
+    class Result:
+        verdict: str
+        seconds: float = 0.0
+
+    def found(*said):
+        attempts.clear()
+        verdicts[:] = said
+        model = lap()
+        result = diagnose(model, [measurement], DOUBTS, kinds=("member_density", "joint_patch"))
+        assert result.seconds > 0
+        return result.verdict
+
+    _, measurement = measured(lap(60), lap(40))
+    monkeypatch.setattr(diagnosis, "_attempt", attempt)
+    stays = 0
+    assert found("effect", "nothing missing", "fault") == "fault"
+    assert attempts == [None, *choices[1:3]]
+    assert found("effect", "unexplained", "fault") == "fault"
+    assert found("effect", "nothing missing", "unexplained") == "nothing missing"  # no worse than before
+    stays = 2
+    assert found("effect", "nothing missing") == "nothing missing"
+    assert attempts == [None, choices[1]]
+    stays = 1
+    assert found("effect") == "effect"
 
 
 def test_patches_are_not_forced_on_what_stays_unexplained():

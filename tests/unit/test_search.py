@@ -895,13 +895,14 @@ def test_an_effect_stays_beside_another_only_if_beams_could_not_leave_as_much(mo
     effects = tuple(propose(case.model, [kind])[0] for kind in ("member_density", "point_mass"))
     found = [findings.Finding(e, (), ()) for e in effects]
 
-    def left(without, settled):
+    def left(without, settled, firm=False, energy=False):
         """Return what stays of two where the second leaves 0.1 and 0.1 times a factor is left without it."""
         fits = {effects[0].name: 0.9, effects[1].name: 0.1 * without}
         monkeypatch.setattr(FitProblem, "fit_without", lambda self, fit, name: less(fits[name], name))
         monkeypatch.setattr(search, "known_already", lambda *_: False)
         monkeypatch.setattr(search, "stands_out", lambda *_: True)
-        monkeypatch.setattr(search, "is_firm", lambda *_: False)
+        monkeypatch.setattr(search, "is_firm", lambda *_: firm)
+        monkeypatch.setattr(search, "takes_energy", lambda *_: energy)
         monkeypatch.setattr(search, "at_values_of", lambda fit, kept: list(kept))
         limits = search.Limits(settled, 0.0, 0.0)
         kept, _ = search._without_idle(problem, list(found), less(0.1, ""), limits)
@@ -911,12 +912,19 @@ def test_an_effect_stays_beside_another_only_if_beams_could_not_leave_as_much(mo
         kept = tuple(e for e in effects if e.name != name)
         return replace(nominal, effects=kept, level=level, held_out_level=level)
 
-    assert left(1.05 * acceptance.ACCEPT_BESIDE, 0.3) == ["member_density", "point_mass"]
-    assert left(0.95 * acceptance.ACCEPT_BESIDE, 0.3) == ["member_density"]
-    assert left(0.95 * acceptance.ACCEPT_BESIDE, 0.15) == [
-        "member_density",
-        "point_mass",
-    ]  # not right without
+    both, one, less_than_asked = (
+        [e.kind for e in effects],
+        ["member_density"],
+        0.95 * acceptance.ACCEPT_BESIDE,
+    )
+    assert left(1.05 * acceptance.ACCEPT_BESIDE, 0.3) == both
+    assert left(less_than_asked, 0.3) == one
+    assert left(less_than_asked, 0.15) == both  # not right without
+    # what lies far off its absence, or takes energy as no stiffness does, stays for less
+    assert left(less_than_asked, 0.3, firm=True) == both
+    assert left(0.95 * acceptance.ACCEPT_LEVEL, 0.3, firm=True) == one
+    assert left(1.01, 0.3, energy=True) == both
+    assert left(0.95 * acceptance.ACCEPT_LEVEL, 0.11, energy=True) == one  # only where it is right without
 
 
 def test_what_tells_an_effect_from_a_simpler_one_must_be_certain_in_the_fit_as_well():
