@@ -358,6 +358,7 @@ def test_a_case_that_fails_is_recorded_and_the_rest_go_on(tmp_path, monkeypatch)
     records = runner.validate(SETTINGS, [("null", 0), ("null", 1)], tmp_path)
     assert [r["outcome"] for r in records] == ["failed", "failed"]
     assert "ArithmeticError: no luck" in records[0]["traceback"]
+    assert f'File "{Path("study", "validation", "run.py")}"' in records[0]["traceback"]
     text = as_markdown(summarise(records), "t")
     assert "| null | failed | 2 of 2 |" in text
     assert "ArithmeticError: no luck" in text
