@@ -80,30 +80,45 @@ class Grid:
 
     @property
     def weak_points(self) -> tuple[tuple[dict[str, float], float], ...]:
-        """Two for each choice of all but the first parameter: the weakest point, and one nearly absent.
+        """Those that show what a little of the effect does, for each choice of all but the first parameter.
 
-        The second shows what a little of the effect does in proportion; where that is nothing, as with a
-        coupling of motions that symmetry keeps apart, the first shows what follows. With each stands by how
-        much it can be multiplied before it is beyond the strongest point.
+        The weakest point, one nearly absent, and the weakest on the other side of absence. The second shows
+        what the effect does in proportion; where that is nothing, as with a coupling of motions that symmetry
+        keeps apart, the first shows what follows; and a resonance that is narrower than it moves does not
+        change alike to either side. With each stands by how much it can be multiplied before it is beyond
+        the strongest point.
         """
-        if "weak points" not in self._made:
-            self._made["weak points"] = self._weak_points()
-        return self._made["weak points"]
+        slight, others = self._slight_and_others()
+        return slight + others
 
-    def _weak_points(self) -> tuple[tuple[dict[str, float], float], ...]:
+    @property
+    def slight_points(self) -> tuple[tuple[dict[str, float], float], ...]:
+        """Those of the weak points at which the effect is nearly absent: one for each choice."""
+        return self._slight_and_others()[0]
+
+    def _slight_and_others(self) -> tuple[tuple[tuple[dict[str, float], float], ...], ...]:
+        if "weak points" in self._made:
+            return self._made["weak points"]
         first = self.effect.parameters()[0].name
         alike: dict[tuple, list[dict[str, float]]] = {}
         for point in self.points:
             alike.setdefault(tuple(v for name, v in point.items() if name != first), []).append(point)
-        out = []
+        slight, others = [], []
         for points in alike.values():
             p = self.effect.with_values(**points[0]).parameters()[0]
-            strength = np.array([_strength(p, point[first]) for point in points])
+            off = np.array([_distance(p, point[first]) for point in points])
+            strength = np.abs(off)
             strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
-            weakest = int(np.argmin(strength))
-            most = float(strength[np.isfinite(strength)].max(initial=0.0) / strength[weakest])
-            out += [(_scaled(p, points[weakest], f), most / f) for f in (WEAKER, 1.0)]
-        return tuple(out)
+            weakest, most = int(np.argmin(strength)), float(strength[np.isfinite(strength)].max(initial=0.0))
+            near = most / strength[weakest]
+            slight.append((_scaled(p, points[weakest], WEAKER), near / WEAKER))
+            others.append((points[weakest], near))
+            strength[off * off[weakest] > 0] = np.inf
+            other = int(np.argmin(strength))
+            if np.isfinite(strength[other]):
+                others.append((points[other], most / strength[other]))
+        self._made["weak points"] = tuple(slight), tuple(others)
+        return self._made["weak points"]
 
     def looked_at(self, weak: bool) -> Sequence[dict[str, float]]:
         """Return the points, or the weak ones alone."""
@@ -170,11 +185,11 @@ def _scaled(p: Parameter, point: dict[str, float], factor: float) -> dict[str, f
     return {**point, p.name: float(min(max(value, p.lower), p.upper))}
 
 
-def _strength(p: Parameter, value: float) -> float:
-    """Return how far a value of a parameter is from where the effect is absent."""
+def _distance(p: Parameter, value: float) -> float:
+    """Return how far a value of a parameter is from where the effect is absent, with its sign."""
     if np.isinf(p.absent):
         return 1 / value
-    return abs(float(np.log(value / p.absent)) if p.log and p.absent > 0 else value - p.absent)
+    return float(np.log(value / p.absent)) if p.log and p.absent > 0 else value - p.absent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -336,7 +351,7 @@ def _proportional_levels(
         slopes: list[list[Complexes]] = [[] for _ in looks]
         for i in range(first, min(first + _TOGETHER, len(grids))):
             effect = grids[i].effect
-            points = () if effect.released() else grids[i].weak_points[::2]  # those nearly absent
+            points = () if effect.released() else grids[i].slight_points
             step = max(1, -(-len(points) // MOST_PLACES))
             for point, factor in points[(step - 1) // 2 :: step]:
                 contributions = effect.with_values(**point).contribute(model)

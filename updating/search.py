@@ -782,13 +782,17 @@ def _of_fewest_places(
 ) -> FitResult:
     """Return the fit of the likeliest candidate with as many parameters as the best, if all kinds are.
 
-    Of a kind with n candidates each is then so by one in n, and log n joins its score: a force along a bar
-    may be held by the instrument there, or by a spring to the ground at any place of it, which do the same.
+    Of a kind with n candidates each is then so by one in n, and (log n) / c joins its score as its parameters
+    do: a force along a bar may be held by the instrument there, or by a spring to the ground at any place of
+    it, which do the same.
     """
+    c = problem.noise_counted
     n_places = Counter(effect.kind for effect in candidates)
     size = len(best.effects[-1].parameters())
     others = [r.result for r in ranked if r.refined and len(r.parameters) == size and rule.pays(r.result)]
-    return min((best, *others), key=lambda fit: score(problem, fit) + np.log(n_places[fit.effects[-1].kind]))
+    return min(
+        (best, *others), key=lambda fit: score(problem, fit) + np.log(n_places[fit.effects[-1].kind]) / c
+    )
 
 
 def _in_order(problem: FitProblem, ranked: Iterable[Ranked], best: str) -> tuple[Ranked, ...]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fem.model import parameter_values
+from study.validation.cases import Settings, draw_case
 from tests.hidden.cases import make_case
 from updating import screening
 from updating.diagnosis import propose
@@ -257,6 +258,30 @@ def test_the_weakest_point_is_not_where_the_effect_is_absent():
         for point, most in grid.weak_points:
             assert abs(np.log(point["stiffness"] / model_has)) > 0.01
             assert 1 < most < 1e4
+
+
+def test_a_weak_effect_is_looked_at_on_either_side_of_its_absence():
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    for effect in propose(case.model, ["member_density", "point_mass", "joint_stiffness"]):
+        grid = Grid.of(problem, effect)
+        p = effect.parameters()[0]
+        sides = {np.sign(screening._distance(p, point[p.name])) for point, _ in grid.weak_points}
+        all_sides = {np.sign(screening._distance(p, point[p.name])) for point in grid.points}
+        assert sides == all_sides - {0}
+        slight = [point for point, _ in grid.slight_points]
+        assert slight == [point for point, _ in grid.weak_points][: len(slight)]
+        assert len(slight) == len({tuple(v for k, v in q.items() if k != p.name) for q in grid.points})
+
+
+def test_a_member_that_is_a_little_heavier_is_looked_at_among_the_first():
+    """Its mode moves by more than its resonance is wide, and a little less mass does not show that."""
+    case = draw_case(Settings(seed=3401), "weak", 37)
+    problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, model_error=0.0)
+    grids = tuple(Grid.of(problem, e) for e in propose(case.model, test=case.measurement))
+    (hidden,) = case.implants
+    looked = [s.effect for s in screen(problem, problem.fit(), grids, True, silent)]
+    assert (hidden.hidden.kind, hidden.hidden.place.words) in [(e.kind, e.where) for e in looked]
 
 
 def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():

@@ -1156,7 +1156,7 @@ def test_twins_gain_as_much_of_the_posterior_not_of_the_level():
 
 
 def test_of_candidates_that_do_alike_that_comes_first_of_whose_kind_there_are_fewest_places():
-    """A member's stiffness is one of two, its thickness one of four: log 2 is between them."""
+    """A member's stiffness is one of two, its thickness one of four: log 2 data are between them."""
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     null = problem.fit()
@@ -1167,6 +1167,7 @@ def test_of_candidates_that_do_alike_that_comes_first_of_whose_kind_there_are_fe
     }
     margin = np.log(n_places["member_section"] / n_places["member_stiffness"])
     assert margin > 0.5
+    margin /= problem.noise_counted
 
     def fit_of(kind, gain):
         effect = next(e for e in candidates if e.kind == kind)
