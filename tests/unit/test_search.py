@@ -912,11 +912,8 @@ def test_an_effect_stays_beside_another_only_if_beams_could_not_leave_as_much(mo
         kept = tuple(e for e in effects if e.name != name)
         return replace(nominal, effects=kept, level=level, held_out_level=level)
 
-    both, one, less_than_asked = (
-        [e.kind for e in effects],
-        ["member_density"],
-        0.95 * acceptance.ACCEPT_BESIDE,
-    )
+    both, one = [e.kind for e in effects], ["member_density"]
+    less_than_asked = 0.95 * acceptance.ACCEPT_BESIDE
     assert left(1.05 * acceptance.ACCEPT_BESIDE, 0.3) == both
     assert left(less_than_asked, 0.3) == one
     assert left(less_than_asked, 0.15) == both  # not right without
@@ -1156,7 +1153,7 @@ def test_twins_gain_as_much_of_the_posterior_not_of_the_level():
 
 
 def test_of_candidates_that_do_alike_that_comes_first_of_whose_kind_there_are_fewest_places():
-    """A member's stiffness is one of two, its thickness one of four: log 2 data are between them."""
+    """A member's stiffness is one of two, its thickness one of four: (log 2) / c is between them."""
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     null = problem.fit()
