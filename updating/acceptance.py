@@ -61,6 +61,8 @@ is no effect: members and joints are damped alike to a tenth at best."""
 CERTAIN = 3.0
 """Where the model is settled, an effect is none if its first parameter lies within so many standard
 deviations of its absence, unless the level falls with it by more than ``ACCEPT_LEVEL``."""
+CERTAIN_GAIN = 12.0
+"""Or, where the form is right, unless the score on fitted and on other lines gains more than this with it."""
 STRAINED = 3.0
 """An uncertain parameter is what the model says up to so many prior standard deviations from it, and an
 effect that sets it within these is none; beyond them it is an effect, where the model's form is right."""
@@ -150,7 +152,7 @@ class Rule:
             return False
         if best and self.settled and takes_energy(self.problem, self.before, after, last):
             return True
-        if self.settled and not stands_out(self.before, after, last.name):
+        if self.settled and not stands_out(self.problem, self.before, after, last.name):
             return False
         if not form_right and not spread_is_certain(after, last):
             return False
@@ -233,11 +235,15 @@ def takes_energy(problem: FitProblem, without: FitResult, fit: FitResult, effect
     """
     if problem.form_right:
         asked = ACCEPT_WEAK_DAMPED + len(effect.parameters()) / problem.noise_counted
-        fits = len(fit.effects) == 1 and damps(problem, effect) and stands_out(without, fit, effect.name)
+        fits = len(fit.effects) == 1 and damps(problem, effect) and stands_out(problem, without, fit, effect.name)
     else:
         asked, fits = ACCEPT_DAMPING, dissipates(problem, effect)
-    gain = without.solution.cost + without.unseen - fit.solution.cost - fit.unseen
-    return fits and gain > asked and _neither_rises(without, fit)
+    return fits and _evidence(without, fit) > asked and _neither_rises(without, fit)
+
+
+def _evidence(without: FitResult, fit: FitResult) -> float:
+    """Return the gain of the log posterior with an effect, and of the lines that no fit has seen."""
+    return without.solution.cost + without.unseen - fit.solution.cost - fit.unseen
 
 
 def _neither_rises(without: FitResult, fit: FitResult) -> bool:
@@ -313,15 +319,18 @@ def known_already(problem: FitProblem, fit: FitResult, name: str) -> bool:
     return len(strains) == len(replaced) and bool(np.linalg.norm(list(strains.values())) <= STRAINED)
 
 
-def stands_out(without: FitResult, fit: FitResult, name: str) -> bool:
+def stands_out(problem: FitProblem, without: FitResult, fit: FitResult, name: str) -> bool:
     """Whether the first parameter of an effect is ``CERTAIN`` standard deviations from where it is absent.
 
     Of the logarithm where it is fitted in it and that of absence is finite; a value that would have to be
     infinite must be so many deviations above 0. Of several parameters one may be uncertain because another
     is, as a mass near a support with its position: it counts how well it is known where these are. What
     lowers the level by more than ``ACCEPT_LEVEL`` passes: a support that is loose, or a contact that is
-    rigid, may be uncertain by any factor.
+    rigid, may be uncertain by any factor. So does, where the form is right, what gains ``CERTAIN_GAIN``:
+    deviations are those of a linear law, and far from absence they say less than the likelihoods do.
     """
+    if problem.form_right and _evidence(without, fit) > CERTAIN_GAIN:
+        return True
     effect = next(e for e in fit.effects if e.name == name)
     p = effect.parameters()[0]
     std = fit.std[name, p.name] * _own_share(fit, effect)

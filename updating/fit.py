@@ -202,7 +202,8 @@ class FitResult:
     effects : tuple of Effect
         The added effects at their fitted values.
     fit_db, held_out_db : float
-        Root mean square of the amplitude's error on the lines fitted and held out [dB].
+        Root mean square of the amplitude's error on the lines fitted and held out [dB]. What is computed to
+        be less than the noise of the measured value counts as that noise.
     level, held_out_level : float
         Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
     covariance : ndarray (n, n)
@@ -574,10 +575,13 @@ class FitProblem:
             step = max(1, len(held) // n_lines)
             lines = np.sort(np.concatenate([np.flatnonzero(held)[::step], np.flatnonzero(~held)[::step]]))
         ratio, held = self.log_ratio(result, lines), held[lines]
+        # The computed value may be as near 0 as it likes, and the measured one is not, because of its noise.
+        with np.errstate(divide="ignore"):
+            error = np.maximum(ratio.real, np.log(self.data.noise[lines]))
         return replace(
             result,
-            fit_db=_rms(ratio[~held]),
-            held_out_db=_rms(ratio[held]),
+            fit_db=_rms(error[~held]),
+            held_out_db=_rms(error[held]),
             level=self.level(ratio[~held], lines[~held]) if np.isnan(result.level) else result.level,
             held_out_level=self.level(ratio[held], lines[held]),
             unseen=self._unseen(ratio[held], lines[held]),
@@ -792,6 +796,6 @@ def by_unknowns(
     return weight * by_zeta if zeta.ndim == 1 else weight[:, 0] * by_zeta[0] + weight[:, 1] * by_zeta[1]
 
 
-def _rms(ratio: NDArray[np.complex128]) -> float:
-    x = ratio.real[np.isfinite(ratio.real)]
+def _rms(error: NDArray[np.float64]) -> float:
+    x = error[np.isfinite(error)]
     return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")

@@ -574,12 +574,20 @@ class _Round:
                 if deep:
                     final[name] = self._fit_elsewhere(name)
             order.sort(key=lambda n: score(problem, final[n]))
+        short = {n: self._on[n].assessed(self._quick[n][0], N_ASSESSED) for n in names if n not in final}
+        if self.settled and problem.form_right:
+            # Short fits were ordered by the lines of the fit alone: what the others put first is tried as well.
+            first = self._on[order[0]].assessed(final[order[0]], N_ASSESSED)
+            for name in [n for n in short if score(problem, short[n]) < score(problem, first)]:
+                self._fit_fully(name)
+                final[name] = self._final[name]
+            order = sorted(final, key=lambda n: score(problem, final[n]))
         best_name = next((n for n in order if self._pays(rule, final, order, n)), order[0])
         best = final[best_name]
         shift = change_of(self._on[best_name], best, current)
         ranked = []
         for name in names:
-            fit = final.get(name) or self._on[name].assessed(self._quick[name][0], N_ASSESSED)
+            fit = final[name] if name in final else short[name]
             similarity = similarity_of(shift, change_of(self._on[name], fit, current))
             ranked.append(rule.ranked(fit, similarity, name in final))
         return _in_order(problem, ranked, best_name), best
@@ -850,7 +858,7 @@ def _without_idle(
         usual = Factors(ACCEPT_BESIDE if beside else ACCEPT_LEVEL, ACCEPT_HELD_OUT)
         weak = current.level < limits.weak
         factors = weak_factors(problem, effect, beside=rest) if weak else usual
-        certain = current.level >= limits.settled or stands_out(less, current, effect.name)
+        certain = current.level >= limits.settled or stands_out(problem, less, current, effect.name)
         if certain and not rest and gains(problem, less, current):
             return False
         if certain and ends_in_noise(problem, less, current, effect, limits.noise):

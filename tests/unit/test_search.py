@@ -816,7 +816,7 @@ def test_what_takes_energy_counts_by_the_score_where_beams_may_err():
     assert not pays(damper, 0.6 * least, 0.3 * least)
     assert not pays(damper, 0.6 * least, 0.5 * least, held_out=0.11)
     assert not pays(damper, 0.6 * least, 0.5 * least, best=False)
-    assert not pays(damper, 0.6 * least, 0.5 * least, error=0.0)
+    assert pays(damper, 0.6 * least, 0.5 * least, error=0.0)  # certain by what it gains
     assert not pays(spring, 0.6 * least, 0.5 * least)
     # where the form is right a weak one counts, though the levels hardly fall, if it is certain and alone
     least = acceptance.ACCEPT_WEAK_DAMPED + 1 / NOISE_COUNTED
@@ -868,6 +868,55 @@ def test_twins_of_the_best_are_fitted_fully_where_weak_effects_are_looked_for():
     assert near(settled=True) == ["best", "twin"]
     assert near(settled=True, error=0.3) == []
     assert near(settled=False) == ["best", "other"]
+
+
+def test_what_held_out_lines_put_first_of_the_short_fits_is_fitted_fully(monkeypatch):
+    case = make_case(1)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    null = problem.nominal()
+    effects = propose(case.model, ["member_density"])[:5] + propose(case.model, ["member_stiffness"])[:3]
+    names = [e.name for e in effects]
+    unseen = dict.fromkeys(names, 0.0)
+    unseen[names[-1]], unseen[names[-2]] = -9.0, -5.0
+
+    def fit_of(name):
+        cost = 4.0 * names.index(name) / names.index(names[-1])
+        effect = effects[names.index(name)]
+        own = {(effect.name, p.name): p.value for p in effect.parameters()}
+        solution = replace(null.solution, cost=cost)
+        return replace(null, effects=(effect,), solution=solution, values=own, std=own)
+
+    def fitted(settled, error):
+        grids = tuple(Grid.of(problem, e) for e in effects)
+        mine = search._Round(replace(problem, model_error=error), null, settled, grids)
+        mine._looked = tuple(screening.Screened(e, (), 0, 2.0) for e in effects)
+        fully = []
+
+        def quickly(self, chosen, say):
+            self._quick.update({n: [fit_of(n)] for n in names})
+            self._on.update(dict.fromkeys(names, problem))
+
+        monkeypatch.setattr(search._Round, "_fit_quickly", quickly)
+        monkeypatch.setattr(search._Round, "_fit_stronger", lambda *_: None)
+        monkeypatch.setattr(search._Round, "_is_near", lambda *_: False)
+        monkeypatch.setattr(search._Round, "_pays", lambda *_: True)
+        monkeypatch.setattr(search, "known_already", lambda *_: False)
+        monkeypatch.setattr(
+            search._Round, "_fit_fully", lambda self, n: (fully.append(n), self._final.update({n: fit_of(n)}))
+        )
+        monkeypatch.setattr(
+            FitProblem,
+            "assessed",
+            lambda self, fit, n=None: replace(fit, unseen=unseen[fit.effects[0].name]),
+        )
+        mine.run(search.Rule(mine.problem, 1.0, settled, null), 20, lambda text, done: None)
+        return fully
+
+    first = names[: search.LEAST_REFINED]
+    assert fitted(True, 0.0) == [*first, names[-2], names[-1]]
+    assert fitted(True, 0.3)[:3] == first
+    assert names[-1] not in fitted(True, 0.3)
+    assert names[-1] not in fitted(False, 0.0)
 
 
 def test_what_takes_energy_is_looked_at_whatever_stands_before_it(monkeypatch):
@@ -922,6 +971,49 @@ def test_an_effect_stays_beside_another_only_if_beams_could_not_leave_as_much(mo
     assert left(0.95 * acceptance.ACCEPT_LEVEL, 0.3, firm=True) == one
     assert left(1.01, 0.3, energy=True) == both
     assert left(0.95 * acceptance.ACCEPT_LEVEL, 0.11, energy=True) == one  # only where it is right without
+
+
+@pytest.mark.parametrize(
+    ("gain", "error", "stands"),
+    [(1.1, 0.0, True), (0.9, 0.0, False), (1.1, 0.3, False)],
+)
+def test_what_the_likelihood_is_sure_of_need_not_lie_off_its_absence(gain, error, stands):
+    """Where the form is right: a deviation is that of a linear law, and a width's may be far from one."""
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=error)
+    nominal = replace(problem.nominal(), level=0.1, unseen=0.0)
+    null = replace(nominal, solution=replace(nominal.solution, cost=0.0))
+    spring = propose(case.model, ["ground_spring"])[0].with_values(stiffness=10.0)
+    fitted, unseen = (-share * gain * acceptance.CERTAIN_GAIN for share in (0.7, 0.3))
+    fit = replace(
+        null,
+        effects=(spring,),
+        std={(spring.name, "stiffness"): 5.0},
+        solution=replace(null.solution, cost=fitted),
+        unseen=unseen,
+    )
+    assert acceptance.stands_out(problem, null, fit, spring.name) == stands
+
+
+def test_one_value_that_is_computed_to_be_nearly_nothing_does_not_make_the_error(monkeypatch):
+    """At an antiresonance the computed FRF is as near 0 as a line may lie to it; noise keeps the measured."""
+    case = make_case(0)
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    data = replace(problem.data, noise=np.full(problem.data.noise.shape, 0.1))
+    problem, nominal = replace(problem, data=data), problem.nominal()
+    computed = np.where(data.mask, 1.1 * data.H, 1.0)
+    line = int(np.flatnonzero(data.mask[:, 0, 0] & ~data.held_out)[0])
+    monkeypatch.setattr(FitProblem, "receptance", lambda self, fit, lines: computed[lines])
+    before = problem.assessed(nominal)
+    computed[line, 0, 0] = 1e-9 * data.H[line, 0, 0]
+    after = problem.assessed(nominal)
+    n = data.mask[~data.held_out].sum()
+    error = np.log([1.1, 0.1]) * 20 / np.log(10)
+    assert before.fit_db == pytest.approx(error[0])
+    assert after.fit_db == pytest.approx(np.sqrt(((n - 1) * error[0] ** 2 + error[1] ** 2) / n))
+    assert after.held_out_db == before.held_out_db
+    computed[line, 0, 0] = 1e9 * data.H[line, 0, 0]  # which no noise does
+    assert problem.assessed(nominal).fit_db > 10 * before.fit_db / n**0.5
 
 
 def test_what_tells_an_effect_from_a_simpler_one_must_be_certain_in_the_fit_as_well():
