@@ -235,7 +235,8 @@ def takes_energy(problem: FitProblem, without: FitResult, fit: FitResult, effect
     """
     if problem.form_right:
         asked = ACCEPT_WEAK_DAMPED + len(effect.parameters()) / problem.noise_counted
-        fits = len(fit.effects) == 1 and damps(problem, effect) and stands_out(problem, without, fit, effect.name)
+        alone = len(fit.effects) == 1 and damps(problem, effect)
+        fits = alone and stands_out(problem, without, fit, effect.name)
     else:
         asked, fits = ACCEPT_DAMPING, dissipates(problem, effect)
     return fits and _evidence(without, fit) > asked and _neither_rises(without, fit)

@@ -576,7 +576,7 @@ class _Round:
             order.sort(key=lambda n: score(problem, final[n]))
         short = {n: self._on[n].assessed(self._quick[n][0], N_ASSESSED) for n in names if n not in final}
         if self.settled and problem.form_right:
-            # Short fits were ordered by the lines of the fit alone: what the others put first is tried as well.
+            # Short fits were ordered by the lines of the fit: what the others put first is tried as well.
             first = self._on[order[0]].assessed(final[order[0]], N_ASSESSED)
             for name in [n for n in short if score(problem, short[n]) < score(problem, first)]:
                 self._fit_fully(name)

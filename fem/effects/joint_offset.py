@@ -55,7 +55,7 @@ class JointOffset(OnJoint):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the offset."""
-        return (Parameter("offset", "m", self.offset, 0.0, -5 * self.reach, 5 * self.reach),)
+        return (Parameter("offset", "m", self.offset, 0.0, -10 * self.reach, 10 * self.reach),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the joint's matrices at the new place, less those at the model's."""

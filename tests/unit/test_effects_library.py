@@ -377,6 +377,18 @@ def test_a_moved_joint_is_a_joint_elsewhere():
             assert abs(X - (b - a)).max() <= 1e-12 * max(abs(b).max(), 1e-300)
 
 
+def test_a_joint_is_looked_for_many_sections_away():
+    """A slender member's joint that sits a seventh of the member's length off is six sections away."""
+    model = cross_beam(0.2)
+    section = float(np.sqrt(FLAT.A))
+    effects = propose(model, ["joint_offset"])
+    assert len(effects) == 3
+    for effect in effects:
+        (offset,) = effect.parameters()
+        assert -offset.lower == offset.upper >= 8 * section
+        assert {np.sign(start["offset"]) for start in effect.starts(lambda ref: 1.0)} == {-1, 1}
+
+
 def test_a_coupled_joint_stays_positive_within_its_bounds_and_not_far_beyond():
     base = cross_beam(0.2)
     (joint,) = base.of_kind(Joint)
