@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from fem.effects import candidate_kinds
 from fem.effects.places import frame_of
@@ -159,8 +160,7 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         "in_three": in_three,
         "errors": [
             e
-            for f, h in zip(diagnosis.findings, hit, strict=True)
-            for i in h
+            for f, i in _paired(case, diagnosis.findings, hit)
             for e in parameter_errors(case, i, f.parameters)
         ],
         "db": {
@@ -234,6 +234,23 @@ def _floor(case: Case, d: Diagnosis) -> float:
     if mask.shape == noise.shape:
         noise = np.where(mask, noise, complex("nan"))
     return float(np.hypot(rms_db(noise), d.discretisation_db))
+
+
+def _paired(
+    case: Case, findings: Sequence[Finding], hit: Sequence[Sequence[Implant]]
+) -> list[tuple[Finding, Implant]]:
+    """Return each finding with the implant that it is compared with, so that all errors together are least.
+
+    Two implants of one kind may both be what a finding names, where they are near each other.
+    """
+    cost = np.full((len(findings), len(case.implants)), np.inf)
+    for k, (f, matched) in enumerate(zip(findings, hit, strict=True)):
+        for n, i in enumerate(case.implants):
+            if i in matched:
+                cost[k, n] = sum(e["error"] for e in parameter_errors(case, i, f.parameters))
+    large = 1.0 + 2 * cost[np.isfinite(cost)].sum()
+    pairs = linear_sum_assignment(np.where(np.isfinite(cost), cost, large))
+    return [(findings[k], case.implants[n]) for k, n in zip(*pairs, strict=True) if np.isfinite(cost[k, n])]
 
 
 def parameter_errors(case: Case, implant: Implant, parameters: Sequence[Any]) -> list[Record]:

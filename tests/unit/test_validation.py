@@ -206,6 +206,18 @@ def mass_case():
     return case, implant.hidden.values(implant.amplitude), candidates
 
 
+def test_two_of_one_kind_are_each_compared_with_the_nearer_truth(mass_case):
+    case, true, candidates = mass_case
+    (implant,) = case.implants
+    hidden = replace(implant.hidden, values=lambda a: {**true, "mass": 2 * true["mass"]})
+    both = replace(case, implants=(implant, replace(implant, hidden=hidden)))
+    right = candidates[f"point_mass:{implant.hidden.place.member}"]
+    two = [finding(right, mass=m * true["mass"], position=true["position"]) for m in (2.02, 1.01)]
+    errors = [e for e in judge(both, said(both, two))["errors"] if e["parameter"] == "mass"]
+    assert [e["error"] for e in errors] == pytest.approx([0.01, 0.01])
+    assert [e["truth"] for e in errors] == [2 * true["mass"], true["mass"]]
+
+
 def test_right_kind_at_the_right_place(mass_case):
     case, true, candidates = mass_case
     member = case.implants[0].hidden.place.member
