@@ -202,8 +202,7 @@ class FitResult:
     effects : tuple of Effect
         The added effects at their fitted values.
     fit_db, held_out_db : float
-        Root mean square of the amplitude's error on the lines fitted and held out [dB]. What is computed to
-        be less than the noise of the measured value counts as that noise.
+        Root mean square of the amplitude's error on the lines fitted and held out [dB].
     level, held_out_level : float
         Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
     covariance : ndarray (n, n)
@@ -212,6 +211,9 @@ class FitResult:
     unseen : float
         Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
         it was assessed.
+    audible_db : float
+        ``fit_db``, where what is computed to be less than the noise of the measured value counts as that
+        noise [dB]; NaN unless it was assessed.
     """
 
     solution: Solution
@@ -225,6 +227,7 @@ class FitResult:
     held_out_level: float = np.nan
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
+    audible_db: float = np.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -577,14 +580,15 @@ class FitProblem:
         ratio, held = self.log_ratio(result, lines), held[lines]
         # The computed value may be as near 0 as it likes, and the measured one is not, because of its noise.
         with np.errstate(divide="ignore"):
-            error = np.maximum(ratio.real, np.log(self.data.noise[lines]))
+            audible = np.maximum(ratio.real, np.log(self.data.noise[lines]))
         return replace(
             result,
-            fit_db=_rms(error[~held]),
-            held_out_db=_rms(error[held]),
+            fit_db=_rms(ratio.real[~held]),
+            held_out_db=_rms(ratio.real[held]),
             level=self.level(ratio[~held], lines[~held]) if np.isnan(result.level) else result.level,
             held_out_level=self.level(ratio[held], lines[held]),
             unseen=self._unseen(ratio[held], lines[held]),
+            audible_db=_rms(audible[~held]),
         )
 
     def _unseen(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64]) -> float:

@@ -159,7 +159,7 @@ class Floor:
 
     def believes(self, fit: FitResult, null: FitResult) -> bool:
         """Whether the effects of a fit are believed; ``null`` is the model without them."""
-        all_lines = self.model_error > 0 or fit.fit_db <= BELIEVED_MARGIN * self.db
+        all_lines = self.model_error > 0 or fit.audible_db <= BELIEVED_MARGIN * self.db
         return all_lines and fit.level <= self.believed(null)
 
 

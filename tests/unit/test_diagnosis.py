@@ -163,7 +163,7 @@ def test_where_the_form_is_right_neither_level_nor_mean_square_may_be_more_than_
     level, rms, verdict, reason
 ):
     finding = Finding(SimpleNamespace(kind="mass", where="A"), (), ())
-    null, fit = SimpleNamespace(level=1.0), SimpleNamespace(level=level, fit_db=rms)
+    null, fit = SimpleNamespace(level=1.0), SimpleNamespace(level=level, audible_db=rms)
     floor = Floor(0.1, 0.5, 0.0)
     got = diagnosis._verdict(null, fit, floor, floor.limit, [finding], ())
     assert got[0] == verdict

@@ -372,7 +372,7 @@ def test_what_leaves_little_of_much_is_not_searched_on_from(monkeypatch):
     candidates = propose(case.model, ["point_mass"])  # a member is heavier
     went = []
     monkeypatch.setattr(search, "_branched", lambda begin, search, *args: went.append(search) or search)
-    floor = search.Floor(0.5 * begin.current.level / 1.25, begin.current.fit_db, 0.0)
+    floor = search.Floor(0.5 * begin.current.level / 1.25, begin.current.audible_db, 0.0)
     for most, times in ((np.inf, 0), (0.0, 1)):
         monkeypatch.setattr(search.Floor, "believed", lambda self, null, most=most: most)
         search.search_effects(begin, candidates, floor, lambda *a: None)
@@ -424,8 +424,8 @@ def test_effects_explain_the_data_up_to_their_margin_of_the_level_and_of_the_mea
     fit = problem.fit([mass], [parameter_values(mass)])
     found = findings.Finding(mass, findings.parameters_of(mass, fit), ())
     without, with_it = (search.Search(problem, f, (), (), fit) for f in ((), (found,)))
-    level, db = (more * x / search.BELIEVED_MARGIN for x in (fit.level, fit.fit_db))
-    for floor in (search.Floor(level, fit.fit_db, 0.0), search.Floor(fit.level, db, 0.0)):
+    level, db = (more * x / search.BELIEVED_MARGIN for x in (fit.level, fit.audible_db))
+    for floor in (search.Floor(level, fit.audible_db, 0.0), search.Floor(fit.level, db, 0.0)):
         assert with_it.explains(floor, null) == (more > 1)
         assert without.explains(floor, null)  # a model may leave more
     assert with_it.explains(search.Floor(fit.level, db, fit.level), null)  # and so may beams that err
@@ -1009,11 +1009,12 @@ def test_one_value_that_is_computed_to_be_nearly_nothing_does_not_make_the_error
     after = problem.assessed(nominal)
     n = data.mask[~data.held_out].sum()
     error = np.log([1.1, 0.1]) * 20 / np.log(10)
-    assert before.fit_db == pytest.approx(error[0])
-    assert after.fit_db == pytest.approx(np.sqrt(((n - 1) * error[0] ** 2 + error[1] ** 2) / n))
-    assert after.held_out_db == before.held_out_db
+    assert before.audible_db == pytest.approx(error[0])
+    assert after.audible_db == pytest.approx(np.sqrt(((n - 1) * error[0] ** 2 + error[1] ** 2) / n))
+    assert after.fit_db == pytest.approx(np.sqrt(((n - 1) * error[0] ** 2 + 180**2) / n))
     computed[line, 0, 0] = 1e9 * data.H[line, 0, 0]  # which no noise does
-    assert problem.assessed(nominal).fit_db > 10 * before.fit_db / n**0.5
+    far = problem.assessed(nominal)
+    assert far.audible_db == far.fit_db == pytest.approx(after.fit_db)
 
 
 def test_what_tells_an_effect_from_a_simpler_one_must_be_certain_in_the_fit_as_well():
@@ -1317,7 +1318,7 @@ def test_much_may_be_left_of_more_where_beams_may_err():
     assert search.Floor(0.03, 0.2, 0.3).believed(null) == 0.3
     assert search.Floor(0.3, 2.0, 0.3).believed(null) == pytest.approx(1.25 * 0.3)
     # the root mean square only counts where the form is right
-    fit = replace(null, level=0.03, fit_db=0.27)
+    fit = replace(null, level=0.03, audible_db=0.27)
     assert not search.Floor(0.03, 0.2, 0.0).believes(fit, null)
     assert search.Floor(0.03, 0.2, 0.1).believes(fit, null)
 
