@@ -722,8 +722,8 @@ def _verdict(
             return EFFECT, f"{names} {lower} the residual level from {before} to {level} dB; {left}"
         if current.level <= floor.believed(null):
             left = (
-                f"at some lines more is left than a right model leaves, {current.audible_db:.2g} dB as root mean "
-                f"square where noise and the mesh leave {floor.db:.2g}"
+                f"at some lines more is left than a right model leaves, {current.audible_db:.2g} dB as root "
+                f"mean square where noise and the mesh leave {floor.db:.2g}"
             )
         return (
             UNEXPLAINED,

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, parameter_values
+from fem.effects.places import material_of
+from fem.model import Effect, Model, ParameterRef, parameter_values
 from updating.acceptance import (
     ACCEPT_BESIDE,
     ACCEPT_GAIN,
@@ -750,11 +751,11 @@ def _against_rivals(
     candidates: Sequence[Effect],
     grids: Mapping[str, Grid],
 ) -> tuple[FitProblem, tuple[Ranked, ...], FitResult]:
-    """Let the other candidates at the place of an accepted one take its turn, and keep the best.
+    """Let others take the turn of an accepted candidate, at its place or its opposite, and keep the best.
 
-    They are fitted from where its fit ended: without an effect, or with the nominal ones, the uncertain
-    parameters are off, and what acts much alike, such as a crack beside a support and the support's own
-    flexibility, then comes out in an order of chance.
+    Those at its place are fitted from where its fit ended: without an effect, or with the nominal ones, the
+    uncertain parameters are off, and what acts much alike, such as a crack beside a support and the support's
+    own flexibility, then comes out in an order of chance.
     """
     model, winner = problem.reduced.model, best.effects[-1]
     longest = max(model.mesh.member_length(m) for m in model.mesh.members)
@@ -765,17 +766,23 @@ def _against_rivals(
     entries = {r.name: r for r in ranked}
     entries[winner.name] = rule.ranked(best, 1.0, True)
     chosen_problem, chosen = problem, best
-    for option in rivals(problem, best, near, N_RIVALS):
-        mine = _attached(problem, [*best.effects, option.effect.with_values(**option.starts[0])])
-        effects = [*best.effects[:-1], option.effect]
-        starts = [*map(parameter_values, best.effects[:-1]), option.starts[0]]
-        fit = mine.fit(effects, starts, stages=[mine.stages[-1]], x_from=best)
-        name = option.effect.name
-        known = entries.get(name)
-        if known is None or not known.refined or score(problem, fit) < score(problem, known.result):
-            entries[name] = rule.ranked(fit, similarity_of(shift, change_of(mine, fit, rule.before)), True)
-        if score(problem, fit) < score(problem, chosen) and rule.pays(fit):
-            chosen_problem, chosen = mine, fit
+    # With an opposite the uncertain parameter of both has another value than where a fit has ended.
+    from_best: dict[str, Any] = {"stages": [problem.stages[-1]], "x_from": best}
+    for opposite, begin in ((False, from_best), (True, {})):
+        last = chosen.effects[-1]
+        options = _opposites(model, last, candidates) if opposite else rivals(problem, best, near, N_RIVALS)
+        for option in options:
+            mine = _attached(problem, [*best.effects, option.effect.with_values(**option.starts[0])])
+            effects = [*best.effects[:-1], option.effect]
+            starts = [*map(parameter_values, best.effects[:-1]), option.starts[0]]
+            fit = mine.fit(effects, starts, **begin)
+            name = option.effect.name
+            known = entries.get(name)
+            if known is None or not known.refined or score(problem, fit) < score(problem, known.result):
+                similarity = similarity_of(shift, change_of(mine, fit, rule.before))
+                entries[name] = rule.ranked(fit, similarity, True)
+            if score(problem, fit) < score(problem, chosen) and rule.pays(fit):
+                chosen_problem, chosen = mine, fit
     likelier = _of_fewest_places(problem, rule, entries.values(), chosen, candidates)
     if likelier is not chosen:
         chosen_problem, chosen = _attached(problem, likelier.effects[-1:]), likelier
@@ -783,6 +790,25 @@ def _against_rivals(
         chosen = _polish(chosen_problem, chosen)
         entries[chosen.effects[-1].name] = rule.ranked(chosen, 1.0, True)
     return chosen_problem, _in_order(problem, entries.values(), chosen.effects[-1].name), chosen
+
+
+def _opposites(model: Model, effect: Effect, candidates: Sequence[Effect]) -> tuple[Screened, ...]:
+    """Return the opposite change of the only other member of an effect's material, if there is one alone.
+
+    Of two members that the first is softer, and that the second is stiffer and their material softer, are
+    the same; how far the material's modulus is then from its nominal value tells them apart.
+    """
+    change, *others = effect.parameters()
+    if change.name != "change" or others or getattr(effect, "member", None) not in model.mesh.members:
+        return ()
+
+    def material(other: Any) -> tuple[ParameterRef, ...]:
+        return material_of(model, other.member, "E")
+
+    alike = [e for e in candidates if e.kind == effect.kind and material(e) == material(effect)]
+    rest = [e for e in alike if e.name != effect.name]
+    opposite = {"change": float(np.clip(-change.value, change.lower, change.upper))}
+    return tuple(Screened(e, (opposite,)) for e in rest) if len(rest) == 1 else ()
 
 
 def _of_fewest_places(

@@ -478,6 +478,48 @@ def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
     assert taken.effects[-1].kind == "crack"
 
 
+@pytest.fixture(scope="module")
+def of_one_material():
+    """Two bars of one material; the second is 1.7 % stiffer than both are said to be."""
+    case = draw_case(Settings(3501), "single", 30)
+    return case, build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+
+
+def test_that_one_member_is_softer_is_named_with_that_the_other_is_stiffer(of_one_material):
+    case, problem = of_one_material
+    candidates = propose(case.model, ["member_stiffness", "member_density"])
+    grids = {e.name: Grid.of(problem, e) for e in candidates}
+    null = problem.fit()
+    rule = acceptance.Rule(problem, 0.0, False, null)
+    softer, stiffer = (e for e in candidates if e.kind == "member_stiffness")
+    taken = problem.fit([softer], [{"change": -0.017}])
+    _, ranked, _ = search._against_rivals(problem, rule, (), taken, candidates, grids)
+    two = {r.name: r for r in ranked[:2]}
+    assert set(two) == {softer.name, stiffer.name}
+    assert two[stiffer.name].parameters[0].value == pytest.approx(0.0173, abs=0.001)
+    assert two[stiffer.name].level == pytest.approx(two[softer.name].level, rel=0.02)
+    assert two[stiffer.name].refined
+
+
+def test_the_opposite_of_a_change_is_that_of_the_only_other_member_of_the_material(of_one_material):
+    case, _ = of_one_material
+    effects = propose(case.model, ["member_stiffness", "member_density", "member_section", "member_shear"])
+    by_kind = {kind: [e for e in effects if e.kind == kind] for kind in {e.kind for e in effects}}
+    softer, stiffer = by_kind["member_stiffness"]
+    (opposite,) = search._opposites(case.model, softer.with_values(change=-0.02), effects)
+    assert (opposite.effect, opposite.starts) == (stiffer, ({"change": 0.02},))
+    (opposite,) = search._opposites(case.model, softer.with_values(change=0.9), effects)
+    assert opposite.starts == ({"change": -0.8},)  # the least there is
+    assert search._opposites(case.model, softer, [softer]) == ()
+    for kind in ("member_section", "member_shear"):  # each of two planes; another parameter
+        assert search._opposites(case.model, by_kind[kind][0], effects) == ()
+    mass = propose(case.model, ["point_mass"])[0]
+    assert search._opposites(case.model, mass, effects) == ()
+    four = make_case(3, "portal", "support_flexibility").model
+    effects = propose(four, ["member_stiffness"])
+    assert [len(search._opposites(four, e, effects)) for e in effects] == [0, 0, 0, 0]
+
+
 def test_candidates_near_a_place_are_those_with_a_point_there():
     case = make_case(3, "portal", "support_flexibility")
     model, mesh = case.model, case.model.mesh
