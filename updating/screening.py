@@ -160,6 +160,21 @@ class Grid:
         points = tuple(p for p in self.points if p["position"] in near)
         return Grid(self.effect, points) if points else None
 
+    def along(self, point: dict[str, float]) -> tuple[dict[str, float], ...]:
+        """Return a point, and what it is a step of the grid farther along the member, either way.
+
+        None without a position.
+        """
+        position = next((p for p in self.effect.parameters() if p.name == "position"), None)
+        places = sorted({p["position"] for p in self.points}) if position else []
+        if position is None or len(places) < 2:
+            return ()
+        step = (places[-1] - places[0]) / (len(places) - 1)
+        moved = (
+            min(max(point["position"] + by, position.lower), position.upper) for by in (0.0, -step, step)
+        )
+        return tuple({**point, "position": s} for s in moved)
+
     def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
         """Return a point with its first parameter at a multiple of the distance from where it is absent.
 

@@ -687,10 +687,13 @@ class _Round:
         quickly = self._quick[name][0]
         effect, effects = quickly.effects[-1], [*self.before.effects, quickly.effects[-1]]
         starts = [*self._begun, parameter_values(effect)]
-        mine = self._on[name] = _attached(self.problem, [effect])
+        along = self._grid(name).along(starts[-1]) if self.problem.form_right else ()
+        mine = self._on[name] = _attached(self.problem, [effect, *(effect.with_values(**p) for p in along)])
         options = [mine.fit(effects, starts, stages=[mine.stages[-1]], x_from=quickly, assess=False)]
         if not self.settled:
             options.append(mine.fit(effects, starts, assess=False))
+        begin = {"stages": [mine.stages[-1]], "x_from": self.before, "assess": False}
+        options += [mine.fit(effects, [*self._begun, point], **begin) for point in along]
         self._final[name] = mine.assessed(min(options, key=lambda r: r.solution.cost))
 
     def _fit_finely(self, name: str) -> FitResult:

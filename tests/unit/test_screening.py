@@ -125,6 +125,22 @@ def test_a_point_is_scaled_between_absent_and_itself(prepared):
             assert gone == pytest.approx(min(first.absent, first.upper), rel=1e-9, abs=1e-12) or gone > 1e10
 
 
+def test_a_place_is_moved_along_by_a_step_of_the_grid_within_the_member(prepared):
+    case, problem, _, _ = prepared
+    mass, bar = (propose(case.model, [kind])[0] for kind in ("point_mass", "member_density"))
+    grid, (_, position) = Grid.of(problem, mass), mass.parameters()
+    places = sorted({p["position"] for p in grid.points})
+    step = places[1] - places[0]
+    middle = {"mass": 0.1, "position": 0.5 * position.upper}
+    assert [p["position"] for p in grid.along(middle)] == pytest.approx(
+        [middle["position"] + by for by in (0.0, -step, step)]
+    )
+    assert {p["mass"] for p in grid.along(middle)} == {0.1}
+    at_end = [p["position"] for p in grid.along({"mass": 0.1, "position": 0.1 * step})]
+    assert at_end == pytest.approx([0.1 * step, position.lower, 1.1 * step])
+    assert Grid.of(problem, bar).along({"change": 0.1}) == ()
+
+
 @pytest.mark.parametrize("settled", [False, True])
 def test_the_short_list_has_the_right_candidate(prepared, monkeypatch, settled):
     case, problem, null, candidates = prepared

@@ -478,6 +478,23 @@ def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
     assert taken.effects[-1].kind == "crack"
 
 
+def test_a_position_is_fitted_from_beside_where_the_short_fit_ended():
+    """A body of 0.16 g·m² 44 mm from a foot ended at 14 mm with four times as much, and a mass did better."""
+    case = draw_case(Settings(3501), "single", 93)
+    candidates = propose(case.model, ["point_inertia", "point_mass"])
+    problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
+    null = problem.fit()
+    first = search._Round(problem, null, False, tuple(Grid.of(problem, e) for e in candidates))
+    inertia = next(e for e in candidates if e.name == "point_inertia:post")
+    effect = inertia.with_values(inertia=6.4e-4, position=0.0142)
+    first._quick[inertia.name] = [replace(null, effects=(effect,))]
+    first._fit_fully(inertia.name)
+    ended = first._final[inertia.name]
+    truth = case.implants[0].hidden.values(case.implants[0].amplitude)
+    assert ended.values["point_inertia:post", "position"] == pytest.approx(truth["position"], abs=0.003)
+    assert ended.level < 1.1 * problem.data.noise_level
+
+
 @pytest.fixture(scope="module")
 def of_one_material():
     """Two bars of one material; the second is 1.7 % stiffer than both are said to be."""
