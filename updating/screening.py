@@ -79,6 +79,11 @@ class Grid:
         return cls(effect, tuple(effect.starts(problem.surroundings)))
 
     @property
+    def position(self) -> Parameter | None:
+        """The effect's position along a member, if it has one."""
+        return next((p for p in self.effect.parameters() if p.name == "position"), None)
+
+    @property
     def weak_points(self) -> tuple[tuple[dict[str, float], float], ...]:
         """Those that show what a little of the effect does, for each choice of all but the first parameter.
 
@@ -151,7 +156,7 @@ class Grid:
             return float(np.linalg.norm(marks[:, None] - places, axis=2).min(initial=np.inf))
 
         now = distance(self.effect)
-        if not any(p.name == "position" for p in self.effect.parameters()):
+        if self.position is None:
             return self if now <= reach else None
         if now > reach + longest:
             return None
@@ -165,14 +170,13 @@ class Grid:
 
         None without a position.
         """
-        position = next((p for p in self.effect.parameters() if p.name == "position"), None)
+        position = self.position
         places = sorted({p["position"] for p in self.points}) if position else []
         if position is None or len(places) < 2:
             return ()
-        step = (places[-1] - places[0]) / (len(places) - 1)
-        moved = (
-            min(max(point["position"] + by, position.lower), position.upper) for by in (0.0, -step, step)
-        )
+        step, now = (places[-1] - places[0]) / (len(places) - 1), point["position"]
+        ways = (now, now - step, now + step)
+        moved = dict.fromkeys(min(max(s, position.lower), position.upper) for s in ways)
         return tuple({**point, "position": s} for s in moved)
 
     def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """The search for missing effects: rounds in which candidates are looked at, fitted and accepted or not."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -716,7 +716,7 @@ class _Round:
         """
         problem, begun = self.problem, self._begun
         grid = self._grid(name)
-        position = next((p for p in grid.effect.parameters() if p.name == "position"), None)
+        position = grid.position
         if position is None or name in self._elsewhere:
             return self._final[name]
         self._elsewhere.add(name)
@@ -769,23 +769,24 @@ def _against_rivals(
     entries = {r.name: r for r in ranked}
     entries[winner.name] = rule.ranked(best, 1.0, True)
     chosen_problem, chosen = problem, best
-    # With an opposite the uncertain parameter of both has another value than where a fit has ended.
     from_best: dict[str, Any] = {"stages": [problem.stages[-1]], "x_from": best}
-    for opposite, begin in ((False, from_best), (True, {})):
-        last = chosen.effects[-1]
-        options = _opposites(model, last, candidates) if opposite else rivals(problem, best, near, N_RIVALS)
-        for option in options:
-            mine = _attached(problem, [*best.effects, option.effect.with_values(**option.starts[0])])
-            effects = [*best.effects[:-1], option.effect]
-            starts = [*map(parameter_values, best.effects[:-1]), option.starts[0]]
-            fit = mine.fit(effects, starts, **begin)
-            name = option.effect.name
-            known = entries.get(name)
-            if known is None or not known.refined or score(problem, fit) < score(problem, known.result):
-                similarity = similarity_of(shift, change_of(mine, fit, rule.before))
-                entries[name] = rule.ranked(fit, similarity, True)
-            if score(problem, fit) < score(problem, chosen) and rule.pays(fit):
-                chosen_problem, chosen = mine, fit
+
+    def options() -> Iterator[tuple[Screened, dict[str, Any]]]:
+        yield from ((option, from_best) for option in rivals(problem, best, near, N_RIVALS))
+        # Of the best so far; the uncertain parameter of both then has another value than where a fit ended.
+        yield from ((option, {}) for option in _opposites(model, chosen.effects[-1], candidates))
+
+    for option, begin in options():
+        mine = _attached(problem, [*best.effects, option.effect.with_values(**option.starts[0])])
+        effects = [*best.effects[:-1], option.effect]
+        starts = [*map(parameter_values, best.effects[:-1]), option.starts[0]]
+        fit = mine.fit(effects, starts, **begin)
+        name = option.effect.name
+        known = entries.get(name)
+        if known is None or not known.refined or score(problem, fit) < score(problem, known.result):
+            entries[name] = rule.ranked(fit, similarity_of(shift, change_of(mine, fit, rule.before)), True)
+        if score(problem, fit) < score(problem, chosen) and rule.pays(fit):
+            chosen_problem, chosen = mine, fit
     likelier = _of_fewest_places(problem, rule, entries.values(), chosen, candidates)
     if likelier is not chosen:
         chosen_problem, chosen = _attached(problem, likelier.effects[-1:]), likelier
@@ -801,15 +802,15 @@ def _opposites(model: Model, effect: Effect, candidates: Sequence[Effect]) -> tu
     Of two members that the first is softer, and that the second is stiffer and their material softer, are
     the same; how far the material's modulus is then from its nominal value tells them apart.
     """
-    change, *others = effect.parameters()
-    if change.name != "change" or others or getattr(effect, "member", None) not in model.mesh.members:
+    change, *more = effect.parameters()
+    if change.name != "change" or more or getattr(effect, "member", None) not in model.mesh.members:
         return ()
 
     def material(other: Any) -> tuple[ParameterRef, ...]:
         return material_of(model, other.member, "E")
 
-    alike = [e for e in candidates if e.kind == effect.kind and material(e) == material(effect)]
-    rest = [e for e in alike if e.name != effect.name]
+    others = [e for e in candidates if e.kind == effect.kind and e.name != effect.name]
+    rest = [e for e in others if material(e) == material(effect)]
     opposite = {"change": float(np.clip(-change.value, change.lower, change.upper))}
     return tuple(Screened(e, (opposite,)) for e in rest) if len(rest) == 1 else ()
 

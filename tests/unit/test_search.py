@@ -516,6 +516,11 @@ def test_that_one_member_is_softer_is_named_with_that_the_other_is_stiffer(of_on
     assert two[stiffer.name].parameters[0].value == pytest.approx(0.0173, abs=0.001)
     assert two[stiffer.name].level == pytest.approx(two[softer.name].level, rel=0.02)
     assert two[stiffer.name].refined
+    # the material's tolerance prefers the softer one, whichever was there first
+    taken = problem.fit([stiffer], [{"change": 0.017}])
+    _, ranked, best = search._against_rivals(problem, rule, (), taken, candidates, grids)
+    assert best.effects[-1].name == ranked[0].name == softer.name
+    assert ranked[1].name == stiffer.name
 
 
 def test_the_opposite_of_a_change_is_that_of_the_only_other_member_of_the_material(of_one_material):
@@ -1380,6 +1385,8 @@ def test_much_may_be_left_of_more_where_beams_may_err():
     fit = replace(null, level=0.03, audible_db=0.27)
     assert not search.Floor(0.03, 0.2, 0.0).believes(fit, null)
     assert search.Floor(0.03, 0.2, 0.1).believes(fit, null)
+    # and what is computed under the noise counts as noise in it
+    assert search.Floor(0.03, 0.2, 0.0).believes(replace(fit, audible_db=0.2, fit_db=2.0), null)
 
 
 def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypatch):
