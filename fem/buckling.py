@@ -19,8 +19,6 @@ from fem.statics import StaticSolution, factor_held, prestressed, solve_static
 from fem.system import System, assemble, sum_contributions
 
 SIGNS = ("positive", "negative", "both")
-_NO_FORCE = 1e-9
-"""Axial forces below this of the other section forces are rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,13 +88,12 @@ def solve_buckling(
     system = model if isinstance(model, System) else assemble(model)
     solution = loads if isinstance(loads, StaticSolution) else solve_static(system, loads)
     loaded = prestressed(system.model, solution, case)
-    column = solution.case(case) if isinstance(case, str) else case
-    forces = abs(solution.line_forces[..., column]).max(axis=(0, 1))
-    if forces[0] <= _NO_FORCE * max(*forces[:3], *forces[3:] / loaded.mesh.size):
-        msg = "the load gives no member an axial force, so that nothing buckles"
-        raise ModelError(msg)
     full = sum_contributions(loaded.effect("prestress").contribute(loaded), loaded.n_dof)[0]
-    mu, vectors = _largest(system, -sp.csc_array(system.Q.T @ full @ system.Q), n, sign)
+    K_G = sp.csc_array(system.Q.T @ full @ system.Q)
+    if not K_G.count_nonzero():
+        msg = "the load gives no member a section force that acts on a motion it is free to make: nothing buckles"
+        raise ModelError(msg)
+    mu, vectors = _largest(system, -K_G, n, sign)
     shapes = np.asarray(system.Q @ vectors)
     points = shapes[: 6 * loaded.mesh.n_points].reshape(loaded.mesh.n_points, 6, len(mu))
     moved = abs(points[:, :3]).max(axis=(0, 1))

@@ -22,6 +22,7 @@ from fem.effects.member_change import MemberDensity, MemberStiffness
 from fem.effects.preload import Preload
 from fem.effects.prestress import Prestress
 from fem.effects.stiffness_loss import StiffnessLoss
+from fem.initial_stress import lever_forces, section_courses
 from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
 from fem.modes import n_negative, solve_eigenpairs
@@ -33,6 +34,9 @@ SECTION_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 
 _SINGULAR = 1e-15
 """Where inverse iteration finds less than this of a motion's resistance, entry by entry, K is singular."""
+
+_ROUNDING = 1e-13
+"""Section forces below this of the terms that they are a sum of are rounding."""
 
 Key = tuple[str, str]
 
@@ -216,6 +220,7 @@ class StaticSolution:
     _tension: NDArray[np.float64]  # (n_lines,): axial force of geometric stiffness
     _spread: _Spread
     _strain: NDArray[np.float64]  # (n_lines, 6, n_cases): initial strains
+    _gravity: NDArray[np.float64]  # (3, n_cases)
 
     @property
     def n_cases(self) -> int:
@@ -372,6 +377,7 @@ def solve_static(
         tension,
         spread,
         strain,
+        gravity,
     )
 
 
@@ -385,8 +391,11 @@ def prestressed(
 ) -> Model:
     """Return a model with the geometric stiffness of a static state.
 
-    The axial forces of the solution's members, as functions of arc length, go into one effect, so that they
-    stay where they are when the mesh is refined.
+    The section forces of the solution's members, as functions of arc length, go into one effect, so that they
+    stay where they are when the mesh is refined; with them the forces on rigid arms of links, joints and
+    added masses. Loads keep their directions, also those in local axes, and moments at points are
+    semitangential: they do the work M·θ on a rotation vector θ. A moment about a fixed axis has no potential,
+    and that of two forces on a rigid bar is had by modelling the bar (`RigidLink`).
 
     Parameters
     ----------
@@ -410,22 +419,24 @@ def prestressed(
         msg = f"there is no load case {column}; the solution has {solution.n_cases}, counted from 0"
         raise ModelError(msg)
     mesh = solution.model.mesh
-    lines = np.arange(mesh.n_lines)
-    ends, middles = solution.line_forces[:, :, 0, column], solution._cut(lines, np.full(lines.size, 0.5))
-    whole = np.stack([ends[:, 0], middles[:, 0, column], ends[:, 1]], axis=1)
-    tension = {}
-    for member, rows in mesh.members.items():
+    for member in mesh.members:
         if member not in model.mesh.members:
             known = ", ".join(model.mesh.members)
             msg = f"the solution's member '{member}' is not in the model; it has {known}"
             raise ModelError(msg)
-        s, N = mesh.member_positions(member), whole[rows]
-        places = np.stack([s[:-1], (s[:-1] + s[1:]) / 2, s[1:]], axis=1)
-        # a linear course needs its ends alone: where N is quadratic, the middle keeps ∫N ds by Simpson's rule
-        middle = (N[:, 0] + 4 * N[:, 1] + N[:, 2]) / 3 - (N[:, 0] + N[:, 2]) / 2
-        N = np.stack([N[:, 0], middle, N[:, 2]], axis=1)
-        tension[member] = (places.ravel(), N.ravel())
-    return model.with_effect(Prestress(name=name, tension=MappingProxyType(tension), factor=factor))
+    forces = MappingProxyType(section_courses(solution, column, _force_rounding(solution, column)))
+    levers = lever_forces(solution, column)
+    return model.with_effect(Prestress(name=name, forces=forces, levers=levers, factor=factor))
+
+
+def _force_rounding(solution: StaticSolution, column: int) -> NDArray[np.float64]:
+    """Return what rounding makes of each section force of the lines, shape (n_lines, 6)."""
+    model = solution.model
+    u = abs(solution.displacements[_line_dofs(model), column])
+    terms = np.einsum("bij,bj->bi", abs(_line_stiffness(model)), u)
+    terms[:, :6] += abs(solution._fixed[:, :, column])
+    largest = terms.reshape(-1, 2, 2, 3).max(axis=(1, 3))
+    return _ROUNDING * np.repeat(largest, 3, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------ loads
@@ -896,9 +907,7 @@ def _line_stiffness(model: Model) -> NDArray[np.float64]:
         elif isinstance(effect, MemberStiffness | StiffnessLoss | Preload):
             parts = [(mesh.members[effect.member], c) for c in effect.contribute(model)]
         elif isinstance(effect, Prestress):
-            parts = [
-                (mesh.members[m], c) for m, c in zip(effect.tension, effect.contribute(model), strict=True)
-            ]
+            parts = [(c.lines, c) for c in effect.contribute(model) if c.lines is not None]
         else:
             continue
         for rows, c in parts:
