@@ -1,4 +1,4 @@
-"""What a static solution hands on to the geometric stiffness: courses of section forces, forces on rigid arms."""
+"""Courses of section forces and forces on rigid arms of a static solution, for its geometric stiffness."""
 
 from typing import TYPE_CHECKING
 

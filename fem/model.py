@@ -480,8 +480,8 @@ def lever_stiffness(arm: NDArray[np.float64], force: NDArray[Any]) -> NDArray[An
     """Return the resistance of forces at the ends of rigid arms to rotations of the points that hold them.
 
     An arm d takes its end by θ × (θ × d)/2 back, to the second order; a force F of fixed direction that the
-    point exerts there does the work θᵀKθ/2 with K = (F dᵀ + d Fᵀ)/2 - (F·d) I. A mass above its point makes it
-    negative.
+    point exerts there does the work θᵀKθ/2 with K = (F dᵀ + d Fᵀ)/2 - (F·d) I. A mass above its point makes
+    it negative.
 
     Parameters
     ----------

@@ -2,14 +2,15 @@
 
 With the axis at r(x), sections turned by the rotation vector θ = (a, b, c), R = exp(θ×), and the strains
 Γ = Rᵀr' - e₁ and κ = axial(RᵀR') of the geometrically exact beam (Reissner, J. Appl. Math. Phys. 23, 1972,
-795-804; Simo, Comput. Methods Appl. Mech. Eng. 49, 1985, 55-70), the terms of second order are
+795-804; Simo, Comput. Methods Appl. Mech. Eng. 49, 1985, 55-70) the terms of second order are
 
     Γ₂ = -θ × u' + θ × (θ × e₁) / 2,    κ₂ = -θ × θ' / 2,
 
-and the forces n = (N, Vy, Vz) and moments m = (T, My, Mz) of the static state do on them the work n·Γ₂ + m·κ₂
-per length. As all sections and nodes have rotation vectors, moments are semitangential: members that meet at an
-angle agree on the moment that they pass on (Argyris, Hilpert, Malejannakis and Scharpf, Comput. Methods Appl.
-Mech. Eng. 20, 1979, 105-131; Yang and Kuo, *Theory and Analysis of Nonlinear Framed Structures*, 1994, ch. 6).
+and the forces n = (N, Vy, Vz) and moments m = (T, My, Mz) of the static state do on them the work
+n·Γ₂ + m·κ₂ per length. As sections and nodes have rotation vectors, moments are semitangential: members that
+meet at an angle agree on the moment that they pass on (Argyris, Hilpert, Malejannakis and Scharpf, Comput.
+Methods Appl. Mech. Eng. 20, 1979, 105-131; Yang and Kuo, *Theory and Analysis of Nonlinear Framed
+Structures*, 1994, ch. 6).
 See docs/theory-fem.md for the derivation.
 """
 
@@ -132,10 +133,10 @@ def sample(g: _Lines, s: NDArray[np.float64], forces: SectionForces) -> Samples:
 def stress_stiffness(g: _Lines, samples: Samples) -> Array:
     """Return the geometric stiffness of lines under section forces, global, shape (b, 12, 12).
 
-    The second derivative of ∫ (n·Γ₂ + m·κ₂) dx, where N (v'² + w'²)/2 has the axis' whole slope, shear
-    included (Engesser, Zentralbl. Bauverwaltung 11, 1891, 483-486), and N (Iy + Iz)/A a'²/2 is the work of
-    fibres that a twist inclines (Wagner, 1929; McGuire, Gallagher and Ziemian, *Matrix Structural Analysis*,
-    2nd ed. 2000, ch. 9). Rigid zones turn with their nodes; an offset o adds that of a force n on a rigid arm.
+    The second derivative of ∫ (n·Γ₂ + m·κ₂) dx. In it N (v'² + w'²)/2 has the axis' whole slope, shear
+    included (Engesser, Zentralbl. Bauverwaltung 11, 1891, 483-486); N (Iy + Iz)/A a'²/2 is the work of
+    fibres that a twist inclines (Wagner, 1929; McGuire, Gallagher and Ziemian, *Matrix Structural
+    Analysis*, 2nd ed. 2000, ch. 9). Rigid zones turn with their nodes; an offset o adds that of a force n on a rigid arm.
     Bars have N alone.
     """
     each = samples.line

@@ -160,7 +160,8 @@ def _unit(held: _Held, frame: Frame, mesh: Mesh) -> Contribution:
     for member in held.effect._members():
         g, s = frame._lines(mesh, mesh.members[member]), mesh.member_positions(member)
         dofs.append(g.dofs)
-        K.append(sum(stress_stiffness(g, sample(g, s, course)) for course in held.effect.courses(member)))
+        parts = [stress_stiffness(g, sample(g, s, course)) for course in held.effect.courses(member)]
+        K.append(np.sum(parts, axis=0))
         lines.append(g.rows)
     rows = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)
     return Contribution(np.concatenate(dofs), np.concatenate(K), lines=rows)
