@@ -136,8 +136,8 @@ def stress_stiffness(g: _Lines, samples: Samples) -> Array:
     The second derivative of ∫ (n·Γ₂ + m·κ₂) dx. In it N (v'² + w'²)/2 has the axis' whole slope, shear
     included (Engesser, Zentralbl. Bauverwaltung 11, 1891, 483-486); N (Iy + Iz)/A a'²/2 is the work of
     fibres that a twist inclines (Wagner, 1929; McGuire, Gallagher and Ziemian, *Matrix Structural
-    Analysis*, 2nd ed. 2000, ch. 9). Rigid zones turn with their nodes; an offset o adds that of a force n on a rigid arm.
-    Bars have N alone.
+    Analysis*, 2nd ed. 2000, ch. 9). Rigid zones turn with their nodes; an offset is a rigid arm that n acts
+    on. Bars have N alone.
     """
     each = samples.line
     parts = _some(g, each)
