@@ -123,8 +123,8 @@ def _of_warping(model: Model, frame: Frame, shape: NDArray[np.float64]) -> Itera
         if gain > ACCURACY:
             yield (
                 f"member '{member}' ({p.section.label}) resists warping (k = {np.sqrt(k2):.2g} for its "
-                f"length), which St Venant's torsion leaves out: the load factor is too low by up to "
-                f"{100 * gain:.0f} %"
+                f"length), which St Venant's torsion leaves out: this mode's load factor is too low by up to "
+                f"{100 * gain:.0f} %, and one with less twist may come first"
             )
 
 

@@ -11,8 +11,18 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.geometric_stiffness import SectionForces, sample, stress_stiffness
+from fem.effects.places import stiffness_of_sprung
 from fem.mesh import Mesh
-from fem.model import Contribution, Effect, Model, ModelError, Parameter, dofs_of, lever_stiffness
+from fem.model import (
+    Contribution,
+    Effect,
+    Model,
+    ModelError,
+    Parameter,
+    ParameterRef,
+    dofs_of,
+    lever_stiffness,
+)
 
 _EMPTY: Mapping[str, Any] = MappingProxyType({})
 
@@ -129,6 +139,11 @@ class Prestress(Effect):
             K[:, 3:, 3:] = lever_stiffness(self.levers.arms, self.levers.forces)
             out.append(Contribution(dofs_of(self.levers.points), self.factor * K))
         return tuple(out)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's moduli of members on springs."""
+        refs = (ref for member in self._members() for ref in stiffness_of_sprung(model, member))
+        return tuple(dict.fromkeys(refs))
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the middles of the members."""
