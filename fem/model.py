@@ -476,6 +476,30 @@ def lever_matrix(arm: ArrayLike) -> NDArray[np.float64]:
     return T
 
 
+def lever_stiffness(arm: NDArray[np.float64], force: NDArray[Any]) -> NDArray[Any]:
+    """Return the resistance of forces at the ends of rigid arms to rotations of the points that hold them.
+
+    An arm d takes its end by θ × (θ × d)/2 back, to the second order; a force F of fixed direction that the
+    point exerts there does the work θᵀKθ/2 with K = (F dᵀ + d Fᵀ)/2 - (F·d) I. A mass above its point makes
+    it negative.
+
+    Parameters
+    ----------
+    arm : ndarray (n, 3)
+        From the points to the ends [m].
+    force : ndarray (n, 3)
+        What the points exert on the ends [N].
+
+    Returns
+    -------
+    ndarray (n, 3, 3)
+        On the rotations of the points, global [N·m/rad].
+    """
+    outer = force[:, :, None] * arm[:, None, :]
+    trace = np.einsum("bii->b", outer)
+    return (outer + np.swapaxes(outer, 1, 2)) / 2 - trace[:, None, None] * np.eye(3)
+
+
 def directions_from(text: str | Sequence[str], what: str) -> tuple[str, ...]:
     """Read a set of DOF directions: ``"all"``, ``"translations"``, ``"rotations"`` or some of x y z rx ry rz.
 

@@ -22,6 +22,7 @@ from fem.effects.member_change import MemberDensity, MemberStiffness
 from fem.effects.preload import Preload
 from fem.effects.prestress import Prestress
 from fem.effects.stiffness_loss import StiffnessLoss
+from fem.initial_stress import lever_forces, section_courses
 from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
 from fem.modes import n_negative, solve_eigenpairs
@@ -33,6 +34,9 @@ SECTION_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 
 _SINGULAR = 1e-15
 """Where inverse iteration finds less than this of a motion's resistance, entry by entry, K is singular."""
+
+_ROUNDING = 1e-13
+"""Section forces below this of the terms that they are a sum of are rounding."""
 
 Key = tuple[str, str]
 
@@ -213,9 +217,10 @@ class StaticSolution:
     residual: NDArray[np.float64]
     _ends: NDArray[np.float64]  # (n_lines, 6, n_cases): force of the first node on the line, global
     _fixed: NDArray[np.float64]  # the same while all nodes rest
-    _tension: NDArray[np.float64]  # (n_lines,): axial force of geometric stiffness
+    _initial: NDArray[np.float64]  # (n_lines, 2, 2, 3): forces of geometric stiffness at the nodes
     _spread: _Spread
     _strain: NDArray[np.float64]  # (n_lines, 6, n_cases): initial strains
+    _gravity: NDArray[np.float64]  # (3, n_cases)
 
     @property
     def n_cases(self) -> int:
@@ -303,7 +308,7 @@ class StaticSolution:
 
     def _cut(self, lines: NDArray[np.int64], xi: NDArray[np.float64]) -> NDArray[np.float64]:
         return _section_forces(
-            self.model, lines, xi, self._ends, self._spread, self._tension, self.displacements
+            self.model, lines, xi, self._ends, self._spread, self._initial, self.displacements
         )
 
 
@@ -352,10 +357,10 @@ def solve_static(
         np.subtract.at(out_of_balance, c.dofs, c.coefficients[:, None] * reactions[c.key])
     stiffness = _line_stiffness(model)
     ends = np.einsum("bij,bjc->bic", stiffness, u[_line_dofs(model)]) - on_lines - weights
-    tension = _geometric_tension(model, axes, stiffness)
+    initial = _initial_forces(model, axes, stiffness)
     spread = _with_weights(model, axes, spread, gravity, weights)
     n = np.arange(model.mesh.n_lines)
-    args = (ends[:, :6], spread, tension, u)
+    args = (ends[:, :6], spread, initial, u)
     forces = np.stack([_section_forces(model, n, np.full(n.size, x), *args) for x in (0.0, 1.0)], axis=1)
     scale = _force_scale(model)
     largest = np.max([*(abs(scale * X).max(axis=0) for X in (f, K @ u, K @ prescribed))], axis=0)
@@ -369,9 +374,10 @@ def solve_static(
         abs(scale * out_of_balance).max(axis=0) / np.maximum(largest, 1e-300),
         ends[:, :6],
         -(on_lines + weights)[:, :6],
-        tension,
+        initial,
         spread,
         strain,
+        gravity,
     )
 
 
@@ -385,8 +391,11 @@ def prestressed(
 ) -> Model:
     """Return a model with the geometric stiffness of a static state.
 
-    The axial forces of the solution's members, as functions of arc length, go into one effect, so that they
-    stay where they are when the mesh is refined.
+    The section forces of the solution's members, as functions of arc length, go into one effect, so that they
+    stay where they are when the mesh is refined; with them the forces on rigid arms of links, joints and
+    added masses. Loads keep their directions, also those in local axes, and moments at points are
+    semitangential: they do the work M·θ on a rotation vector θ. A moment about a fixed axis has no potential,
+    and that of two forces on a rigid bar is had by modelling the bar (`RigidLink`).
 
     Parameters
     ----------
@@ -410,22 +419,24 @@ def prestressed(
         msg = f"there is no load case {column}; the solution has {solution.n_cases}, counted from 0"
         raise ModelError(msg)
     mesh = solution.model.mesh
-    lines = np.arange(mesh.n_lines)
-    ends, middles = solution.line_forces[:, :, 0, column], solution._cut(lines, np.full(lines.size, 0.5))
-    whole = np.stack([ends[:, 0], middles[:, 0, column], ends[:, 1]], axis=1)
-    tension = {}
-    for member, rows in mesh.members.items():
+    for member in mesh.members:
         if member not in model.mesh.members:
             known = ", ".join(model.mesh.members)
             msg = f"the solution's member '{member}' is not in the model; it has {known}"
             raise ModelError(msg)
-        s, N = mesh.member_positions(member), whole[rows]
-        places = np.stack([s[:-1], (s[:-1] + s[1:]) / 2, s[1:]], axis=1)
-        # a linear course needs its ends alone: where N is quadratic, the middle keeps ∫N ds by Simpson's rule
-        middle = (N[:, 0] + 4 * N[:, 1] + N[:, 2]) / 3 - (N[:, 0] + N[:, 2]) / 2
-        N = np.stack([N[:, 0], middle, N[:, 2]], axis=1)
-        tension[member] = (places.ravel(), N.ravel())
-    return model.with_effect(Prestress(name=name, tension=MappingProxyType(tension), factor=factor))
+    forces = MappingProxyType(section_courses(solution, column, _force_rounding(solution, column)))
+    levers = lever_forces(solution, column)
+    return model.with_effect(Prestress(name=name, forces=forces, levers=levers, factor=factor))
+
+
+def _force_rounding(solution: StaticSolution, column: int) -> NDArray[np.float64]:
+    """Return what rounding makes of each section force of the lines, shape (n_lines, 6)."""
+    model = solution.model
+    u = abs(solution.displacements[_line_dofs(model), column])
+    terms = np.einsum("bij,bj->bi", abs(_line_stiffness(model)), u)
+    terms[:, :6] += abs(solution._fixed[:, :, column])
+    largest = terms.reshape(-1, 2, 2, 3).max(axis=(1, 3))
+    return _ROUNDING * np.repeat(largest, 3, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------ loads
@@ -896,9 +907,7 @@ def _line_stiffness(model: Model) -> NDArray[np.float64]:
         elif isinstance(effect, MemberStiffness | StiffnessLoss | Preload):
             parts = [(mesh.members[effect.member], c) for c in effect.contribute(model)]
         elif isinstance(effect, Prestress):
-            parts = [
-                (mesh.members[m], c) for m, c in zip(effect.tension, effect.contribute(model), strict=True)
-            ]
+            parts = [(c.lines, c) for c in effect.contribute(model) if c.lines is not None]
         else:
             continue
         for rows, c in parts:
@@ -907,22 +916,33 @@ def _line_stiffness(model: Model) -> NDArray[np.float64]:
     return out
 
 
-def _geometric_tension(model: Model, axes: _Axes, K: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the axial force whose geometric stiffness is in the lines' stiffness, shape (n_lines,) [N].
+def _initial_forces(model: Model, axes: _Axes, K: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the forces of the nodes on the lines whose geometric stiffness is in the lines' stiffness.
 
-    A rotation r of a line costs rᵀKr = N L and nothing else; where rounding is larger, 0.
+    A rotation θ of a line meets no other resistance, and turns these: K r = (θ × f, θ × m / 2) at each node,
+    the moment being semitangential. Where rounding is larger, 0.
+
+    Returns
+    -------
+    ndarray (n_lines, 2, 2, 3)
+        Forces and moments at both nodes, global [N, N·m].
     """
     points = model.mesh.points[model.mesh.lines]
     arm = points - points.mean(axis=1, keepdims=True)
-    r = np.zeros((len(K), 12))
-    axis = axes.R[:, 2]
-    for k in range(2):
-        r[:, 6 * k : 6 * k + 3] = np.cross(axis, arm[:, k])
-        r[:, 6 * k + 3 : 6 * k + 6] = axis
-    work = np.einsum("bi,bij,bj->b", r, K, r)
-    terms = np.einsum("bi,bij,bj->b", abs(r), abs(K), abs(r))
-    flexible = axes.span * (1 - axes.zone.sum(axis=1))
-    return np.where(abs(work) > 1e-12 * terms, work / flexible, 0.0)
+    out = np.zeros((len(K), 2, 2, 3))
+    largest = np.zeros(len(K))
+    for axis in np.eye(3):
+        r = np.zeros((len(K), 2, 2, 3))
+        r[:, :, 0], r[:, :, 1] = np.cross(axis, arm), axis
+        r = r.reshape(-1, 12)
+        out -= np.cross(axis, np.einsum("bij,bj->bi", K, r).reshape(-1, 2, 2, 3)) * [[0.5], [1.0]]
+        largest = np.maximum(largest, np.einsum("bi,bij,bj->b", abs(r), abs(K), abs(r)))
+    rounding = (
+        1e-12
+        * largest[:, None, None, None]
+        * np.stack([1 / axes.span, 0 * axes.span + 1], axis=1)[:, None, :, None]
+    )
+    return np.where(abs(out) > rounding, out, 0.0)
 
 
 def _section_forces(
@@ -931,13 +951,13 @@ def _section_forces(
     xi: NDArray[np.float64],
     ends: NDArray[np.float64],
     spread: _Spread,
-    tension: NDArray[np.float64],
+    initial: NDArray[np.float64],
     u: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return the section forces at fractions of lines, shape (n, 6, n_cases).
 
     They hold the part before the cut in equilibrium with its node's force and its loads. Under geometric
-    stiffness that part is turned, and the tension at a displaced place adds its moment.
+    stiffness that part is displaced, and the initial forces on it add moments; axes stay as they were.
     """
     axes = _axes(model)
     a, b = np.moveaxis(model.mesh.points[model.mesh.lines[lines]] + axes.offset[lines], 1, 0)
@@ -961,17 +981,39 @@ def _section_forces(
         arm = a[cut] + at[:, None] * (b - a)[cut] - place[cut]
         np.subtract.at(np.moveaxis(force, 1, 2), (cut, spread.case[load]), q)
         np.subtract.at(np.moveaxis(moment, 1, 2), (cut, spread.case[load]), np.cross(arm, q))
-    pulled = np.flatnonzero(tension[lines])
-    if pulled.size:
-        dofs = _line_dofs(model)[lines[pulled]]
-        here, start = (
-            np.einsum("bij,bjc->bic", _axis_motion(model, axes, lines[pulled], x), u[dofs])[:, :3]
-            for x in (xi[pulled], 0 * xi[pulled])
-        )
-        along = (tension[lines[pulled], None] * axes.R[lines[pulled], 0])[:, :, None]
-        moment[pulled] -= np.cross(here - start, along, axis=1)
+    loaded = np.flatnonzero(initial[lines].any(axis=(1, 2, 3)))
+    if loaded.size:
+        moment[loaded] -= _moments_of_displacement(model, axes, lines[loaded], xi[loaded], initial, u)
     R = axes.R[lines]
     return np.concatenate([R @ force, R @ moment], axis=1)
+
+
+def _moments_of_displacement(
+    model: Model,
+    axes: _Axes,
+    lines: NDArray[np.int64],
+    xi: NDArray[np.float64],
+    initial: NDArray[np.float64],
+    u: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the moments about displaced places of the initial forces before them, shape (n, 3, n_cases).
+
+    The node's force f and a uniform load that closes the line's equilibrium act at displaced places; the
+    node's moment m is turned, by θ × m/2 beyond what its work on the rotation vector says.
+    """
+    dofs = _line_dofs(model)[lines]
+    f, m = initial[lines, 0, 0], initial[lines, 0, 1]
+    per_axis = -(initial[lines, 0, 0] + initial[lines, 1, 0])
+
+    def moved(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.einsum("bij,bjc->bic", _axis_motion(model, axes, lines, x), u[dofs])[:, :3]
+
+    here, node = moved(xi), u[dofs[:, :3]]
+    out: NDArray[Any] = np.cross(node - here, f[:, :, None], axis=1)
+    out += 0.5 * np.cross(u[dofs[:, 3:6]], m[:, :, None], axis=1)
+    for x, w in zip(*_gauss(3), strict=True):
+        out += np.cross(moved(x * xi) - here, (w * xi)[:, None, None] * per_axis[:, :, None], axis=1)
+    return out
 
 
 def _between(solution: StaticSolution, line: int, xi: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -984,7 +1026,7 @@ def _between(solution: StaticSolution, line: int, xi: NDArray[np.float64]) -> ND
     rows = np.array([line])
     rigidity = _rigidity(model, rows)[0]
     a, b = axes.zone[line, 0], 1 - axes.zone[line, 1]
-    at_rest = (solution._fixed, solution._spread, 0 * solution._tension, solution.displacements)
+    at_rest = (solution._fixed, solution._spread, 0 * solution._initial, solution.displacements)
     breaks = np.unique(np.clip([a, b, *solution._spread.xi[solution._spread.line == line].ravel()], a, b))
 
     def strains(at: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.mesh import Location, Mesh
-from fem.model import DIRECTIONS, Array, Contribution, Effect, Model, ModelError, Parameter, dofs_of
+from fem.model import (
+    DIRECTIONS,
+    Array,
+    Contribution,
+    Effect,
+    Model,
+    ModelError,
+    Parameter,
+    dofs_of,
+    lever_stiffness,
+)
 from fem.properties import Material, Section
 
 THEORIES = ("timoshenko", "euler-bernoulli", "bar")
@@ -740,7 +750,11 @@ class Frame(Effect):
         return self.values.get(f"rho:{p.material.name}", p.material.rho) * p.section.A
 
     def geometric_stiffness(self, model: Model, member: str, tension: Any) -> Contribution:
-        """Return the geometric stiffness of a member under a constant tension N: ∫ N (v'² + w'²) dx."""
+        """Return the geometric stiffness of a member under a constant tension N.
+
+        ∫ N (v'² + w'² + (Iy + Iz)/A a'²) dx with the twist a, along the whole axis: rigid zones turn with
+        their nodes.
+        """
         unit = _unit_tension(self, model, member)
         return Contribution(unit.dofs, tension * unit.K)
 
@@ -1233,12 +1247,21 @@ def _mass(g: _Lines) -> Array:
 
 
 def _tension(g: _Lines) -> Array:
-    """Return ∫ v'² + w'² dx, global, shape (b, 12, 12)."""
+    """Return ∫ v'² + w'² + (Iy + Iz)/A a'² dx of the whole axis, a the twist, global, shape (b, 12, 12)."""
     K: Array = np.zeros((len(g.L), 12, 12))
     for xi, weight in zip(*_gauss(3), strict=True):
         S = _slope(g, np.full(len(g.L), xi))
         K = K + np.swapaxes(S, 1, 2) @ ((weight * g.L)[:, None, None] * S)
-    return _to_global(K, g.T)
+    twist = (1 - g.bar) * (g.Iy + g.Iz) / (g.A * g.L)
+    K[:, 3, 3] += twist
+    K[:, 9, 9] += twist
+    K[:, 3, 9] -= twist
+    K[:, 9, 3] -= twist
+    K = _to_global(K, g.T)
+    for k, sign in ((0, -1.0), (1, 1.0)):  # rigid zones and offsets turn with their nodes
+        turn = slice(3 + 6 * k, 6 + 6 * k)
+        K[:, turn, turn] += lever_stiffness(sign * g.end[:, k], g.R[:, 0])
+    return K
 
 
 def _plain_stiffness(g: _Lines) -> tuple[Array, ...]:

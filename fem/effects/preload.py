@@ -14,7 +14,7 @@ from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Preload(Effect):
-    """A constant tension in one member; geometric stiffness ∫ N (v'² + w'²) dx.
+    """A constant tension in one member: ∫ N (v'² + w'² + (Iy + Iz)/A a'²) dx, a the twist.
 
     Attributes
     ----------

@@ -1,34 +1,79 @@
-"""The axial forces of a static state, which stiffen or soften the bending of all members."""
+"""The section forces of a static state, which stiffen or soften all members."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.model import Contribution, Effect, Model, ModelError, Parameter
+from fem.effects.geometric_stiffness import SectionForces, sample, stress_stiffness
+from fem.effects.places import stiffness_of_sprung
+from fem.mesh import Mesh
+from fem.model import (
+    Contribution,
+    Effect,
+    Model,
+    ModelError,
+    Parameter,
+    ParameterRef,
+    dofs_of,
+    lever_stiffness,
+)
+
+_EMPTY: Mapping[str, Any] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeverForces:
+    """Forces at the ends of rigid arms: of links, joints and bodies whose place is off their point.
+
+    Attributes
+    ----------
+    points : ndarray of int (n,)
+        The points that hold the arms.
+    arms : ndarray (n, 3)
+        From the points to the ends of the arms [m].
+    forces : ndarray (n, 3)
+        What the points exert there, global [N].
+    """
+
+    points: NDArray[np.int64]
+    arms: NDArray[np.float64]
+    forces: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Prestress(Effect):
-    """Axial forces along members, times one load factor; geometric stiffness ∫ N (v'² + w'²) dx.
+    """Section forces along members, times one load factor, with their geometric stiffness.
 
-    Each element has the mean of N over it, so that the force is the same on any mesh.
+    See `fem.effects.geometric_stiffness` for its terms. The forces are functions of arc length, so that they
+    are the same on any mesh.
 
     Attributes
     ----------
     tension : mapping of str to (ndarray (n,), ndarray (n,))
-        For each member arc lengths from its first end [m], which do not fall, and N there, positive in
-        tension and linear in between [N]. A place given twice is a jump; outside, N is that of the nearest.
+        Axial forces alone: for each member arc lengths from its first end [m], which do not fall, and N
+        there, positive in tension and linear in between [N]. A place given twice is a jump; outside, N is
+        that of the nearest.
     factor : float
         Load factor [-].
+    forces : mapping of str to SectionForces
+        All section forces of members, in addition.
+    levers : LeverForces or None
+        Forces on rigid arms off the members.
     """
 
     kind: ClassVar[str] = "prestress"
-    tension: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+    tension: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(
+        default_factory=lambda: _EMPTY
+    )
     factor: Any = 1.0
+    forces: Mapping[str, SectionForces] = field(default_factory=lambda: _EMPTY)
+    levers: LeverForces | None = None
 
     def __post_init__(self) -> None:
         for member, (s, N) in self.tension.items():
@@ -38,55 +83,100 @@ class Prestress(Effect):
                     "places; there must be one each, at arc lengths that do not fall"
                 )
                 raise ModelError(msg)
-            if not (np.isfinite(s).all() and np.isfinite(N).all()):
+        axial = {member: (N,) for member, (_, N) in self.tension.items()}
+        whole = {member: (f.start, f.stop, f.values) for member, f in self.forces.items()}
+        for member, arrays in (*axial.items(), *whole.items()):
+            if not all(np.isfinite(a).all() for a in arrays):
                 msg = f"prestress '{self.name}', member '{member}': its forces must be finite numbers [N]"
+                raise ModelError(msg)
+        for member, (s, _) in self.tension.items():
+            if not np.isfinite(s).all():
+                msg = f"prestress '{self.name}', member '{member}': its places must be finite numbers [m]"
                 raise ModelError(msg)
 
     @property
     def where(self) -> str:
         """The members."""
-        return f"member{'s' if len(self.tension) > 1 else ''} {', '.join(self.tension)}"
+        names = self._members()
+        return f"member{'s' if len(names) > 1 else ''} {', '.join(names)}"
+
+    def _members(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys((*self.tension, *self.forces)))
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the load factor."""
         return (Parameter("factor", "-", self.factor, 0.0, -1e3, 1e3, linear=True),)
 
+    def courses(self, member: str) -> tuple[SectionForces, ...]:
+        """Return the courses of section forces along a member that add up to its own."""
+        out = [SectionForces.axial(*self.tension[member])] if member in self.tension else []
+        return (*out, self.forces[member]) if member in self.forces else tuple(out)
+
     def line_tension(self, model: Model, member: str) -> NDArray[np.float64]:
         """Return the mean axial force of each line of a member at a load factor of 1, (n_lines,) [N]."""
-        s, N = self.tension[member]
-        at = model.mesh.member_positions(member)
-        return np.diff(_integral(s, N, at)) / np.diff(at)
+        (frame,) = model.of_kind(Frame)
+        g, s = frame._lines(model.mesh, model.mesh.members[member]), model.mesh.member_positions(member)
+        out = np.zeros(len(g.L))
+        for course in self.courses(member):
+            samples = sample(g, s, course)
+            np.add.at(out, samples.line, samples.weight * samples.forces[:, 0])
+        return out / g.span
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the geometric stiffness of each member, in the order of ``tension``."""
+        """Return the geometric stiffness of the members' lines, and of forces on rigid arms."""
         (frame,) = model.of_kind(Frame)
-        out = []
-        for member in self.tension:
+        for member in self._members():
             if member not in model.mesh.members:
                 msg = (
                     f"prestress '{self.name}' is of member '{member}'; the mesh has "
                     f"{', '.join(model.mesh.members)}"
                 )
                 raise ModelError(msg)
-            unit = frame.geometric_stiffness(model, member, 1.0)
-            N = self.factor * self.line_tension(model, member)
-            out.append(Contribution(unit.dofs, N[:, None, None] * unit.K))
+        unit = _unit(_Held(self), frame, model.mesh)
+        out = [Contribution(unit.dofs, self.factor * unit.K, lines=unit.lines)] if len(unit.dofs) else []
+        if self.levers is not None and self.levers.points.size:
+            K = np.zeros((self.levers.points.size, 6, 6))
+            K[:, 3:, 3:] = lever_stiffness(self.levers.arms, self.levers.forces)
+            out.append(Contribution(dofs_of(self.levers.points), self.factor * K))
         return tuple(out)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's moduli of members on springs."""
+        refs = (ref for member in self._members() for ref in stiffness_of_sprung(model, member))
+        return tuple(dict.fromkeys(refs))
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the middles of the members."""
         mesh = model.mesh
-        return np.array([mesh.point_at(mesh.locate(m, mesh.member_length(m) / 2)) for m in self.tension])
+        return np.array([mesh.point_at(mesh.locate(m, mesh.member_length(m) / 2)) for m in self._members()])
 
 
-def _integral(s: NDArray[np.float64], N: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ∫ N ds from s[0] to places, N linear in between, shape (n,)."""
-    whole = np.concatenate([[0.0], np.cumsum(np.diff(s) * (N[:-1] + N[1:]) / 2)])
-    if s.size == 1:
-        return N[0] * (at - s[0])
-    k = np.clip(np.searchsorted(s, at, side="right") - 1, 0, s.size - 2)
-    x, h = np.clip(at, s[0], s[-1]) - s[k], s[k + 1] - s[k]
-    slope = np.divide(N[k + 1] - N[k], h, out=np.zeros_like(x), where=h > 0)
-    inside = whole[k] + np.where(h > 0, (N[k] + slope * x / 2) * x, 0.0)
-    outside = N[0] * np.minimum(at - s[0], 0.0) + N[-1] * np.maximum(at - s[-1], 0.0)
-    return inside + outside
+class _Held:
+    """A prestress as a key of what does not depend on its factor."""
+
+    def __init__(self, effect: Prestress) -> None:
+        self.effect = effect
+
+    def __hash__(self) -> int:
+        return hash((id(self.effect.tension), id(self.effect.forces)))
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, _Held)
+            and other.effect.tension is self.effect.tension
+            and other.effect.forces is self.effect.forces
+        )
+
+
+@lru_cache(maxsize=8)
+def _unit(held: _Held, frame: Frame, mesh: Mesh) -> Contribution:
+    """Return the geometric stiffness of the lines at a load factor of 1."""
+    dofs, K, lines = [np.zeros((0, 12), dtype=np.int64)], [np.zeros((0, 12, 12))], []
+    for member in held.effect._members():
+        g, s = frame._lines(mesh, mesh.members[member]), mesh.member_positions(member)
+        dofs.append(g.dofs)
+        parts = [stress_stiffness(g, sample(g, s, course)) for course in held.effect.courses(member)]
+        K.append(np.sum(parts, axis=0))
+        lines.append(g.rows)
+    rows = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)
+    return Contribution(np.concatenate(dofs), np.concatenate(K), lines=rows)
