@@ -90,22 +90,26 @@ def _npz_seeds(folder: Path) -> list[bytes]:
     )
 
 
-_KEYS = (
-    "frequency",
-    "H",
-    "kind",
-    "outputs",
-    "inputs",
-    "shapes",
-    "zeta",
-    "labels",
-    "n_rigid",
-    "K",
-    "M",
-    "C",
-    "nodes",
+_ENTRIES = (f"{key}_{part}" for key in "KM" for part in ("row", "column", "value", "shape"))
+_KEYS = tuple(
+    [
+        "frequency",
+        "H",
+        "kind",
+        "outputs",
+        "inputs",
+        "shapes",
+        "zeta",
+        "labels",
+        "n_rigid",
+        "K",
+        "M",
+        "C",
+        "nodes",
+        "points",
+    ]
 )
-_KEYS += tuple(f"{key}_{part}" for key in "KM" for part in ("row", "column", "value", "shape")) + ("points",)
+_KEYS = (*_KEYS, *_ENTRIES)
 
 
 def _draw_npz(rng: random.Random) -> bytes:
@@ -168,6 +172,14 @@ def _calculix(suffix: str) -> Callable[[Path], object]:
     return read
 
 
+def _study_seeds(folder: Path) -> list[bytes]:
+    """Return small studies, and the template with its measurement beside."""
+    from study.template import write_template
+
+    write_template(folder)
+    return [*(text.encode() for text in decks.STUDY), (folder / "study.toml").read_bytes()]
+
+
 def _study(path: Path) -> None:
     from fem.checks import check_model
     from study.config import load_study
@@ -214,7 +226,7 @@ TARGETS: dict[str, Target] = {
         Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), read_mesh),
         Target("npz", "f.npz", _npz_seeds, _read_npz, _draw_npz),
         Target("csv", "f.csv", _texts(decks.CSV), lambda path: read_csv(path)),
-        Target("toml", "f.toml", _texts(decks.STUDY), _study),
+        Target("toml", "f.toml", _study_seeds, _study),
         Target("mtx", "f.K.mtx", _texts(decks.MATRIX_MARKET), _read_matrix_market),
         Target("dof", "f.dof", _texts([decks.CALCULIX["dof"]]), _calculix("dof")),
         Target("sti", "f.sti", _texts([decks.CALCULIX["sti"]]), _calculix("sti")),
