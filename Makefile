@@ -24,11 +24,12 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow independent a-frames solids extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo test slow fuzz independent a-frames solids extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
 	@echo 'make slow        the tests marked slow'
+	@echo 'make fuzz        damaged files for every reader; MINUTES=10 SEED=3, or COUNT=50000 for each format'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
 	@echo 'make a-frames    the same of beams of OpenSees, made here; 15 minutes'
 	@echo 'make solids      the same of bars of solid elements, made here; 40 minutes'
@@ -47,6 +48,11 @@ demo: $(READY)
 test: $(DEV)
 	$(IN) python -m pytest
 
+# minutes for all formats together, or inputs for each; SEED=7 draws others, FORMATS=inp,bdf some of them
+fuzz: $(DEV)
+	$(IN) python -m tests.fuzz --seed $(or $(SEED),1) $(if $(MINUTES),--minutes $(MINUTES)) \
+		$(if $(COUNT),--count $(COUNT)) $(if $(FORMATS),--formats $(FORMATS))
+
 slow: $(DEV)
 	$(IN) python -m pytest -m slow
 
@@ -64,7 +70,7 @@ solids: $(DEV) $(PEERS_READY)
 	$(IN) python -m tests.independent.table --cases out/solids --out out/solids-results
 
 extras: $(DEV) requirements-extras.lock
-	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock -r requirements-extras.lock
+	@$(PIP) install --quiet -r requirements-extras.lock
 
 # each prints its own table; docs/benchmarks.md says what they show
 BENCHMARKS := assembly modes frf engine sensitivity updating modal_identification joint_speed joint_noise
@@ -106,7 +112,7 @@ $(READY): requirements.lock pyproject.toml
 	@touch $@
 
 $(DEV): $(READY) requirements-dev.lock
-	@$(PIP) install --quiet -r requirements.lock -r requirements-dev.lock
+	@$(PIP) install --quiet -r requirements-dev.lock
 	@touch $@
 
 $(PEERS_READY): requirements-peers.lock
@@ -118,18 +124,19 @@ $(PEERS_READY): requirements-peers.lock
 		'on Debian and Ubuntu, apt-get install libblas3 libquadmath0' >&2; exit 1; }
 	@touch $@
 
-# requirements.lock is what running needs, requirements-dev.lock what testing and checking need beside it,
-# requirements-peers.lock the programs to compare with
+# Each lock file is whole and holds the hashes of all platforms' files: requirements.lock is what running needs,
+# -dev with what testing and checking need, -extras with the optional libraries, -peers the programs to compare with.
+# Versions stay as they are unless pyproject.toml asks for others; make lock UPGRADE=--upgrade takes the newest.
+COMPILE = .venv-lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate $(UPGRADE)
 lock:
-	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/python -m pip install --quiet 'setuptools>=77' --editable .
-	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude-editable > requirements.lock
-	.venv-lock/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[dev]'
-	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude-editable | grep -vxFf requirements.lock > requirements-dev.lock
-	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/python -m pip install --quiet openseespy PyNiteFEA scipy sdypy-EMA scikit-fem
-	.venv-lock/bin/python -m pip freeze --exclude setuptools \
-		| sed 's/^\(openseespylinux.*\)/\1; sys_platform == "linux"/' > requirements-peers.lock
+	test -x .venv-lock/bin/uv || $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet uv
+	echo 'setuptools>=77' | $(COMPILE) pyproject.toml - --output-file requirements.lock
+	echo 'setuptools>=77' | $(COMPILE) pyproject.toml - --extra dev --constraint requirements.lock --output-file requirements-dev.lock
+	echo 'setuptools>=77' | $(COMPILE) pyproject.toml - --extra dev --extra sections --extra accelerate \
+		--constraint requirements-dev.lock --output-file requirements-extras.lock
+	printf '%s\n' openseespy PyNiteFEA scipy sdypy-EMA scikit-fem \
+		| $(subst --universal,--python-platform linux,$(COMPILE)) - --output-file requirements-peers.lock
 	rm -rf .venv-lock
 
 clean:

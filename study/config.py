@@ -4,6 +4,7 @@ import os
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -181,12 +182,24 @@ def read_study(text: str, path: Path) -> Study:
     StudyError
         If something in it cannot be meant; the message names file, line and key.
     """
+    values, source = _parsed(text, path.name)
+    return _Reader(path, text, Table(source, (), values)).read()
+
+
+def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
+    """Return the values of a TOML text and where its keys stand."""
     try:
         values = tomllib.loads(text)
+        return values, Source(name, key_lines(text))
     except tomllib.TOMLDecodeError as reason:
-        msg = f"{path.name}: {reason}"
-        raise StudyError(msg) from None
-    return _Reader(path, text, Table(Source(path.name, key_lines(text)), (), values)).read()
+        msg = f"{name}: {reason}"
+    except RecursionError:
+        msg = (
+            f"{name}: its lists or tables are nested hundreds of levels deep; a study has five levels at most"
+        )
+    except ValueError:  # Python converts no more than 4300 digits to an integer
+        msg = f"{name}: it has a whole number with thousands of digits"
+    raise StudyError(msg) from None
 
 
 @dataclass(slots=True)

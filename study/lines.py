@@ -4,6 +4,8 @@
 """
 
 import re
+import tomllib
+from bisect import bisect_left
 
 Path = tuple[str | int, ...]
 """Keys and list indices from the top of the file: ``("joints", 0, "k", "kx")``."""
@@ -22,6 +24,7 @@ def key_lines(text: str) -> dict[Path, int]:
 class _Scan:
     def __init__(self, text: str) -> None:
         self.text, self.at = text, 0
+        self.ends = [m.start() for m in re.finditer("\n", text)]
         self.lines: dict[Path, int] = {}
         self.n_tables: dict[Path, int] = {}  # lengths of arrays of tables
 
@@ -40,7 +43,7 @@ class _Scan:
         return self.at
 
     def _mark(self, path: Path, start: int) -> None:
-        self.lines.setdefault(path, self.text.count("\n", 0, start) + 1)
+        self.lines.setdefault(path, bisect_left(self.ends, start) + 1)
 
     def _header(self) -> Path:
         start = self.at
@@ -66,7 +69,7 @@ class _Scan:
         while True:
             self._skip(_SPACE)
             if self.text[self.at] in "\"'":
-                parts.append(self._string()[1:-1])
+                parts.append(tomllib.loads(f"key = {self._string()}")["key"])
             else:
                 start = self.at
                 parts.append(self.text[start : self._skip(_BARE)])

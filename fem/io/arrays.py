@@ -8,7 +8,7 @@ they are known ``zeta`` (n_modes,), ``labels`` (n_dof,) and ``n_rigid``.
 import csv
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,12 +66,12 @@ def read_npz(path: str | os.PathLike[str], kind: FRFKind | str | None = None) ->
     """
     arrays, name = named_arrays(path), Path(path).name
     frequency, H = (_required(arrays, key, name, "frequency and H") for key in ("frequency", "H"))
-    given = str(arrays["kind"]) if "kind" in arrays else kind
+    given = str(typed(arrays, "kind", name, "text", 0)) if "kind" in arrays else kind
     if given is None:
         msg = f"{name}: it does not say the kind of the FRFs; give kind= {', '.join(FRFKind)}"
         raise TableError(msg)
     outputs, inputs = (
-        tuple(str(v) for v in np.atleast_1d(arrays[key])) if key in arrays else None
+        tuple(typed(arrays, key, name, "text", 1).tolist()) if key in arrays else None
         for key in ("outputs", "inputs")
     )
     return _checked(frequency, H, given, outputs, inputs, name)
@@ -101,13 +101,14 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
         If a key is missing or the shapes do not fit the frequencies and labels.
     """
     arrays, name = named_arrays(path), Path(path).name
-    frequency, shapes = (
-        _required(arrays, key, name, "frequency and shapes") for key in ("frequency", "shapes")
-    )
-    zeta = arrays.get("zeta")
-    labels = tuple(str(v) for v in arrays["labels"]) if "labels" in arrays else ()
-    numbers = all(a.dtype.kind in "fiuc" for a in (frequency, shapes))
-    if not numbers or shapes.ndim != 2 or frequency.shape != shapes.shape[1:]:
+    for key in ("frequency", "shapes"):
+        _required(arrays, key, name, "frequency and shapes")
+    frequency = typed(arrays, "frequency", name, "real", 1)
+    shapes = typed(arrays, "shapes", name, "complex", 2)
+    zeta = typed(arrays, "zeta", name, "real", 1) if "zeta" in arrays else None
+    labels = tuple(typed(arrays, "labels", name, "text", 1).tolist()) if "labels" in arrays else ()
+    n_rigid = int(typed(arrays, "n_rigid", name, "whole", 0)) if "n_rigid" in arrays else 0
+    if frequency.shape != shapes.shape[1:]:
         msg = (
             f"{name}: shapes have shape {shapes.shape} for {frequency.size} frequencies; (n_dof, n_modes) "
             "is expected"
@@ -119,7 +120,68 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
     if zeta is not None and zeta.shape != frequency.shape:
         msg = f"{name}: {zeta.size} damping ratios for {frequency.size} frequencies"
         raise TableError(msg)
-    return Modes(frequency, shapes, zeta, labels, int(arrays.get("n_rigid", 0)))
+    if not 0 <= n_rigid <= frequency.size:
+        msg = f"{name}: n_rigid is {n_rigid}; 0 to {frequency.size}, the number of modes, are allowed"
+        raise TableError(msg)
+    return Modes(frequency, shapes, zeta, labels, n_rigid)
+
+
+_VALUES = {
+    "real": ("fiu", "finite real numbers"),
+    "complex": ("fiuc", "finite numbers"),
+    "whole": ("fiu", "whole numbers"),
+    "any": ("fiuc", "numbers"),
+    "text": ("US", "texts"),
+}
+"""What an array of an archive may have to hold: NumPy's kinds of types, and the words for it."""
+
+
+def typed(
+    arrays: Mapping[str, NDArray[Any]],
+    key: str,
+    name: str,
+    what: str,
+    n_axes: int,
+    error: type[ValueError] = TableError,
+) -> NDArray[Any]:
+    """Return an array of an archive as what it must be.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+    key : str
+    name : str
+        The file, for the message.
+    what : {"real", "complex", "whole", "any", "text"}
+        Type of the values; all numbers but "any" must be finite, and bytes are texts.
+    n_axes : int
+        Number of axes. A single value is taken for an array of one where one axis is needed, and an array of
+        one value for the value.
+    error : type
+        What is raised.
+
+    Raises
+    ------
+    TableError
+        If the array is of another type or has another number of axes.
+    """
+    array = arrays[key]
+    kinds, words = _VALUES[what]
+    if array.ndim != n_axes and array.size == 1 and {array.ndim, n_axes} == {0, 1}:
+        array = array.reshape((1,) * n_axes)
+    found = f"{array.dtype} of shape {array.shape}"
+    fits = array.dtype.kind in kinds and array.ndim == n_axes
+    if fits and what not in ("text", "any") and not np.isfinite(array).all():
+        fits, found = False, "not finite everywhere"
+    elif fits and what == "whole":
+        fits = bool((abs(array.astype(float)) < 2.0**53).all() and (array == np.floor(array)).all())
+    if not fits:
+        need = (f"one of {words}", f"a list of {words}", f"rows of {words}")[min(n_axes, 2)]
+        msg = f"{name}: the array '{key}' is {found}; {need} is expected"
+        raise error(msg)
+    if what == "text":
+        return np.char.decode(array, "latin-1") if array.dtype.kind == "S" else array
+    return array.astype(np.int64) if what == "whole" else array
 
 
 def named_arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:

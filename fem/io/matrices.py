@@ -22,11 +22,13 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from fem.io.abaqus import read_abaqus_nodes
+from fem.io.arrays import typed
 from fem.io.atomic import replacing
+from fem.io.matrix_market import MOST_ROWS, read_matrix_market
 from fem.matrices import Matrices, MatricesError
 from fem.system import System, sum_contributions
 
-_LABEL = re.compile(r"\s*(\d+)\s*(RX|RY|RZ|X|Y|Z)\s*([+-]?)\s*", re.IGNORECASE)
+_LABEL = re.compile(r"\s*([0-9]{1,18})\s*(RX|RY|RZ|X|Y|Z)\s*([+-]?)\s*", re.IGNORECASE)
 _UNIT = {"K": "stiffness [N/m, N, N m]", "M": "mass [kg, kg m, kg m2]", "C": "viscous damping [N s/m, ...]"}
 _UNIT |= {"D": "structural damping [N/m, N, N m]", "Q": "from the independent coordinates to all DOFs [-]"}
 
@@ -284,25 +286,44 @@ def _npz(path: Path) -> dict[str, Any]:
         except Exception as reason:  # damaged archives raise whatever zipfile, zlib and numpy come upon
             msg = f"{path.name}: it cannot be read as .npz ({reason})"
             raise MatricesError(msg) from reason
-    found = {key: arrays[key] for key in ("labels", "nodes", "points") if key in arrays}
+    name = path.name
+    found: dict[str, Any] = {
+        key: typed(arrays, key, name, what, n_axes, MatricesError)
+        for key, what, n_axes in (("labels", "text", 1), ("nodes", "whole", 1), ("points", "real", 2))
+        if key in arrays
+    }
     for key in "KMCDQ":
         if key in arrays:
-            found[key] = arrays[key]
+            found[key] = typed(arrays, key, name, "any", 2, MatricesError)
         elif f"{key}_value" in arrays:
-            missing = [
-                f"{key}_{part}" for part in ("row", "column", "shape") if f"{key}_{part}" not in arrays
-            ]
-            if missing:
-                msg = f"{path.name}: {key}_value is there, but {', '.join(missing)} is missing"
-                raise MatricesError(msg)
-            index = (arrays[f"{key}_row"], arrays[f"{key}_column"])
-            try:
-                shape = tuple(int(v) for v in arrays[f"{key}_shape"])
-                found[key] = sp.coo_array((arrays[f"{key}_value"], index), shape=shape).tocsr()
-            except (ValueError, TypeError) as reason:
-                msg = f"{path.name}: the entries of {key} do not make a matrix ({reason})"
-                raise MatricesError(msg) from reason
+            found[key] = _sparse(arrays, key, name)
     return found
+
+
+def _sparse(arrays: dict[str, NDArray[Any]], key: str, name: str) -> sp.csr_array:
+    """Return the matrix whose entries are ``K_row``, ``K_column`` and ``K_value``."""
+    missing = [f"{key}_{part}" for part in ("row", "column", "shape") if f"{key}_{part}" not in arrays]
+    if missing:
+        msg = f"{name}: {key}_value is there, but {', '.join(missing)} is missing"
+        raise MatricesError(msg)
+    row, column, shape = (
+        typed(arrays, f"{key}_{part}", name, "whole", 1, MatricesError) for part in ("row", "column", "shape")
+    )
+    value = typed(arrays, f"{key}_value", name, "real", 1, MatricesError)
+    if shape.size != 2 or not ((shape >= 1) & (shape <= MOST_ROWS)).all():
+        msg = f"{name}: {key}_shape is {shape.tolist()}; rows and columns, 1 to {MOST_ROWS}, are expected"
+        raise MatricesError(msg)
+    if not row.size == column.size == value.size:
+        msg = f"{name}: {key} has {row.size} rows, {column.size} columns and {value.size} values of entries"
+        raise MatricesError(msg)
+    if row.size and not (
+        min(row.min(), column.min()) >= 0 and row.max() < shape[0] and column.max() < shape[1]
+    ):
+        msg = (
+            f"{name}: entries of {key} lie outside its {shape[0]} rows and {shape[1]} columns, counted from 0"
+        )
+        raise MatricesError(msg)
+    return sp.coo_array((value, (row, column)), shape=tuple(shape.tolist())).tocsr()
 
 
 def _matrix_market(path: Path) -> dict[str, Any]:
@@ -314,11 +335,7 @@ def _matrix_market(path: Path) -> dict[str, Any]:
                 msg = f"{file}: there is no such file; '{path.name}' stands for {file.name} and others"
                 raise MatricesError(msg)
             continue
-        try:
-            found[key] = sp.csr_array(scipy.io.mmread(file, spmatrix=False))
-        except (ValueError, TypeError, OverflowError, StopIteration) as reason:
-            msg = f"{file.name}: it cannot be read as a Matrix Market file ({reason})"
-            raise MatricesError(msg) from reason
+        found[key] = read_matrix_market(file)
     table = _part(path, "dofs.csv")
     if table.is_file():
         found |= _table(table, found["K"].shape[0])
@@ -414,10 +431,11 @@ def read_calculix(
 
 def _calculix_dofs(file: Path) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     words = file.read_text(encoding="ascii", errors="replace").split()
-    pairs = [re.fullmatch(r"(\d+)\.([1-6])", word) for word in words]
+    pairs = [re.fullmatch(r"([0-9]{1,18})\.([1-6])", word) for word in words]
     bad = next((k for k, pair in enumerate(pairs) if pair is None), None)
     if bad is not None:
-        msg = f"{file.name}: line {bad + 1} is {words[bad]!r}; node and direction are expected, such as 12.3"
+        found = f"line {bad + 1} is {words[bad][:30]!r}"
+        msg = f"{file.name}: {found}; node and direction are expected, such as 12.3"
         raise MatricesError(msg)
     numbers = np.array([[int(p.group(1)), int(p.group(2))] for p in pairs if p], dtype=np.int64).reshape(
         -1, 2

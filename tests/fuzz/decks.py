@@ -1,0 +1,287 @@
+"""Small valid files with much of what their formats can say; all are read without an error."""
+
+ABAQUS = [
+    """*HEADING
+a frame
+** comment
+*NODE, NSET=ALL
+1, 0., 0., 0.
+2, 0., 0., 1.
+3, 1., 0., 1.
+4, 1., 0., 0.
+*ELEMENT, TYPE=B31, ELSET=COLUMNS
+1, 1, 2
+2, 3, 4
+*ELEMENT, TYPE=B32, ELSET=BEAM
+3, 2, 5, 3
+*NODE
+5, .5, 0., 1.
+*NSET, NSET=BASE
+1, 4
+*ELSET, ELSET=EVERYTHING
+COLUMNS, BEAM
+*ELSET, ELSET=SOME, GENERATE
+1, 3, 2
+*MATERIAL, NAME=STEEL
+*ELASTIC
+210000., .3
+*BEAM SECTION, SECTION=RECT, ELSET=EVERYTHING, MATERIAL=STEEL
+10., 20.
+0., 1., 0.
+""",
+    """*PART, NAME=LEG
+*NODE
+1, 0., 0., 0.
+2, 0., 0., 1.
+*ELEMENT, TYPE=B31
+1, 1, 2
+*ELSET, ELSET=LEGS
+1,
+*END PART
+*ASSEMBLY, NAME=A
+*INSTANCE, NAME=LEG-1, PART=LEG
+*END INSTANCE
+*INSTANCE, NAME=LEG-2, PART=LEG
+1., 0., 0.
+1., 0., 0., 1., 0., 1., 90.
+*END INSTANCE
+*NSET, NSET=FEET, INSTANCE=LEG-1
+1,
+*ELSET, ELSET=BOTH
+LEG-1.1, LEG-2.1
+*END ASSEMBLY
+""",
+    """*NODE
+1, 0., 0.
+11, 10., 0.
+*NGEN, NSET=LINE
+1, 11, 1
+*ELEMENT, TYPE=B21
+1, 1, 2
+*ELGEN, ELSET=ROW
+1, 10, 1, 1
+""",
+    """*SYSTEM
+1., 0., 0., 1., 1., 0., 0., 1., 0.
+*NODE, SYSTEM=C
+1, 2., 0., 0.
+2, 2., 45., 0.
+3, 2., 90., 0.
+*ELEMENT, TYPE=T3D2
+1, 1, 2
+2, 2, 3
+""",
+]
+
+NASTRAN = [
+    """SOL 103
+CEND
+TITLE = frame
+BEGIN BULK
+$ comment
+GRID,1,,0.,0.,0.
+GRID,2,,0.,0.,1.
+GRID    3               1.0     0.0     1.0
+GRID*   4                               1.0             0.0
+*       0.0
+CBAR,1,7,1,2,0.,1.,0.
+CBAR    2       7       3       4       0.0     1.0     0.0
+CBEAM,3,8,2,3,0.,1.,0.
++,
+CROD,4,9,1,3
+PBAR,7,1,1.-4,1.-8,1.-8,2.-8
+PBEAM,8,1,1.-4,1.-8,1.-8,,2.-8
+MAT1,1,2.1+11,,.3,7850.
+SPC1,1,123456,1,4
+ENDDATA
+""",
+    """BEGIN BULK
+CORD2R,5,,1.,0.,0.,1.,0.,1.
+,2.,0.,0.
+CORD2C,6,5,0.,0.,0.,0.,0.,1.
+,1.,0.,0.
+GRDSET,,6
+GRID,1,,2.,0.,0.
+GRID,2,,2.,45.,0.
+GRID,3,0,2.,90.,0.
+CONROD,1,1,2,1,1.-4
+CTUBE,2,7,2,3
+RBE2,9,1,123,2
+ENDDATA
+""",
+]
+
+GMSH = [
+    """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+2
+1 1 "columns"
+1 2 "beam"
+$EndPhysicalNames
+$Nodes
+4
+1 0 0 0
+2 0 0 1
+3 1 0 1
+4 1 0 0
+$EndNodes
+$Elements
+4
+1 15 2 3 1 1
+2 1 2 1 1 1 2
+3 1 2 1 2 3 4
+4 1 2 2 3 2 3
+$EndElements
+""",
+    """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+1
+1 1 "columns"
+$EndPhysicalNames
+$Entities
+2 1 0 0
+1 0 0 0 0
+2 0 0 1 0
+1 0 0 0 0 0 1 1 1 2 1 -2
+$EndEntities
+$Nodes
+2 3 1 3
+0 1 0 1
+1
+0 0 0
+1 1 0 2
+2
+3
+0 0 0.5
+0 0 1
+$EndNodes
+$Elements
+1 2 1 2
+1 1 1 2
+1 1 2
+2 2 3
+$EndElements
+""",
+]
+
+VTK = [
+    """# vtk DataFile Version 3.0
+frame
+ASCII
+DATASET UNSTRUCTURED_GRID
+POINTS 3 double
+0 0 0
+0 0 1
+1 0 1
+CELLS 2 6
+2 0 1
+2 1 2
+CELL_TYPES 2
+3
+3
+CELL_DATA 2
+SCALARS member int 1
+LOOKUP_TABLE default
+1
+2
+""",
+]
+
+CSV = [
+    "# kind: accelerance, (m/s²)/N\nfrequency_Hz,re(1Z+/1Z+),im(1Z+/1Z+),re(2Z+/1Z+),im(2Z+/1Z+)\n"
+    "1.0,0.1,0.2,0.3,-0.4\n2.0,0.1,0.2,0.3,-0.4\n3.0,1e-3,2e-2,0.3,-0.4\n",
+    "# kind: mobility\nf;a\n1,5;1,0-2,5j\n2,5;1,0+2,5j\n",
+    "% kind: receptance\n1 1e-6 -2e-7\n2 1e-6 -3e-7\n",
+]
+
+MATRIX_MARKET = [
+    "%%MatrixMarket matrix coordinate real symmetric\n% comment\n12 12 13\n"
+    + "".join(f"{k} {k} {1e6 * k}\n" for k in range(1, 13))
+    + "7 1 -5.0e5\n",
+    "%%MatrixMarket matrix array real symmetric\n12 12\n"
+    + "".join(f"{1e5 if k == j else 0.0}\n" for j in range(12) for k in range(j, 12)),
+    "%%MatrixMarket matrix coordinate integer general\n12 12 12\n"
+    + "".join(f"{k} {k} 7\n" for k in range(1, 13)),
+]
+
+CALCULIX = {
+    "dof": "".join(f"{node}.{d}\n" for node in (1, 2) for d in (1, 2, 3)),
+    "sti": "".join(f"{k} {k} {1e5 * k:.6E}\n" for k in range(1, 7)) + "4 1 -.5000000000000E+05\n",
+    "mas": "".join(f"{k} {k} .1000000000000E+00\n" for k in range(1, 7)),
+}
+
+STUDY = [
+    """[study]
+name = "mast"
+[points]
+foot = [0.0, 0.0, 0.0]
+tip = [0.0, 0.0, 1.2]
+[members.mast]
+from = "foot"
+to = "tip"
+section = { shape = "circle", d = 0.02 }
+material = "steel"
+[materials.steel]
+E = 210e9
+rho = 7850.0
+[damping]
+modal = 0.01
+[[supports]]
+point = "foot"
+[[masses]]
+point = "tip"
+mass = 0.2
+[[sensors]]
+name = "t"
+point = "tip"
+direction = "x"
+[[excitations]]
+sensor = "t"
+[frequency]
+stop = 100.0
+step = 1.0
+[uncertain]
+E = 0.02
+rho = 0.01
+damping = 0.3
+""",
+    """[points]
+a = [0.0, 0.0, 0.0]
+b = [0.0, 0.0, 0.5]
+c = [0.5, 0.0, 0.5]
+d = [0.1, 0.0, 0.1]
+[members]
+leg = { from = "a", to = "b" }
+arm = { from = "b", to = "c", orientation = "z" }
+brace = { from = "d", to = "c" }
+[materials.alu]
+E = 70e9
+rho = 2700.0
+nu = 0.33
+[defaults]
+material = "alu"
+section = { shape = "rectangle", b = 0.03, h = 0.01 }
+[damping]
+loss_factor = 0.01
+[[supports]]
+point = "a"
+fixed = "all"
+[[joints]]
+name = "J"
+member1 = "leg"
+position1 = 0.2
+member2 = "brace"
+position2 = 0.2
+k = { krx = 2980.0, krz = 5000.0 }
+rigid = "x y z ry"
+eta = 0.006
+[mesh]
+element_size = 0.1
+[fit]
+band = [5.0, 90.0]
+""",
+]
