@@ -78,7 +78,7 @@ class PhaseEvidence:
 
     @property
     def direction(self) -> NDArray[np.float64]:
-        """1 where an FRF is certainly causal, -1 where it certainly runs backwards, 0 where nobody knows."""
+        """1 where an FRF is certainly causal, -1 where it surely runs backwards, 0 where nobody knows."""
         known = (np.abs(self.deviations) > ANTICAUSAL_DEVIATIONS) & (
             np.abs(self.log_ratio) > np.log(ANTICAUSAL_RATIO)
         )
@@ -86,7 +86,7 @@ class PhaseEvidence:
 
     @property
     def axis(self) -> NDArray[np.float64]:
-        """1 where the phase is certainly that of the kind, -1 where a quarter turn off, 0 where nobody knows."""
+        """1 where the phase certainly fits the kind, -1 where a quarter turn off, 0 where nobody knows."""
         both = np.stack([self.ringing, self.lines])
         right, turned = (both > QUADRATURE).all(axis=0), (both < -QUADRATURE).all(axis=0)
         return np.where(turned, -1.0, np.where(right, 1.0, 0.0)) * (self.direction != 0)
@@ -144,8 +144,8 @@ def _evidence(
 ) -> tuple[NDArray[Any], ...]:
     """Return the five arrays of :class:`PhaseEvidence` for the responses to one force, (n_out,) each."""
     size = np.abs(H)
-    off = np.where(size > 0, (H / expected) ** 2 / np.maximum(size, np.finfo(float).tiny) ** 2, 0)
-    lines = off.real.mean(axis=0)
+    unit = H / (np.where(size > 0, size, 1.0) * expected)
+    lines = (unit.real**2 - unit.imag**2).mean(axis=0)
     H = _even(frequency, H)
     n = len(H)
     window = np.hanning(n + 2)[1:-1]
@@ -233,7 +233,7 @@ def driven_points(measurement: Measurement, tolerance: float) -> list[tuple[int,
 
 
 def misphased(evidence: PhaseEvidence, driven: Sequence[tuple[int, int, float]] = ()) -> list[Misphased]:
-    """Return what is certainly of another convention: all FRFs, those of sensors or forces, or single ones."""
+    """Return which FRFs are certainly of another convention: all, those of sensors or forces, or some."""
     ratio = np.exp(-evidence.log_ratio)
     cosine = np.fmax(evidence.ringing, evidence.lines)
     out = []
