@@ -166,8 +166,8 @@ def _part(m: Measurement, f: Misphased, beside: BesideModel) -> np.ndarray:
 
 
 def _supported(m: Measurement, f: Misphased, beside: BesideModel | None) -> bool:
-    """Return whether the model does not contradict a quarter turn of some channels."""
-    if f.fault == "conjugate" or f.of == "all" or beside is None:
+    """Return whether the model does not contradict a quarter turn."""
+    if f.fault == "conjugate" or beside is None:
         return True
     ratio = _part(m, f, beside)
     ratio = ratio[np.isfinite(ratio) & (ratio != 0)]
