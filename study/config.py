@@ -229,6 +229,15 @@ class _Reader:
             place = f"{reason.filename}: {reason.strerror}" if isinstance(reason, OSError) else str(reason)
             self.warnings.append(f"left out, and not needed here: {' '.join(place.split())}")
 
+    @contextmanager
+    def _if_all_was_read(self) -> Iterator[None]:
+        """Read what refers to sensors and measurements; it has no meaning where some were left out."""
+        try:
+            yield
+        except ValueError:
+            if not self.warnings:
+                raise
+
     def read(self) -> Study:
         top, notes = self.top, []
         head = top.table("study")
@@ -289,7 +298,7 @@ class _Reader:
         model_error = fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper")
         held_out, held_out_sensors = (), ()
         fit.get("held_out", ())
-        with self._attempt("measurements"):
+        with self._if_all_was_read():
             held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
         fit.finish()
         top_line = top_frequency(raw, band)
@@ -340,7 +349,7 @@ class _Reader:
         has = {"frf": bool(raw), "modes": shaped, "frequencies": bool(raw) or modes is not None}
         known = [_unknown_of(model, n) for n in nuisances if n.effect != SectionShear.kind]
         plan = UpdatePlan()
-        with self._attempt("measurements"):
+        with self._if_all_was_read():
             plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
         if "measurements" in self.needs and measurements:
             with top.at():
@@ -387,7 +396,7 @@ class _Reader:
         with self._attempt("measurements"):
             raw, nodes = read_files(self.top, self.path.parent, notes)
         with self._attempt("measurements"):
-            raw_modes = read_raw_modes(self.top, self.path.parent)
+            raw_modes = read_raw_modes(self.top, self.path.parent, notes)
         return raw, raw_modes, nodes if raw_modes is None else {**raw_modes.nodes, **nodes}
 
     def _channels(

@@ -340,12 +340,16 @@ def _refuse_other_form(frf: FRF, name: str) -> None:
             'form = "re-im" reads them as real and imaginary parts'
         )
         raise FRFError(msg)
-    angles = frf.H.imag if np.abs(frf.H.imag).max() > 2 * np.pi + 0.01 else np.rad2deg(frf.H.imag)
-    polar = replace(frf, H=frf.H.real * np.exp(1j * np.deg2rad(angles)))
+    degrees = bool(np.abs(frf.H.imag).max() > 2 * np.pi + 0.01)
+    angle = np.deg2rad(frf.H.imag) if degrees else frf.H.imag
+    polar = replace(frf, H=frf.H.real * np.exp(1j * angle))
     if (phase_evidence(polar).direction != 0).any() and not (phase_evidence(frf).direction > 0).any():
+        remedy = 'give form = "magnitude-degrees"'
+        if not degrees:
+            remedy = 'the angles are in radians: make them degrees and give form = "magnitude-degrees"'
         msg = (
-            f"{name}: its columns look like amplitude and angle, not real and imaginary part; give form = "
-            '"magnitude-degrees" (angles in degrees), or form = "re-im" if they are parts'
+            f"{name}: its columns look like amplitude and angle, not real and imaginary part; {remedy}, or "
+            'form = "re-im" if they are parts'
         )
         raise FRFError(msg)
 

@@ -220,12 +220,23 @@ def _residues(
         size = np.abs(g)
         peak = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
         peak = peak[size[peak] > _NOISE_MULTIPLE * noise[k]]
-        peak = peak[np.argsort(-size[peak])][:_MOST_PEAKS]
+        peak = np.array(_apart(size, peak), dtype=int)
         if peak.size:
             energy = float((size[peak] ** 2).sum())
             quality[k] = float((g[peak] ** 2).real.sum()) / energy
             sense[k] = complex((g[peak] * size[peak]).sum()) / energy
     return quality, sense
+
+
+def _apart(size: NDArray[np.float64], peaks: NDArray[np.int64]) -> list[int]:
+    """Return the highest peaks with a valley of half their height between them: noise makes lesser ones."""
+    out: list[int] = []
+    for p in peaks[np.argsort(-size[peaks])]:
+        if all(size[min(p, q) : max(p, q)].min() < 0.5 * size[p] for q in out):
+            out.append(int(p))
+        if len(out) == _MOST_PEAKS:
+            break
+    return out
 
 
 def driven_points(measurement: Measurement, tolerance: float) -> list[tuple[int, int, float]]:
