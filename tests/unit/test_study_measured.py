@@ -182,14 +182,13 @@ def test_amplitudes_without_phase_are_refused_alike(load, computed, tmp_path):
     with pytest.raises(StudyError, match=r"without phase cannot be compared.*as frequency = "):
         load(size.astype(complex))
     np.savez(
-        tmp_path / "m.npz", frequency=computed.frequency, H=size, kind="accelerance", outputs=computed.outputs,
-        inputs=computed.inputs,
+        tmp_path / "m.npz", frequency=computed.frequency, H=size, kind="accelerance",
+        outputs=computed.outputs, inputs=computed.inputs,
     )  # fmt: skip
     with pytest.raises(StudyError, match="without phase"):
         load_study(path)
     path.write_text(
-        STUDY
-        + '[[measurements]]\nfile = "m.csv"\nkind = "accelerance"\noutputs = ["low", "mid"]\ninputs = ["top"]\n',
+        STUDY + '[[measurements]]\nfile = "m.csv"\nkind = "accelerance"\noutputs = "low"\ninputs = "top"\n',
         encoding="utf-8",
     )
     table = np.column_stack([computed.frequency, size[:, :2, 0]])
