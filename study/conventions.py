@@ -61,7 +61,7 @@ def check_phase(
         driven = driven_points(m, _SAME_PLACE * model.mesh.size)
         found = misphased(evidence, driven)
         if not found:
-            suspicions += _weak(r, evidence)
+            suspicions += _weak(model, m, r, evidence)
             _refuse_reversed(model, m, r, evidence, driven, suspicions)
             continue
         beside = None
@@ -81,15 +81,26 @@ def check_phase(
     return out
 
 
-def _weak(r: RawMeasurement, evidence: PhaseEvidence) -> list[str]:
-    """Return a suspicion if FRFs that say too little each for itself run backwards together."""
+def _weak(model: Model, m: Measurement, r: RawMeasurement, evidence: PhaseEvidence) -> list[str]:
+    """Return a suspicion if FRFs that say too little each for itself run backwards together.
+
+    Raises
+    ------
+    StudyError
+        If the model says so as well.
+    """
     z = evidence.deviations[np.isfinite(evidence.deviations)]
     if not z.size or z.sum() / np.sqrt(z.size) > -ANTICAUSAL_DEVIATIONS:
         return []
-    return [
-        f"the FRFs of {r.name} seem to belong to e^{{-iωt}}, though they ring too little to be sure: compare "
-        "conjugate = true in [[measurements]]"
-    ]
+    beside = beside_model(assemble(model, reciprocal=False), model, m)
+    found = f"the FRFs of {r.name} seem to belong to e^{{-iωt}}: they ring before the impulse, not after it"
+    if beside is not None and float(np.median(beside.dissipation)) < -0.5:
+        r.table.refuse(
+            "file",
+            f"{found}, and beside the model's their imaginary parts have the other sign; give conjugate = "
+            "true in [[measurements]], or check_phase = false if they are right",
+        )
+    return [f"{found}, though too little to be sure; compare conjugate = true in [[measurements]]"]
 
 
 def _refuse_reversed(

@@ -55,10 +55,24 @@ class BesideModel:
         [Hz].
     ratio : ndarray of complex (n, n_out, n_in)
         Measured over computed; NaN where the model does not move [-].
+    computed : ndarray of complex (n, n_out, n_in)
+        The model's FRFs.
     """
 
     frequency: NDArray[np.float64]
     ratio: NDArray[np.complex128]
+    computed: NDArray[np.complex128]
+
+    @property
+    def dissipation(self) -> NDArray[np.float64]:
+        """Correlation of the imaginary parts, in the sense in which the real parts agree, (n_out, n_in) [-].
+
+        Of FRFs that are a multiple of the model's 1, and of their conjugates -1.
+        """
+        a, b = self.computed, np.where(np.isfinite(self.ratio), self.ratio, 0) * self.computed
+        real, imag = ((x * y).sum(axis=0) for x, y in ((a.real, b.real), (a.imag, b.imag)))
+        size = np.sqrt((a.imag**2).sum(axis=0) * (b.imag**2).sum(axis=0))
+        return np.sign(real) * imag / np.where(size > 0, size, 1.0)
 
     @property
     def log(self) -> NDArray[np.float64]:
@@ -100,7 +114,7 @@ def beside_model(system: System, model: Model, m: Measurement, axis: float = 1.0
     size = np.median(np.abs(H), axis=0)
     there = (H != 0) & (size > _MOVES * size.max())
     ratio = np.where(there, m.frf.H[pick] / np.where(there, H, 1.0), complex("nan"))
-    return BesideModel(frequency, ratio)
+    return BesideModel(frequency, ratio, H)
 
 
 def suspicions(

@@ -103,6 +103,17 @@ def test_conjugated_frfs_are_refused_and_the_remedy_undoes_it(load, computed):
     assert load(computed.H.conj(), "check_phase = false\n").measurements[0].frf.H is not None
 
 
+def test_too_few_lines_to_be_sure_are_judged_beside_the_model(load, computed):
+    """Lines 2 Hz apart have one or none in the width of a resonance."""
+    some = slice(None, None, 8)
+    changes = {"frequency": computed.frequency[some]}
+    assert load(computed.H[some], **changes).warnings == ()
+    with pytest.raises(StudyError, match=r"imaginary parts have the other sign; give conjugate = true"):
+        load(computed.H[some].conj(), **changes)
+    (text,) = load(computed.H[some].conj(), text=STUDY.replace("210e9", "70e9"), **changes).warnings[:1]
+    assert "too little to be sure" in text
+
+
 def test_one_conjugated_sensor_is_named_with_its_remedy(load, computed):
     H = with_row(computed.H, 1, computed.H[:, 1].conj())
     with pytest.raises(StudyError, match=r"sensors\[2\]: .*sensor mid in .*conjugate = true in its"):
