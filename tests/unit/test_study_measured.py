@@ -127,6 +127,9 @@ def test_both_conventions_undo_each_other(load, computed):
     H = with_row(computed.H.conj(), 0, computed.H[:, 0])
     study = load(H, "conjugate = true\n", text=of_sensor("low", "conjugate = true"))
     np.testing.assert_array_equal(study.measurements[0].frf.H, computed.H)
+    force = of_sensor("low", "conjugate = true").replace('sensor = "top"', 'sensor = "top"\nconjugate = true')
+    study = load(H, text=force)
+    np.testing.assert_array_equal(study.measurements[0].frf.H, computed.H)
 
 
 @pytest.mark.parametrize(("factor", "degrees"), [(1j, -90), (-1j, 90)])
