@@ -29,6 +29,11 @@ def say(options: Options, *lines: str) -> None:
         sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
+def warned(study: Study) -> list[str]:
+    """Return what is probably wrong in a study, a line each."""
+    return [f"warning: {text}" for text in study.warnings]
+
+
 def new(options: Options, progress: Progress) -> None:
     """Write a study to start from, and FRFs for it."""
     from study.template import write_template
@@ -54,7 +59,7 @@ def check(options: Options, progress: Progress) -> None:
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
     check_writable(options.json, options.picture)
-    study = load_study(options.study)
+    study = load_study(options.study, needs=())
     progress("checking the model")
     faults = check_model(study.model)
     if options.picture is not None:
@@ -68,6 +73,7 @@ def check(options: Options, progress: Progress) -> None:
         options.json,
         {
             "study": study.name,
+            "warnings": study.warnings,
             "faults": [
                 {"kind": f.kind, "message": f.message, "points": f.points.tolist(), "lines": f.lines.tolist()}
                 for f in faults
@@ -80,13 +86,14 @@ def check(options: Options, progress: Progress) -> None:
         f"{study.name}: {mesh.n_points} points, {mesh.n_lines} elements, {len(mesh.members)} members",
         *(f"  {f.kind}: {f.message}" for f in faults),
         f"{len(faults)} fault(s) found" if faults else "nothing found that is probably not meant",
+        *warned(study),
     )
 
 
 def modes(options: Options, progress: Progress) -> None:
     """Print natural frequencies; draw mode shapes."""
     check_writable(options.json)
-    study = load_study(options.study)
+    study = load_study(options.study, needs=())
     progress("solving for modes")
     system = assemble(study.model, reciprocal=False)
     if options.max is not None:
@@ -119,6 +126,7 @@ def modes(options: Options, progress: Progress) -> None:
             ],
             "elements": study.model.mesh.n_lines,
             "assumptions": study.assumptions,
+            "warnings": study.warnings,
         },
     )
     rows = [
@@ -132,6 +140,7 @@ def modes(options: Options, progress: Progress) -> None:
         " mode  frequency Hz  damping %",
         *rows,
         *_assumed(study),
+        *warned(study),
     )
 
 
@@ -147,7 +156,7 @@ def frf(options: Options, progress: Progress) -> None:
         msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
         raise OutputError(msg)
     check_writable(options.out, options.json)
-    study = load_study(options.study)
+    study = load_study(options.study, needs=("sensors",))
     if not study.sensors or not study.excitations:
         missing = "sensors" if not study.sensors else "excitations"
         msg = f"{options.study}: it has no [[{missing}]]; FRFs need both sensors and excitations"
@@ -179,6 +188,7 @@ def frf(options: Options, progress: Progress) -> None:
         "last_Hz": frequency[-1],
         "outputs": names[0],
         "inputs": names[1],
+        "warnings": study.warnings,
     }
     write_json(options.json, words)
     say(
@@ -186,6 +196,7 @@ def frf(options: Options, progress: Progress) -> None:
         f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to "
         f"{len(names[1])} force(s), "
         f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
+        *warned(study),
     )
 
 
@@ -265,7 +276,7 @@ def identify_joint(options: Options, progress: Progress) -> None:
         draw_joint(found, options.picture, options.amplification)
     proposal = write_proposal(found, options.propose) if options.propose is not None else ()
     write_json(options.json, joint_result(study.name, found, lines, summary))
-    say(options, *joint_words(found, lines, summary, reason))
+    say(options, *joint_words(found, lines, summary, reason), *warned(study))
     if proposal:
         say(options, f"the study with this joint is written: dovetail compare {options.propose}")
 

@@ -2,7 +2,9 @@
 
 import os
 import tomllib
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +23,12 @@ from study.connections import (
     read_superelements,
     read_viscoelastic,
 )
+from study.conventions import check_phase
 from study.effects import candidates_of, read_effects
 from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
 from study.measured import (
-    check_units,
+    RawMeasurement,
     labels_of,
     match,
     read_band,
@@ -33,7 +36,14 @@ from study.measured import (
     read_held_out,
     top_frequency,
 )
-from study.measured_modes import MeasuredModes, UpdatePlan, match_modes, read_plan, read_raw_modes
+from study.measured_modes import (
+    MeasuredModes,
+    RawModes,
+    UpdatePlan,
+    match_modes,
+    read_plan,
+    read_raw_modes,
+)
 from study.parts import (
     note_shear_centres,
     read_damping,
@@ -44,6 +54,7 @@ from study.parts import (
     read_supports,
 )
 from study.sensors import Channel, channels_of_labels, read_excitations, read_sensors
+from study.suspicions import suspicions
 from study.table import Source, StudyError, Table, suggest
 from updating.fit import EXPLAINED_LEVEL
 from updating.measurement import Measurement, Sensor, with_sensor_masses
@@ -57,6 +68,8 @@ DEFAULT_FREQUENCY = 1000.0
 
 SHEAR_STD = 0.3
 """Relative standard deviation of shear coefficients of sections with walls, unless the study says it."""
+NEEDS = ("sensors", "measurements")
+"""What a study has besides the model: sensors with excitations, and what was measured at them."""
 MOST_LINES = 1_000_000
 """Frequency lines beyond which a mistake is taken for granted."""
 
@@ -110,6 +123,8 @@ class Study:
         Measured modes, where the study gives them.
     plan : UpdatePlan
         What :command:`dovetail update` does.
+    warnings : tuple of str
+        What is probably wrong in the study and its files, and what was left unread, in sentences.
     """
 
     name: str
@@ -136,19 +151,23 @@ class Study:
     assumptions: tuple[str, ...]
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
+    warnings: tuple[str, ...] = ()
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
         return replace(self, model=self.model.with_mesh(self.model.mesh.split(factor)))
 
 
-def load_study(path: str | os.PathLike[str]) -> Study:
+def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> Study:
     """Read a study file and the files that it names.
 
     Parameters
     ----------
     path : path
         A TOML file; see docs/study-file.md. Other files are looked for beside it.
+    needs : collection of str
+        What besides the model must be right, some of ``NEEDS``. Anything else that cannot be read is left
+        out, which ``Study.warnings`` says.
 
     Raises
     ------
@@ -165,10 +184,10 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         line = raw.count(b"\n", 0, reason.start) + 1
         msg = f"{path.name}, line {line}: the text is not UTF-8"
         raise StudyError(msg) from None
-    return read_study(text, path)
+    return read_study(text, path, needs)
 
 
-def read_study(text: str, path: Path) -> Study:
+def read_study(text: str, path: Path, needs: Collection[str] = NEEDS) -> Study:
     """Read the text of a study.
 
     Parameters
@@ -176,6 +195,8 @@ def read_study(text: str, path: Path) -> Study:
     text : str
     path : Path
         Where the text lies: other files are looked for beside it.
+    needs : collection of str
+        As in :func:`load_study`.
 
     Raises
     ------
@@ -183,7 +204,7 @@ def read_study(text: str, path: Path) -> Study:
         If something in it cannot be meant; the message names file, line and key.
     """
     values, source = _parsed(text, path.name)
-    return _Reader(path, text, Table(source, (), values)).read()
+    return _Reader(path, text, Table(source, (), values), needs).read()
 
 
 def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
@@ -207,6 +228,28 @@ class _Reader:
     path: Path
     text: str
     top: Table
+    needs: Collection[str]
+    warnings: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def _attempt(self, part: str) -> Iterator[None]:
+        """Read a part of the study; what a command can do without is left out with a warning."""
+        try:
+            yield
+        except (ValueError, OSError) as reason:
+            if part in self.needs:
+                raise
+            place = f"{reason.filename}: {reason.strerror}" if isinstance(reason, OSError) else str(reason)
+            self.warnings.append(f"left out, and not needed here: {' '.join(place.split())}")
+
+    @contextmanager
+    def _if_all_was_read(self) -> Iterator[None]:
+        """Read what refers to sensors and measurements; it has no meaning where some were left out."""
+        try:
+            yield
+        except ValueError:
+            if not self.warnings:
+                raise
 
     def read(self) -> Study:
         top, notes = self.top, []
@@ -259,27 +302,17 @@ class _Reader:
             *read_constraints(top, geometry),
         )
         masses = read_masses(top, geometry)
-        raw, nodes = read_files(top, self.path.parent, notes)
-        raw_modes = read_raw_modes(top, self.path.parent)
-        if raw_modes is not None:
-            nodes = {**raw_modes.nodes, **nodes}
-        sensors = read_sensors(top, geometry, nodes, notes)
-        responses = labels_of(raw, "outputs") or ([] if raw_modes is None else raw_modes.modes.labels)
-        if responses and not sensors:
-            sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes)
-            notes.append(
-                f"no sensors are given: the {len(sensors)} responses of the measured files are "
-                "taken, at their nodes"
-            )
-        excitations = read_excitations(top, geometry, sensors, nodes, notes)
-        if raw and not excitations:
-            excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
+        raw, raw_modes, nodes = self._files(notes)
+        sensors, excitations = self._channels(raw, raw_modes, geometry, nodes, notes)
 
         fit = top.table("fit")
         band, n_lines = read_band(fit), fit.whole("lines", None, 8)
         n_simulated = fit.whole("bootstrap", 0, 0)
         model_error = fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper")
-        held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
+        held_out, held_out_sensors = (), ()
+        fit.get("held_out", ())
+        with self._if_all_was_read():
+            held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
         fit.finish()
         top_line = top_frequency(raw, band)
         if raw_modes is not None:
@@ -318,16 +351,23 @@ class _Reader:
             shear = SectionShear.of(model)
             model = model.with_effect(shear) if shear and self._shear_std() else model
             model.contributions()
-        measurements = match(raw, sensors, excitations, notes)
-        modes = match_modes(raw_modes, sensors, notes)
+        measurements, modes = (), None
+        with self._attempt("measurements"):
+            measurements = match(raw, sensors, excitations, notes)
+        with self._attempt("measurements"):
+            modes = match_modes(raw_modes, sensors, notes)
         nuisances, damping_std = self._uncertain(model, joints, notes)
         kinds, exclude = self._candidates()
         shaped = bool(raw) or (modes is not None and bool(modes.sensors))
         has = {"frf": bool(raw), "modes": shaped, "frequencies": bool(raw) or modes is not None}
         known = [_unknown_of(model, n) for n in nuisances if n.effect != SectionShear.kind]
-        plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
-        with top.at():
-            check_units(model, measurements, raw, notes)
+        plan = UpdatePlan()
+        with self._if_all_was_read():
+            plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
+        if "measurements" in self.needs and measurements:
+            with top.at():
+                evidence = check_phase(model, measurements, raw, sensors, excitations, self.warnings)
+                self.warnings += suspicions(model, measurements, raw, evidence)
         if not supports:
             grounded = [j.name for j in joints if j.point2 is None]
             notes.append(
@@ -360,7 +400,48 @@ class _Reader:
             tuple(dict.fromkeys(notes)),
             modes,
             plan,
+            tuple(dict.fromkeys(self.warnings)),
         )
+
+    def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:
+        """Read the measured files: FRFs, modes, and the coordinates of their nodes."""
+        raw, raw_modes, nodes = [], None, {}
+        with self._attempt("measurements"):
+            raw, nodes = read_files(self.top, self.path.parent, notes)
+        with self._attempt("measurements"):
+            raw_modes = read_raw_modes(self.top, self.path.parent, notes)
+        return raw, raw_modes, nodes if raw_modes is None else {**raw_modes.nodes, **nodes}
+
+    def _channels(
+        self,
+        raw: list[RawMeasurement],
+        raw_modes: RawModes | None,
+        geometry: Geometry,
+        nodes: dict[int, np.ndarray],
+        notes: list[str],
+    ) -> tuple[list[Channel], list[Channel]]:
+        """Read sensors and excitations, or take those of the measured files."""
+        top = self.top
+        sensors: list[Channel] = []
+        excitations: list[Channel] = []
+
+        def attempt() -> AbstractContextManager[None]:
+            return self._attempt("sensors")
+
+        with attempt():
+            sensors = read_sensors(top, geometry, nodes, notes, attempt)
+            responses = labels_of(raw, "outputs") or ([] if raw_modes is None else raw_modes.modes.labels)
+            if responses and not sensors:
+                sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes)
+                notes.append(
+                    f"no sensors are given: the {len(sensors)} responses of the measured files are "
+                    "taken, at their nodes"
+                )
+        with attempt():
+            excitations = read_excitations(top, geometry, sensors, nodes, notes, attempt)
+            if raw and not excitations:
+                excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
+        return sensors, excitations
 
     def _excitations_of(
         self,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from study.commands import say
+from study.commands import say, warned
 from study.config import load_study
 from study.output import Progress, write_json
 
@@ -33,7 +33,13 @@ def compare(options: Options, progress: Progress) -> None:
     what = "with fitted parameters" if options.fitted else "nominal"
     write_json(
         options.json,
-        {"study": study.name, "model": what, **result.comparison_dict(c), "noise_db": problem.data.noise_db},
+        {
+            "study": study.name,
+            "model": what,
+            **result.comparison_dict(c),
+            "noise_db": problem.data.noise_db,
+            "warnings": study.warnings,
+        },
     )
     head = "  ".join(f"{word:>11}" for word in _band_names(c.bands))
     width = _width(c.outputs)
@@ -49,6 +55,7 @@ def compare(options: Options, progress: Progress) -> None:
                 c.outputs, c.by_sensor(), c.by_band(), result.least_frac(c), strict=True
             )
         ),
+        *warned(study),
     )
 
 
@@ -65,7 +72,9 @@ def locate(options: Options, progress: Progress) -> None:
     progress("locating the misfit", 0.5)
     where = find_places(problem, fitted, options.bands)
     progress.close()
-    write_json(options.json, {"study": study.name, **result.localisation_dict(where)})
+    write_json(
+        options.json, {"study": study.name, **result.localisation_dict(where), "warnings": study.warnings}
+    )
     order = np.argsort(-np.nan_to_num(where.by_sensor_db), kind="stable")[: options.number]
     head = "  ".join(f"{word:>11}" for word in _band_names(where.bands))
     width = _width(where.sensors)
@@ -88,6 +97,7 @@ def locate(options: Options, progress: Progress) -> None:
         *(f"{words.place(name):{wide}}  {100 * share:5.1f} %" for name, share in places[: options.number]),
         "",
         where.note,
+        *warned(study),
     )
 
 
@@ -105,6 +115,7 @@ def diagnose(options: Options, progress: Progress) -> None:
             "study": study.name,
             **result.diagnosis_dict(found),
             "notes": list(found.notes),
+            "warnings": study.warnings,
             "seconds": found.seconds,
         },
     )
@@ -126,7 +137,7 @@ def diagnose(options: Options, progress: Progress) -> None:
                 for r in shown
             ),
         ]
-    say(options, *lines, *(f"note: {note}" for note in found.notes))
+    say(options, *lines, *(f"note: {note}" for note in found.notes), *warned(study))
 
 
 def run(options: Options, progress: Progress) -> None:
@@ -147,6 +158,7 @@ def run(options: Options, progress: Progress) -> None:
         "",
         *_staircase(done.diagnosis, done.held_out_channels),
         *(f"note: {note}" for note in done.notes),
+        *warned(study),
         "",
         str(done.report),
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from fem.io import UFF_SUFFIXES, read_uff, write_npz, write_uff
 from fem.io.atomic import replacing
-from study.commands import axis_labels, say
+from study.commands import axis_labels, say, warned
 from study.config import load_study
 from study.output import OutputError, Progress, check_writable, result_folder, write_json
 from study.table import StudyError
@@ -37,7 +37,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
     check_writable(options.out, options.json, options.picture, options.synthesis)
     study = load_study(options.study)
     progress("identifying modes")
-    found, data, warned = identify_study(study, options.measurement, options.band)
+    found, data, said = identify_study(study, options.measurement, options.band)
     if options.out is not None and suffix == ".npz":
         write_npz(options.out, found.modes)
     elif options.out is not None:
@@ -74,7 +74,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
             "left_out": [
                 {"frequency_Hz": c.frequency, "reason": c.reason} for c in found.candidates if not c.accepted
             ],
-            "warnings": warned,
+            "warnings": (*said, *study.warnings),
         },
     )  # fmt: skip
     left = sum(not c.accepted for c in found.candidates)
@@ -82,7 +82,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
         options,
         f"{study.name}: {found.modes.n_modes} modes in {data.name}, {left} other pole(s) tried and left out",
         found.table(),
-        *(f"warning: {text}" for text in warned),
+        *(f"warning: {text}" for text in (*said, *study.warnings)),
     )
 
 
@@ -94,7 +94,7 @@ def match(options: Options, progress: Progress) -> None:
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
     check_writable(options.json, options.picture)
-    study = load_study(options.study)
+    study = load_study(options.study, needs=())
     names, points = _test_points(options.geometry)
     progress("matching")
     found, mesh = match_members(
@@ -135,6 +135,7 @@ def match(options: Options, progress: Progress) -> None:
             for n, xyz, m, s, d in rows
         ),
         *(f"{names[i]:>10}  lies on no member within the tolerance" for i in found.unmatched),
+        *warned(study),
     )
 
 
@@ -195,6 +196,7 @@ def update(options: Options, progress: Progress) -> None:
         u.table(),
         *_errors(result),
         *(f"note: {text}" for text in (*result.notes, *unsaid)),
+        *warned(study),
         f"{options.out / REPORT} and {options.out / STUDY} are written",
     )
 
@@ -238,6 +240,7 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
         ],
         "messages": u.messages,
         "notes": (*result.notes, *unsaid),
+        "warnings": result.study.warnings,
     }  # fmt: skip
 
 
@@ -284,7 +287,7 @@ def _write_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) ->
     head = ["parameter", "unit", "start", "bounds", "prior", "value", "std", "95 % interval", "change"]
     related = [_most_correlated(result, i) for i in range(len(u.parameters))]
     rows = [(*_cells(p), other) for p, other in zip(u.parameters, related, strict=True)]
-    words = [*u.messages, *result.notes, *unsaid]
+    words = [*study.warnings, *u.messages, *result.notes, *unsaid]
     html = page.page(
         f"{study.name}: updated",
         page.tag("h1", study.name),

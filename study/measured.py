@@ -1,4 +1,4 @@
-"""The measured files of a study: reading, matching with sensors, and whether their unit is plausible."""
+"""The measured files of a study: reading, and matching with sensors."""
 
 import os
 import warnings
@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.frf import FRF, FRFKind, compute_frf
+from fem.frf import FRF, FRFError, FRFKind
 from fem.io import UFF_SUFFIXES, read_csv, read_npz, read_uff
 from fem.io.arrays import named_arrays
 from fem.io.uff_types import Function
 from fem.model import Model
-from fem.system import assemble
-from study.sensors import Channel
+from study.sensors import Channel, read_convention
 from study.table import Table, suggest
 from updating.measurement import Measurement, Sensor, at_values_of, sensor_point
 from updating.noise import noise_from_repeats
+from updating.phase import phase_evidence
 
 COHERENCE_TYPE = 6
 """Function type of a coherence in universal files."""
@@ -26,23 +26,15 @@ COHERENCE_TYPE = 6
 G0 = 9.80665
 """Standard gravity [m/s²]."""
 
-_MOVES = 1e-4
-"""Share of the largest FRF's size below which one of the model does not tell a unit."""
+FREQUENCY_UNITS: dict[str, float] = {
+    "Hz": 1.0, "kHz": 1e3, "rad/s": 1 / (2 * np.pi), "cpm": 1 / 60, "rpm": 1 / 60,
+}  # fmt: skip
+"""Units of a frequency axis, and their size [Hz]."""
 
-SUSPECTS: tuple[tuple[float, str], ...] = (
-    (1 / G0, "in g/N where (m/s²)/N is meant"),
-    (G0, "multiplied by 9.81 once too often"),
-    (1e3, "in mm where m is meant, (mm/s²)/N"),
-    (1e-3, "in kN for N or km for m, a thousand times too small"),
-    (1e6, "in µm where m is meant"),
-    (1e3 / G0, "in g/kN where (m/s²)/N is meant"),
-    (1e-3 / G0, "in g/N, divided by a thousand"),
-    (4.44822, "per pound-force where N is meant"),
-    (4.44822 / G0, "in g/lbf where (m/s²)/N is meant"),
-    (39.3701, "in inches where m is meant"),
-    (39.3701 * 4.44822, "in inches per pound-force where m/N is meant"),
+WITHOUT_PHASE = (
+    "amplitudes without phase cannot be compared, for a phase decides what adds and what cancels; the "
+    "frequencies of their peaks can be given to dovetail update, as frequency = [...] in [modes]"
 )
-"""Measured over computed, and what may have happened."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +49,8 @@ class RawMeasurement:
     name : str
     force_level : float or None
         [N].
-    check_units : bool
+    check_units, check_phase : bool
+        Whether unit, and phase and time convention, are judged.
     coherence, scatter : ndarray (n_freq, n_out, n_in) or None
         As in :class:`updating.measurement.Measurement`.
     averages : int or None
@@ -68,6 +61,7 @@ class RawMeasurement:
     name: str
     force_level: float | None
     check_units: bool
+    check_phase: bool = True
     coherence: NDArray[np.float64] | None = None
     averages: int | None = None
     scatter: NDArray[np.float64] | None = None
@@ -87,7 +81,9 @@ def read_files(
         name = t.text("name", Path(file).name)
         kind = t.text("kind", None, [str(k) for k in FRFKind])
         level = t.number("force_level", None, above=0, unit="N")
-        check = t.flag("check_units", True)
+        check, check_phase = t.flag("check_units", True), t.flag("check_phase", True)
+        convention = read_convention(t)
+        axis_unit = FREQUENCY_UNITS[t.text("frequency_unit", "Hz", list(FREQUENCY_UNITS))]
         band = read_band(t)
         scale = t.number("scale", 1.0)
         if scale == 0:
@@ -95,6 +91,8 @@ def read_files(
         functions: list[Function] = []
         with t.at("file"):
             frfs = _read(t, path, kind, nodes, notes, "scale" in t, functions)
+            for frf in frfs:
+                _refuse_without_phase(frf, path.name)
         again = _repeats(t, folder, kind, notes, frfs)
         averages = t.number("averages", None, least=1)
         coherent = _coherence(t, folder, frfs, functions)
@@ -113,15 +111,15 @@ def read_files(
             if again:
                 H = np.stack([frf.H, *(r[i].H for r in again)])
                 whole, scatter = replace(frf, H=H.mean(axis=0)), noise_from_repeats(H)
+            whole = replace(whole, frequency=axis_unit * whole.frequency)
             with t.at("band"):
                 cut = whole.select(band=band)
-            coherence = coherent[i]
-            known = [None if x is None else at_values_of(x, frf, cut) for x in (coherence, scatter)]
-            if scale != 1.0:
-                cut = replace(cut, H=scale * cut.H)
+            known = [None if x is None else at_values_of(x, whole, cut) for x in (coherent[i], scatter)]
+            H = np.conj(cut.H) if convention.conjugate else cut.H
+            cut = replace(cut, H=scale * np.exp(1j * np.deg2rad(convention.phase)) * H)
             label = name if len(frfs) == 1 else f"{name} [{i + 1}]"
             number = None if averages is None else int(averages)
-            out.append(RawMeasurement(t, cut, label, level, check, known[0], number, known[1]))
+            out.append(RawMeasurement(t, cut, label, level, check, check_phase, known[0], number, known[1]))
     return out, nodes
 
 
@@ -294,6 +292,7 @@ def _read(
         elif suffix == ".npz":
             frfs = [read_npz(path, kind)]
         else:
+            form = t.text("form", "auto")
             frfs = [
                 read_csv(
                     path,
@@ -302,9 +301,11 @@ def _read(
                     inputs=inputs,
                     delimiter=t.text("delimiter", None),
                     header=t.flag("header", True) if "header" in t else None,
-                    form=t.text("form", "auto"),
+                    form=form,
                 )
             ]
+            if form == "auto":
+                _refuse_other_form(frfs[0], path.name)
             outputs = inputs = None
     notes.extend(str(w.message) for w in caught)
     out = [_renamed(t, frf, outputs, inputs) for frf in frfs]
@@ -312,6 +313,45 @@ def _read(
         notes.append(f"{path.name} calls its FRFs {out[0].kind}; the study's kind, {kind}, goes before")
         out = [replace(frf, kind=FRFKind(kind)) for frf in out]
     return out
+
+
+def _refuse_without_phase(frf: FRF, name: str) -> None:
+    """Refuse amplitudes that pass for FRFs: values that are real and never negative."""
+    if frf.n_freq > 1 and frf.H.any() and not frf.H.imag.any() and (frf.H.real >= 0).all():
+        msg = f"{name}: its FRFs are real and nowhere negative: {WITHOUT_PHASE}"
+        raise FRFError(msg)
+
+
+def _refuse_other_form(frf: FRF, name: str) -> None:
+    """Refuse a text table whose pairs of columns look like another form than real and imaginary part.
+
+    Raises
+    ------
+    FRFError
+        If the second columns are as little negative as the first (amplitudes), or make causal FRFs when they
+        are taken for degrees and not else.
+    """
+    if (frf.H.real < 0).any() or not frf.H.imag.any():
+        return
+    if (frf.H.imag >= 0).all() and not (phase_evidence(frf).direction > 0).any():
+        msg = (
+            f"{name}: no value of its FRFs is negative, so that its columns look like amplitudes: "
+            f"{WITHOUT_PHASE}; "
+            'form = "re-im" reads them as real and imaginary parts'
+        )
+        raise FRFError(msg)
+    degrees = bool(np.abs(frf.H.imag).max() > 2 * np.pi + 0.01)
+    angle = np.deg2rad(frf.H.imag) if degrees else frf.H.imag
+    polar = replace(frf, H=frf.H.real * np.exp(1j * angle))
+    if (phase_evidence(polar).direction != 0).any() and not (phase_evidence(frf).direction > 0).any():
+        remedy = 'give form = "magnitude-degrees"'
+        if not degrees:
+            remedy = 'the angles are in radians: make them degrees and give form = "magnitude-degrees"'
+        msg = (
+            f"{name}: its columns look like amplitude and angle, not real and imaginary part; {remedy}, or "
+            'form = "re-im" if they are parts'
+        )
+        raise FRFError(msg)
 
 
 def _renamed(t: Table, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> FRF:
@@ -359,7 +399,8 @@ def match(
                     f"{r.name}: channel {label} is turned round, for {c.sensor.name} points the other way"
                 )
         names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
-        frf = FRF.from_arrays(frf.frequency, frf.H * sign, frf.kind, *names)
+        H = _in_convention(frf, [c for c, _, _ in rows], [c for c, _, _ in columns])
+        frf = FRF.from_arrays(frf.frequency, H * sign, frf.kind, *names)
         _refuse_zero(r, frf)
         picked = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
         chosen = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
@@ -381,6 +422,23 @@ def match(
                     f"{', '.join(list(have)[:20])}{' …' if len(have) > 20 else ''}; give label",
                 )
     return tuple(out)
+
+
+def _in_convention(frf: FRF, rows: Sequence[Channel], columns: Sequence[Channel]) -> NDArray[np.complex128]:
+    """Return FRFs with each sensor's and force's own convention set right."""
+    flip = np.logical_xor.outer(*([c.convention.conjugate for c in part] for part in (rows, columns)))
+    angle = np.add.outer(*([c.convention.phase for c in part] for part in (rows, columns)))
+    H = np.where(flip, np.conj(frf.H), frf.H) * np.exp(1j * np.deg2rad(angle))
+    for i, c in enumerate(rows):
+        own = c.convention.kind
+        power = 0 if own is None else frf.kind.derivatives - own.derivatives
+        if power < 0 and frf.frequency[0] == 0:
+            c.table.refuse(
+                "kind", f"a line at 0 Hz cannot be made {frf.kind} from {own}; leave it out with band"
+            )
+        if power:
+            H[:, i] *= ((1j * frf.omega) ** power)[:, None]
+    return H
 
 
 def _pick(
@@ -427,107 +485,6 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
         point = sensor_point(model.mesh, s)
         rows[i, 6 * point : 6 * point + 3] = s.gain * s.direction
     return rows
-
-
-def check_units(
-    model: Model, measurements: Sequence[Measurement], raw: Sequence[RawMeasurement], notes: list[str]
-) -> None:
-    """Compare the order of magnitude of the measured FRFs with the model's.
-
-    The median over channels of |measured| / |computed|, a line at a time, hardly depends on where resonances
-    are. Its size tells another unit, its slope over frequency another kind of FRF.
-
-    Raises
-    ------
-    StudyError
-        If it looks like another unit or kind.
-    """
-    system = assemble(model, reciprocal=False)
-    for m, r in zip(measurements, raw, strict=True):
-        frequency = m.frf.frequency
-        usable = np.flatnonzero(frequency > 0)
-        pick = usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, 240)).astype(int))]
-        if pick.size < 8 or not r.check_units:
-            continue
-        frf = compute_frf(
-            system,
-            frequency[pick],
-            sensor_rows(model, m.sensors),
-            sensor_rows(model, m.excitations),
-            m.frf.kind,
-        )
-        with np.errstate(divide="ignore"):
-            log = np.log10(np.abs(m.frf.H[pick])) - np.log10(np.abs(frf.H))
-        # What only rounding moves in the model, as across the plane of a plane frame, has no ratio.
-        size = np.median(np.abs(frf.H), axis=0)
-        log = np.where(np.isfinite(log) & (size > _MOVES * size.max()), log, np.nan).reshape(pick.size, -1)
-        log = log[:, np.isfinite(log).mean(axis=0) > 0.5]
-        some = np.isfinite(log).any(axis=1)
-        if some.sum() >= 8:
-            _judge(r, m.frf.kind, frequency[pick][some], np.nanmedian(log[some], axis=1), notes)
-
-
-def _judge(
-    r: RawMeasurement,
-    kind: FRFKind,
-    frequency: NDArray[np.float64],
-    log: NDArray[np.float64],
-    notes: list[str],
-) -> None:
-    good = np.isfinite(log)
-    x, y = np.log10(frequency[good]), log[good]
-    if x.size < 8:
-        return
-    level, spread = _centre(y)
-    slope = _slope(x, y)
-    for like in FRFKind:
-        power = like.derivatives - kind.derivatives
-        if power == 0:
-            continue
-        # (iω)^power lies between what the data are called and what they look like
-        other, other_spread = _centre(y - power * np.log10(2 * np.pi * 10**x))
-        by_slope = abs(slope - power) < 0.4 and abs(other) < 1.3
-        by_size = abs(level) > np.log10(2.5) and abs(other) < np.log10(1.6) and other_spread < 0.9 * spread
-        if by_slope or by_size:
-            place = "kind" if "kind" in r.table.values else "file"
-            text = (
-                f"the FRFs of {r.name} are called {kind}, and beside the model's they look like {like}; give "
-                f'kind = "{like}", or check_units = false if the data are right'
-            )
-            r.table.refuse(place, text)
-    if abs(level) < np.log10(2.5):
-        return
-    near = [(abs(level - np.log10(f)), f, words) for f, words in SUSPECTS]
-    distance, factor, words = min(near)
-    found = f"the FRFs of {r.name} are {10**level:.3g} times those of the model (median over {x.size} lines)"
-    if distance < np.log10(1.5):
-        r.table.refuse(
-            "file",
-            f"{found}: they look as if {words}; give scale = {1 / factor:.6g}, or check_units = "
-            "false if the data are right",
-        )
-    if abs(level) > 1.0:
-        r.table.refuse(
-            "file",
-            f"{found}: their unit or the model is wrong; give scale = …, or check_units = false "
-            "if the data are right",
-        )
-    notes.append(f"{found}: check their unit")
-
-
-def _centre(y: NDArray[np.float64]) -> tuple[float, float]:
-    """Return median and median absolute deviation."""
-    centre = float(np.median(y))
-    return centre, float(np.median(np.abs(y - centre)))
-
-
-def _slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Return the median slope between points far apart (Theil and Sen); 0 over less than half a decade."""
-    if np.ptp(x) <= 0.5:
-        return 0.0
-    i, j = np.triu_indices(x.size, 1)
-    far = np.abs(x[i] - x[j]) > 0.25 * np.ptp(x)
-    return float(np.median((y[i] - y[j])[far] / (x[i] - x[j])[far]))
 
 
 def labels_of(raw: Sequence[RawMeasurement], which: str) -> list[str]:

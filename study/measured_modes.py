@@ -1,5 +1,6 @@
 """Measured modes of a study, and what ``dovetail update`` is told: ``[modes]`` and ``[update]``."""
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -83,7 +84,7 @@ class RawModes:
     name: str
 
 
-def read_raw_modes(top: Table, folder: Path) -> RawModes | None:
+def read_raw_modes(top: Table, folder: Path, notes: list[str]) -> RawModes | None:
     """Read ``[modes]``: the modes of a file, or frequencies alone."""
     t = top.table("modes")
     stds = [t.number(key, None, above=0) for key in ("frequency_std", "shape_std")]
@@ -105,12 +106,14 @@ def read_raw_modes(top: Table, folder: Path) -> RawModes | None:
     if not path.is_file():
         t.refuse("file", f"there is no file '{path}'")
     nodes: dict[int, np.ndarray] = {}
-    with t.at("file"):
+    with t.at("file"), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
         modes = read_modes(path)
         if path.suffix.lower() in UFF_SUFFIXES:
             points = read_uff(path).points
             if points is not None:
                 nodes = {int(k): xyz for k, xyz in zip(points.labels, points.coordinates, strict=True)}
+    notes.extend(dict.fromkeys(str(w.message) for w in caught))
     if not modes.labels:
         t.refuse("file", "its shapes have no labels, so that nothing says which row is which sensor")
     return RawModes(t, modes, nodes, Path(file).name)
@@ -158,6 +161,14 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
     signs = np.array([sign for _, (_, sign) in found])
     at = tuple(sensor for sensor, _ in found)
     shapes = modes.shapes[rows] * signs[:, None]
+    if (still := np.flatnonzero(~shapes.any(axis=0))).size:
+        k = int(still[0])
+        t.refuse(
+            "file",
+            f"the shape of mode {k + 1}, at {modes.frequency[k]:.6g} Hz, is zero at every sensor, "
+            f"{', '.join(label for _, (label, _) in found[:8])}{' …' if len(found) > 8 else ''}; leave the "
+            "mode out",
+        )
     names = tuple(s.name for s in at)
     return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name)
 

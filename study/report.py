@@ -50,6 +50,7 @@ def report_html(result: RunResult, album: Album) -> str:
     """Return the report as one HTML page that loads nothing else."""
     parts = [
         _verdict(result, album),
+        _warnings(result),
         _compared(result, album),
         _gates(result),
         _misfit(result, album),
@@ -658,6 +659,11 @@ def _faults(result: RunResult) -> Markup:
 
 
 # -------------------------------------------------------------------------------------------- the small print
+
+
+def _warnings(result: RunResult) -> Markup:
+    warnings = result.study.warnings
+    return section("Check first", bullets(warnings)) if warnings else Markup()
 
 
 def _notes(result: RunResult, album: Album) -> Markup:

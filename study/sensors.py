@@ -1,11 +1,13 @@
 """Sensors and excitations of a study, and the channels of the measured files that belong to them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
 from study.geometry import TOUCH, Geometry
 from study.table import Table, suggest
@@ -13,6 +15,38 @@ from updating.measurement import Sensor, place_sensors
 
 Nodes = Mapping[int, NDArray[np.float64]]
 """Coordinates of the nodes of the measured files [m]."""
+
+Attempt = Callable[[], AbstractContextManager[None]]
+"""Context in which a part of the study is read that a command may do without."""
+
+
+@dataclass(frozen=True, slots=True)
+class Convention:
+    """How FRFs of a file are brought to e^{+iωt} and to their kind.
+
+    Attributes
+    ----------
+    conjugate : bool
+        The file has them for e^{-iωt}.
+    phase : float
+        Added to their phase [deg].
+    kind : FRFKind or None
+        Of a sensor that measures another kind than the file states; None for the file's.
+    """
+
+    conjugate: bool = False
+    phase: float = 0.0
+    kind: FRFKind | None = None
+
+
+def read_convention(t: Table, own_kind: bool = False) -> Convention:
+    """Read ``conjugate``, ``phase`` and, of a sensor, ``kind``."""
+    kind = t.text("kind", None, [str(k) for k in FRFKind]) if own_kind else None
+    return Convention(
+        t.flag("conjugate", False),
+        t.number("phase", 0.0, unit="deg"),
+        None if kind is None else FRFKind(kind),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,12 +62,15 @@ class Channel:
         Its name in the files, where the study gives it.
     node : int or None
         Its node in the files.
+    convention : Convention
+        Of its FRFs beside the others'.
     """
 
     sensor: Sensor
     table: Table
     label: str = ""
     node: int | None = None
+    convention: Convention = Convention()
 
     def find(self, labels: Sequence[str]) -> tuple[str, float] | None:
         """Return its label among those of a file, and the sign that turns the reading into its direction."""
@@ -52,29 +89,36 @@ class Channel:
         return None
 
 
-def read_sensors(top: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) -> list[Channel]:
+def read_sensors(
+    top: Table, geometry: Geometry, nodes: Nodes, notes: list[str], attempt: Attempt
+) -> list[Channel]:
     """Read ``[[sensors]]``, putting points of the mesh where they sit."""
     out: list[Channel] = []
     seen: set[str] = set()
     for t in top.tables("sensors"):
-        for channel in _sensors_of(t, geometry, nodes, notes):
-            if channel.sensor.name in seen:
-                t.refuse(
-                    "name" if "name" in t.values else "",
-                    f"two sensors have the name '{channel.sensor.name}'; names must differ",
-                )
-            seen.add(channel.sensor.name)
-            out.append(channel)
-        t.finish()
+        with attempt():
+            found = list(_sensors_of(t, geometry, nodes, notes, own_kind=True))
+            t.finish()
+            for channel in found:
+                if channel.sensor.name in seen:
+                    t.refuse(
+                        "name" if "name" in t.values else "",
+                        f"two sensors have the name '{channel.sensor.name}'; names must differ",
+                    )
+                seen.add(channel.sensor.name)
+            out += found
     return out
 
 
-def _sensors_of(t: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) -> Iterator[Channel]:
+def _sensors_of(
+    t: Table, geometry: Geometry, nodes: Nodes, notes: list[str], own_kind: bool = False
+) -> Iterator[Channel]:
     sign = t.number("sign", 1.0)
     if abs(sign) != 1:
         t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
     mass = t.number("mass", 0.0, least=0, unit="kg")
     gain = t.number("gain", 1.0, above=0)
+    convention = read_convention(t, own_kind)
     if "directions" in t:
         for key in ("name", "label", "direction"):
             if key in t:
@@ -95,7 +139,7 @@ def _sensors_of(t: Table, geometry: Geometry, nodes: Nodes, notes: list[str]) ->
                 t.refuse("", "the sensor needs a name, for its place has none")
             own = mass if k == 0 else 0.0  # one body with several channels
             sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, gain, own), notes)
-            yield Channel(sensor, t, t.text("label", ""), node)
+            yield Channel(sensor, t, t.text("label", ""), node, convention)
 
 
 def _places(
@@ -157,25 +201,31 @@ def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> S
 
 
 def read_excitations(
-    top: Table, geometry: Geometry, sensors: Sequence[Channel], nodes: Nodes, notes: list[str]
+    top: Table,
+    geometry: Geometry,
+    sensors: Sequence[Channel],
+    nodes: Nodes,
+    notes: list[str],
+    attempt: Attempt,
 ) -> list[Channel]:
     """Read ``[[excitations]]``."""
     by_name = {c.sensor.name: c for c in sensors}
     out: list[Channel] = []
     for t in top.tables("excitations"):
-        if "sensor" in t:
-            name = t.text("sensor")
-            if name not in by_name:
-                t.refuse("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
-            at = by_name[name]
-            out.append(Channel(at.sensor, t, t.text("label", at.label), at.node))
+        with attempt():
+            if "sensor" in t:
+                name = t.text("sensor")
+                if name not in by_name:
+                    t.refuse("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
+                at, label = by_name[name], t.text("label", by_name[name].label)
+                found = [Channel(at.sensor, t, label, at.node, read_convention(t))]
+            else:
+                found = list(_sensors_of(t, geometry, nodes, notes))
             t.finish()
-        else:
-            out += _sensors_of(t, geometry, nodes, notes)
-            t.finish()
-        names = [c.sensor.name for c in out]
-        if len(set(names)) < len(names):
-            t.refuse("", f"two excitations have the name '{names[-1]}'; names must differ")
+            names = [c.sensor.name for c in (*out, *found)]
+            if len(set(names)) < len(names):
+                t.refuse("", f"two excitations have the name '{names[-1]}'; names must differ")
+            out += found
     return out
 
 

@@ -12,6 +12,7 @@ from updating.cross_prediction import Field, cross_predict
 from updating.faults import Fault, corrected, uncorrected
 from updating.fit import FitData, FitProblem, FitResult, prepare
 from updating.measurement import Measurement
+from updating.phase import misphased, phase_evidence
 
 NOT_RECIPROCAL = 3.0
 """H_jk and H_kj differ if they do by this multiple of their noise."""
@@ -215,7 +216,7 @@ def _checks(
     share = float(np.broadcast_to(data.mask, data.H.shape).mean())
     source = data.measurement.noise_source
     noise = f"{gates.noise_db:.2f} dB, from {source}; {100 * share:.0f} % of the values count"
-    out = [Check("noise", PASSED if share > 0.5 else FAILED, noise)]
+    out = [Check("noise", PASSED if share > 0.5 else FAILED, noise), phase_check(data.measurement)]
     if np.isfinite(gates.discretisation_db):
         mesh = f"halving every element changes the FRFs by {gates.discretisation_db:.2f} dB: noise to a fit"
         fine = gates.discretisation_db < max(gates.noise_db, LEAST_DIFFERENCE_DB)
@@ -224,6 +225,26 @@ def _checks(
     out.append(reciprocity_check(problem, gates))
     out.append(_level_check(gates, others))
     return tuple(out)
+
+
+def phase_check(measurement: Measurement) -> Check:
+    """Return the gate of time convention and phase in words."""
+    frf = measurement.frf
+    evidence = phase_evidence(frf)
+    known, every = int((evidence.direction != 0).sum()), evidence.direction.size
+    if not known:
+        why = "no FRF rings long enough in the band to tell e^{+iωt} from e^{-iωt}"
+        return Check("phase", NOT_RUN, why)
+    wrong = misphased(evidence)
+    if wrong:
+        words = {"conjugate": "conjugated", "quarter turn": "a quarter turn off"}
+        parts = [f"{', '.join(w.names) or 'all FRFs'} {words[w.fault]}" for w in wrong]
+        return Check("phase", FAILED, f"not e^{{+iωt}} or not {frf.kind}: {'; '.join(parts)}")
+    least = float(np.exp(np.nanmin(np.where(evidence.direction > 0, evidence.log_ratio, np.nan))))
+    found = (
+        f"{known} of {every} FRFs ring after the impulse, with {least:.2g} or more times the energy before it"
+    )
+    return Check("phase", PASSED, found)
 
 
 def with_last_faults(gates: Gates, first: Sequence[Fault], last: Sequence[Fault]) -> Gates:

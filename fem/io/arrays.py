@@ -369,7 +369,9 @@ class _Table:
         if form == "auto":
             form = "complex" if any(c[-1:].lower() in ("j", "i", ")") for c in self.body[0][1]) else "re-im"
         if width < 2 or (form != "complex" and width % 2 == 0):
-            need = "at least one complex number" if form == "complex" else "two columns for each FRF"
+            pair = {"magnitude-degrees": "magnitude and degrees"}.get(form, "real and imaginary part")
+            need = f"two columns for each FRF, {pair}; amplitudes alone have no phase and are no FRFs,"
+            need = "at least one complex number" if form == "complex" else need
             msg = (
                 f"{self.name}: line {self.body[0][0]} has {width} columns; the frequency and "
                 f"{need} are expected"

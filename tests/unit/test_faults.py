@@ -258,6 +258,7 @@ def test_gates_see_reciprocity_force_levels_and_the_worst_sensor(lap):
     assert sound.linear
     assert [(c.name, c.outcome) for c in sound.checks] == [
         ("noise", "passed"),
+        ("phase", "passed"),
         ("mesh", "passed"),
         ("sensors and forces", "passed"),
         ("reciprocity", "passed"),

@@ -290,7 +290,7 @@ def test_what_cannot_be_meant_is_refused(bracket, capsys, more, words):
     path, _ = bracket
     study = path.with_name("wrong.toml")
     study.write_text(path.read_text(encoding="utf-8") + "\n" + more, encoding="utf-8")
-    assert main(["modes", str(study)]) == 2
+    assert main(["compare", str(study)]) == 2
     assert words in capsys.readouterr().err
 
 
@@ -308,7 +308,7 @@ def test_files_without_damping_are_refused(bracket, capsys, damping, words):
     path, _ = bracket
     study = path.with_name("damping.toml")
     study.write_text(path.read_text(encoding="utf-8").replace("modal = 0.008", damping), encoding="utf-8")
-    assert main(["modes", str(study)]) == 2
+    assert main(["compare", str(study)]) == 2
     assert words in capsys.readouterr().err
 
 
