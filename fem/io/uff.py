@@ -139,7 +139,7 @@ class UffFile:
 
         Trace lines and permanent groups of elements make sets of lines by their names; elements in none of
         them make a set by their property table, ``"property 3"``. Points are named by their node numbers and
-        by permanent groups of nodes; those on no line are left out. One warning says what was left out.
+        by permanent groups of nodes; those on no line are left out. :func:`fem.io.read_mesh` says in a warning what else was.
 
         Raises
         ------
@@ -152,10 +152,7 @@ class UffFile:
         raw = self.raw_mesh()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            mesh = mesh_of(raw, self.name, 1.0, None)
-        if raw.notes:
-            warnings.warn(f"{self.name}: {'; '.join(raw.notes)}", stacklevel=2)
-        return mesh
+            return mesh_of(raw, self.name, 1.0, None)
 
     def raw_mesh(self) -> RawMesh:
         """Return lines, sets and notes for :func:`fem.io.rawmesh.mesh_of`; raise as :meth:`mesh`."""

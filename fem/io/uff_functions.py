@@ -18,7 +18,10 @@ from fem.io.uff_units import abscissa_factor
 FRF_TYPE = 4
 """Function type of a frequency response function."""
 
-NO_PHASE = "its values are real; amplitudes without phase are not used"
+NO_PHASE = (
+    "its values are real; amplitudes without phase are not used, for a phase decides what adds and what "
+    "cancels: the frequencies of their peaks are all that can be compared"
+)
 """Why an FRF whose ordinate is real is none."""
 
 _ENDS = ((0, 5), (5, 15), (15, 20), (20, 30)), ((31, 41), (41, 51), (51, 55)), ((56, 66), (66, 76), (76, 80))
@@ -97,8 +100,8 @@ def _degrees_of_freedom(block: Block, notes: list[str]) -> tuple[list[int], tupl
         raise ValueError(msg)
     numbers = [k for k in whole_numbers if k is not None]
     notes.append(
-        f"names of more than 10 characters, such as '{max(words[4], words[7], key=len)}', shift the columns of "
-        "response and reference, which are read by their blanks"
+        "names of more than 10 characters shift the columns of response and reference, which are read by "
+        "their blanks"
     )
     return numbers[:4], (_End(words[4], *numbers[4:6]), _End(words[7], *numbers[6:8]))
 

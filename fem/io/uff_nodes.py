@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fem.io.uff_format import Block, label_of, parse_label
 from fem.io.uff_numbers import line_of, records, whole_columns
-from fem.io.uff_systems import GLOBAL_NUMBERS, Systems
+from fem.io.uff_systems import CARTESIAN, GLOBAL_NUMBERS, Systems
 from fem.io.uff_types import Points
 
 PATTERNS: dict[int, tuple[tuple[int, ...], ...]] = {
@@ -77,7 +77,7 @@ class Nodes:
             except ValueError as reason:
                 msg = f"node {numbers[rows[0], 0]} at {self._line(rows[0])} refers to coordinate system {number}, {reason}"
                 raise ValueError(msg) from None
-            if system.place:
+            if not system.is_global:
                 xyz[rows] = system.to_global(xyz[rows])
                 angles = "; its angles are in degrees" if system.kind else ""
                 self.notes.append(
@@ -127,9 +127,7 @@ class Nodes:
             system = self.systems.get(number)
         except ValueError:
             return True
-        return bool(system.place) and not (
-            system.kind == 0 and np.allclose(system.axes, np.eye(3), atol=1e-9)
-        )
+        return not (system.kind == CARTESIAN and np.array_equal(system.axes, np.eye(3)))
 
     def axes(self, node: int) -> NDArray[np.float64] | None:
         """Return the directions of a node's displacements, a row each; None if they are the global ones.

@@ -35,8 +35,7 @@ class Shape:
     @property
     def name(self) -> str:
         """Its number in the file, frequency and place, for messages."""
-        number = f"mode {self.number}" if self.number else "the mode"
-        return f"{number} at {self.frequency:.6g} Hz ({self.place})"
+        return f"mode {self.number} at {self.frequency:.6g} Hz ({self.place})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +214,9 @@ def modes_of(shapes: Sequence[Shape], file: str) -> tuple[tuple[Modes, ...], lis
     """
     notes: list[str] = []
     groups: dict[int, list[Shape]] = {}
+    numbers = [shape.number for shape in shapes]
+    if min(numbers, default=1) < 1 or len(set(numbers)) < len(numbers):  # then they stand for something else
+        shapes = [replace(shape, number=k) for k, shape in enumerate(shapes, start=1)]
     for shape in shapes:
         _check(shape, file)
         groups.setdefault(shape.values.shape[1], []).append(shape)
@@ -287,7 +289,7 @@ def _on_common_nodes(shapes: list[Shape], notes: list[str], file: str) -> list[S
         notes.append(
             f"{first.name} has no values at node {lost[0]}"
             + (f", and {n - 1} more modes lack nodes" if n > 1 else "")
-            + f": the node{'s' if len(lost) > 1 else ''} {names} {'are' if len(lost) > 1 else 'is'} left out "
+            + f"; node{'s' if len(lost) > 1 else ''} {names} {'are' if len(lost) > 1 else 'is'} left out "
             "of all modes"
         )
     order = [node for node in shapes[0].nodes.tolist() if node in common]

@@ -39,6 +39,11 @@ class System:
     origin: NDArray[np.float64]
     place: str = ""
 
+    @property
+    def is_global(self) -> bool:
+        """Whether it is the global Cartesian system."""
+        return self.kind == CARTESIAN and np.array_equal(self.axes, np.eye(3)) and not self.origin.any()
+
     def to_global(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return positions (n, 3) in global coordinates."""
         xyz = local
@@ -177,6 +182,8 @@ def _rotation(axes: NDArray[np.float64], place: str) -> NDArray[np.float64]:
     if np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL_WITHIN or np.linalg.det(axes) < 0:
         msg = f"whose axes are no three unit vectors at right angles, right-handed ({place})"
         raise ValueError(msg)
+    if np.array_equal(axes, np.eye(3)):
+        return axes
     u, _, v = np.linalg.svd(axes)
     return u @ v
 
