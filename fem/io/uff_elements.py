@@ -299,10 +299,39 @@ def _columns_of_ten(line: str) -> list[str]:
 
 
 def _whole_row(block: Block, record: int) -> list[int]:
-    words = _columns_of_ten(text_at(block, record))
-    if all(word.isascii() and word.isdigit() for word in words):
+    line = text_at(block, record)
+    words = line.split()
+    if all(len(word) <= 10 for word in words) and line.isascii() and "".join(words).isdigit():
         return list(map(int, words))
-    return [whole(block, record, word) for word in words]
+    return [whole(block, record, word) for word in _columns_of_ten(line)]
+
+
+def _by_code(codes: Sequence[int], labels: Sequence[int]) -> dict[int, list[int]]:
+    members: dict[int, list[int]] = {}
+    for code, label in zip(codes, labels, strict=True):
+        members.setdefault(code, []).append(label)
+    return members
+
+
+def _entities(
+    block: Block, record: int, count: int, per_entity: int, group: str
+) -> tuple[dict[int, list[int]], int]:
+    """Read the entities of a group line by line; return also the line after them."""
+    flat: list[int] = []
+    while len(flat) < count * per_entity:
+        row = _whole_row(block, record)
+        if not row or len(row) % per_entity:
+            msg = (
+                f"{block.at(record)} has {len(row)} numbers where {per_entity} for each entity of {group} "
+                "are expected"
+            )
+            raise ValueError(msg)
+        flat += row
+        record += 1
+    if len(flat) != count * per_entity:
+        msg = f"{group} announces {count} entities and has {len(flat) // per_entity}"
+        raise ValueError(msg)
+    return _by_code(flat[::per_entity], flat[1::per_entity]), record
 
 
 def groups_of(block: Block) -> Iterator[Group]:
@@ -320,24 +349,15 @@ def groups_of(block: Block) -> Iterator[Group]:
         number, count = whole(block, record, head[0]), whole(block, record, head[-1])
         name = text_at(block, record + 1).strip()
         place = f"dataset {block.kind}, {block.at(record)}"
-        members: dict[int, list[int]] = {}
         record += 2
-        got = 0
-        while got < count:
-            row = _whole_row(block, record)
-            if not row or len(row) % per_entity:
-                msg = (
-                    f"{block.at(record)} has {len(row)} numbers where {per_entity} for each entity of group "
-                    f"'{name}' are expected"
-                )
-                raise ValueError(msg)
-            for k in range(0, len(row), per_entity):
-                members.setdefault(row[k], []).append(row[k + 1])
-            got += len(row) // per_entity
-            record += 1
-        if got != count:
-            msg = f"group '{name}' announces {count} entities and has {got} ({place})"
-            raise ValueError(msg)
+        end = min(record + -(-count // (8 // per_entity)), block.n_lines)
+        words = " ".join(block.lines[record:end]).split()
+        plain = len(words) == count * per_entity and all(len(w) <= 10 and w.isdecimal() for w in words)
+        if plain:  # as many numbers as announced, eight to a line
+            row, record = list(map(int, words)), end
+            members = _by_code(row[::per_entity], row[1::per_entity])
+        else:
+            members, record = _entities(block, record, count, per_entity, f"group '{name}' ({place})")
         yield Group(
             number,
             name or f"group {number}",

@@ -72,15 +72,18 @@ def raw_mesh_of(
 
 def _add_points(raw: RawMesh, points: Points, rows: NDArray[np.int64]) -> None:
     """Add lines, and the points that are on one or in a group; those of a test's sensors may be on none."""
-    kept = np.zeros(points.labels.size, dtype=bool)
-    kept[rows[rows >= 0]] = True
+    used = np.zeros(points.labels.size, dtype=bool)
+    used[rows[rows >= 0]] = True
+    kept = used.copy()
     for members in raw.point_sets.values():
         kept[members] = True
     to = np.where(kept, np.cumsum(kept) - 1, -1)
-    raw.points = points.coordinates[kept].tolist()
+    raw.points = points.coordinates[kept]
     rows = np.where(rows >= 0, to[rows], -1)
     raw.lines = [tuple(row[:2] if row[2] < 0 else row) for row in rows.tolist()]
-    raw.point_sets = {name: to[members].tolist() for name, members in raw.point_sets.items()}
+    names = zip(map(str, points.labels[used].tolist()), to[used].tolist(), strict=True)
+    groups = {name: to[members].tolist() for name, members in raw.point_sets.items()}
+    raw.point_sets = {**{name: [row] for name, row in names}, **groups}
 
 
 class _Lines:
@@ -172,9 +175,6 @@ def _add_sets(
         if own.size:
             sets[trace.name] = own
             free[own] = False
-    used = np.unique(lines.rows[lines.rows >= 0])
-    names = zip(points.labels[used].tolist(), used.tolist(), strict=True)
-    raw.point_sets = {str(label): [row] for label, row in names}
     for group in groups:
         rows = _lines_of(group, elements, lines, by_number, raw)
         nodes = _nodes_of(group, points, raw)
@@ -182,13 +182,14 @@ def _add_sets(
             sets[_free_name(group, sets, rows, raw)] = rows
             free[rows] = False
         if len(nodes):
-            name = group.name if group.name not in raw.point_sets else f"group {group.name}"
+            taken = group.name in raw.point_sets or _is_node(group.name, points)
+            name = f"group {group.name}" if taken else group.name
             if name != group.name:
                 raw.notes.append(
                     f"group '{group.name}' ({group.place}) has the name of a node or of another group of "
                     f"nodes: its points are named '{name}'"
                 )
-            raw.point_sets[name] = nodes.tolist()
+            raw.point_sets[name] = nodes
         if not rows.size and not len(nodes):
             raw.notes.append(f"group '{group.name}' ({group.place}) has no lines and no points")
     if from_elements:
@@ -219,6 +220,11 @@ def _pairs_of(traces: Sequence[TraceLine], points: Points, raw: RawMesh) -> list
     return out
 
 
+def _is_node(name: str, points: Points) -> bool:
+    """Tell whether a name is the number of a node."""
+    return name.isascii() and name.isdigit() and len(name) <= 18 and bool((points.labels == int(name)).any())
+
+
 def _nodes_of(group: Group, points: Points, raw: RawMesh) -> NDArray[np.int64]:
     """Return the rows of the nodes of a group."""
     wanted = np.array(group.members.get(7, ()), dtype=np.int64)
@@ -241,9 +247,9 @@ def _lines_of(
     raw: RawMesh,
 ) -> NDArray[np.int64]:
     """Return the lines of a group."""
-    wanted = np.unique(np.array(group.members.get(8, ()), dtype=np.int64))
+    wanted = np.array(sorted(set(group.members.get(8, ()))), dtype=np.int64)
     rows = np.flatnonzero(np.isin(lines.number, wanted)) if wanted.size else np.zeros(0, dtype=np.int64)
-    unknown = np.setdiff1d(wanted, elements.number)
+    unknown = wanted[~np.isin(wanted, elements.number)]
     if unknown.size:
         raw.notes.append(
             f"group '{group.name}' ({group.place}) names {unknown.size} element(s) that the file does not "

@@ -127,9 +127,9 @@ def tokens(block: Block, first: int = 1) -> Tokens | None:
     byte = np.frombuffer(text, np.uint8)
     begins = byte > ord(" ")
     begins[1:] &= byte[:-1] <= ord(" ")
-    starts = np.concatenate([[0], np.flatnonzero(byte == ord("\n")) + 1])
-    starts = starts[starts < byte.size]
-    count = np.add.reduceat(begins, starts, dtype=np.int64)
+    begins = np.flatnonzero(begins)
+    ends = np.append(np.flatnonzero(byte == ord("\n")), byte.size)
+    count = np.diff(np.searchsorted(begins, ends), prepend=0)
     if count.sum() != values.size:
         return None
     full = np.flatnonzero(count)
