@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.uff_format import Block
-from fem.io.uff_numbers import Tokens, number_of, text_at, tokens, whole
+from fem.io.uff_numbers import Tokens, text_at, tokens, whole, whole_of
 from fem.io.uff_types import Element, TraceLine
 
 HEADS: dict[int, tuple[int, tuple[int, ...]]] = {
@@ -260,10 +260,10 @@ def _damage(block: Block) -> str:
 def _whole_line(block: Block, record: int) -> list[int] | str:
     row: list[int] = []
     for word in block.lines[record].split():
-        value = number_of(word)
-        if value is None or value != np.floor(value):
+        value = whole_of(word)
+        if value is None:
             return f"{block.at(record)} has {word[:20]!r} where a whole number is expected"
-        row.append(int(value))
+        row.append(value)
     return row
 
 

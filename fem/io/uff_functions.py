@@ -13,7 +13,7 @@ from fem.io.uff_format import Block, UffError, label_of, parse_label
 from fem.io.uff_nodes import Nodes
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of
 from fem.io.uff_types import Function
-from fem.io.uff_units import abscissa_factor
+from fem.io.uff_units import FREQUENCY, abscissa_factor
 
 FRF_TYPE = 4
 """Function type of a frequency response function."""
@@ -179,8 +179,9 @@ def frf_refusal(function: Function, kind: FRFKind | None) -> str:
         return NO_PHASE
     if not function.x.size:
         return "it has no values"
-    fault = abscissa_factor(function.x_type, function.x_unit)[2]
-    if fault:
+    if function.x_type not in (0, 1, FREQUENCY):
+        return f"its abscissa has data type {function.x_type}, not {FREQUENCY} (frequency)"
+    if fault := abscissa_factor(function.x_type, function.x_unit)[2]:
         return fault
     if kind is None:
         return (
@@ -199,8 +200,8 @@ def turned_records(records: Sequence[Record], nodes: Nodes) -> tuple[list[Record
     """Return FRFs along the global axes; what cannot be given so, a line each; and how many were turned.
 
     Directions of a node are those of its displacement system. Along a global axis a record has another label;
-    three records along the axes of a node make three along the global ones. One or two along other directions
-    have no label.
+    records along all slanted axes of a node, two or three, make as many along the global ones. Others have no
+    label.
     """
     lost: list[str] = []
     n_turned = 0
@@ -224,32 +225,39 @@ def turned_records(records: Sequence[Record], nodes: Nodes) -> tuple[list[Record
                 lost.append(f"{function.place}: FRF {function.response}/{function.reference}: it comes twice")
                 continue
             triple[(abs(direction) - 1) % 3] = function, kind
-        for triple in slanted.values():
-            if len(triple) == 3:
-                kept += _combined(triple, end, nodes)
-                n_turned += 3
-                continue
+        for found in slanted.values():
+            combined = _combined(found, end, nodes)
+            n_turned += len(combined)
+            kept += combined
             lost += [
                 f"{f.place}: FRF {f.response}/{f.reference}: the displacement system of node "
                 f"{parse_label(getattr(f, end))[0]} has this direction along no global axis, and there are no "
-                "FRFs in all three of its directions"
-                for f, _ in triple.values()
+                "FRFs in all of its directions"
+                for f, _ in found.values()
+                if not combined
             ]
         out = kept
     return out, lost, n_turned
 
 
-def _combined(triple: dict[int, Record], end: str, nodes: Nodes) -> list[Record]:
-    """Return three records along the global axes from three along the axes of a node."""
-    node, direction = parse_label(getattr(triple[0][0], end))
-    axes = nodes.axes(node)
-    assert axes is not None
-    signs = [np.sign(parse_label(getattr(triple[k][0], end))[1]) for k in range(3)]
-    local = np.stack([s * triple[k][0].values for k, s in enumerate(signs)])
+def _combined(found: dict[int, Record], end: str, nodes: Nodes) -> list[Record]:
+    """Return records along the global axes from those along all slanted axes of a node; none of fewer."""
+    node, direction = parse_label(getattr(next(iter(found.values()))[0], end))
     first = 4 if abs(direction) > 3 else 1
+    axes = nodes.axes(node)
+    straight = [nodes.global_label(label_of(node, first + k)) for k in range(3)]
+    slanted = [k for k in range(3) if straight[k] is None]
+    if axes is None or sorted(found) != slanted:
+        return []
+    taken = {abs(parse_label(label)[1]) - first for label in straight if label is not None}
+    signs = [np.sign(parse_label(getattr(found[k][0], end))[1]) for k in slanted]
+    local = np.stack([s * found[k][0].values for s, k in zip(signs, slanted, strict=True)])
     return [
-        (replace(triple[k][0], values=axes[:, k] @ local, **{end: label_of(node, first + k)}), triple[k][1])
-        for k in range(3)
+        (
+            replace(found[k][0], values=axes[slanted, g] @ local, **{end: label_of(node, first + g)}),
+            found[k][1],
+        )
+        for k, g in zip(slanted, (g for g in range(3) if g not in taken), strict=True)
     ]
 
 

@@ -147,6 +147,8 @@ class Points:
 
     def rows_of(self, nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the rows of nodes, and whether the file has them; the row of others has no meaning."""
+        if not self.labels.size:
+            return np.zeros(nodes.shape, dtype=np.int64), np.zeros(nodes.shape, dtype=bool)
         order = np.argsort(self.labels, kind="stable")
         labels = self.labels[order]
         at = np.minimum(np.searchsorted(labels, nodes), labels.size - 1)
