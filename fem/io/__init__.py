@@ -96,8 +96,8 @@ def read_modes(path: str | os.PathLike[str]) -> Modes:
         raise UffError("; ".join([msg, *reasons[:3]]))
     if len(file.modes) != 1:
         groups = "; ".join(
-            f"{m.n_modes} modes at {m.frequency[0]:.6g} to {m.frequency[-1]:.6g} Hz with {len(m.labels)} rows, "
-            f"{m.labels[0]} to {m.labels[-1]}"
+            f"{m.n_modes} modes at {m.frequency[0]:.6g} to {m.frequency[-1]:.6g} Hz with {len(m.labels)} "
+            f"rows, {m.labels[0]} to {m.labels[-1]}"
             for m in file.modes
         )
         msg = (

@@ -219,8 +219,8 @@ def write_mesh(
 ) -> None:
     """Write a mesh; the suffix says the format, and the file is replaced whole or not at all.
 
-    Members, groups and named points are kept in ``.inp``, members and named points in ``.msh`` (format 2.2),
-    members in ``.uff``, and in ``.vtu`` and what else meshio writes: there as an integer array ``member`` and
+    Members, groups and named points are kept in ``.inp`` and ``.uff``, members and named points in ``.msh``
+    (format 2.2), members in ``.vtu`` and what else meshio writes: there as an integer array ``member`` and
     one array of 0 and 1 for each, ``set:name``.
 
     Parameters

@@ -1,8 +1,8 @@
 """Universal files (UFF, ``.uff`` and ``.unv``): which datasets are read, and what becomes of them.
 
 Datasets that say what others mean (units 164, coordinate systems 18 and 2420, nodes) act on the whole file,
-wherever they stand. Lengths and forces are in SI, positions and directions along the global axes. A dataset of
-another type is in ``skipped``, unless it says nothing about geometry or measured values.
+wherever they stand. Lengths and forces are in SI, positions and directions along the global axes. A dataset
+of another type is in ``skipped``, unless it says nothing about geometry or measured values.
 """
 
 import os
@@ -139,7 +139,8 @@ class UffFile:
 
         Trace lines and permanent groups of elements make sets of lines by their names; elements in none of
         them make a set by their property table, ``"property 3"``. Points are named by their node numbers and
-        by permanent groups of nodes; those on no line are left out. :func:`fem.io.read_mesh` says in a warning what else was.
+        by permanent groups of nodes; those on no line are left out. What else was is in ``mesh_notes``, and
+        in the warning of :func:`fem.io.read_mesh`.
 
         Raises
         ------
@@ -182,8 +183,8 @@ def read_uff(
     kind : FRFKind or str, optional
         Kind of the FRFs whose data types do not say it. Those that say it keep theirs.
     unit_labels : bool
-        Whether FRFs whose records have the label of a unit other than SI, such as g or mm/s², are converted by
-        it; not where the caller has a factor of his own.
+        Whether FRFs whose records have the label of a unit other than SI, such as g or mm/s², are converted
+        by it; not where the caller has a factor of his own.
 
     Raises
     ------

@@ -192,7 +192,9 @@ def _walked(block: Block, found: Tokens) -> Elements | None:
     first = np.concatenate([[0], np.cumsum(n)])
     at = np.repeat(found.start[of_nodes] - first[:-1], n) + np.arange(first[-1])
     head = [values[found.start[heads] + c].astype(np.int64) for c in columns[:4]]
-    return Elements(*head, values[at].astype(np.int64), first, block.line + 1 + found.record[heads])
+    number, descriptor, physical, material = head
+    line = block.line + 1 + found.record[heads]
+    return Elements(number, descriptor, physical, material, values[at].astype(np.int64), first, line)
 
 
 def _heads(step: list[int], n_lines: int) -> NDArray[np.int64] | None:
@@ -228,8 +230,8 @@ def _damage(block: Block) -> str:
                 head
                 if isinstance(head, str)
                 else (
-                    f"{block.at(record)} has {len(head)} numbers where the {n_head} of an element are expected, "
-                    "its number of nodes the last"
+                    f"{block.at(record)} has {len(head)} numbers where the {n_head} of an element are "
+                    "expected, its number of nodes the last"
                 )
             )
         n, label = head[columns[4]], head[0]

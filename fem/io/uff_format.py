@@ -1,7 +1,7 @@
 """Framing of universal files: where each dataset begins and ends, and the labels of its degrees of freedom.
 
-A file is cut up by the number of values that each binary record announces, since the bytes of a value may look
-like a mark.
+A file is cut up by the number of values that each binary record announces, since the bytes of a value may
+look like a mark.
 """
 
 import re
@@ -178,6 +178,12 @@ def split_blocks(data: bytes, file: str) -> tuple[list[Block], list[str]]:
         if text == MARK and not (cursor.done or cursor.peek().rstrip() == MARK):
             blocks.append(_take_block(cursor, line, offset))
             continue
+        if re.fullmatch(rb" *(?:15|18|55|58|58b|82|164|780|781|24[0-9][0-9]) *", text[:80]) and blocks:
+            msg = (
+                f"{file}: line {line} has {_decode(text)[:20].strip()!r}, the number of a dataset, outside "
+                "any dataset; a line with '    -1' is missing before it, or there is one too many"
+            )
+            raise UffError(msg)
         n_stray += 1
         if n_stray <= MOST_STRAY:
             what = "a mark with no dataset after it" if text == MARK else "text outside any dataset"
@@ -195,11 +201,10 @@ def split_blocks(data: bytes, file: str) -> tuple[list[Block], list[str]]:
 
 def _take_block(cursor: _Cursor, line: int, offset: int) -> Block:
     head = cursor.take()
-    try:
-        kind = int(head[:6])
-    except ValueError:
+    if not head[:6].strip().isdigit():
         _take_text(cursor, f"dataset at line {line}", offset)
         return Block(0, line, offset, "", refusal=f"its type {_decode(head)[:20]!r} is not a number")
+    kind = int(head[:6])
     if kind == 58 and head[6:7].lower() == b"b":
         return _take_binary(cursor, _decode(head), line, offset)
     body = _take_text(cursor, f"dataset {kind} at line {line}", offset)

@@ -13,7 +13,7 @@ from fem.io.uff_format import Block, UffError, label_of, parse_label
 from fem.io.uff_nodes import Nodes
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of
 from fem.io.uff_types import Function
-from fem.io.uff_units import FREQUENCY, abscissa_factor
+from fem.io.uff_units import FREQUENCY, TIME, abscissa_factor
 
 FRF_TYPE = 4
 """Function type of a frequency response function."""
@@ -25,7 +25,7 @@ NO_PHASE = (
 """Why an FRF whose ordinate is real is none."""
 
 _ENDS = ((0, 5), (5, 15), (15, 20), (20, 30)), ((31, 41), (41, 51), (51, 55)), ((56, 66), (66, 76), (76, 80))
-"""Columns of record 6: type, number, version, load case; then name, node, direction of response and of force."""
+"""Columns of record 6: type, number, version, load case; name, node, direction of response and of force."""
 
 
 def text_of(value: str) -> str:
@@ -66,16 +66,14 @@ def function_of(block: Block) -> tuple[Function, list[str]]:
     notes += [said] if said and numbers[0] == FRF_TYPE else []
     x_unit = axes[0][1]
     if factor != 1.0:
-        x_unit = "s" if axes[0][0] == 17 else "Hz"
+        x_unit = "s" if axes[0][0] == TIME else "Hz"
         notes.append(f"an abscissa in '{axes[0][1]}' is converted to {x_unit}")
-    return (
-        Function(
-            numbers[0], *labels, *(text_of(end.name) for end in ends), factor * x, values,
-            axes[0][0], axes[1][0], axes[2][0], x_unit, axes[1][1], axes[2][1],
-            tuple(text_at(block, k) for k in range(1, 6)), numbers[3], numbers[2], block.name,
-        ),
-        notes,
+    function = Function(
+        numbers[0], labels[0], labels[1], text_of(ends[0].name), text_of(ends[1].name), factor * x, values,
+        axes[0][0], axes[1][0], axes[2][0], x_unit, axes[1][1], axes[2][1],
+        tuple(text_at(block, k) for k in range(1, 6)), numbers[3], numbers[2], block.name,
     )  # fmt: skip
+    return function, notes
 
 
 def _degrees_of_freedom(block: Block, notes: list[str]) -> tuple[list[int], tuple[_End, _End]]:
@@ -231,8 +229,8 @@ def turned_records(records: Sequence[Record], nodes: Nodes) -> tuple[list[Record
             kept += combined
             lost += [
                 f"{f.place}: FRF {f.response}/{f.reference}: the displacement system of node "
-                f"{parse_label(getattr(f, end))[0]} has this direction along no global axis, and there are no "
-                "FRFs in all of its directions"
+                f"{parse_label(getattr(f, end))[0]} has this direction along no global axis, and there are "
+                "no FRFs in all of its directions"
                 for f, _ in found.values()
                 if not combined
             ]
@@ -273,7 +271,7 @@ class _Group:
         self.labels: dict[tuple[str, bool], str] = {}
 
     def alike(self, function: Function, kind: FRFKind) -> bool:
-        """Tell whether a record is of this matrix; translations and rotations have unit labels of their own."""
+        """Tell whether a record is of this matrix; rotations have a unit label of their own."""
         return (
             kind == self.kind
             and function.load_case == self.first.load_case
@@ -375,8 +373,8 @@ class _Twice:
             f"FRF {now.response}/{now.reference} of {was.place} comes again with other values in "
             f"{now.place}{name}"
             + (f", and {n - 1} more FRFs likewise" if n > 1 else "")
-            + f"; {'they are' if n > 1 else 'it is'} kept as a matrix of {'their' if n > 1 else 'its'} own, as "
-            "of another run: leave one out if it is none"
+            + f"; {'they are' if n > 1 else 'it is'} kept as a matrix of {'their' if n > 1 else 'its'} own, "
+            "as of another run: leave one out if it is none"
         )
 
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +79,8 @@ def _add_points(raw: RawMesh, points: Points, rows: NDArray[np.int64]) -> None:
     for members in raw.point_sets.values():
         kept[members] = True
     to = np.where(kept, np.cumsum(kept) - 1, -1)
-    raw.points = points.coordinates[kept]
+    coordinates: Any = points.coordinates[kept]
+    raw.points = coordinates
     rows = np.where(rows >= 0, to[rows], -1)
     raw.lines = [tuple(row[:2] if row[2] < 0 else row) for row in rows.tolist()]
     names = zip(map(str, points.labels[used].tolist()), to[used].tolist(), strict=True)
@@ -182,14 +184,15 @@ def _add_sets(
             sets[_free_name(group, sets, rows, raw)] = rows
             free[rows] = False
         if len(nodes):
-            taken = group.name in raw.point_sets or _is_node(group.name, points)
-            name = f"group {group.name}" if taken else group.name
+            name = group.name
+            while name in raw.point_sets or _is_node(name, points):
+                name = f"group {name}" if name == group.name else f"{name}'"
             if name != group.name:
                 raw.notes.append(
                     f"group '{group.name}' ({group.place}) has the name of a node or of another group of "
                     f"nodes: its points are named '{name}'"
                 )
-            raw.point_sets[name] = nodes
+            raw.point_sets[name] = nodes.tolist()
         if not rows.size and not len(nodes):
             raw.notes.append(f"group '{group.name}' ({group.place}) has no lines and no points")
     if from_elements:

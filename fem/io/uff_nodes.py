@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,8 @@ class Nodes:
             try:
                 system = self.systems.get(number)
             except ValueError as reason:
-                msg = f"node {numbers[rows[0], 0]} at {self._line(rows[0])} refers to coordinate system {number}, {reason}"
+                node = f"node {numbers[rows[0], 0]} at {self._line(rows[0])}"
+                msg = f"{node} refers to coordinate system {number}, {reason}"
                 raise ValueError(msg) from None
             if not system.is_global:
                 xyz[rows] = system.to_global(xyz[rows])
@@ -104,8 +106,9 @@ class Nodes:
             what = "displacement systems" if np.allclose(xyz[one], xyz[two]) else "positions"
             more = f", and {int(other.sum()) - 1} more nodes likewise" if other.sum() > 1 else ""
             msg = (
-                f"node {numbers[one, 0]} stands at {self._line(one)} and at {self._line(two)} with two {what}, "
-                f"{_triple(xyz[one])} and {_triple(xyz[two])}{more}; each node needs a number of its own"
+                f"node {numbers[one, 0]} stands at {self._line(one)} and at {self._line(two)} with two "
+                f"{what}, {_triple(xyz[one])} and {_triple(xyz[two])}{more}; each node needs a number of "
+                "its own"
             )
             raise ValueError(msg)
 
@@ -167,7 +170,7 @@ class Nodes:
         return label_of(node, turned * (1 if direction > 0 else -1))
 
 
-def turn_shape(nodes: Nodes, labels: Sequence[int], values: NDArray[np.complexfloating]) -> int:
+def turn_shape(nodes: Nodes, labels: Sequence[int], values: NDArray[Any]) -> int:
     """Turn displacements (n_nodes, 3 or 6) into global axes, in place; return of how many nodes."""
     count = 0
     for row, node in enumerate(labels):

@@ -1,9 +1,9 @@
 """The numbers in the text of universal files: in columns of fixed width, or between blanks.
 
-The format has columns, in which numbers may touch (``0-1.000000E+00``) and an empty column means 0; many programs
-write other widths, with blanks between. A line with as many numbers between blanks as it has columns is taken by
-its blanks, every other one by its columns. Whole datasets whose lines are all of the first kind are converted at
-once.
+The format has columns, in which numbers may touch (``0-1.000000E+00``) and an empty column means 0; many
+programs write other widths, with blanks between. A line with as many numbers between blanks as it has columns
+is taken by its blanks, every other one by its columns. Whole datasets whose lines are all of the first kind
+are converted at once.
 """
 
 import re

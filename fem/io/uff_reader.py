@@ -137,8 +137,8 @@ class FileReader:
         elif (units.length, units.force) != (self.units.length, self.units.force):
             msg = (
                 f"its factors are {units.length:g} for lengths and {units.force:g} for forces, beside "
-                f"{self.units.length:g} and {self.units.force:g} of {self.units_at}; a file has one system of "
-                "units: cut it into two"
+                f"{self.units.length:g} and {self.units.force:g} of {self.units_at}; a file has one system "
+                "of units: cut it into two"
             )
             raise ValueError(msg)
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ class Shape:
     """A mode shape as the file has it."""
 
     nodes: NDArray[np.int64]
-    values: NDArray[np.float64] | NDArray[np.complex128]  # (n_nodes, 3 or 6)
+    values: NDArray[Any]  # (n_nodes, 3 or 6)
     frequency: float
     zeta: float
     modal_mass: float
@@ -69,8 +70,8 @@ def read_shape(block: Block) -> Shape | str:
         return head
     if head.data_type not in (2, 4, 5, 6) or head.per_node not in (3, 6):
         return (
-            f"data type {head.data_type} with {head.per_node} values at each node; 2 or 5 (real, complex) and "
-            "3 or 6 are read"
+            f"data type {head.data_type} with {head.per_node} values at each node; 2 or 5 (real, complex) "
+            "and 3 or 6 are read"
         )
     if head.result not in _DISPLACEMENTS or head.characteristic not in _VECTORS:
         return (
@@ -241,7 +242,8 @@ def _refuse_zero(shape: Shape, file: str) -> None:
         n = len(shape.nodes)
         msg = (
             f"{file}: {shape.name} is zero at {'all ' if n > 1 else ''}{n} node{'s' if n > 1 else ''}, the "
-            f"first node {shape.nodes[0]}; a mode shape has at least one component that is not zero: leave it out"
+            f"first node {shape.nodes[0]}; a mode shape has at least one component that is not zero: "
+            "leave it out"
         )
         raise UffError(msg)
 
@@ -279,7 +281,7 @@ def _once(shapes: list[Shape], notes: list[str]) -> list[Shape]:
 
 
 def _on_common_nodes(shapes: list[Shape], notes: list[str], file: str) -> list[Shape]:
-    """Give all shapes the nodes that all of them have, in the order of the first; name those that are lost."""
+    """Give all shapes the nodes that all have, in the order of the first; name those that are lost."""
     sets = [set(s.nodes.tolist()) for s in shapes]
     common, every = set.intersection(*sets), set.union(*sets)
     if lost := sorted(every - common):

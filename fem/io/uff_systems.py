@@ -87,7 +87,7 @@ GLOBAL = System(CARTESIAN, np.eye(3), np.zeros(3))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Definition:
-    """A system as the file has it: axes (3, 3) and origin, or three points of dataset 18 in another system."""
+    """A system as the file has it: axes and origin (4, 3), or three points (3, 3) in another system."""
 
     kind: int
     values: NDArray[np.float64]

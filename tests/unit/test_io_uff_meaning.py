@@ -62,8 +62,8 @@ def shape(rows, frequency=10.0, number=1, complex_values=False, kind=55):
 
 
 def record(
-    values=VALUES, ends=(1, 3, 1, 3), x=(18, "Hz"), y=(12, "m/s^2"), force=(13, "N"), case=0, kind=4, start=1.0,
-    names=("NONE", "NONE"), record6=None, form=5,
+    values=VALUES, ends=(1, 3, 1, 3), x=(18, "Hz"), y=(12, "m/s^2"), force=(13, "N"), case=0, kind=4,
+    start=1.0, names=("NONE", "NONE"), record6=None, form=5,
 ):  # fmt: skip
     node, direction, reference, sense = ends
     line6 = record6 or (
@@ -129,7 +129,7 @@ def test_positions_in_a_turned_system(path, kind, last):
 def test_angles_of_cylindrical_and_spherical_systems_are_degrees(path, kind, local, place):
     systems = system(7, kind, np.eye(3), (1, 2, 3))
     file, said = quietly(path, systems, nodes((1, 7, 0, *local)))
-    np.testing.assert_allclose(file.points.coordinates[0], np.array(place) + (1, 2, 3), atol=1e-9)
+    np.testing.assert_allclose(file.points.coordinates[0], np.add(place, (1, 2, 3)), atol=1e-9)
     assert "its angles are in degrees" in said
 
 
@@ -281,9 +281,8 @@ def test_groups_that_share_names_and_lines(path):
 @pytest.mark.parametrize("kind", [15, 2411])
 def test_a_node_number_with_two_positions_is_refused_with_both_lines(path, kind):
     again = nodes((2, 0, 0, 5, 0, 0), kind=kind)
-    line = 12 + (0 if kind == 15 else 0)
     with pytest.raises(
-        UffError, match=rf"node 2 stands at line 5 and at line {line} with two positions, \(1, 0, 0\)"
+        UffError, match=r"node 2 stands at line 5 and at line 12 with two positions, \(1, 0, 0\)"
     ):
         read(path, PLAIN, again)
     same = read(path, PLAIN, nodes((2, 0, 0, 1, 0, 0), kind=kind), LINES)
@@ -342,8 +341,9 @@ def test_two_systems_of_units_are_refused_and_the_same_twice_is_not(path):
 
 
 FREQUENCIES = {
-    "Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi, "rad/sec": 0.5 / np.pi, "RPM": 1 / 60, "rpm": 1 / 60, "CPM": 1 / 60,
-    "cpm": 1 / 60, "1/min": 1 / 60, "cps": 1.0, "[Hz]": 1.0, "MHz": 1e6, "NONE": 1.0, "radians/sec": 0.5 / np.pi,
+    "Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi, "rad/sec": 0.5 / np.pi, "RPM": 1 / 60, "rpm": 1 / 60,
+    "CPM": 1 / 60, "cpm": 1 / 60, "1/min": 1 / 60, "cps": 1.0, "[Hz]": 1.0, "MHz": 1e6, "NONE": 1.0,
+    "radians/sec": 0.5 / np.pi,
 }  # fmt: skip
 
 
@@ -464,7 +464,7 @@ def test_directions_that_do_not_exist_are_refused_with_file_and_line(path, direc
 
 def test_amplitudes_without_phase_are_no_frfs(path):
     with pytest.raises(
-        UffError, match="line 1 .*FRF 1Z[+]/1Z[+]: its values are real; amplitudes without phase"
+        UffError, match=r"line 1 .*FRF 1Z[+]/1Z[+]: its values are real; amplitudes without phase"
     ):
         quietly(path, record(form=2), reader=read_frf)
 
@@ -618,7 +618,7 @@ def test_names_of_members_survive(path, name):
 
 @pytest.mark.parametrize("name", ["two\nlines", "a" * 81, " blank", "none", "tab\there"])
 def test_names_that_the_format_does_not_keep_are_refused(path, name):
-    with pytest.raises(UffError, match="cannot be written: it is .*; give it another name"):
+    with pytest.raises(UffError, match=r"cannot be written: it is .*; give it another name"):
         write_uff(path, mesh=Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {name: [0]}))
     with pytest.raises(UffError, match="cannot be written"):
         write_uff(
@@ -635,8 +635,8 @@ def test_names_that_the_format_does_not_keep_are_refused(path, name):
 )
 def test_labels_of_functions_survive_or_are_refused(path, field, text):
     given = dict(
-        function_type=1, response="1Z+", reference="0S", response_name="r", reference_name="", x=np.arange(3.0),
-        values=np.arange(3.0), x_type=17, ordinate_type=12, denominator_type=0, x_unit="s", unit="g",
+        function_type=1, response="1Z+", reference="0S", response_name="r", reference_name="",
+        x=np.arange(3.0), values=np.arange(3.0), x_type=17, ordinate_type=12, denominator_type=0, x_unit="s", unit="g",
         denominator_unit="", title=("t" * 100, "x", "", "", ""), load_case=1, version=2, place="",
     )  # fmt: skip
     write_uff(path, functions=[Function(**given)])
@@ -644,3 +644,20 @@ def test_labels_of_functions_survive_or_are_refused(path, field, text):
     assert (back.title[0], back.unit, back.response_name) == ("t" * 100, "g", "r")
     with pytest.raises(UffError, match="cannot be written"):
         write_uff(path, functions=[Function(**{**given, field: text})])
+
+
+def test_a_dataset_whose_opening_mark_is_missing_is_refused(path):
+    with pytest.raises(UffError, match=r"a\.unv: line 10 has '2412', the number of a dataset, outside"):
+        read(path, PLAIN, LINES.removeprefix("    -1\n"))
+
+
+def test_frfs_along_three_slanted_axes_of_forces(path):
+    axes = np.linalg.qr(np.arange(9.0).reshape(3, 3) + 4 * np.eye(3))[0]
+    axes *= np.linalg.det(axes)
+    force = np.array([0.5, -1.0, 2.0])  # response to a unit force along X, Y, Z
+    parts = [record(ends=(1, 3, 2, k + 1), values=axes[k] @ force * VALUES) for k in range(3)]
+    points = nodes((1, 0, 0, 0, 0, 0), (2, 0, 2, 1, 0, 0))
+    file, _ = quietly(path, *parts, points, system(2, 0, axes, (0, 0, 0)))
+    frf = file.frf()
+    assert frf.inputs == ("2X+", "2Y+", "2Z+")
+    np.testing.assert_allclose(frf.H[:, 0], np.outer(VALUES, force), atol=1e-4)
