@@ -636,8 +636,8 @@ def test_names_that_the_format_does_not_keep_are_refused(path, name):
 def test_labels_of_functions_survive_or_are_refused(path, field, text):
     given = dict(
         function_type=1, response="1Z+", reference="0S", response_name="r", reference_name="",
-        x=np.arange(3.0), values=np.arange(3.0), x_type=17, ordinate_type=12, denominator_type=0, x_unit="s", unit="g",
-        denominator_unit="", title=("t" * 100, "x", "", "", ""), load_case=1, version=2, place="",
+        x=np.arange(3.0), values=np.arange(3.0), x_type=17, ordinate_type=12, denominator_type=0, x_unit="s",
+        unit="g", denominator_unit="", title=("t" * 100, "x", "", "", ""), load_case=1, version=2, place="",
     )  # fmt: skip
     write_uff(path, functions=[Function(**given)])
     back = read_uff(path).functions[0]
