@@ -273,7 +273,7 @@ def _read(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         if suffix in UFF_SUFFIXES:
-            file = read_uff(path, kind)
+            file = read_uff(path, kind, unit_labels=not scaled)
             if not file.frfs:
                 file.frf()  # says what the file holds instead
             functions.extend(file.functions)
@@ -281,14 +281,9 @@ def _read(
                 nodes.update(
                     {int(k): xyz for k, xyz in zip(file.points.labels, file.points.coordinates, strict=True)}
                 )
-            frfs = []
-            for frf, (unit, _) in zip(file.frfs, file.frf_units, strict=True):
-                if unit.strip().lower() in ("g", "g/n", "(g)/n") and not scaled:
-                    notes.append(
-                        f"{path.name} says its unit is '{unit}': its FRFs are multiplied by {G0} to m/s²"
-                    )
-                    frf = replace(frf, H=G0 * frf.H)
-                frfs.append(frf)
+            notes.extend(f"{path.name}: {line}" for line in file.skipped)
+            notes.extend(f"{path.name} [{i}] is {run}" for i, run in enumerate(file.frf_runs, 1) if run)
+            frfs = list(file.frfs)
         elif suffix == ".npz":
             frfs = [read_npz(path, kind)]
         else:

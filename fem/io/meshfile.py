@@ -92,18 +92,12 @@ def read_mesh(
 
 
 def _universal(file: Path) -> RawMesh:
-    from fem.io.uff import UffError, read_uff
+    from fem.io.uff import UffError, read_quietly
 
     try:
-        mesh = read_uff(file).mesh()
+        return read_quietly(file).raw_mesh()
     except UffError as reason:
         raise MeshError(str(reason)) from reason
-    sets = {name: rows.tolist() for name, rows in mesh.members.items()}
-    sets |= {
-        name: [int(r) for m in members for r in mesh.members[m]] for name, members in mesh.groups.items()
-    }
-    names = {name: [index] for name, index in mesh.point_names.items()}
-    return RawMesh(mesh.points.tolist(), [tuple(line) for line in mesh.lines.tolist()], sets, names)
 
 
 # Through meshio ---------------------------------------------------------------------------------------------
@@ -225,8 +219,8 @@ def write_mesh(
 ) -> None:
     """Write a mesh; the suffix says the format, and the file is replaced whole or not at all.
 
-    Members, groups and named points are kept in ``.inp``, members and named points in ``.msh`` (format 2.2),
-    members in ``.uff``, and in ``.vtu`` and what else meshio writes: there as an integer array ``member`` and
+    Members, groups and named points are kept in ``.inp`` and ``.uff``, members and named points in ``.msh``
+    (format 2.2), members in ``.vtu`` and what else meshio writes: there as an integer array ``member`` and
     one array of 0 and 1 for each, ``set:name``.
 
     Parameters

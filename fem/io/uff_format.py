@@ -1,12 +1,12 @@
 """Framing of universal files: where each dataset begins and ends, and the labels of its degrees of freedom.
 
-pyuff decodes what stands inside the datasets (see :mod:`fem.io.uff`). It finds their ends by searching for
-the mark and says neither the place nor the reason of an error; so the file is cut up here, by the number of
-values that each binary record announces, and repaired where other programs' files would trip pyuff.
+A file is cut up by the number of values that each binary record announces, since the bytes of a value may
+look like a mark.
 """
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,12 @@ from numpy.typing import NDArray
 
 MARK = b"    -1"
 """What stands, alone on its line, before and after each dataset."""
+
+MOST_STRAY = 3
+"""Lines outside any dataset that are named one by one; of more there is the number."""
+
+_LONGEST_MARK = 256
+"""Characters of a line after its mark, all blank, up to which it is one."""
 
 HEADER_LINES = 12
 """Lines of dataset 58 before its data: the type and eleven records."""
@@ -67,7 +73,7 @@ def parse_label(label: str) -> tuple[int, int]:
     return int(node), (_DIRECTIONS.index(axis) + 1) * (1 if sign == "+" else -1)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Block:
     """One dataset of a file.
 
@@ -77,8 +83,10 @@ class Block:
         Number of the dataset, such as 58.
     line, offset : int
         Place of its opening mark: line from 1, byte from 0.
-    lines : tuple of str
-        Its text without the marks, the line with the type first; of a binary dataset the header only.
+    head : str
+        The line with its type.
+    body : bytes
+        What follows that line, without the closing mark; of a binary dataset the header only.
     values : ndarray or None
         Values of a binary dataset, a structured array with ``y`` (n, 1 or 2) and ``x`` (n,) where it is
         stored.
@@ -89,15 +97,30 @@ class Block:
     kind: int
     line: int
     offset: int
-    lines: tuple[str, ...]
+    head: str
+    body: bytes = b""
     values: NDArray[Any] | None = None
     refusal: str = ""
+
+    @cached_property
+    def lines(self) -> tuple[str, ...]:
+        """Its text, the line with the type first."""
+        return (self.head, *(_decode(line) for line in self.body.removesuffix(b"\n").split(b"\n")))
+
+    @property
+    def n_lines(self) -> int:
+        """Number of lines, the one with the type among them."""
+        return len(self.lines)
 
     @property
     def name(self) -> str:
         """Its type and place, for messages."""
         binary = "b" if self.values is not None else ""
         return f"dataset {self.kind}{binary} at line {self.line} (byte {self.offset})"
+
+    def at(self, record: int) -> str:
+        """Return the place of one of its lines in the file; line 0 is the one with the type."""
+        return f"line {self.line + 1 + record}"
 
 
 @dataclass(slots=True)
@@ -108,7 +131,6 @@ class _Cursor:
     file: str
     at: int = 0
     line: int = 1
-    stray: list[str] = field(default_factory=list)
 
     def peek(self) -> bytes:
         end = self.data.find(b"\n", self.at)
@@ -147,72 +169,78 @@ def split_blocks(data: bytes, file: str) -> tuple[list[Block], list[str]]:
         data = data.replace(b"\r", b"\n")
     cursor, blocks = _Cursor(data, file), []
     notes: list[str] = []
+    n_stray = 0
     while not cursor.done:
         line, offset = cursor.line, cursor.at
         text = cursor.take()
         if not text.strip(b" \t\r\0\x1a"):
             continue
-        if text != MARK:
-            notes.append(f"line {line}: text outside any dataset: {_decode(text)[:40]!r}")
+        if text == MARK and not (cursor.done or cursor.peek().rstrip() == MARK):
+            blocks.append(_take_block(cursor, line, offset))
             continue
-        if cursor.done or cursor.peek().rstrip() == MARK:
-            notes.append(f"line {line}: a mark with no dataset after it")
-            continue
-        blocks.append(_take_block(cursor, line, offset))
+        if re.fullmatch(rb" *(?:15|18|55|58|58b|82|164|780|781|24[0-9][0-9]) *", text[:80]) and blocks:
+            msg = (
+                f"{file}: line {line} has {_decode(text)[:20].strip()!r}, the number of a dataset, outside "
+                "any dataset; a line with '    -1' is missing before it, or there is one too many"
+            )
+            raise UffError(msg)
+        n_stray += 1
+        if n_stray <= MOST_STRAY:
+            what = "a mark with no dataset after it" if text == MARK else "text outside any dataset"
+            notes.append(f"line {line}: {what}" + ("" if text == MARK else f": {_decode(text[:400])[:40]!r}"))
+    if n_stray > MOST_STRAY:
+        notes[-1] += f", and {n_stray - MOST_STRAY} more lines outside any dataset"
     if not blocks:
         msg = (
             f"{file}: no dataset found; a universal file has lines with '    -1' before and after each "
             "dataset"
         )
         raise UffError(msg)
-    return blocks, _merged(notes)
-
-
-def _merged(notes: list[str]) -> list[str]:
-    """Keep the first of many lines of stray text."""
-    if len(notes) <= 3:
-        return notes
-    return [*notes[:2], f"{notes[2]}, and {len(notes) - 3} more lines outside any dataset"]
+    return blocks, notes
 
 
 def _take_block(cursor: _Cursor, line: int, offset: int) -> Block:
     head = cursor.take()
-    try:
-        kind = int(head[:6])
-    except ValueError:
+    if not head[:6].strip().isdigit():
         _take_text(cursor, f"dataset at line {line}", offset)
-        return Block(0, line, offset, (), refusal=f"its type {_decode(head)[:20]!r} is not a number")
+        return Block(0, line, offset, "", refusal=f"its type {_decode(head)[:20]!r} is not a number")
+    kind = int(head[:6])
     if kind == 58 and head[6:7].lower() == b"b":
         return _take_binary(cursor, _decode(head), line, offset)
     body = _take_text(cursor, f"dataset {kind} at line {line}", offset)
-    return Block(kind, line, offset, tuple(_decode(text) for text in (head, *body)))
+    return Block(kind, line, offset, _decode(head), body)
 
 
-def _take_text(cursor: _Cursor, what: str, offset: int) -> list[bytes]:
-    """Take lines up to the closing mark."""
-    lines: list[bytes] = []
-    while not cursor.done:
-        text = cursor.take()
-        if text == MARK:
-            return lines
-        lines.append(text)
+def _take_text(cursor: _Cursor, what: str, offset: int) -> bytes:
+    """Take what is before the closing mark, and the mark."""
+    start = cursor.at
+    if start <= len(cursor.data):
+        found = cursor.data.find(b"\n" + MARK, start - 1)
+        while found >= 0:
+            if _is_mark(cursor.data, found + 1):
+                cursor.skip(found + 1 - start)
+                cursor.take()
+                return cursor.data[start : found + 1]
+            found = cursor.data.find(b"\n" + MARK, found + 1)
+    n_lines = cursor.data.count(b"\n") + (not cursor.data.endswith(b"\n"))
     msg = (
         f"{cursor.file}: {what} (byte {offset}) has no end; the file stops after line "
-        f"{cursor.line - 1} (byte {len(cursor.data)}) and may be cut off"
+        f"{n_lines} (byte {len(cursor.data)}) and may be cut off"
     )
     raise UffError(msg)
 
 
 def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
     what = f"dataset 58b at line {line} (byte {offset})"
-    lines = [head]
-    while len(lines) < HEADER_LINES and not cursor.done:
-        lines.append(_decode(cursor.take()))
-    header = tuple(lines)
+    start, raw = cursor.at, []
+    while len(raw) < HEADER_LINES - 1 and not cursor.done:
+        raw.append(cursor.take())
+    header = (head, *(_decode(text) for text in raw))
+    body = cursor.data[start : cursor.at]
     try:
         layouts = _layouts(header)
     except ValueError as reason:
-        return _refused(cursor, header, line, offset, f"{reason}")
+        return _refused(cursor, Block(58, line, offset, head, body, refusal=f"{reason}"))
     n = int(header[7][10:20])
     for layout in layouts:
         end = _end_of_values(cursor.data, cursor.at + n * layout.itemsize)
@@ -220,7 +248,7 @@ def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
             values = np.frombuffer(cursor.data, layout, n, cursor.at)
             cursor.skip(end - cursor.at)
             cursor.take()
-            return Block(58, line, offset, header, values)
+            return Block(58, line, offset, head, body, values)
     need, there = n * layouts[0].itemsize, _distance_to_mark(cursor.data, cursor.at)
     if there is None or there < need:
         msg = (
@@ -233,18 +261,21 @@ def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
     values = np.frombuffer(cursor.data, layouts[0], n, cursor.at)
     cursor.skip(there)
     cursor.take()
-    return Block(58, line, offset, header, values)
+    return Block(58, line, offset, head, body, values)
 
 
-def _refused(cursor: _Cursor, header: tuple[str, ...], line: int, offset: int, reason: str) -> Block:
+def _refused(cursor: _Cursor, block: Block) -> Block:
     """Pass over a binary dataset whose length is not known."""
     there = _distance_to_mark(cursor.data, cursor.at)
     if there is None:
-        msg = f"{cursor.file}: dataset 58b at line {line} (byte {offset}) has no end; {reason}"
+        msg = (
+            f"{cursor.file}: dataset 58b at line {block.line} (byte {block.offset}) has no end; "
+            f"{block.refusal}"
+        )
         raise UffError(msg)
     cursor.skip(there)
     cursor.take()
-    return Block(58, line, offset, header, refusal=reason)
+    return block
 
 
 def _layouts(header: tuple[str, ...]) -> list[np.dtype[Any]]:
@@ -303,9 +334,11 @@ def _end_of_values(data: bytes, at: int) -> int | None:
 def _is_mark(data: bytes, at: int) -> bool:
     if data[at : at + len(MARK)] != MARK:
         return False
-    end = data.find(b"\n", at)
-    rest = data[at + len(MARK) : end if end >= 0 else len(data)]
-    return len(rest) <= 80 and not rest.strip(b" \r\0\x1a")
+    rest = data[at + len(MARK) : at + len(MARK) + _LONGEST_MARK]
+    end = rest.find(b"\n")
+    return not (rest[:end] if end >= 0 else rest).strip(b" \t\r\0\x1a") and (
+        end >= 0 or at + len(MARK) + len(rest) == len(data)
+    )
 
 
 def _distance_to_mark(data: bytes, start: int) -> int | None:

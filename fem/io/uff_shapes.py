@@ -1,15 +1,23 @@
-"""Dataset 55: mode shapes at nodes, real and complex, with and without rotations."""
+"""Datasets 55 and 2414: mode shapes at nodes, real and complex, with and without rotations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.uff_format import Block, UffError, label_of
+from fem.io.uff_numbers import number_of, real, text_at, tokens, whole
 from fem.io.uff_types import Units
 from fem.modes import Modes
+
+_DISPLACEMENTS = (0, 1, 8, 11, 12)
+"""Result types that are motions: unknown, general, displacement, velocity, acceleration."""
+
+_VECTORS = (0, 2, 3)
+"""Data characteristics that are motions: unknown, three components, six components."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,71 +31,148 @@ class Shape:
     modal_mass: float
     place: str
     modal_a: complex = 0.0
+    number: int = 0
+
+    @property
+    def name(self) -> str:
+        """Its number in the file, frequency and place, for messages."""
+        return f"mode {self.number} at {self.frequency:.6g} Hz ({self.place})"
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """What the headers of datasets 55 and 2414 have in common."""
+
+    analysis: int
+    characteristic: int
+    result: int
+    data_type: int
+    per_node: int
+    frequency: float
+    modal_mass: float
+    viscous: float
+    hysteretic: float
+    eigenvalue: complex
+    modal_a: complex
+    number: int
+    first: int  # line of the first node
 
 
 def read_shape(block: Block) -> Shape | str:
-    """Read a dataset 55: a shape, or why it is none."""
+    """Read a dataset 55 or 2414: a shape, or why it is none."""
     if len(block.lines) < 9:
         msg = f"it has {len(block.lines)} lines, too few for its header"
         raise ValueError(msg)
-    head = [_whole(block, 6, k) for k in range(6)]
-    analysis, data_type, per_node = head[1], head[4], head[5]
+    if block.kind == 2414 and (location := _wholes(block, 3, 1)[0]) != 1:
+        return f"its values are at location {location}, not at nodes (1)"
+    head = _header_of_2414(block) if block.kind == 2414 else _header_of_55(block)
+    if isinstance(head, str):
+        return head
+    if head.data_type not in (2, 4, 5, 6) or head.per_node not in (3, 6):
+        return (
+            f"data type {head.data_type} with {head.per_node} values at each node; 2 or 5 (real, complex) "
+            "and 3 or 6 are read"
+        )
+    if head.result not in _DISPLACEMENTS or head.characteristic not in _VECTORS:
+        return (
+            f"result type {head.result} with data characteristic {head.characteristic} is no mode shape; "
+            "motions have 8, 11 or 12 and 2 or 3"
+        )
+    is_complex = head.data_type in (5, 6)
+    nodes, values = _nodal_values(block, head.per_node * (2 if is_complex else 1), head.first)
+    if is_complex:
+        values = values[:, 0::2] + 1j * values[:, 1::2]
+    if head.analysis == 2:
+        frequency, zeta = head.frequency, head.viscous or head.hysteretic / 2
+        return Shape(nodes, values, frequency, zeta, head.modal_mass, block.name, 0j, head.number)
+    size = abs(head.eigenvalue)
+    zeta = -head.eigenvalue.real / size if size else 0.0
+    return Shape(nodes, values, size / (2 * np.pi), zeta, 0.0, block.name, head.modal_a, head.number)
+
+
+def _wholes(block: Block, record: int, count: int) -> list[int]:
+    line = text_at(block, record)
+    return [whole(block, record, line[10 * k : 10 * k + 10]) for k in range(count)]
+
+
+def _reals(block: Block, record: int, count: int) -> list[float]:
+    line = text_at(block, record)
+    words = line.split()
+    if all(number_of(word) is not None and len(word) <= 13 for word in words):
+        return [*(real(block, record, word) for word in words), *[0.0] * count][:count]
+    return [real(block, record, line[13 * k : 13 * k + 13]) for k in range(count)]
+
+
+def _header_of_55(block: Block) -> _Header | str:
+    _, analysis, characteristic, result, data_type, per_node = _wholes(block, 6, 6)
     if analysis not in (2, 3, 7):
         return f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
-    if data_type not in (2, 5) or per_node not in (3, 6):
-        return (
-            f"data type {data_type} with {per_node} values at each node; 2 or 5 (real, complex) and 3 or "
-            "6 are read"
-        )
-    reals = [_number(block, 8, k, 13) for k in range(6 if analysis in (3, 7) else 4)]
-    modal_a = 0j
-    if analysis == 2:
-        frequency, modal_mass, zeta = reals[0], reals[1], reals[2] or reals[3] / 2
-    else:
-        size = float(np.hypot(reals[0], reals[1]))
-        frequency, modal_mass, zeta = size / (2 * np.pi), 0.0, -reals[0] / size if size else 0.0
-        modal_a = complex(reals[2], reals[3])
-    nodes, values = _nodal_values(block, per_node * (2 if data_type == 5 else 1))
-    if data_type == 5:
-        values = values[:, 0::2] + 1j * values[:, 1::2]
-    return Shape(nodes, values, frequency, zeta, modal_mass, block.name, modal_a)
+    number = _wholes(block, 7, 4)[3]
+    frequency, mass, viscous, hysteretic, *_ = reals = _reals(block, 8, 6)
+    return _Header(
+        analysis, characteristic, result, data_type, per_node, frequency, mass, viscous, hysteretic,
+        complex(*reals[:2]), complex(*reals[2:4]), number, 9,
+    )  # fmt: skip
 
 
-def _whole(block: Block, record: int, position: int) -> int:
-    text = block.lines[record][10 * position : 10 * position + 10]
-    try:
-        return int(text)
-    except ValueError:
-        msg = f"line {block.line + 1 + record} has {text.strip()!r} where a whole number is expected"
-        raise ValueError(msg) from None
+def _header_of_2414(block: Block) -> _Header | str:
+    _, analysis, characteristic, result, data_type, per_node = _wholes(block, 9, 6)
+    if analysis not in (2, 3, 7):
+        return f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
+    number = _wholes(block, 10, 6)[5]
+    _, frequency, eigenvalue, mass, viscous, hysteretic = _reals(block, 12, 6)
+    more = _reals(block, 13, 6)
+    if not frequency and eigenvalue > 0:
+        frequency = float(np.sqrt(eigenvalue)) / (2 * np.pi)
+    return _Header(
+        analysis, characteristic, result, data_type, per_node, frequency, mass, viscous, hysteretic,
+        complex(*more[:2]), complex(*more[2:4]), number, 14,
+    )  # fmt: skip
 
 
-def _number(block: Block, record: int, position: int, width: int) -> float:
-    text = block.lines[record][width * position : width * (position + 1)].replace("D", "E").replace("d", "e")
-    if not text.strip():
-        return 0.0
-    try:
-        return float(text)
-    except ValueError:
-        msg = f"line {block.line + 1 + record} has {text.strip()!r} where a number is expected"
-        raise ValueError(msg) from None
-
-
-def _nodal_values(block: Block, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _nodal_values(block: Block, count: int, first: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Read node numbers and the values that follow each, six to a line."""
+    found = tokens(block, first)
+    if found is not None and found.count.size and found.values.size % (1 + count) == 0:
+        heads = np.searchsorted(found.start, np.arange(0, found.values.size, 1 + count))
+        table = found.values.reshape(-1, 1 + count)
+        label = table[:, 0]
+        alone = (found.start[heads] == np.arange(len(label)) * (1 + count)) & (found.count[heads] == 1)
+        if alone.all() and np.isfinite(table).all() and (label == np.floor(label)).all():
+            nodes, values = label.astype(np.int64), table[:, 1:]
+        else:
+            nodes, values = _nodal_values_by_width(block, count, first)
+    else:
+        nodes, values = _nodal_values_by_width(block, count, first)
+    labels, counts = np.unique(nodes, return_counts=True)
+    if (counts > 1).any():
+        node = int(labels[counts > 1][0])
+        same = values[nodes == node]
+        if not (same == same[0]).all():
+            msg = f"node {node} stands in it {len(same)} times, with other values"
+            raise ValueError(msg)
+        _, kept = np.unique(nodes, return_index=True)
+        kept.sort()
+        nodes, values = nodes[kept], values[kept]
+    return nodes, values
+
+
+def _nodal_values_by_width(
+    block: Block, count: int, first: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     nodes: list[int] = []
     rows: list[list[float]] = []
-    record = 9
+    record = first
     while record < len(block.lines):
         if not block.lines[record].strip():
             record += 1
             continue
-        nodes.append(_whole(block, record, 0))
+        nodes.append(whole(block, record, block.lines[record][:10]))
         record += 1
         row: list[float] = []
         while len(row) < count and record < len(block.lines):
             found = -(-len(block.lines[record]) // 13)
-            row += [_number(block, record, k, 13) for k in range(min(found, count - len(row)))]
+            row += _reals(block, record, min(found, count - len(row)))
             record += 1
             if not found:
                 break
@@ -98,14 +183,7 @@ def _nodal_values(block: Block, count: int) -> tuple[NDArray[np.int64], NDArray[
     if not rows:
         msg = "it has no nodes"
         raise ValueError(msg)
-    values = np.array(rows)
-    if not np.isfinite(values).all():
-        msg = (
-            f"node {nodes[int(np.argwhere(~np.isfinite(values))[0, 0])]} has a value that is not a finite "
-            "number"
-        )
-        raise ValueError(msg)
-    return np.array(nodes, dtype=np.int64), values
+    return np.array(nodes, dtype=np.int64), np.array(rows)
 
 
 def shape_in_si(shape: Shape, units: Units) -> Shape:
@@ -124,25 +202,113 @@ def shape_in_si(shape: Shape, units: Units) -> Shape:
     return replace(shape, values=values)
 
 
-def modes_of(shapes: Sequence[Shape], file: str) -> tuple[Modes, ...]:
-    """Put shapes on the same nodes together."""
-    groups: dict[tuple[Any, ...], list[Shape]] = {}
+def modes_of(shapes: Sequence[Shape], file: str) -> tuple[tuple[Modes, ...], list[str]]:
+    """Put shapes together, on the nodes that all of them have; return also what there is to say about it.
+
+    Shapes whose common nodes are fewer than half of all their nodes are of different tests: they make several
+    groups, those of the same nodes one each.
+
+    Raises
+    ------
+    UffError
+        If a natural frequency is no number, or a shape is zero at all nodes.
+    """
+    notes: list[str] = []
+    groups: dict[int, list[Shape]] = {}
+    numbers = [shape.number for shape in shapes]
+    if min(numbers, default=1) < 1 or len(set(numbers)) < len(numbers):  # then they stand for something else
+        shapes = [replace(shape, number=k) for k, shape in enumerate(shapes, start=1)]
     for shape in shapes:
-        groups.setdefault((shape.nodes.tobytes(), shape.values.shape[1]), []).append(shape)
+        _check(shape, file)
+        groups.setdefault(shape.values.shape[1], []).append(shape)
     found: list[Modes] = []
     for group in groups.values():
-        for shape in group:
-            if not (np.isfinite(shape.frequency) and shape.frequency >= 0):
-                msg = (
-                    f"{file}: {shape.place}: natural frequency {shape.frequency} Hz; it must be a number "
-                    "not below 0"
-                )
-                raise UffError(msg)
-        group.sort(key=lambda s: s.frequency)
-        frequency = np.array([s.frequency for s in group])
-        zeta = np.array([s.zeta for s in group])
-        nodes, width = group[0].nodes, group[0].values.shape[1]
-        labels = tuple(label_of(int(node), d) for node in nodes for d in range(1, width + 1))
-        phi = np.column_stack([s.values.ravel() for s in group])
-        found.append(Modes(frequency, phi, zeta if zeta.any() else None, labels, int((frequency == 0).sum())))
-    return tuple(found)
+        for part in _of_one_test(group):
+            found.append(_modes(_on_common_nodes(_once(part, notes), notes, file)))
+    return tuple(found), notes
+
+
+def _check(shape: Shape, file: str) -> None:
+    if not (np.isfinite(shape.frequency) and shape.frequency >= 0):
+        msg = (
+            f"{file}: {shape.place}: natural frequency {shape.frequency} Hz; it must be a number not below 0"
+        )
+        raise UffError(msg)
+    _refuse_zero(shape, file)
+
+
+def _refuse_zero(shape: Shape, file: str) -> None:
+    if not shape.values.any():
+        n = len(shape.nodes)
+        msg = (
+            f"{file}: {shape.name} is zero at {'all ' if n > 1 else ''}{n} node{'s' if n > 1 else ''}, the "
+            f"first node {shape.nodes[0]}; a mode shape has at least one component that is not zero: "
+            "leave it out"
+        )
+        raise UffError(msg)
+
+
+def _of_one_test(shapes: list[Shape]) -> list[list[Shape]]:
+    sets = [frozenset(s.nodes.tolist()) for s in shapes]
+    common, every = reduce(frozenset.intersection, sets), reduce(frozenset.union, sets)
+    if 2 * len(common) >= len(every):
+        return [shapes]
+    parts: dict[frozenset[int], list[Shape]] = {}
+    for one, shape in zip(sets, shapes, strict=True):
+        parts.setdefault(one, []).append(shape)
+    return list(parts.values())
+
+
+def _once(shapes: list[Shape], notes: list[str]) -> list[Shape]:
+    """Leave out shapes that come again with the same frequency and values."""
+    kept: list[Shape] = []
+    for shape in shapes:
+        same = next(
+            (
+                s
+                for s in kept
+                if s.frequency == shape.frequency
+                and np.array_equal(s.nodes, shape.nodes)
+                and np.array_equal(s.values, shape.values)
+            ),
+            None,
+        )
+        if same is None:
+            kept.append(shape)
+        else:
+            notes.append(f"{shape.name} comes again as it is in {same.place} and counts once")
+    return kept
+
+
+def _on_common_nodes(shapes: list[Shape], notes: list[str], file: str) -> list[Shape]:
+    """Give all shapes the nodes that all have, in the order of the first; name those that are lost."""
+    sets = [set(s.nodes.tolist()) for s in shapes]
+    common, every = set.intersection(*sets), set.union(*sets)
+    if lost := sorted(every - common):
+        first = next(s for s, own in zip(shapes, sets, strict=True) if lost[0] not in own)
+        n = sum(not every <= own for own in sets)
+        names = f"{', '.join(map(str, lost[:5]))}{' …' if len(lost) > 5 else ''}"
+        notes.append(
+            f"{first.name} has no values at node {lost[0]}"
+            + (f", and {n - 1} more modes lack nodes" if n > 1 else "")
+            + f"; node{'s' if len(lost) > 1 else ''} {names} {'are' if len(lost) > 1 else 'is'} left out "
+            "of all modes"
+        )
+    order = [node for node in shapes[0].nodes.tolist() if node in common]
+    out: list[Shape] = []
+    for shape in shapes:
+        row_of = {node: row for row, node in enumerate(shape.nodes.tolist())}
+        rows = [row_of[node] for node in order]
+        out.append(replace(shape, nodes=np.array(order, dtype=np.int64), values=shape.values[rows]))
+        _refuse_zero(out[-1], file)
+    return out
+
+
+def _modes(shapes: list[Shape]) -> Modes:
+    shapes = sorted(shapes, key=lambda s: s.frequency)
+    frequency = np.array([s.frequency for s in shapes])
+    zeta = np.array([s.zeta for s in shapes])
+    nodes, width = shapes[0].nodes, shapes[0].values.shape[1]
+    labels = tuple(label_of(int(node), d) for node in nodes for d in range(1, width + 1))
+    phi = np.column_stack([s.values.ravel() for s in shapes])
+    return Modes(frequency, phi, zeta if zeta.any() else None, labels, int((frequency == 0).sum()))

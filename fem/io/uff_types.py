@@ -60,6 +60,11 @@ class Units:
     force: float = 1.0
 
     @property
+    def is_si(self) -> bool:
+        """Whether they are m and N."""
+        return (self.length, self.force) == (1.0, 1.0)
+
+    @property
     def mass(self) -> float:
         """One mass unit of the file [kg]."""
         return self.length / self.force
@@ -79,7 +84,7 @@ class Function:
     response_name, reference_name : str
         Entity names; empty where there is none.
     x : ndarray (n,)
-        Abscissa: time [s], frequency [Hz], …
+        Abscissa: time [s], frequency [Hz], whatever its label in the file; others as they are.
     values : ndarray (n,)
         Ordinate, real or complex.
     x_type, ordinate_type, denominator_type : int
@@ -127,18 +132,27 @@ class Function:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Points of datasets 15 and 2411.
+    """Points of datasets 15, 781 and 2411.
 
     Attributes
     ----------
     labels : ndarray of int (n,)
         Node numbers of the file.
     coordinates : ndarray (n, 3)
-        Coordinates [m].
+        Global coordinates [m].
     """
 
     labels: NDArray[np.int64]
     coordinates: NDArray[np.float64]
+
+    def rows_of(self, nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the rows of nodes, and whether the file has them; the row of others has no meaning."""
+        if not self.labels.size:
+            return np.zeros(nodes.shape, dtype=np.int64), np.zeros(nodes.shape, dtype=bool)
+        order = np.argsort(self.labels, kind="stable")
+        labels = self.labels[order]
+        at = np.minimum(np.searchsorted(labels, nodes), labels.size - 1)
+        return order[at], labels[at] == nodes
 
     def at(self, node: int) -> NDArray[np.float64]:
         """Return the coordinates of a node, shape (3,) [m].
@@ -166,7 +180,7 @@ class TraceLine:
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """An element of dataset 2412; descriptors 11 and 21 to 24 are rods and beams."""
+    """An element of dataset 780 or 2412; descriptors 11, 21 to 24, 31 and 32 are rods, beams and pipes."""
 
     number: int
     descriptor: int

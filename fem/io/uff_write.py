@@ -50,7 +50,8 @@ def write_uff(
     """Write FRFs, other functions, mode shapes and a geometry to a universal file, in SI units.
 
     The file is replaced whole or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412
-    elements, 82 trace lines (one a member), 55 mode shapes, 58 or 58b FRFs. What the format keeps: FRF values
+    elements, 82 trace lines (one a member), 2467 permanent groups (of a mesh's groups and named points),
+    55 mode shapes, 58 or 58b FRFs. What the format keeps: FRF values
     exactly in binary double precision, to 6e-8 in binary single, 5e-13 in text double and 5e-6 in text single
     precision; frequencies to 1e-12 or exactly in binary double precision, else to 6e-8 (binary) and 5e-7
     (text); mode shapes, their frequencies and damping, and points in dataset 15 to 5e-6, all relative.
@@ -89,7 +90,8 @@ def write_uff(
     UffError
         For a mesh beside a geometry, trace lines through nodes that are not there, labels that are not
         degrees of freedom, values that single precision cannot hold, frequencies that the precision cannot
-        tell apart, or nothing to write.
+        tell apart, names that the format does not keep (longer than their field, with line ends), or nothing
+        to write.
     """
     frfs = (frf,) if isinstance(frf, FRF) else tuple(frf)
     if not frfs and modes is None and mesh is None and geometry is None and not functions:
@@ -98,6 +100,7 @@ def write_uff(
     parts: list[bytes] = [_by_pyuff(_leading_sets(header, mesh, points, geometry, trace_lines))]
     if mesh is not None:
         parts.append(_element_text(mesh).encode())
+        parts.append(_group_text(mesh).encode())
     if modes is not None:
         parts.extend(text.encode() for text in _shape_texts(modes, dofs or {}, modal_a))
     for one in frfs:
@@ -152,7 +155,9 @@ def _leading_sets(
         sets.append(_point_set(points, np.arange(1, mesh.n_points + 1), mesh.points))
         for number, name in enumerate(mesh.members, start=1):
             chain = mesh.member_points(name) + 1
-            sets.append({"type": 82, "trace_num": number, "nodes": chain, "id": _line(name)})
+            sets.append(
+                {"type": 82, "trace_num": number, "nodes": chain, "id": _field(name, 80, "the member")}
+            )
     if geometry is not None:
         sets.append(_point_set(points, geometry.labels, geometry.coordinates))
     known = set() if geometry is None else set(geometry.labels.tolist())
@@ -165,7 +170,12 @@ def _leading_sets(
         nodes = [node for k, stroke in enumerate(trace.strokes) for node in ((0,) if k else ()) + stroke]
         if nodes:
             sets.append(
-                {"type": 82, "trace_num": trace.number, "nodes": np.array(nodes), "id": _line(trace.name)}
+                {
+                    "type": 82,
+                    "trace_num": trace.number,
+                    "nodes": np.array(nodes),
+                    "id": _field(trace.name, 80, "the trace line"),
+                }
             )
     return sets
 
@@ -183,6 +193,41 @@ def _line(text: str) -> str:
     return " ".join(text.split())[:80] or "NONE"
 
 
+def _title(text: str) -> str:
+    """Return a line of the free text of a function, which may be longer than 80 characters."""
+    if any(not c.isprintable() for c in text) or text.strip() == "-1":
+        msg = (
+            f"the title {text[:100]!r} of a function cannot be written: each of its five is one line of text"
+        )
+        raise UffError(msg)
+    return text or "NONE"
+
+
+def _field(text: str, width: int, what: str) -> str:
+    """Return a name or label for a field of the format; an empty one is NONE.
+
+    Raises
+    ------
+    UffError
+        If the field does not keep it: it is longer, has a line end, or blanks at its ends, or reads NONE.
+    """
+    reason = (
+        f"longer than the {width} characters of the format"
+        if len(text) > width
+        else "with a line end or another control character"
+        if any(not c.isprintable() for c in text)
+        else "with blanks at an end, which the format does not keep"
+        if text != text.strip()
+        else "which stands for no name in the format"
+        if text.upper() == "NONE"
+        else ""
+    )
+    if reason:
+        msg = f"{what} {text[:100]!r} cannot be written: it is {reason}; give it another name"
+        raise UffError(msg)
+    return text or "NONE"
+
+
 def _element_text(mesh: Mesh) -> str:
     """Dataset 2412: two-node beams, the member's number as their property table."""
     number_of = {name: k for k, name in enumerate(mesh.members, start=1)}
@@ -191,6 +236,26 @@ def _element_text(mesh: Mesh) -> str:
         rows.append(f"{k:10d}{21:10d}{number_of[str(name)]:10d}{1:10d}{7:10d}{2:10d}\n")
         rows.append(f"{0:10d}{1:10d}{1:10d}\n{a + 1:10d}{b + 1:10d}\n")
     return "".join([*rows, _MARK])
+
+
+def _group_text(mesh: Mesh) -> str:
+    """Dataset 2467: groups of members by their elements, named points by their nodes; empty without any."""
+    groups = [
+        (name, 8, np.sort(np.concatenate([mesh.members[m] for m in members])) + 1)
+        for name, members in mesh.groups.items()
+    ]
+    groups += [
+        (name, 7, np.array([point + 1]))
+        for name, point in mesh.point_names.items()
+        if name != str(point + 1)  # which the node has by its number
+    ]
+    rows = [_MARK, f"{2467:6d}\n"]
+    for number, (name, code, labels) in enumerate(groups, start=1):
+        rows.append(f"{number:10d}" + f"{0:10d}" * 6 + f"{labels.size:10d}\n")
+        rows.append(f"{_field(name, 40, 'the group or named point')}\n")
+        cells = [f"{code:10d}{label:10d}{0:10d}{0:10d}" for label in labels.tolist()]
+        rows += ["".join(cells[k : k + 2]) + "\n" for k in range(0, len(cells), 2)]
+    return "".join([*rows, _MARK]) if groups else ""
 
 
 # Functions: datasets 58 and 58b -----------------------------------------------------------------------------
@@ -235,14 +300,14 @@ def _function_record(f: "Function", binary: bool, double: bool) -> bytes:
     data = (5 if is_complex else 2) + (0 if not double else 1 if is_complex else 2)
     head = "".join(
         [
-            *(f"{_line(text):<80}\n" for text in (*f.title, *["NONE"] * 5)[:5]),
+            *(f"{_title(text):<80}\n" for text in (*f.title, *["NONE"] * 5)[:5]),
             f"{f.function_type:5d}{0:10d}{f.version:5d}{f.load_case:10d} "
-            f"{_line(f.response_name)[:10]:<10}{node:10d}{direction:4d} "
-            f"{_line(f.reference_name)[:10]:<10}{reference:10d}{sense:4d}\n",
+            f"{_field(f.response_name, 10, 'the entity'):<10}{node:10d}{direction:4d} "
+            f"{_field(f.reference_name, 10, 'the entity'):<10}{reference:10d}{sense:4d}\n",
             f"{data:10d}{f.values.size:10d}{1 if step else 0:10d}{start:13.6e}{step:13.6e}{0:13.5e}\n",
-            _axis(f.x_type, "NONE", _line(f.x_unit)[:20]),
-            _axis(f.ordinate_type, "NONE", _line(f.unit)[:20]),
-            _axis(f.denominator_type, "NONE", _line(f.denominator_unit)[:20]),
+            _axis(f.x_type, "NONE", _field(f.x_unit, 20, "the unit label")),
+            _axis(f.ordinate_type, "NONE", _field(f.unit, 20, "the unit label")),
+            _axis(f.denominator_type, "NONE", _field(f.denominator_unit, 20, "the unit label")),
             _axis(0, "NONE", "NONE"),
         ]
     )

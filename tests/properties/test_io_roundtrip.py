@@ -76,6 +76,7 @@ def shapes(draw):
     m = draw(st.integers(1, 3))
     frequency = np.cumsum(draw(st.lists(steps, min_size=m, max_size=m)))
     phi = draw(arrays(float, (len(labels), m, 2), elements=numbers))
+    phi[0, :, 0] = 1.0  # a shape that is zero everywhere is refused
     is_complex = draw(st.booleans())
     zeta = draw(arrays(float, m, elements=st.floats(1e-4, 0.5)))
     return Modes(frequency, phi @ [1, 1j] if is_complex else phi[..., 0], zeta, labels)

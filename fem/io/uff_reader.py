@@ -1,0 +1,268 @@
+"""The datasets of a universal file, taken in one by one and given their meaning when all are there."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fem.frf import FRFKind
+from fem.io.uff_elements import GROUP_COLUMNS, HEADS, Elements, Group, elements_of, groups_of, trace_line_of
+from fem.io.uff_format import Block, UffError
+from fem.io.uff_functions import FRF_TYPE, Record, frf_groups, frf_refusal, function_of, turned_records
+from fem.io.uff_nodes import PATTERNS, Nodes, turn_shape
+from fem.io.uff_shapes import Shape, modes_of, read_shape, shape_in_si
+from fem.io.uff_systems import Systems
+from fem.io.uff_types import Function, Header, TraceLine, Units
+from fem.io.uff_units import response_and_force, units_of
+
+HARMLESS: dict[int, str] = {1858: "qualifiers of functions", 2400: "model header"}
+"""Datasets that change nothing of what is read."""
+
+GEOMETRY: dict[int, str] = {71: "elements of an old form"}
+"""Datasets that change the lines of a mesh and are not read: a mesh is refused where there is one."""
+
+LEFT_OUT: dict[int, str] = {
+    56: "results on elements", 57: "results at nodes on elements", 754: "constraints", 755: "restraints",
+    756: "loads", 757: "degrees of freedom of analyses", 772: "beam cross sections", 773: "materials",
+    776: "beam cross sections", 789: "physical properties", 790: "loads", 791: "restraints",
+    1710: "materials", 2437: "physical properties", 2448: "physical properties", 2470: "materials",
+}  # fmt: skip
+"""Words for some of the datasets that are left out and named."""
+
+_RESULTS = ("FRF", "55", "57", "58", "2414")
+"""Beginnings of keys of what was skipped that do not concern a mesh."""
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+@dataclass(slots=True)
+class _Said:
+    """A sentence about the first of several things, and how many there are."""
+
+    first: str
+    count: int = 1
+
+    def __str__(self) -> str:
+        return self.first + (f"; {self.count} of them" if self.count > 1 else "")
+
+
+class _Sentences:
+    """Sentences, each once, by what they are about."""
+
+    def __init__(self) -> None:
+        self._said: dict[str, _Said] = {}
+
+    def add(self, key: str, words: str) -> None:
+        """Add a sentence, or count it where there is one about the same."""
+        if key in self._said:
+            self._said[key].count += 1
+        else:
+            self._said[key] = _Said(words)
+
+    def texts(self, without: tuple[str, ...] = ()) -> list[str]:
+        """Return all sentences but those whose keys begin with one of some words."""
+        return [str(said) for key, said in self._said.items() if not without or not key.startswith(without)]
+
+
+class FileReader:
+    """Collects the datasets of one file."""
+
+    def __init__(self, file: str, kind: FRFKind | None, unit_labels: bool, notes: Iterable[str]) -> None:
+        self.file, self.kind, self.unit_labels = file, kind, unit_labels
+        self.skipped, self.notes, self.mesh_notes = _Sentences(), _Sentences(), _Sentences()
+        for note in notes:
+            self.skipped.add(f"text {note}", note)
+        self.functions: list[Function] = []
+        self.records: list[Record] = []
+        self.systems = Systems()
+        self.nodes = Nodes(self.systems)
+        self.traces: list[TraceLine] = []
+        self.elements: list[Elements] = []
+        self.groups: list[Group] = []
+        self.shapes: list[Shape] = []
+        self.header: Header | None = None
+        self.units: Units | None = None
+        self.units_at = ""
+        self.fault = ""
+        self.takers: dict[int, Callable[[Block], object]] = {
+            **dict.fromkeys(PATTERNS, self.nodes.add),
+            **dict.fromkeys(HEADS, lambda block: self.elements.append(elements_of(block))),
+            **dict.fromkeys(GROUP_COLUMNS, lambda block: self.groups.extend(groups_of(block))),
+            **dict.fromkeys((18, 2420), self.systems.add),
+            **dict.fromkeys((55, 2414), self._shape),
+            58: self._function,
+            82: lambda block: self.traces.append(trace_line_of(block)),
+            151: self._header,
+            164: self._units,
+        }
+
+    def take(self, block: Block) -> None:
+        """Take one dataset in."""
+        if block.refusal:
+            self._skip(block, block.refusal)
+        elif block.kind in self.takers:
+            self._guarded(block.name, self.takers[block.kind], block)
+        elif block.kind in GEOMETRY:
+            words = f"{GEOMETRY[block.kind]} are not read"
+            self.fault = self.fault or f"{block.name}: {words}; write them as dataset 2412"
+            self._skip(block, words)
+        elif block.kind not in HARMLESS:
+            word = f" ({LEFT_OUT[block.kind]})" if block.kind in LEFT_OUT else ""
+            self._skip(block, f"datasets of type {block.kind}{word} are not read")
+
+    def _guarded(self, place: str, call: Callable[[T], R], argument: T) -> R:
+        """Call, and name file and dataset where something is wrong."""
+        try:
+            return call(argument)
+        except UffError:
+            raise
+        except ValueError as reason:
+            msg = f"{self.file}: {place}: {reason}" if place else f"{self.file}: {reason}"
+            raise UffError(msg) from reason
+
+    def _skip(self, block: Block, reason: str) -> None:
+        self.skipped.add(f"{block.kind} {reason}", f"{block.name}: {reason}")
+
+    def _header(self, block: Block) -> None:
+        text = [*block.lines[1:], *[""] * 7]
+        created = " ".join(text[3][:20].split())
+        self.header = Header(text[0].strip(), text[1].strip(), text[5].strip(), created)
+
+    def _units(self, block: Block) -> None:
+        units = units_of(block)
+        if self.units is None:
+            self.units, self.units_at = units, block.name
+        elif (units.length, units.force) != (self.units.length, self.units.force):
+            msg = (
+                f"its factors are {units.length:g} for lengths and {units.force:g} for forces, beside "
+                f"{self.units.length:g} and {self.units.force:g} of {self.units_at}; a file has one system "
+                "of units: cut it into two"
+            )
+            raise ValueError(msg)
+
+    def _shape(self, block: Block) -> None:
+        shape = read_shape(block)
+        if isinstance(shape, str):
+            self._skip(block, shape)
+        else:
+            self.shapes.append(shape)
+
+    def _function(self, block: Block) -> None:
+        function, notes = function_of(block)
+        for note in notes:
+            self.notes.add(note, f"{note} ({block.name})")
+        kind = function.kind or self.kind
+        reason = frf_refusal(function, kind) if function.function_type == FRF_TYPE else ""
+        if reason:
+            self._skip_frf(function, reason)
+        if function.function_type != FRF_TYPE or reason or kind is None:
+            self.functions.append(function)
+        else:
+            self.records.append((function, kind))
+
+    def _skip_frf(self, function: Function, reason: str) -> None:
+        ends = f"{function.response}/{function.reference}"
+        self.skipped.add(f"FRF {reason}", f"{function.place}: FRF {ends}: {reason}")
+
+    # What follows needs all datasets ------------------------------------------------------------------------
+
+    def result(self) -> dict[str, Any]:
+        """Return the attributes of :class:`fem.io.uff.UffFile` but its name."""
+        units = self.units or Units()
+        points = self._guarded("", self.nodes.points, units.length)
+        elements = self._guarded("", Elements.without_copies, Elements.joined(self.elements))
+        for note in self.nodes.notes:
+            self.mesh_notes.add(note, note)
+            self.notes.add(note, note)
+        converted = set() if points is None else {"coordinates"}
+        converted |= {"mode shapes"} if self.shapes else set()
+        frfs = frf_groups(self._guarded("", self._frfs, (units, converted)), self.file)
+        modes, said = modes_of(self._guarded("", self._global_shapes, units), self.file)
+        for note in (*frfs.notes, *said):
+            self.notes.add(note, note)
+        for words in frfs.left_out:
+            self.skipped.add(f"FRF {words}", words)
+        if converted and not units.is_si:
+            self._say_units(units, converted)
+        return {
+            "frfs": tuple(frfs.frfs),
+            "frf_units": tuple(frfs.units),
+            "frf_runs": tuple(frfs.runs),
+            "functions": tuple(self._guarded("", self._global_functions, self.functions)),
+            "modes": modes,
+            "points": points,
+            "trace_lines": tuple(self.traces),
+            "elements": elements,
+            "groups": tuple(self.groups),
+            "header": self.header,
+            "units": self.units,
+            "skipped": tuple(self.skipped.texts()),
+            "notes": tuple(self.notes.texts()),
+            "mesh_notes": (*self.mesh_notes.texts(), *self.skipped.texts(without=_RESULTS)),
+            "geometry_fault": self.fault,
+        }
+
+    def _say_units(self, units: Units, converted: set[str]) -> None:
+        words = (
+            f"its units ('{units.description}', dataset 164) are not SI: lengths are divided by "
+            f"{units.length:g} and forces by {units.force:g} in "
+        )
+        self.notes.add("units", words + "; ".join(sorted(converted)))
+        if "coordinates" in converted:
+            self.mesh_notes.add("units", f"{words}coordinates")
+
+    def _frfs(self, given: tuple[Units, set[str]]) -> list[Record]:
+        """Return FRFs in SI along the global axes."""
+        units, converted = given
+        out: list[Record] = []
+        for f, kind in self.records:
+            factor, by_file, said = response_and_force(f, kind, units, self.unit_labels)
+            if said:
+                self.skipped.add(f"FRF {said}", f"{f.place}: FRF {f.response}/{f.reference}: {said}")
+            if np.isclose(factor, by_file, rtol=1e-12, atol=0):
+                converted.add("FRFs")
+            else:
+                label = " and ".join(f"'{label}'" for label in (f.unit, f.denominator_unit) if label)
+                if not units.is_si:
+                    converted.add(f"not the FRFs, whose unit label '{f.unit}' goes before")
+                if factor != 1.0:
+                    words = f"FRFs with the unit label {label} are multiplied by {factor:.6g} to SI"
+                    self.notes.add(words, f"{words} ({f.place})")
+            out.append((replace(f, values=f.values * factor), kind))
+        if not self.nodes.any_turned:
+            return out
+        out, lost, n_turned = turned_records(out, self.nodes)
+        for words in lost:
+            self.skipped.add("FRF along no global axis", words)
+        if n_turned:
+            words = (
+                "directions of FRFs in the displacement systems of their nodes are turned into global ones"
+            )
+            self.notes.add(words, f"{n_turned} {words}")
+        return out
+
+    def _global_shapes(self, units: Units) -> list[Shape]:
+        """Return shapes in SI along the global axes."""
+        out: list[Shape] = []
+        for shape in self.shapes:
+            if self.nodes.any_turned:
+                shape = replace(shape, values=shape.values.copy())
+                if n := turn_shape(self.nodes, shape.nodes.tolist(), shape.values):
+                    words = f"displacements of shapes at {n} nodes are turned from systems of their own"
+                    self.notes.add("shapes turned", f"{words} into global ones")
+            out.append(shape_in_si(shape, units))
+        return out
+
+    def _global_functions(self, functions: Iterable[Function]) -> list[Function]:
+        """Return functions whose directions are global; those along no global axis are left out by name."""
+        out: list[Function] = []
+        for f in functions:
+            ends = [self.nodes.global_label(end) for end in (f.response, f.reference)]
+            if ends[0] is None or ends[1] is None:
+                words = f"{f.type_name} {f.response}/{f.reference} is along no global axis"
+                self.skipped.add("58 along no global axis", f"{f.place}: {words}")
+                continue
+            out.append(replace(f, response=ends[0], reference=ends[1]))
+        return out

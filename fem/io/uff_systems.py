@@ -1,0 +1,230 @@
+"""Datasets 18 and 2420: coordinate systems of positions and of displacements."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.uff_format import Block
+from fem.io.uff_numbers import cells, real, text_at, whole
+
+CARTESIAN, CYLINDRICAL, SPHERICAL = range(3)
+
+GLOBAL_NUMBERS = (0, 1)
+"""Systems that are the global one unless the file defines them: 0 always, 1 by the habit of most programs."""
+
+_ORTHONORMAL_WITHIN = 1e-3
+"""What products of axes may differ by from those of unit vectors: four digits are written at least."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class System:
+    """A coordinate system.
+
+    Attributes
+    ----------
+    kind : int
+        0 Cartesian, 1 cylindrical (r, θ, z), 2 spherical (r, θ from z, φ about z); angles in degrees.
+    axes : ndarray (3, 3)
+        Its x, y and z axis in global coordinates, a row each.
+    origin : ndarray (3,)
+        In the file's unit of length.
+    place : str
+        Dataset and line.
+    """
+
+    kind: int
+    axes: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    place: str = ""
+
+    @property
+    def is_global(self) -> bool:
+        """Whether it is the global Cartesian system."""
+        return self.kind == CARTESIAN and np.array_equal(self.axes, np.eye(3)) and not self.origin.any()
+
+    def to_global(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return positions (n, 3) in global coordinates."""
+        xyz = local
+        if self.kind == CYLINDRICAL:
+            r, turn = local[:, 0], np.radians(local[:, 1])
+            xyz = np.column_stack([r * np.cos(turn), r * np.sin(turn), local[:, 2]])
+        elif self.kind == SPHERICAL:
+            r, tilt, turn = local[:, 0], np.radians(local[:, 1]), np.radians(local[:, 2])
+            flat = r * np.sin(tilt)
+            xyz = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), r * np.cos(tilt)])
+        return xyz @ self.axes + self.origin
+
+    def directions_at(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the three directions at a global position (3,), a row each, in global coordinates.
+
+        Raises
+        ------
+        ValueError
+            On the axis of a cylindrical or spherical system, where they do not exist.
+        """
+        if self.kind == CARTESIAN:
+            return self.axes
+        x, y, z = self.axes @ (point - self.origin)
+        flat, size = np.hypot(x, y), np.sqrt(x * x + y * y + z * z)
+        if flat <= 1e-9 * max(size, float(np.abs(point).max()), np.finfo(float).tiny):
+            msg = "which has no radial direction on its axis"
+            raise ValueError(msg)
+        c, s = x / flat, y / flat
+        if self.kind == CYLINDRICAL:
+            local = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        else:
+            tilt = np.array([flat, z]) / size
+            local = np.array(
+                [[tilt[0] * c, tilt[0] * s, tilt[1]], [tilt[1] * c, tilt[1] * s, -tilt[0]], [-s, c, 0]]
+            )
+        return local @ self.axes
+
+
+GLOBAL = System(CARTESIAN, np.eye(3), np.zeros(3))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Definition:
+    """A system as the file has it: axes and origin (4, 3), or three points (3, 3) in another system."""
+
+    kind: int
+    values: NDArray[np.float64]
+    reference: int | None
+    method: int
+    place: str
+
+    def same_as(self, other: "_Definition") -> bool:
+        """Tell whether another definition says the same."""
+        return (
+            (self.kind, self.reference, self.method) == (other.kind, other.reference, other.method)
+            and self.values.shape == other.values.shape
+            and np.allclose(self.values, other.values, rtol=0, atol=1e-5 * np.abs(self.values).max())
+        )
+
+
+@dataclass(slots=True, eq=False)
+class Systems:
+    """The coordinate systems of a file, by number; what is wrong with one is said when it is used."""
+
+    _found: dict[int, _Definition] = field(default_factory=dict)
+    _other: dict[int, _Definition] = field(default_factory=dict)
+    _made: dict[int, System] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._found)
+
+    def add(self, block: Block) -> None:
+        """Take the systems of a dataset 18 or 2420 in."""
+        for number, found in (_of_2420 if block.kind == 2420 else _of_18)(block):
+            known = self._found.setdefault(number, found)
+            if not known.same_as(found):
+                self._other[number] = found
+
+    def get(self, number: int, _users: tuple[int, ...] = ()) -> System:
+        """Return a system.
+
+        Raises
+        ------
+        ValueError
+            If the file does not define it, or defines it in a way that is not read; the message continues
+            "… coordinate system 7, ".
+        """
+        if number not in self._found and number in GLOBAL_NUMBERS:
+            return GLOBAL
+        if number not in self._made:
+            self._made[number] = self._make(number, _users)
+        return self._made[number]
+
+    def _make(self, number: int, users: tuple[int, ...]) -> System:
+        if number not in self._found:
+            known = ", ".join(str(k) for k in sorted(self._found)[:10]) or "none"
+            msg = f"which the file does not define (datasets 18 and 2420); it defines {known}"
+            raise ValueError(msg)
+        d = self._found[number]
+        if number in self._other:
+            msg = f"which {d.place} and {self._other[number].place} define differently"
+            raise ValueError(msg)
+        if d.kind not in (CARTESIAN, CYLINDRICAL, SPHERICAL):
+            msg = (
+                f"whose type is {d.kind} ({d.place}); 0, 1 and 2 are read (Cartesian, cylindrical, spherical)"
+            )
+            raise ValueError(msg)
+        if d.reference is None:
+            return System(d.kind, _rotation(d.values[:3], d.place), d.values[3], d.place)
+        if d.method != 1:
+            msg = (
+                f"whose method of definition is {d.method} ({d.place}); 1 is read (origin, x axis, xz plane)"
+            )
+            raise ValueError(msg)
+        if number in users:
+            msg = f"which refers to itself through others ({d.place})"
+            raise ValueError(msg)
+        base = self.get(d.reference, (*users, number))
+        origin, on_x, on_xz = base.to_global(d.values)
+        x = _unit(on_x - origin, d.place)
+        z = _unit(on_xz - origin - ((on_xz - origin) @ x) * x, d.place)
+        return System(d.kind, np.array([x, np.cross(z, x), z]), origin, d.place)
+
+
+def _unit(vector: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+    size = float(np.linalg.norm(vector))
+    if not size > 0:
+        msg = f"whose three points lie on one line ({place})"
+        raise ValueError(msg)
+    return vector / size
+
+
+def _rotation(axes: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+    """Return the rotation nearest to axes that have few digits."""
+    if np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL_WITHIN or np.linalg.det(axes) < 0:
+        msg = f"whose axes are no three unit vectors at right angles, right-handed ({place})"
+        raise ValueError(msg)
+    if np.array_equal(axes, np.eye(3)):
+        return axes
+    u, _, v = np.linalg.svd(axes)
+    return u @ v
+
+
+def _of_2420(block: Block) -> Iterator[tuple[int, _Definition]]:
+    record = 3  # after the type, the part's number and its name
+    while record < block.n_lines:
+        if not block.lines[record].strip():
+            record += 1
+            continue
+        number, kind = (whole(block, record, text) for text in _leading(text_at(block, record), 10, 2))
+        rows = []
+        for k in range(record + 2, record + 6):
+            text_at(block, k)
+            rows.append([real(block, k, text) for text in cells(block, k, (25, 25, 25))])
+        place = f"dataset {block.kind}, {block.at(record)}"
+        yield number, _Definition(kind, np.array(rows), None, 0, place)
+        record += 6
+
+
+def _of_18(block: Block) -> Iterator[tuple[int, _Definition]]:
+    record = 1
+    while record < block.n_lines:
+        if not block.lines[record].strip():
+            record += 1
+            continue
+        number, kind, reference, _, method = (
+            whole(block, record, text) for text in _leading(text_at(block, record), 10, 5)
+        )
+        values: list[float] = []
+        for k, n in ((record + 2, 6), (record + 3, 3)):
+            text_at(block, k)
+            values += [real(block, k, text) for text in cells(block, k, (13,) * n)]
+        place = f"dataset {block.kind}, {block.at(record)}"
+        yield number, _Definition(kind, np.array(values).reshape(3, 3), reference, method, place)
+        record += 4
+
+
+def _leading(line: str, width: int, count: int) -> list[str]:
+    """Return the first columns of a line, by blanks or by width."""
+    words = line.split()
+    if len(words) >= count and all(len(word) < width for word in words):
+        return words[:count]
+    return [line[k * width : (k + 1) * width] for k in range(count)]
