@@ -20,6 +20,10 @@ class MeshError(ValueError):
     """A mesh that cannot be what the user meant; the message names the place."""
 
 
+class MeshWarning(UserWarning):
+    """One warning with all that a reader left out of a mesh; the mesh keeps its sentences as ``notes``."""
+
+
 @dataclass(frozen=True, slots=True)
 class Location:
     """A place on a line of the mesh.

@@ -72,6 +72,8 @@ def check(options: Options, progress: Progress) -> None:
                 {"kind": f.kind, "message": f.message, "points": f.points.tolist(), "lines": f.lines.tolist()}
                 for f in faults
             ],
+            "mesh_notes": study.model.mesh.notes,
+            "assumptions": study.assumptions,
         },
     )
     mesh = study.model.mesh
@@ -80,6 +82,7 @@ def check(options: Options, progress: Progress) -> None:
         f"{study.name}: {mesh.n_points} points, {mesh.n_lines} elements, {len(mesh.members)} members",
         *(f"  {f.kind}: {f.message}" for f in faults),
         f"{len(faults)} fault(s) found" if faults else "nothing found that is probably not meant",
+        *_read(study),
     )
 
 
@@ -133,6 +136,12 @@ def modes(options: Options, progress: Progress) -> None:
         *rows,
         *_assumed(study),
     )
+
+
+def _read(study: Study) -> list[str]:
+    """Say what the mesh file's reader left out or found suspicious."""
+    notes = study.model.mesh.notes
+    return ["", "of the mesh file:", *(f"  - {text}" for text in notes)] if notes else []
 
 
 def _assumed(study: Study) -> list[str]:

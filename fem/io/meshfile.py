@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from fem.io.abaqus import abaqus_text, read_abaqus
 from fem.io.atomic import replacing
-from fem.io.gmsh import gmsh_text, is_gmsh_text, read_gmsh
+from fem.io.gmsh import gmsh_text, read_gmsh
 from fem.io.nastran import read_nastran
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.mesh import Mesh, MeshError
@@ -84,7 +84,7 @@ def read_mesh(
         raw = read_abaqus(file)
     elif suffix in _NASTRAN:
         raw = read_nastran(file)
-    elif suffix == ".msh" and is_gmsh_text(file):
+    elif suffix == ".msh":
         raw = read_gmsh(file)
     else:
         raw = _by_meshio(file, sets)

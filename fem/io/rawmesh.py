@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fem.io.rawsets import LineSets, distinct, listed
-from fem.mesh import Mesh, MeshError
+from fem.mesh import Mesh, MeshError, MeshWarning
 
 MOST_NAMED = 50
 """Point sets with more points than this give no point names."""
@@ -109,7 +109,7 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
     notes += _doubles(lines)
     mesh = _built(points, lines, sets, names, file, notes)
     if notes:
-        warnings.warn(f"{file}: {'; '.join(notes)}", stacklevel=3)
+        warnings.warn(f"{file}: {'; '.join(notes)}", MeshWarning, stacklevel=3)
     return mesh
 
 

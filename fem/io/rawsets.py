@@ -34,6 +34,13 @@ class LineSets:
         step = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
         return LineSets(self.names, np.repeat(self.number, n), np.repeat(first[self.line], n) + step)
 
+    def mapping(self) -> dict[str, NDArray[np.int64]]:
+        """Return the lines of each set by its name."""
+        order = np.argsort(self.number, kind="stable")
+        ends = np.cumsum(np.bincount(self.number, minlength=len(self.names))).tolist()
+        rows = self.line[order]
+        return {name: rows[i:j] for name, i, j in zip(self.names, [0, *ends[:-1]], ends, strict=True)}
+
     def empty(self) -> list[str]:
         """Return the names of the sets without lines."""
         filled = np.bincount(self.number, minlength=len(self.names)) > 0

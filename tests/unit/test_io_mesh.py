@@ -258,13 +258,17 @@ def test_gmsh_41_group_on_some_curves_and_one_name_in_two_dimensions(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("$EndElements\n", "", r"the section \$Elements has no end"),
+        ("$EndElements\n", "", r"line \d+: the section \$Elements has no end"),
         ("$Elements", "$Other", r"there is no section \$Elements"),
-        ("0 0 0\n", "0 0 x\n", r"the section \$\w+ cannot be read"),
-        ("1 2\n", "1 77\n", r"the section \$Elements cannot be read .*node 77"),
+        ("\n1 0 0 0", "\n1 0 0 x", r"line 1\d, in \$\w+: 'x' is not a number"),
+        (
+            "1 2\n",
+            "1 77\n",
+            r"line \d+, in \$Elements: element \d refers to node 77, which is not among the 4",
+        ),
     ],
 )
-def test_gmsh_errors_name_the_section(tmp_path, text, old, new, words):
+def test_gmsh_errors_name_section_and_line(tmp_path, text, old, new, words):
     text = text.replace("$EndOther", "").replace(old, new)
     if new == "$Other":
         text = text.replace("$EndElements", "$EndOther")
