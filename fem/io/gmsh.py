@@ -21,6 +21,7 @@ from fem.io.gmsh_elements import (
     read_entities,
     read_nodes_1_and_2,
     read_nodes_4,
+    row_codes,
 )
 from fem.io.gmsh_sections import MshFile, sections_of
 from fem.io.rawmesh import RawMesh
@@ -202,8 +203,7 @@ def _groups_2(lines: Lines, notes: list[str]) -> tuple[_Pairs, _Pairs]:
     first = lines.first_of_each()
     again = np.flatnonzero(first != np.arange(len(first)))
     if again.size:
-        key = first * (int(group.max()) + 1) + group
-        _, at = np.unique(key, return_index=True)
+        _, at = np.unique(row_codes(np.column_stack([first, group])), return_index=True)
         repeated = np.setdiff1d(again, at)
         if repeated.size:
             a, b = int(first[repeated[0]]), int(repeated[0])

@@ -137,17 +137,17 @@ class Lines:
     def first_of_each(self) -> NDArray[np.int64]:
         """Return for each element the first that has its nodes, and its curve or its number."""
         first = np.arange(len(self.number))
-        code = _code(np.sort(self.nodes, axis=1))
+        code = row_codes(np.sort(self.nodes, axis=1))
         if code.max(initial=-1) + 1 == len(code):
             return first
         for tag in (self.entity, self.number):
-            pair = _code(np.column_stack([code, tag]))
+            pair = row_codes(np.column_stack([code, tag]))
             _, at = np.unique(pair, return_index=True)
             first = np.minimum(first, first[at[pair]])
         return first[first]
 
 
-def _code(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def row_codes(rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return a number for each row, from 0, the same for equal rows."""
     order = np.lexsort(rows.T)
     new = np.r_[False, (rows[order][1:] != rows[order][:-1]).any(axis=1)]

@@ -96,6 +96,7 @@ def sections_of(name: str, data: bytes) -> MshFile:
     MeshError
         If the file is no Gmsh file, is of another format than 1, 2 and 4, or a section has no end.
     """
+    data = data.removeprefix(b"\xef\xbb\xbf")  # some editors begin a text with a byte order mark
     file = MshFile(name, data, [], [])
     at = 0
     while (begin := data.find(b"$", at)) >= 0:
@@ -175,6 +176,10 @@ class Words:
         except (DeprecationWarning, ValueError):
             values = np.zeros(0, dtype)
         if len(values) == len(self.begin):
+            large = (values >= LARGEST_INTEGER) | (values <= -LARGEST_INTEGER)
+            if dtype is not float and large.any():
+                k = int(np.argmax(large))
+                self.refuse(f"the number {text.split()[k].decode()[:40]} is too large", k)
             return values
         form = (
             r"[+-]?\d+" if dtype is not float else r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|nan)\w*"

@@ -87,8 +87,8 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
         raise MeshError(msg)
     points = np.array(raw.points, dtype=float).reshape(-1, 3)
     chains = _rows_of_three(raw, len(points), file)
-    _check_coordinates(raw, points, chains, file)
     points *= scale
+    _check_coordinates(raw, points, chains, file)
     lines, origin = _two_node_lines(points, chains)
     notes = [*raw.notes]
     notes += [f"{n} {name} left out (only lines are read)" for name, n in raw.left_out.items()]
@@ -141,20 +141,27 @@ def _rows_of_three(raw: RawMesh, n_points: int, file: str) -> NDArray[np.int64]:
 def _check_coordinates(
     raw: RawMesh, points: NDArray[np.float64], chains: NDArray[np.int64], file: str
 ) -> None:
-    """Refuse coordinates that are not numbers; those of points on no line do not matter."""
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    """Refuse coordinates without a finite square; those of points on no line do not matter."""
+    bad = np.flatnonzero(~_near(points))
     if not bad.size:
         return
     used = np.zeros(len(points), dtype=bool)
     used[chains[chains >= 0]] = True
-    if used[bad].any():
-        row = int(bad[used[bad]][0])
-        msg = (
-            f"{file}: {raw.point(row)} has the coordinates {', '.join(f'{x:g}' for x in points[row])}; "
-            "they must be finite numbers"
-        )
+    row = int(bad[used[bad]][0]) if used[bad].any() else int(bad[0])
+    xyz = ", ".join(f"{x:g}" for x in points[row])
+    if not used[row]:
+        raw.notes.append(f"{raw.point(row)}, on no line, is at {xyz}")
+    elif np.isfinite(points[row]).all():
+        msg = f"{file}: {raw.point(row)} is so far away, at {xyz} m, that lengths overflow"
         raise MeshError(msg)
-    raw.notes.append(f"{raw.point(int(bad[0]))}, on no line, has coordinates that are not finite numbers")
+    else:
+        msg = f"{file}: {raw.point(row)} has the coordinates {xyz}; they must be finite numbers"
+        raise MeshError(msg)
+
+
+def _near(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which points have distances that are finite numbers."""
+    return (np.abs(points) < np.sqrt(np.finfo(float).max) / 4).all(axis=1)
 
 
 def _check_lengths(
@@ -165,11 +172,10 @@ def _check_lengths(
     file: str,
 ) -> None:
     """Refuse lines without length by their numbers in the file, before points are renumbered."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
-        size = float(np.ptp(points[distinct(lines.ravel())], axis=0).max()) if len(lines) else 0.0
+    length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
+    size = float(np.ptp(points[distinct(lines.ravel())], axis=0).max())
     short = np.flatnonzero(length <= 1e-9 * size)
-    if short.size and np.isfinite(size):
+    if short.size:
         row = int(short[0])
         a, b = (raw.point(int(k)) for k in lines[row])
         others = f", as have {short.size - 1} more" if short.size > 1 else ""
@@ -193,8 +199,7 @@ def _two_node_lines(
         return chains[:, :2].copy(), np.arange(len(chains))
     nodes = chains[three]
     a, b, c = (points[nodes[:, k]] for k in range(3))
-    with np.errstate(over="ignore", invalid="ignore"):
-        apart = [np.linalg.norm(v, axis=1) for v in (b - c, c - a, a - b)]
+    apart = [np.linalg.norm(v, axis=1) for v in (b - c, c - a, a - b)]
     middle = np.argmax(apart, axis=0)
     first, last = np.where(middle == 0, 1, 0), np.where(middle == 2, 1, 2)
     row = np.arange(len(three))
@@ -237,7 +242,7 @@ def _distinct(rows: ArrayLike) -> list[int]:
 
 def _pairs(points: NDArray[np.float64], reach: float) -> NDArray[np.int64] | None:
     """Return the pairs of points within a distance, (n_pairs, 2); None for more than ``MOST_PAIRS``."""
-    some = np.flatnonzero(np.isfinite(points).all(axis=1))
+    some = np.flatnonzero(_near(points))
     tree = cKDTree(points[some], balanced_tree=False, compact_nodes=False)
     if tree.count_neighbors(tree, reach) - some.size > 2 * MOST_PAIRS:
         return None
@@ -247,9 +252,8 @@ def _pairs(points: NDArray[np.float64], reach: float) -> NDArray[np.int64] | Non
 def _coincidences(points: NDArray[np.float64], lines: NDArray[np.int64]) -> list[str]:
     """Count the points that lie at the place of others."""
     used = points[distinct(lines.ravel())]
-    with np.errstate(over="ignore"):
-        reach = 1e-6 * float(np.ptp(used, axis=0).max())
-    if not (np.isfinite(reach) and reach > 0):
+    reach = 1e-6 * float(np.ptp(used, axis=0).max())
+    if not reach:
         return []
     pairs = _pairs(used, reach)
     if pairs is None:
