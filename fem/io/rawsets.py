@@ -39,7 +39,7 @@ class LineSets:
         order = np.argsort(self.number, kind="stable")
         ends = np.cumsum(np.bincount(self.number, minlength=len(self.names))).tolist()
         rows = self.line[order]
-        return {name: rows[i:j] for name, i, j in zip(self.names, [0, *ends[:-1]], ends, strict=True)}
+        return {name: rows[i:j] for name, i, j in zip(self.names, [0, *ends], ends, strict=False)}
 
     def empty(self) -> list[str]:
         """Return the names of the sets without lines."""
