@@ -121,6 +121,7 @@ def modes(options: Options, progress: Progress) -> None:
                 {"frequency_Hz": f, "damping_ratio": z} for f, z in zip(found.frequency, zeta, strict=True)
             ],
             "elements": study.model.mesh.n_lines,
+            "mesh_notes": study.model.mesh.notes,
             "assumptions": study.assumptions,
         },
     )
@@ -134,6 +135,7 @@ def modes(options: Options, progress: Progress) -> None:
         f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates",
         " mode  frequency Hz  damping %",
         *rows,
+        *_read(study),
         *_assumed(study),
     )
 

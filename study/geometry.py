@@ -142,7 +142,7 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
         with mesh.at("file"), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             read = read_mesh(path, scale=scale, merge_tolerance=tolerance, sets=mesh.text("sets", None))
-        notes.extend([*read.notes, *(str(w.message) for w in caught if w.category is not MeshWarning)])
+        notes.extend(str(w.message) for w in caught if w.category is not MeshWarning)  # the mesh keeps those
         return Geometry(read)
     for key in ("scale", "merge_tolerance", "sets"):
         if key in mesh:

@@ -661,7 +661,7 @@ def _faults(result: RunResult) -> Markup:
 
 
 def _notes(result: RunResult, album: Album) -> Markup:
-    notes = [*result.notes, *album.failures]
+    notes = [*result.study.model.mesh.notes, *result.notes, *album.failures]
     return section("Notes", bullets(notes)) if notes else Markup()
 
 

@@ -3,6 +3,7 @@
 import json
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from fem.io import read_mesh
 from fem.io.rawmesh import MOST_PAIRS, RawMesh, mesh_of
 from fem.mesh import Mesh, MeshError, MeshWarning
 from study.cli import main
+from study.report import _notes
 
 MSH = """$MeshFormat
 2.2 0 8
@@ -85,9 +87,17 @@ def test_check_prints_the_notes_and_writes_them_as_json(file, capsys):
 
 
 def test_modes_says_the_notes(file, capsys):
-    assert main(["modes", str(file.with_name("study.toml")), "-n", "3"]) == 0
-    printed = capsys.readouterr().out
-    assert all(f"  - {note}" in printed for note in NOTES)
+    assert main(["modes", str(file.with_name("study.toml")), "--number", "3"]) == 0
+    read, assumed = capsys.readouterr().out.split("assumed:")
+    assert all(f"  - {note}\n" in read and note not in assumed for note in NOTES)
+
+
+def test_the_report_has_the_notes(file):
+    with pytest.warns(MeshWarning):
+        mesh = read_mesh(file)
+    study = SimpleNamespace(model=SimpleNamespace(mesh=mesh))
+    html = str(_notes(SimpleNamespace(study=study, notes=("of the run",)), SimpleNamespace(failures=())))
+    assert all(f"<li>{text}</li>" in html for text in (*NOTES, "of the run"))
 
 
 # Sets and names that meet -------------------------------------------------------------------------------
