@@ -4,16 +4,24 @@ A position on a member is an arc length in metres from its first end, so that se
 their place when the mesh is refined.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain, islice
+from itertools import count as numbers_from
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.chains import chains_of
+
 
 class MeshError(ValueError):
     """A mesh that cannot be what the user meant; the message names the place."""
+
+
+class MeshWarning(UserWarning):
+    """One warning with all that a reader left out of a mesh; the mesh keeps its sentences as ``notes``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +56,8 @@ class Mesh:
         Names that stand for several members (a cell set that was split into chains, for example).
     point_names : mapping of str to int
         Names of points.
+    notes : tuple of str
+        What the reader left out or found suspicious, a sentence each; changed copies keep them.
     """
 
     points: NDArray[np.float64]
@@ -55,6 +65,7 @@ class Mesh:
     members: Mapping[str, NDArray[np.int64]]
     groups: Mapping[str, tuple[str, ...]]
     point_names: Mapping[str, int]
+    notes: tuple[str, ...] = ()
     _positions: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -64,12 +75,14 @@ class Mesh:
         lines: ArrayLike,
         sets: Mapping[str, ArrayLike] | None = None,
         point_names: Mapping[str, int] | None = None,
+        notes: Iterable[str] = (),
     ) -> "Mesh":
         """Build a mesh from points and lines in any order and direction.
 
         Each set becomes a member. A set that branches or is in several pieces becomes one member for each
         chain, named ``set.1``, ``set.2``, …, and the set's name becomes a group. The lines that are in no set
-        form the set ``"frame"``.
+        form the set ``"frame"``, or ``"frame.rest"`` where a set has that name. Names of chains pass over
+        numbers that a set's name has taken.
 
         Parameters
         ----------
@@ -81,6 +94,8 @@ class Mesh:
             Line indices of each set; no line may be in two sets.
         point_names : mapping of str to int, optional
             Names of points.
+        notes : iterable of str, optional
+            What a reader left out or found suspicious.
 
         Raises
         ------
@@ -90,64 +105,22 @@ class Mesh:
         """
         points = np.array(points, dtype=float, ndmin=2)
         lines = np.array(lines, dtype=np.int64, ndmin=2)
-        if lines.size == 0:
-            msg = "the mesh has no lines; a frame needs at least one two-node line"
-            raise MeshError(msg)
-        if points.ndim != 2 or points.shape[1] != 3:
-            msg = f"points have shape {points.shape}; (n_points, 3) is expected"
-            raise MeshError(msg)
-        if not np.isfinite(points).all():
-            bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-            msg = f"point {bad} has a coordinate that is not a finite number: {points[bad].tolist()}"
-            raise MeshError(msg)
-        outside = (lines < 0) | (lines >= len(points))
-        if outside.any():
-            row = int(np.flatnonzero(outside.any(axis=1))[0])
-            node = int(lines[row][outside[row]][0])
-            msg = (
-                f"line {row} refers to point {node}, but the mesh has {len(points)} points; "
-                "points count from 0"
-            )
-            raise MeshError(msg)
-        length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
-        size = float(np.ptp(points, axis=0).max())
-        if (length <= 1e-9 * size).any():
-            row = int(np.argmin(length))
-            msg = f"line {row} between points {lines[row, 0]} and {lines[row, 1]} has zero length"
-            raise MeshError(msg)
-
-        sets = {name: np.unique(np.asarray(rows, dtype=np.int64)) for name, rows in (sets or {}).items()}
-        owner = np.full(len(lines), -1)
-        for number, (name, rows) in enumerate(sets.items()):
-            outside = rows[(rows < 0) | (rows >= len(lines))]
-            if outside.size:
-                msg = (
-                    f"set '{name}' refers to line {outside[0]}, but the mesh has {len(lines)} lines, "
-                    "counted from 0"
-                )
-                raise MeshError(msg)
-            twice = rows[owner[rows] >= 0]
-            if twice.size:
-                other = list(sets)[owner[twice[0]]]
-                msg = f"line {twice[0]} is in the sets '{other}' and '{name}'; a line belongs to one member"
-                raise MeshError(msg)
-            owner[rows] = number
-        rest = np.flatnonzero(owner < 0)
-        if rest.size:
-            sets["frame"] = rest
-
+        _check_lines(points, lines)
+        owner, names = _owners(sets or {}, len(lines))
+        order, length, turned = chains_of(points, lines, owner)
+        lines[turned] = lines[turned][:, ::-1]
+        n_chains = np.bincount(owner[order[np.cumsum(length) - length]], minlength=len(names))
+        chains = iter(_parts(order, length))
+        taken = set(names)
         members: dict[str, NDArray[np.int64]] = {}
         groups: dict[str, tuple[str, ...]] = {}
-        for name, rows in sets.items():
-            if not rows.size:
-                continue
-            chains, turned = _chains(points, lines, rows)
-            lines[turned] = lines[turned][:, ::-1]
-            names = [name] if len(chains) == 1 else [f"{name}.{i}" for i in range(1, len(chains) + 1)]
-            if len(chains) > 1:
-                groups[name] = tuple(names)
-            members.update(zip(names, chains, strict=True))
-        return cls._frozen(points, lines, members, groups, dict(point_names or {}))
+        for name, count in zip(names, n_chains.tolist(), strict=True):
+            if count == 1:
+                members[name] = next(chains)
+            elif count:
+                groups[name] = tuple(_numbered(name, count, taken))
+                members.update((part, next(chains)) for part in groups[name])
+        return cls._frozen(points, lines, members, groups, dict(point_names or {}), tuple(notes))
 
     @classmethod
     def _frozen(
@@ -157,6 +130,7 @@ class Mesh:
         members: Mapping[str, NDArray[np.int64]],
         groups: Mapping[str, tuple[str, ...]],
         point_names: Mapping[str, int],
+        notes: tuple[str, ...],
     ) -> "Mesh":
         for array in (points, lines, *members.values()):
             array.flags.writeable = False
@@ -166,6 +140,7 @@ class Mesh:
             MappingProxyType(dict(members)),
             MappingProxyType(dict(groups)),
             MappingProxyType(dict(point_names)),
+            notes,
         )
 
     @property
@@ -318,7 +293,7 @@ class Mesh:
             if name is None:
                 return self
             names[name] = int(self.member_points(chain)[near])
-            return self._frozen(self.points, self.lines, self.members, self.groups, names)
+            return self._frozen(self.points, self.lines, self.members, self.groups, names, self.notes)
         points = np.vstack([self.points, self.point_at(location)])
         new = self.n_points
         a, b = self.lines[location.line]
@@ -330,7 +305,7 @@ class Mesh:
         members[chain] = np.insert(rows, at + 1, self.n_lines)
         if name is not None:
             names[name] = new
-        return self._frozen(points, lines, members, self.groups, names)
+        return self._frozen(points, lines, members, self.groups, names, self.notes)
 
     def refined(self, size: float | None = None, counts: Mapping[str, int] | None = None) -> "Mesh":
         """Return a mesh with more lines along the members; existing points keep their indices.
@@ -377,7 +352,8 @@ class Mesh:
         of, step = _counted(pieces[chains])
         rows = (np.cumsum(pieces) - pieces)[chains[of]] + step
         members = dict(zip(self.members, _parts(rows, np.bincount(member[of])), strict=True))
-        return self._frozen(np.vstack([self.points, inner]), lines, members, self.groups, self.point_names)
+        points = np.vstack([self.points, inner])
+        return self._frozen(points, lines, members, self.groups, self.point_names, self.notes)
 
 
 def _counted(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -393,56 +369,76 @@ def _parts(rows: NDArray[np.int64], counts: NDArray[np.int64]) -> list[NDArray[n
     return [rows[i:j] for i, j in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def _chains(
-    points: NDArray[np.float64], lines: NDArray[np.int64], rows: NDArray[np.int64]
-) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
-    """Split a set of lines into chains; return the ordered rows of each, and the rows that are reversed.
-
-    A chain goes on at a point where two lines of the set meet, without a sharp corner.
-    """
-    partner = _partners(points, lines[rows])
-    alone = (partner < 0).all(axis=1)
-    if alone.all():
-        return _parts(rows.copy(), np.ones(len(rows), dtype=np.int64)), rows[:0]
-    beyond, free = partner.ravel().tolist(), np.ones(len(rows), dtype=bool).tolist()
-    order: list[int] = []
-    turned: list[int] = []
-    counts: list[int] = []
-    for seed in range(len(rows)):
-        if not free[seed]:
-            continue
-        here, seen = 2 * seed, {seed}  # an end: of line here // 2, its first or second
-        while (back := beyond[here]) >= 0 and back // 2 not in seen:
-            seen.add(back // 2)
-            here = back ^ 1
-        chain: list[int] = []
-        while here >= 0 and free[here // 2]:
-            free[here // 2] = False
-            chain.append(here)
-            here = beyond[here ^ 1]
-        flipped = [end for end in chain if end & 1]
-        if 2 * len(flipped) > len(chain):  # keep the direction that most lines of the file have
-            flipped = [end for end in chain if not end & 1]
-            chain.reverse()
-        order += [end // 2 for end in chain]
-        turned += [end // 2 for end in flipped]
-        counts.append(len(chain))
-    return _parts(rows[order], np.array(counts)), rows[turned]
+def _check_lines(points: NDArray[np.float64], lines: NDArray[np.int64]) -> None:
+    """Refuse what is no mesh: coordinates that are not numbers, lines without points or length."""
+    if lines.size == 0:
+        msg = "the mesh has no lines; a frame needs at least one two-node line"
+        raise MeshError(msg)
+    if lines.ndim != 2 or lines.shape[1] != 2:
+        msg = f"lines have shape {lines.shape}; (n_lines, 2) is expected"
+        raise MeshError(msg)
+    if points.ndim != 2 or points.shape[1] != 3:
+        msg = f"points have shape {points.shape}; (n_points, 3) is expected"
+        raise MeshError(msg)
+    if not np.isfinite(points).all():
+        bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+        msg = f"point {bad} has a coordinate that is not a finite number: {points[bad].tolist()}"
+        raise MeshError(msg)
+    outside = (lines < 0) | (lines >= len(points))
+    if outside.any():
+        row = int(np.flatnonzero(outside.any(axis=1))[0])
+        node = int(lines[row][outside[row]][0])
+        msg = f"line {row} refers to point {node}, but the mesh has {len(points)} points; points count from 0"
+        raise MeshError(msg)
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
+        size = float(np.ptp(points, axis=0).max())
+    if not (np.isfinite(length).all() and np.isfinite(size)):
+        bad = int(np.argmax(np.abs(points).max(axis=1)))
+        msg = f"point {bad} is so far away that lengths overflow: {points[bad].tolist()} m"
+        raise MeshError(msg)
+    if (length <= 1e-9 * size).any():
+        row = int(np.argmin(length))
+        msg = f"line {row} between points {lines[row, 0]} and {lines[row, 1]} has zero length"
+        raise MeshError(msg)
 
 
-def _partners(points: NDArray[np.float64], lines: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the end, 2 · line + 0 or 1, with which each line's ends go on, -1 for none, (n_lines, 2)."""
-    t = points[lines[:, 1]] - points[lines[:, 0]]
-    t /= np.linalg.norm(t, axis=1, keepdims=True)
-    ends = np.argsort(lines.ravel(), kind="stable")
-    _, start, count = np.unique(lines.ravel()[ends], return_index=True, return_counts=True)
-    first, second = ends[start[count == 2]], ends[start[count == 2] + 1]
-    turn = np.where((first + second) % 2, 1.0, -1.0)  # both at their first or both at their second points
-    cosine = turn * np.einsum("ij,ij->i", t[first // 2], t[second // 2])
-    straight = cosine > 0.5
-    partner = np.full(lines.size, -1)
-    partner[first[straight]], partner[second[straight]] = second[straight], first[straight]
-    return partner.reshape(-1, 2)
+def _owners(sets: Mapping[str, ArrayLike], n_lines: int) -> tuple[NDArray[np.int64], list[str]]:
+    """Return the number of the set of each line, and the names of the sets with that of the rest."""
+    names = list(sets)
+    parts = [np.asarray(rows, dtype=np.int64).ravel() for rows in sets.values()]
+    rows = np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
+    number = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    outside = np.flatnonzero((rows < 0) | (rows >= n_lines))
+    if outside.size:
+        msg = (
+            f"set '{names[number[outside[0]]]}' refers to line {rows[outside[0]]}, but the mesh has "
+            f"{n_lines} lines, counted from 0"
+        )
+        raise MeshError(msg)
+    owner = np.full(n_lines, -1)
+    owner[rows[::-1]] = number[::-1]  # of several sets the first
+    twice = np.flatnonzero(owner[rows] != number)
+    if twice.size:
+        row = rows[twice[0]]
+        msg = (
+            f"line {row} is in the sets '{names[owner[row]]}' and '{names[number[twice[0]]]}'; "
+            "a line belongs to one member"
+        )
+        raise MeshError(msg)
+    owner[owner < 0] = len(names)
+    return owner, [*names, free_name("frame", "frame.rest", names)]
+
+
+def free_name(first: str, second: str, taken: Container[str]) -> str:
+    """Return the first of ``first``, ``second``, ``second.2``, ``second.3``, … that is not taken."""
+    numbered = (f"{second}.{k}" for k in numbers_from(2))
+    return next(name for name in chain((first, second), numbered) if name not in taken)
+
+
+def _numbered(name: str, n: int, taken: Container[str]) -> Iterator[str]:
+    """Give ``name.1``, ``name.2``, …, passing over those that are taken."""
+    return islice((part for k in numbers_from(1) if (part := f"{name}.{k}") not in taken), n)
 
 
 def merge_names(names: Iterable[str]) -> str:

@@ -78,6 +78,8 @@ def check(options: Options, progress: Progress) -> None:
                 {"kind": f.kind, "message": f.message, "points": f.points.tolist(), "lines": f.lines.tolist()}
                 for f in faults
             ],
+            "mesh_notes": study.model.mesh.notes,
+            "assumptions": study.assumptions,
         },
     )
     mesh = study.model.mesh
@@ -87,6 +89,7 @@ def check(options: Options, progress: Progress) -> None:
         *(f"  {f.kind}: {f.message}" for f in faults),
         f"{len(faults)} fault(s) found" if faults else "nothing found that is probably not meant",
         *warned(study),
+        *_read(study),
     )
 
 
@@ -125,6 +128,7 @@ def modes(options: Options, progress: Progress) -> None:
                 {"frequency_Hz": f, "damping_ratio": z} for f, z in zip(found.frequency, zeta, strict=True)
             ],
             "elements": study.model.mesh.n_lines,
+            "mesh_notes": study.model.mesh.notes,
             "assumptions": study.assumptions,
             "warnings": study.warnings,
         },
@@ -139,9 +143,16 @@ def modes(options: Options, progress: Progress) -> None:
         f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates",
         " mode  frequency Hz  damping %",
         *rows,
+        *_read(study),
         *_assumed(study),
         *warned(study),
     )
+
+
+def _read(study: Study) -> list[str]:
+    """Say what the mesh file's reader left out or found suspicious."""
+    notes = study.model.mesh.notes
+    return ["", "of the mesh file:", *(f"  - {text}" for text in notes)] if notes else []
 
 
 def _assumed(study: Study) -> list[str]:

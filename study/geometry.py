@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import MemberProperties
 from fem.io import read_mesh
-from fem.mesh import Mesh, MeshError, merge_names
+from fem.mesh import Mesh, MeshError, MeshWarning, merge_names
 from study.table import Table, as_vector, suggest
 
 TOUCH = 1e-6
@@ -142,7 +142,7 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
         with mesh.at("file"), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             read = read_mesh(path, scale=scale, merge_tolerance=tolerance, sets=mesh.text("sets", None))
-        notes.extend(str(w.message) for w in caught)
+        notes.extend(str(w.message) for w in caught if w.category is not MeshWarning)  # the mesh keeps those
         return Geometry(read)
     for key in ("scale", "merge_tolerance", "sets"):
         if key in mesh:

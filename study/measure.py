@@ -241,6 +241,7 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
         "messages": u.messages,
         "notes": (*result.notes, *unsaid),
         "warnings": result.study.warnings,
+        "mesh_notes": result.study.model.mesh.notes,
     }  # fmt: skip
 
 
@@ -314,6 +315,9 @@ def _write_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) ->
             if len(u.parameters) > 1
             else "",
         ),
+        page.section("Of the mesh file", page.bullets(study.model.mesh.notes))
+        if study.model.mesh.notes
+        else "",
         page.section("Assumptions", page.bullets(study.assumptions)) if study.assumptions else "",
     )
     (folder / REPORT).write_text(html, encoding="utf-8")

@@ -667,7 +667,7 @@ def _warnings(result: RunResult) -> Markup:
 
 
 def _notes(result: RunResult, album: Album) -> Markup:
-    notes = [*result.notes, *album.failures]
+    notes = [*result.study.model.mesh.notes, *result.notes, *album.failures]
     return section("Notes", bullets(notes)) if notes else Markup()
 
 

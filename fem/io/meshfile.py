@@ -1,41 +1,25 @@
 """Line meshes from files and to files; the suffix says the format.
 
-Universal files, Gmsh in text form, Abaqus and Nastran are read by Dovetail; everything else, such as
+Universal files, Gmsh, Abaqus and Nastran are read by Dovetail; everything else, such as
 ``.vtu``, ``.vtk``, ``.xdmf``, ``.med``, through meshio.
 """
 
-import contextlib
-import io
 import os
-import warnings
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import pairwise
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fem.io.abaqus import abaqus_text, read_abaqus
 from fem.io.atomic import replacing
-from fem.io.gmsh import gmsh_text, is_gmsh_text, read_gmsh
+from fem.io.gmsh import gmsh_text, read_gmsh
+from fem.io.meshio_mesh import SET_PREFIX, quiet, read_by_meshio
 from fem.io.nastran import read_nastran
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.mesh import Mesh, MeshError
-
-_SET_PREFIX = "set:"
-_TAGS = (
-    "gmsh:physical",
-    "cell_tags",
-    "medit:ref",
-    "nastran:ref",
-    "member",
-    "members",
-    "CellEntityIds",
-    "group",
-)
-"""Integer cell data that number the members, in the order in which they are looked for."""
 
 _NASTRAN = (".bdf", ".nas", ".fem", ".dat")
 _UNIVERSAL = (".uff", ".unv")
@@ -54,8 +38,9 @@ def read_mesh(
     and become groups. A three-node line becomes two lines. Sets of points name points: ``base`` for one
     point, ``base.1``, ``base.2``, … for up to 50.
 
-    One warning says what was left out: cells that are not lines, points on no line (the others are renumbered
-    in their order), and how many points coincide without being connected.
+    One :class:`~fem.mesh.MeshWarning` says what was left out or looks wrong: cells that are not lines, points
+    on no line (the others are renumbered in their order), how many points coincide without being connected,
+    sections, cards and datasets that are not read. The mesh keeps its sentences as ``notes``.
 
     Parameters
     ----------
@@ -84,10 +69,10 @@ def read_mesh(
         raw = read_abaqus(file)
     elif suffix in _NASTRAN:
         raw = read_nastran(file)
-    elif suffix == ".msh" and is_gmsh_text(file):
+    elif suffix == ".msh":
         raw = read_gmsh(file)
     else:
-        raw = _by_meshio(file, sets)
+        raw = read_by_meshio(file, sets)
     return mesh_of(raw, file.name, scale, merge_tolerance)
 
 
@@ -98,114 +83,6 @@ def _universal(file: Path) -> RawMesh:
         return read_quietly(file).raw_mesh()
     except UffError as reason:
         raise MeshError(str(reason)) from reason
-
-
-# Through meshio ---------------------------------------------------------------------------------------------
-
-
-def _by_meshio(file: Path, sets: str | None) -> RawMesh:
-    with quiet() as said:
-        import meshio
-
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                form = "gmsh" if file.suffix.lower() == ".msh" else None  # else meshio tries Ansys first
-                found: Any = meshio.read(file, file_format=form)
-        except (Exception, SystemExit) as reason:
-            text = "" if isinstance(reason, SystemExit) else f"{type(reason).__name__}: {reason}"
-            words = " ".join(f"{text} {said.getvalue()}".split())
-            hint = "; .vtu files are read more surely" if file.suffix.lower() == ".vtk" else ""
-            why = (words[:300] or "meshio gave no reason") + hint
-            msg = f"{file.name}: it cannot be read as {file.suffix or 'a mesh'} ({why})"
-            raise MeshError(msg) from reason
-    raw = _raw_of(found, file.name, sets)
-    if said.getvalue():
-        raw.notes.append(f"meshio says: {' '.join(said.getvalue().split())}")
-    return raw
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[io.StringIO]:
-    """Catch what meshio prints."""
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        yield said
-
-
-def _raw_of(found: Any, file: str, sets: str | None) -> RawMesh:
-    points = np.asarray(found.points, dtype=float)
-    if points.ndim != 2 or points.shape[1] not in (2, 3):
-        msg = f"{file}: points have shape {points.shape}; two or three coordinates each are expected"
-        raise MeshError(msg)
-    raw = RawMesh(np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))]).tolist())
-    names = _names_of_cells(found, file, sets)
-    for k, block in enumerate(found.cells):
-        chains = _chains_of(block)
-        if chains is None:
-            if block.type != "vertex":
-                raw.left_out[f"{block.type} cells"] += len(block.data)
-            continue
-        for row, nodes in enumerate(chains):
-            for name in names.get((k, row), ()):
-                for offset in range(max(1, len(nodes) - 1) if len(nodes) > 3 else 1):
-                    raw.add_to_set(name, len(raw.lines) + offset)
-            if len(nodes) <= 3:
-                raw.lines.append(tuple(nodes))
-            else:
-                raw.lines.extend(pairwise(nodes))
-    raw.point_sets = {name: np.asarray(rows).ravel().tolist() for name, rows in found.point_sets.items()}
-    return raw
-
-
-def _chains_of(block: Any) -> list[list[int]] | None:
-    """Return the nodes of lines in the order of the file; None for other cells."""
-    if block.type in ("line", "line3"):
-        return np.asarray(block.data).tolist()
-    if block.type in ("polyline", "poly_line", "VTK_LAGRANGE_CURVE"):
-        return [list(nodes) for nodes in block.data]
-    return None
-
-
-def _names_of_cells(found: Any, file: str, sets: str | None) -> dict[tuple[int, int], list[str]]:
-    """Return the sets of each cell, by block and row."""
-    names: dict[tuple[int, int], list[str]] = {}
-    if sets is not None:
-        if sets not in found.cell_data:
-            msg = f"{file}: there is no cell array '{sets}'; it has {', '.join(found.cell_data) or 'none'}"
-            raise MeshError(msg)
-        return _by_tag(found, sets, names)
-    for name, per_block in found.cell_sets.items():
-        if name.startswith("gmsh:"):
-            continue
-        for k, rows in enumerate(per_block):
-            for row in [] if rows is None else np.asarray(rows).ravel():
-                names.setdefault((k, int(row)), []).append(name)
-    for array in found.cell_data:
-        if array.startswith(_SET_PREFIX):
-            name = array.removeprefix(_SET_PREFIX)
-            name = unquote(name) if file.endswith(".vtk") else name
-            for k, values in enumerate(found.cell_data[array]):
-                for row in np.flatnonzero(np.asarray(values).ravel()):
-                    names.setdefault((k, int(row)), []).append(name)
-    if names:
-        return names
-    tag = next((tag for tag in _TAGS if tag in found.cell_data), None)
-    return _by_tag(found, tag, names) if tag else names
-
-
-def _by_tag(
-    found: Any, tag: str, names: dict[tuple[int, int], list[str]]
-) -> dict[tuple[int, int], list[str]]:
-    """Name cells by the numbers of a cell array, with the names that the file has for them."""
-    known = {int(v[0]): name for name, v in found.field_data.items() if np.size(v) == 2 and int(v[1]) == 1}
-    families = getattr(found, "cell_tags", None) or {}
-    word = {"gmsh:physical": "physical"}.get(tag, tag)
-    for k, values in enumerate(found.cell_data[tag]):
-        for row, value in enumerate(np.asarray(values).ravel()):
-            number = int(value)
-            names[k, row] = list(families.get(number, ())) or [known.get(number, f"{word} {number}")]
-    return names
 
 
 # Writing ----------------------------------------------------------------------------------------------------
@@ -219,8 +96,8 @@ def write_mesh(
 ) -> None:
     """Write a mesh; the suffix says the format, and the file is replaced whole or not at all.
 
-    Members, groups and named points are kept in ``.inp`` and ``.uff``, members and named points in ``.msh``
-    (format 2.2), members in ``.vtu`` and what else meshio writes: there as an integer array ``member`` and
+    Members, groups and named points are kept in ``.inp``, members and named points in ``.msh`` (format 2.2),
+    members in ``.uff``, and in ``.vtu`` and what else meshio writes: there as an integer array ``member`` and
     one array of 0 and 1 for each, ``set:name``.
 
     Parameters
@@ -274,7 +151,7 @@ def member_arrays(mesh: Mesh, blanks: bool = True) -> dict[str, Any]:
     for number, (name, rows) in enumerate(mesh.members.items(), start=1):
         cells["member"][rows] = number
         word = name if blanks else quote(name, safe="")
-        cells[f"{_SET_PREFIX}{word}"] = np.isin(np.arange(mesh.n_lines), rows).astype(np.int64)
+        cells[f"{SET_PREFIX}{word}"] = np.isin(np.arange(mesh.n_lines), rows).astype(np.int64)
     return cells
 
 

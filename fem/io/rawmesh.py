@@ -1,26 +1,32 @@
 """What mesh readers hand over, and how it becomes a :class:`fem.mesh.Mesh`.
 
 A reader gives points, lines and sets as the file has them. Joined here, for all formats alike: quadratic
-lines, overlapping sets, points that nothing uses or that coincide.
+lines, overlapping sets, points that nothing uses or that coincide. A mesh has up to millions of lines, so
+that all of this works on arrays.
 """
 
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import chain
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from fem.mesh import Mesh, MeshError
+from fem.io.rawsets import LineSets, distinct, listed
+from fem.mesh import Mesh, MeshError, MeshWarning
 
 MOST_NAMED = 50
 """Point sets with more points than this give no point names."""
+
+MOST_PAIRS = 20_000_000
+"""Pairs of points within the merge tolerance beyond which it joins more than points at one place: 0.3 GB."""
 
 
 @dataclass(slots=True)
@@ -29,34 +35,48 @@ class RawMesh:
 
     Attributes
     ----------
-    points : list of coordinates, three each
-    lines : list of point indices, two or three each
+    points : (n_points, 3) array, or list of coordinates, three each
+    lines : (n_lines, 2) array of point indices; (n_lines, 3), -1 in the last column of those with two; or a
+        list of two or three each
     sets, point_sets : name to indices of lines, of points
     left_out : count of what was not read, by type
     notes : what else there is to say
+    point_numbers, line_numbers : numbers of nodes and elements in the file, for messages
     """
 
-    points: list[Sequence[float]] = field(default_factory=list)
-    lines: list[tuple[int, ...]] = field(default_factory=list)
-    sets: dict[str, list[int]] = field(default_factory=dict)
-    point_sets: dict[str, list[int]] = field(default_factory=dict)
+    points: Any = field(default_factory=list)
+    lines: Any = field(default_factory=list)
+    sets: dict[str, Any] = field(default_factory=dict)
+    point_sets: dict[str, Any] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
+    point_numbers: Sequence[int] | NDArray[np.int64] | None = None
+    line_numbers: Sequence[int] | NDArray[np.int64] | None = None
 
     def add_to_set(self, name: str, line: int) -> None:
-        """Put a line into a set."""
+        """Put a line into a set that is a list."""
         self.sets.setdefault(name, []).append(line)
+
+    def point(self, row: int) -> str:
+        """Return what a message calls a point."""
+        return f"point {row + 1}" if self.point_numbers is None else f"node {int(self.point_numbers[row])}"
+
+    def line(self, row: int) -> str:
+        """Return what a message calls a line."""
+        return f"line {row + 1}" if self.line_numbers is None else f"element {int(self.line_numbers[row])}"
 
 
 def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None) -> Mesh:
     """Make a mesh of what a file holds, and say in one warning what was left out or looks wrong.
+
+    The sentences of the warning are the mesh's ``notes``.
 
     Raises
     ------
     MeshError
         If there are no lines, or they do not make a mesh.
     """
-    if not raw.lines:
+    if not len(raw.lines):
         found = (
             ", ".join([*(f"{n} {name}" for name, n in raw.left_out.items()), *raw.notes]) or "no cells at all"
         )
@@ -65,75 +85,185 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
     if not (np.isfinite(scale) and scale > 0):
         msg = f"the scale is {scale}; it must be positive (0.001 for a file in mm)"
         raise MeshError(msg)
-    points = np.array(raw.points, dtype=float).reshape(-1, 3) * scale
-    lines, origin = _two_node_lines(points, raw.lines, file)
+    points = np.array(raw.points, dtype=float).reshape(-1, 3)
+    chains = _rows_of_three(raw, len(points), file)
+    points *= scale
+    _check_coordinates(raw, points, chains, file)
+    lines, origin = _two_node_lines(points, chains)
     notes = [*raw.notes]
     notes += [f"{n} {name} left out (only lines are read)" for name, n in raw.left_out.items()]
-    if len(lines) > len(raw.lines):
-        notes.append(f"{len(lines) - len(raw.lines)} quadratic lines became two lines each")
-    sets = {name: np.flatnonzero(np.isin(origin, rows)) for name, rows in raw.sets.items()}
-    names = _point_names(raw.point_sets)
+    if len(lines) > len(chains):
+        notes.append(f"{len(lines) - len(chains)} quadratic lines became two lines each")
+    sets = LineSets.of(raw.sets).over(*_first_and_count(origin, len(chains)))
+    if empty := sets.empty():
+        notes.append(f"sets without lines: {listed(empty)}")
+    names = _point_names(raw.point_sets, notes)
     if merge_tolerance is None:
         notes += _coincidences(points, lines)
     else:
-        points, lines, names, kept = _merged(points, lines, names, merge_tolerance, notes)
-        sets = {name: np.flatnonzero(np.isin(kept, rows)) for name, rows in sets.items()}
+        points, lines, names, kept = _merged(points, lines, names, merge_tolerance, notes, file)
+        sets = sets.over(*_first_and_count(kept, len(origin)))
+        origin = origin[kept]
+    _check_lengths(raw, points, lines, origin, file)
     points, lines, names = _used(points, lines, names, notes)
     notes += _doubles(lines)
-    mesh = _built(points, lines, sets, names, file)
+    mesh = _built(points, lines, sets, names, file, notes)
     if notes:
-        warnings.warn(f"{file}: {'; '.join(notes)}", stacklevel=3)
+        warnings.warn(f"{file}: {'; '.join(notes)}", MeshWarning, stacklevel=3)
     return mesh
 
 
+def _first_and_count(origin: NDArray[np.int64], n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first of the rows that come from each of n, and their number; ``origin`` is ascending."""
+    count = np.bincount(origin, minlength=n)
+    return np.cumsum(count) - count, count
+
+
+def _rows_of_three(raw: RawMesh, n_points: int, file: str) -> NDArray[np.int64]:
+    """Return the points of each line, (n_lines, 3), with -1 for the third of those with two."""
+    if isinstance(raw.lines, np.ndarray):
+        given = np.asarray(raw.lines, dtype=np.int64)
+        count = np.full(len(given), 2) if given.shape[1] == 2 else np.where(given[:, 2] < 0, 2, 3)
+        given = given if given.shape[1] == 3 else np.column_stack([given, np.full(len(given), -1)])
+    else:
+        count = np.fromiter(map(len, raw.lines), dtype=np.int64, count=len(raw.lines))
+        given = np.full((len(count), 3), -1)
+        flat = np.fromiter(chain.from_iterable(raw.lines), dtype=np.int64, count=int(count.sum()))
+        given[np.arange(3) < count[:, None]] = flat
+    wrong = (given >= n_points) | (given < 0) & (np.arange(3) < count[:, None])
+    if wrong.any():
+        row = int(np.flatnonzero(wrong.any(axis=1))[0])
+        msg = f"{file}: {raw.line(row)} refers to a point that is not among the {n_points} points of the file"
+        raise MeshError(msg)
+    return given
+
+
+def _check_coordinates(
+    raw: RawMesh, points: NDArray[np.float64], chains: NDArray[np.int64], file: str
+) -> None:
+    """Refuse coordinates without a finite square; those of points on no line do not matter."""
+    bad = np.flatnonzero(~_near(points))
+    if not bad.size:
+        return
+    used = np.zeros(len(points), dtype=bool)
+    used[chains[chains >= 0]] = True
+    row = int(bad[used[bad]][0]) if used[bad].any() else int(bad[0])
+    xyz = ", ".join(f"{x:g}" for x in points[row])
+    if not used[row]:
+        raw.notes.append(f"{raw.point(row)}, on no line, is at {xyz}")
+    elif np.isfinite(points[row]).all():
+        msg = f"{file}: {raw.point(row)} is so far away, at {xyz} m, that lengths overflow"
+        raise MeshError(msg)
+    else:
+        msg = f"{file}: {raw.point(row)} has the coordinates {xyz}; they must be finite numbers"
+        raise MeshError(msg)
+
+
+def _near(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which points have distances that are finite numbers."""
+    return (np.abs(points) < np.sqrt(np.finfo(float).max) / 4).all(axis=1)
+
+
+def _check_lengths(
+    raw: RawMesh,
+    points: NDArray[np.float64],
+    lines: NDArray[np.int64],
+    origin: NDArray[np.int64],
+    file: str,
+) -> None:
+    """Refuse lines without length by their numbers in the file, before points are renumbered."""
+    length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
+    size = float(np.ptp(points[distinct(lines.ravel())], axis=0).max())
+    short = np.flatnonzero(length <= 1e-9 * size)
+    if short.size:
+        row = int(short[0])
+        a, b = (raw.point(int(k)) for k in lines[row])
+        others = f", as have {short.size - 1} more" if short.size > 1 else ""
+        msg = (
+            f"{file}: {raw.line(int(origin[row]))}, from {a} to {b}, has no length{others}; delete it, or "
+            f"give merge_tolerance, such as {max(1e-6 * size, 1e-12):.1g} [m], which leaves such lines out"
+        )
+        raise MeshError(msg)
+
+
 def _two_node_lines(
-    points: NDArray[np.float64], lines: Sequence[tuple[int, ...]], file: str
+    points: NDArray[np.float64], chains: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return two-node lines and the line of the file that each comes from.
 
     Of three nodes, the one that is not an end of the longest distance is the middle one, whatever the
     format's order.
     """
-    out: list[tuple[int, int]] = []
-    origin: list[int] = []
-    for row, nodes in enumerate(lines):
-        if not all(0 <= node < len(points) for node in nodes):
-            msg = (
-                f"{file}: line {row} refers to a point that is not among the {len(points)} points of the file"
-            )
-            raise MeshError(msg)
-        chain = nodes
-        if len(nodes) == 3:
-            a, b, c = points[list(nodes)]
-            apart = [np.linalg.norm(b - c), np.linalg.norm(c - a), np.linalg.norm(a - b)]
-            middle = int(np.argmax(apart))
-            first, last = (n for k, n in enumerate(nodes) if k != middle)
-            chain = (first, nodes[middle], last)
-        for pair in pairwise(chain):
-            out.append(pair)
-            origin.append(row)
-    return np.array(out, dtype=np.int64), np.array(origin, dtype=np.int64)
+    three = np.flatnonzero(chains[:, 2] >= 0)
+    if not three.size:
+        return chains[:, :2].copy(), np.arange(len(chains))
+    nodes = chains[three]
+    a, b, c = (points[nodes[:, k]] for k in range(3))
+    apart = [np.linalg.norm(v, axis=1) for v in (b - c, c - a, a - b)]
+    middle = np.argmax(apart, axis=0)
+    first, last = np.where(middle == 0, 1, 0), np.where(middle == 2, 1, 2)
+    row = np.arange(len(three))
+    first, middle, last = nodes[row, first], nodes[row, middle], nodes[row, last]
+    origin = np.repeat(np.arange(len(chains)), np.where(chains[:, 2] >= 0, 2, 1))
+    lines = chains[origin][:, :2]
+    start = np.searchsorted(origin, three)
+    lines[start] = np.column_stack([first, middle])
+    lines[start + 1] = np.column_stack([middle, last])
+    return lines, origin
 
 
-def _point_names(sets: Mapping[str, Sequence[int]]) -> dict[str, int]:
+def _point_names(sets: Mapping[str, ArrayLike], notes: list[str]) -> dict[str, int]:
     """Name points by their sets: ``base`` for a single one, ``base.1``, ``base.2``, … for several."""
-    names: dict[str, int] = {}
-    for name, members in sets.items():
-        indices = list(dict.fromkeys(int(k) for k in members))
-        if len(indices) == 1:
-            names[name] = indices[0]
-        elif len(indices) <= MOST_NAMED:
-            names.update({f"{name}.{k}": index for k, index in enumerate(indices, start=1)})
+    members = {name: _distinct(rows) for name, rows in sets.items()}
+    names = {name: rows[0] for name, rows in members.items() if len(rows) == 1}
+    lost = [name for name, rows in members.items() if len(rows) > MOST_NAMED]
+    empty = [name for name, rows in members.items() if not rows]
+    twice: list[str] = []
+    for name, rows in members.items():
+        if 1 < len(rows) <= MOST_NAMED:
+            parts = {f"{name}.{k}": index for k, index in enumerate(rows, start=1)}
+            twice += parts.keys() & names.keys()
+            names = parts | names  # a set's own name is kept
+    if lost:
+        notes.append(f"point sets of more than {MOST_NAMED} points give no names: {listed(lost)}")
+    if empty:
+        notes.append(f"point sets without points: {listed(empty)}")
+    if twice:
+        notes.append(f"names that two point sets would give stay with the first: {listed(sorted(twice))}")
     return names
 
 
+def _distinct(rows: ArrayLike) -> list[int]:
+    """Return each index once, in the order of the set."""
+    rows = np.asarray(rows, dtype=np.int64).ravel()
+    _, first = np.unique(rows, return_index=True)
+    return rows[np.sort(first)].tolist()
+
+
+def _pairs(points: NDArray[np.float64], reach: float) -> NDArray[np.int64] | None:
+    """Return the pairs of points within a distance, (n_pairs, 2); None for more than ``MOST_PAIRS``."""
+    some = np.flatnonzero(_near(points))
+    tree = cKDTree(points[some], balanced_tree=False, compact_nodes=False)
+    if tree.count_neighbors(tree, reach) - some.size > 2 * MOST_PAIRS:
+        return None
+    return some[tree.query_pairs(reach, output_type="ndarray")]
+
+
 def _coincidences(points: NDArray[np.float64], lines: NDArray[np.int64]) -> list[str]:
-    used = points[np.unique(lines)]
+    """Count the points that lie at the place of others."""
+    used = points[distinct(lines.ravel())]
     reach = 1e-6 * float(np.ptp(used, axis=0).max())
-    pairs = cKDTree(used).query_pairs(reach, output_type="ndarray")
-    if not len(pairs):
+    if not reach:
         return []
-    n = np.unique(pairs[:, 1]).size
+    pairs = _pairs(used, reach)
+    if pairs is None:
+        return [
+            f"more than {MOST_PAIRS // 10**6} million pairs of points lie within {reach:.2g} m of "
+            "each other, which is 1e-6 of the mesh's size; is a point far off, or do many lie at one place?"
+        ]
+    n = distinct(pairs[:, 1]).size
+    if not n:
+        return []
     return [
         f"{n} point{'s lie' if n > 1 else ' lies'} at the place of another, so that the lines there "
         "are not connected; "
@@ -147,13 +277,19 @@ def _merged(
     names: dict[str, int],
     tolerance: float,
     notes: list[str],
+    file: str,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[str, int], NDArray[np.int64]]:
     """Join points nearer than a tolerance; return also which lines are left."""
     if not (np.isfinite(tolerance) and tolerance >= 0):
         msg = f"the merge tolerance is {tolerance}; it must be a length that is not negative [m]"
         raise MeshError(msg)
-    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
-    n = len(points)
+    pairs, n = _pairs(points, tolerance), len(points)
+    if pairs is None:
+        msg = (
+            f"{file}: the merge tolerance of {tolerance:g} m would join more than {MOST_PAIRS // 10**6} "
+            "million pairs of points; give one that is shorter than every line"
+        )
+        raise MeshError(msg)
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     _, cluster = connected_components(links, directed=False)
     _, first, which = np.unique(cluster, return_index=True, return_inverse=True)
@@ -162,6 +298,9 @@ def _merged(
         notes.append(f"{int((to != np.arange(n)).sum())} points merged with others within {tolerance:g} m")
     lines = to[lines]
     kept = np.flatnonzero(lines[:, 0] != lines[:, 1])
+    if not kept.size:
+        msg = f"{file}: the merge tolerance of {tolerance:g} m is longer than every line; give a shorter one"
+        raise MeshError(msg)
     if kept.size < len(lines):
         notes.append(f"{len(lines) - kept.size} lines shorter than the merge tolerance left out")
     return points, lines[kept], {name: int(to[k]) for name, k in names.items()}, kept
@@ -171,7 +310,7 @@ def _used(
     points: NDArray[np.float64], lines: NDArray[np.int64], names: dict[str, int], notes: list[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[str, int]]:
     """Leave out points on no line; the others keep their order."""
-    used = np.unique(lines)
+    used = distinct(lines.ravel())
     to = np.full(len(points), -1)
     to[used] = np.arange(used.size)
     lost = [name for name, k in names.items() if to[k] < 0]
@@ -185,56 +324,30 @@ def _used(
 
 
 def _doubles(lines: NDArray[np.int64]) -> list[str]:
-    n = len(lines) - len(np.unique(np.sort(lines, axis=1), axis=0))
+    ends = np.sort(lines, axis=1)
+    n = len(lines) - len(distinct(ends[:, 0] * (int(lines.max()) + 1) + ends[:, 1]))
     return [f"{n} lines join the same two points as another line"] if n else []
 
 
 def _built(
     points: NDArray[np.float64],
     lines: NDArray[np.int64],
-    sets: Mapping[str, NDArray[np.int64]],
+    sets: LineSets,
     names: Mapping[str, int],
     file: str,
+    notes: list[str],
 ) -> Mesh:
-    cells, parts_of = _disjoint({name: rows for name, rows in sets.items() if rows.size})
+    cells, parts_of, shared = sets.disjoint(len(lines))
+    if shared:
+        notes.append(f"sets overlap; lines that several share are members of their own: {listed(shared)}")
     try:
-        mesh = Mesh.from_lines(points, lines, cells, names)
+        mesh = Mesh.from_lines(points, lines, cells, names, [f"{file}: {note}" for note in notes])
     except MeshError as reason:
         msg = f"{file}: {reason}"
         raise MeshError(msg) from reason
+    if not parts_of:
+        return mesh
     groups = dict(mesh.groups)
     for name, parts in parts_of.items():
         groups[name] = tuple(member for part in parts for member in mesh.members_of(part))
     return replace(mesh, groups=MappingProxyType(groups))
-
-
-def _disjoint(
-    sets: Mapping[str, NDArray[np.int64]],
-) -> tuple[dict[str, list[int]], dict[str, tuple[str, ...]]]:
-    """Cut overlapping sets into parts that do not overlap.
-
-    Returns the parts, and for each set that is not a part itself the parts it consists of. A part has the
-    name of the set that it equals; ``A.rest`` is what only A has beside smaller sets, and ``A & B`` is what
-    both have.
-    """
-    holders: dict[int, list[str]] = {}
-    by_size = sorted(sets, key=lambda name: len(sets[name]))
-    for name in by_size:
-        for row in sets[name]:
-            holders.setdefault(int(row), []).append(name)
-    parts: dict[tuple[str, ...], list[int]] = {}
-    for row in sorted(holders):
-        parts.setdefault(tuple(holders[row]), []).append(row)
-    named: dict[tuple[str, ...], str] = {}
-    taken: set[str] = set()
-    for key, rows in parts.items():
-        equal = [name for name in key if len(sets[name]) == len(rows)]
-        if equal:
-            named[key] = equal[0]
-        else:
-            named[key] = f"{key[0]}.rest" if len(key) == 1 else " & ".join(key)
-        taken.add(named[key])
-    whole = {name: tuple(named[key] for key in parts if name in key) for name in sets if name not in taken}
-    order = {name: k for k, name in enumerate(sets)}
-    ordered = sorted(parts, key=lambda key: order.get(named[key], len(order)))
-    return {named[key]: parts[key] for key in ordered}, whole

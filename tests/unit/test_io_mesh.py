@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fem.io import read_mesh, write_mesh, write_uff
-from fem.mesh import Mesh, MeshError
+from fem.io.meshio_mesh import quiet
+from fem.mesh import Mesh, MeshError, MeshWarning
 
 
 def write(path, text):
@@ -258,13 +259,17 @@ def test_gmsh_41_group_on_some_curves_and_one_name_in_two_dimensions(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("$EndElements\n", "", r"the section \$Elements has no end"),
+        ("$EndElements\n", "", r"line \d+: the section \$Elements has no end"),
         ("$Elements", "$Other", r"there is no section \$Elements"),
-        ("0 0 0\n", "0 0 x\n", r"the section \$\w+ cannot be read"),
-        ("1 2\n", "1 77\n", r"the section \$Elements cannot be read .*node 77"),
+        ("\n1 0 0 0", "\n1 0 0 x", r"line 1\d, in \$\w+: 'x' is not a number"),
+        (
+            "1 2\n",
+            "1 77\n",
+            r"line \d+, in \$Elements: element \d refers to node 77, which is not among the 4",
+        ),
     ],
 )
-def test_gmsh_errors_name_the_section(tmp_path, text, old, new, words):
+def test_gmsh_errors_name_section_and_line(tmp_path, text, old, new, words):
     text = text.replace("$EndOther", "").replace(old, new)
     if new == "$Other":
         text = text.replace("$EndElements", "$EndOther")
@@ -319,8 +324,88 @@ def test_what_meshio_cannot_read_is_a_mesh_error_and_silent(tmp_path, capfd, nam
 def test_what_meshio_only_prints_becomes_part_of_the_message(tmp_path):
     pyvista = pytest.importorskip("pyvista")
     pyvista.UnstructuredGrid(np.array([4, 0, 1, 2, 3]), np.array([4]), POINTS).save(tmp_path / "a.vtu")
-    with pytest.raises(MeshError, match=r"a\.vtu: no lines; it has meshio says: .*cannot handle \(type 4\)"):
+    with pytest.raises(
+        MeshError, match=r"a\.vtu: no lines; it has polylines left out, which meshio cannot read"
+    ):
         read_mesh(tmp_path / "a.vtu")
+
+
+def test_polylines_beside_lines_are_named_and_numbers_stay_with_their_cells(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    grid = pyvista.UnstructuredGrid(np.array([3, 0, 1, 2, 2, 2, 3]), np.array([4, 3]), POINTS)
+    grid.cell_data["member"] = [5, 6]
+    grid.save(tmp_path / "a.vtu")
+    with pytest.warns(MeshWarning, match="polylines left out"):
+        mesh = read_mesh(tmp_path / "a.vtu")
+    assert members(mesh) == {"member 6": [0]}
+    assert mesh.notes[0] == (
+        "a.vtu: polylines left out, which meshio cannot read; write them as lines of two points each"
+    )
+
+
+@pytest.mark.parametrize("how", [{}, {"binary": False}, {"compression": None}, {"compression": "lzma"}])
+def test_vtu_of_every_kind_is_the_same_mesh(tmp_path, how):
+    cells = [("line", np.array([[0, 1], [1, 2]])), ("line4", np.array([[0, 3, 1, 2]]))]
+    found = meshio.Mesh(POINTS, cells, cell_data={"member": [np.array([4, 2]), np.array([3])]})
+    with quiet():
+        meshio.write(tmp_path / "a.vtu", found, **how)
+    with pytest.warns(MeshWarning, match="2 lines join the same two points as another"):
+        mesh = read_mesh(tmp_path / "a.vtu")
+    assert members(mesh) | {"member 4": [0], "member 2": [1]} == members(mesh)
+    np.testing.assert_array_equal(mesh.lines[2:], [[0, 1], [1, 2], [2, 3]])
+
+
+@pytest.mark.parametrize(
+    ("values", "what"), [([1.5, 2.0], "part"), ([np.nan, 1.0], "part"), ([[1, 2], [3, 4]], "part")]
+)
+def test_cell_arrays_that_are_no_numbers_of_members(tmp_path, values, what):
+    found = meshio.Mesh(POINTS[:3], [("line", [[0, 1], [1, 2]])], cell_data={what: [np.array(values)]})
+    meshio.write(tmp_path / "a.vtu", found)
+    with pytest.raises(
+        MeshError, match=r"a\.vtu: the cell array 'part' does not have one whole number for each"
+    ):
+        read_mesh(tmp_path / "a.vtu", sets="part")
+    found.cell_data = {"member": found.cell_data.pop(what)}
+    meshio.write(tmp_path / "a.vtu", found)
+    with pytest.warns(
+        MeshWarning, match="the cell array 'member' names no members: it has not one whole number"
+    ):
+        assert read_mesh(tmp_path / "a.vtu").groups["frame"] == ("frame.1", "frame.2")
+
+
+def test_cell_arrays_that_could_name_members_are_named(tmp_path):
+    found = meshio.Mesh(POINTS[:3], [("line", [[0, 1], [1, 2]])], cell_data={"part": [np.array([1, 2])]})
+    meshio.write(tmp_path / "a.vtu", found)
+    with pytest.warns(
+        MeshWarning, match="the cell arrays 'part' have whole numbers, and sets = 'part' would"
+    ):
+        read_mesh(tmp_path / "a.vtu")
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".xdmf"])
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+def test_coordinates_that_are_not_finite_name_the_file(tmp_path, suffix, value):
+    points = POINTS[:3].copy()
+    points[1, 2] = value
+    more = {"data_format": "XML"} if suffix == ".xdmf" else {}
+    with quiet():
+        meshio.write(tmp_path / f"a{suffix}", meshio.Mesh(points, [("line", [[0, 1], [1, 2]])]), **more)
+    with pytest.raises(
+        MeshError, match=rf"a{suffix}: point 2 has the coordinates 0, 0, {value:g}; they must be"
+    ):
+        read_mesh(tmp_path / f"a{suffix}")
+
+
+@pytest.mark.parametrize("suffix", [".xdmf", ".med"])
+def test_without_h5py_the_package_is_named(tmp_path, monkeypatch, suffix):
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    item = '<DataItem DataType="Float" Dimensions="3 3" Format="HDF" Precision="8">a.h5:/0</DataItem>'
+    grid = f'<Grid Name="Grid"><Geometry GeometryType="XYZ">{item}</Geometry></Grid>'
+    write(tmp_path / f"a{suffix}", f'<Xdmf Version="3.0"><Domain>{grid}</Domain></Xdmf>')
+    with pytest.raises(
+        MeshError, match=rf"a{suffix}: .*it needs the package h5py: pip install h5py, or write"
+    ):
+        read_mesh(tmp_path / f"a{suffix}")
 
 
 def test_no_such_file(tmp_path):
@@ -383,7 +468,8 @@ def test_lines_given_twice_are_named(tmp_path):
 
 def test_sets_that_cross_are_cut(tmp_path):
     text = INP + "*ELSET, ELSET=END\n2, 3\n"
-    mesh = read_mesh(write(tmp_path / "a.inp", text))
+    with pytest.warns(UserWarning, match="sets overlap; lines that several share are members of their own"):
+        mesh = read_mesh(write(tmp_path / "a.inp", text))
     assert set(mesh.members) == {"BEAM & END & ALL", "BEAM & ALL", "END & ALL"}
     assert set(mesh.members_of("END")) == {"BEAM & END & ALL", "END & ALL"}
     assert set(mesh.members_of("BEAM")) == {"BEAM & ALL", "BEAM & END & ALL"}
