@@ -75,8 +75,9 @@ class _Reader:
 
     def read(self) -> Assembly:
         """Read the deck and return its parts and instances."""
-        for block in self.deck.blocks():
-            self._block(block)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named by the mesh
+            for block in self.deck.blocks():
+                self._block(block)
         if self.deck.loose:
             self.notes.append(f"{self.deck.loose} lines before the first keyword left out")
         for remedy, found in self.named.items():
@@ -131,7 +132,8 @@ class _Reader:
     def _begin_instance(self, block: Block) -> None:
         name = block.option("NAME", "NAME=")
         if name in self.instances:
-            msg = f"{block.place}: the instance {name} begins again; it has begun at {self.instances[name].place}"
+            before = self.instances[name].place
+            msg = f"{block.place}: the instance {name} begins again; it has begun at {before}"
             raise MeshError(msg)
         data = [[real(c) for c in cells] for _, cells in block.rows()]
         turn, shift = generate.shift_and_turn(data)
@@ -231,7 +233,7 @@ class _Reader:
         if shift or (shape and shape not in CENTRED and not _is_symmetric(shape, first)):
             what = f"*{block.name} with {', '.join(shift) or f'SECTION={shape[:40]}'}"
             self._name(
-                "the axis may not go through the nodes: give the members offset1 and offset2 in the study file",
+                "the axis may not go through the nodes, so give offset1 and offset2 in the study file",
                 what,
                 block.place,
             )
@@ -270,9 +272,7 @@ def _node_rows(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[np.
                 raise ValueError(msg)
             xyz[k, : len(values)] = values
         except ValueError as reason:
-            msg = (
-                f"{rows.place(k)}: *{block.name} takes a number and up to three coordinates, but {reason}"
-            )
+            msg = f"{rows.place(k)}: *{block.name} takes a number and up to three coordinates, but {reason}"
             raise MeshError(msg) from reason
     return numbers, xyz
 
@@ -303,7 +303,7 @@ def _element_rows(
     nodes = np.full((len(found), 3), -1, dtype=np.int64)
     for row, values in enumerate(found):
         if not count < len(values) <= count + 1 + more:
-            more_words = f", or one more for its orientation" if more else ""
+            more_words = ", or one more for its orientation" if more else ""
             msg = (
                 f"{rows.place(at[row])}: element {values[0] if values else '?'} of type {kind} has "
                 f"{max(len(values) - 1, 0)} nodes of {count}{more_words}"
@@ -317,7 +317,8 @@ def _element_rows(
 def _positive(nodes: NDArray[np.int64], count: int, rows: Rows, at: Sequence[int]) -> NDArray[np.int64]:
     bad = np.flatnonzero((nodes[:, :count] < 1).any(axis=1))
     if bad.size:
-        msg = f"{rows.place(at[bad[0]])}: an element has node {nodes[bad[0], :count].min()}; numbers begin with 1"
+        least = nodes[bad[0], :count].min()
+        msg = f"{rows.place(at[bad[0]])}: an element has node {least}; numbers begin with 1"
         raise MeshError(msg)
     return nodes
 

@@ -12,7 +12,6 @@ from fem.io.deck import Budget, named
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
 
-
 MOST_SETS_NAMED = 5
 """Lines of sets that one sentence lists."""
 
@@ -88,8 +87,9 @@ class Assembly:
         """
         owners = self._owners()
         redefined: list[str] = []
-        for owner, (instance, parts) in owners.items():
-            self._place(owner, instance, parts, redefined)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for owner, (instance, parts) in owners.items():
+                self._place(owner, instance, parts, redefined)
         raw = RawMesh(
             _joined(self._points, (0, 3), float),
             _joined(self._lines, (0, 3), np.int64),
@@ -225,12 +225,12 @@ class Assembly:
 def _merged(
     word: str, dtype: type, tables: list[Table], notes: list[str]
 ) -> tuple[NDArray[np.int64], NDArray, Callable[[int], str]]:
-    """Return numbers, values and a function for the place of a row, of tables of which the last one counts."""
+    """Return numbers, values and a function for the place of a row, of tables whose last one counts."""
     table = tables[0] if len(tables) == 1 else Table(word, dtype)
     for one in tables if len(tables) > 1 else ():
         table.extend(one)
     numbers, rows = table.unique(notes)
-    return numbers, table.values(rows), lambda row: table.place(rows[row])
+    return numbers, table.values(rows), lambda row: table.place(int(rows[row]))
 
 
 def _joined(parts: list[NDArray], shape: tuple[int, ...], dtype: type) -> NDArray:

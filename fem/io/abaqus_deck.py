@@ -4,6 +4,7 @@ from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -247,7 +248,7 @@ def check_options(block: Block) -> None:
     block.options = options
 
 
-def table_of(texts: list[str], dtype: type, least: int, most: int) -> NDArray[np.generic] | None:
+def table_of(texts: list[str], dtype: type, least: int, most: int) -> NDArray[Any] | None:
     """Return data lines of equally many numbers as an array, None if they are anything else.
 
     This is the fast way for plain blocks; whoever gets None reads line by line, and names what is wrong.

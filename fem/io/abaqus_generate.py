@@ -1,7 +1,7 @@
 """Abaqus' generators of nodes and elements, and its coordinate systems.
 
-``*NGEN``, ``*NFILL``, ``*NCOPY``, ``*ELGEN``, ``*ELCOPY``, ``*SYSTEM`` and ``*NODE, SYSTEM=``, as the keywords
-manual describes them (Abaqus 2017). Generators use what is defined before them, as Abaqus does.
+``*NGEN``, ``*NFILL``, ``*NCOPY``, ``*ELGEN``, ``*ELCOPY``, ``*SYSTEM`` and ``*NODE, SYSTEM=``, as the
+keywords manual describes them (Abaqus 2017). Generators use what is defined before them, as Abaqus does.
 """
 
 import numpy as np
@@ -172,7 +172,7 @@ def _arc(
     u, v = a - centre, b - centre
     r1, r2 = np.linalg.norm(u), np.linalg.norm(v)
     if not min(r1, r2) > 0 or abs(r1 - r2) > _SAME_CIRCLE * max(r1, r2):
-        msg = f"{place}: *NGEN, LINE=C has ends {r1:g} and {r2:g} from the centre; they are not on one circle"
+        msg = f"{place}: *NGEN, LINE=C has ends {r1:g} and {r2:g} from the centre, not on one circle"
         raise MeshError(msg)
     if normal.any():
         n = normal / np.linalg.norm(normal)
@@ -206,12 +206,12 @@ def nfill(block: Block, part: Part, budget: Budget, notes: list[str]) -> None:
         second = members_so_far(part, "NSET", cells[1], place, budget)
         n, step = integer(cells[2]), integer(cells[3]) if len(cells) > 3 and cells[3] else 1
         if n < 1 or not bias > 0 or step == 0:
-            msg = f"{place}: *NFILL has {n} intervals, step {step} and bias {bias:g}; none may be 0 or less"
+            msg = f"{place}: *NFILL has {n} intervals, step {step} and bias {bias:g}; none may be 0"
             raise MeshError(msg)
         if len(first) != len(second):
             notes.append(
-                f"*NFILL ({place}) joins {len(first)} and {len(second)} nodes; the further ones of the larger "
-                "set are left out, as in Abaqus"
+                f"*NFILL ({place}) joins {len(first)} and {len(second)} nodes; the last ones of the "
+                "larger set are left out, as in Abaqus"
             )
         pairs = list(zip(first.tolist(), second.tolist(), strict=False))
         budget.take(len(pairs) * n, place, "*NFILL")
@@ -231,8 +231,8 @@ def ncopy(block: Block, part: Part, budget: Budget) -> None:
     times = integer(block.options.get("MULTIPLE") or "1")
     if part.system is not None:
         msg = (
-            f"{block.place}: *NCOPY is not read while *SYSTEM is in effect; set the global system by an empty "
-            "*SYSTEM before it"
+            f"{block.place}: *NCOPY is not read while *SYSTEM is in effect; end that by an empty *SYSTEM "
+            "before it"
         )
         raise MeshError(msg)
     data = [[real(c) for c in cells] for _, cells in block.rows()]
@@ -298,7 +298,7 @@ def elgen(block: Block, part: Part, budget: Budget) -> None:
         values = [integer(c) if c else None for c in cells]
         master, *levels = [*values, *[None] * 10][: max(10, len(values))]
         if master is None or len(values) > 10:
-            msg = "an element and up to three times a count, a step of nodes and a step of elements are expected"
+            msg = "an element and up to three times a count and two steps are expected"
             raise ValueError(msg)
         numbers, steps = np.array([master]), np.array([0])
         for count, of_nodes, of_elements in (levels[0:3], levels[3:6], levels[6:9]):

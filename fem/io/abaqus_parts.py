@@ -99,7 +99,7 @@ class Table:
         """
         numbers = self.numbers()
         if (numbers[1:] > numbers[:-1]).all():
-            return numbers, np.arange(self.size)
+            return numbers, np.arange(self.size, dtype=np.int64)
         order = np.argsort(numbers, kind="stable")
         ordered = numbers[order]
         new = np.concatenate([[True], ordered[1:] != ordered[:-1]])
@@ -121,8 +121,8 @@ class Table:
         count = np.unique(self._numbers[b[differ]]).size
         more = f"; {count - 1} more {self.word}s likewise" if count > 1 else ""
         notes.append(
-            f"{self.word} {self._numbers[b[k]]} is defined at {self.place(a[k])} and with other {other} at "
-            f"{self.place(b[k])}; the last definition is taken, as Abaqus does{more}"
+            f"{self.word} {self._numbers[b[k]]} is defined at {self.place(int(a[k]))} and with other {other} at "
+            f"{self.place(int(b[k]))}; the last definition is taken, as Abaqus does{more}"
         )
 
 

@@ -189,3 +189,8 @@ def named(names: Sequence[str]) -> str:
     """Join names for a sentence, at most :data:`MOST_NAMED` of them."""
     more = len(names) - MOST_NAMED
     return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def words(text: str) -> frozenset[str]:
+    """Return the words of a table."""
+    return frozenset(text.split())

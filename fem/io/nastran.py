@@ -28,8 +28,8 @@ _BARS = ("CBAR", "CBEAM")
 
 _REMEDIES = {
     "offsets": "give the members offset1 and offset2 in the study file",
-    "pin flags": "give the members release1 or release2 in the study file (flags 1 to 6 are x y z rx ry rz of "
-    "Nastran's axes; its y is the study's z where the orientations are the same)",
+    "pin flags": "give the members release1 or release2 in the study file (flags 1 to 6 are x y z rx ry rz "
+    "of Nastran's axes, whose y is the study's z where the orientations are the same)",
     "displacement systems": "CD turns the directions of loads and results; positions stay",
     "permanent constraints": "give [[supports]] in the study file",
     "curved elements": "they are read as straight lines between their ends",
@@ -57,8 +57,12 @@ class _Columns:
 
     def _flush(self) -> None:
         if self.rows[0]:
-            self.parts[0].append(np.array(self.rows[0], dtype=np.int64).reshape(len(self.rows[0]), self.widths[0]))
-            self.parts[1].append(np.array(self.rows[1], dtype=float).reshape(len(self.rows[0]), self.widths[1]))
+            self.parts[0].append(
+                np.array(self.rows[0], dtype=np.int64).reshape(len(self.rows[0]), self.widths[0])
+            )
+            self.parts[1].append(
+                np.array(self.rows[1], dtype=float).reshape(len(self.rows[0]), self.widths[1])
+            )
             self.rows = ([], [])
 
     def all(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -96,7 +100,8 @@ class _Reader:
         """Return points, lines and sets."""
         for run in runs_of(self.bulk):
             self._run(run)
-        numbers, points = self._points()
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named by the mesh
+            numbers, points = self._points()
         raw = RawMesh(points, notes=[*self.bulk.notes], point_numbers=numbers)
         self._lines(raw, numbers)
         self._name_others(raw)
@@ -197,7 +202,7 @@ class _Reader:
             ends_free = [
                 f"{end} = {pin}" for end, pin in zip(("PA", "PB"), pins, strict=True) if pin.strip("0")
             ]
-            self._say("pin flags", bool(ends_free), lambda: f"{first()}, {', '.join(ends_free)}")
+            self._say("pin flags", int(bool(ends_free)), lambda: f"{first()}, {', '.join(ends_free)}")
             self._offset(offsets, first)
         elif name == "CBEAM3":
             self._offset(fields[8:17], first)
@@ -211,7 +216,7 @@ class _Reader:
             for end, (x, y, z) in zip("ABC", zip(*[iter(values)] * 3, strict=True), strict=False)
             if x or y or z
         )
-        self._say("offsets", bool(words), lambda: f"{first()}, {words}")
+        self._say("offsets", int(bool(words)), lambda: f"{first()}, {words}")
 
     def _line(self, values: list[int]) -> None:
         self.elements.append(values, [])
@@ -222,10 +227,10 @@ class _Reader:
         """Read all but the last card of a run; return False for what should be read card by card."""
         if run.count < 8 or run.name not in ("GRID", *_BARS, "CROD", "CTUBE", "CONROD"):
             return False
-        columns = columns_of(self.bulk, run, 16 if run.name in _BARS else 8)
+        columns = columns_of(self.bulk, run, range(8) if run.name == "GRID" else (*range(4), *range(8, 16)))
         if columns is None:
             return False
-        columns = [column[:-1] for column in columns]
+        columns = {k: column[:-1] for k, column in columns.items()}
         rows = run.first + run.length * np.arange(run.count - 1)
         try:
             read = self._grids_in_bulk if run.name == "GRID" else self._bars_in_bulk
@@ -233,20 +238,20 @@ class _Reader:
         except (ValueError, OverflowError):  # whoever reads card by card names what is wrong
             return False
 
-    def _grids_in_bulk(self, _: str, columns: list[list[str]], rows: NDArray[np.int64]) -> bool:
+    def _grids_in_bulk(self, _: str, columns: dict[int, list[str]], rows: NDArray[np.int64]) -> bool:
         n = len(rows)
         if not _empty(columns[6]) or not _empty(columns[7]):
             return False
         number, cp, cd = _whole(columns[0], n), _whole(columns[1], n, _BLANK), _whole(columns[5], n, _BLANK)
-        xyz = np.column_stack([_reals(column, n) for column in columns[2:5]])
+        xyz = np.column_stack([_reals(columns[k], n) for k in (2, 3, 4)])
         if number.min() < 1 or not np.isfinite(xyz).all():
             return False
         self.grids.extend(np.column_stack([number, cp, cd, rows]), xyz)
         return True
 
-    def _bars_in_bulk(self, name: str, columns: list[list[str]], rows: NDArray[np.int64]) -> bool:
+    def _bars_in_bulk(self, name: str, columns: dict[int, list[str]], rows: NDArray[np.int64]) -> bool:
         n = len(rows)
-        if not all(map(_empty, columns[8:16])):
+        if not all(_empty(columns[k]) for k in range(8, 16)):
             return False
         number, zero = _whole(columns[0], n), np.zeros(n, dtype=np.int64)
         prop = zero if name == "CONROD" else _whole(columns[1], n, _BLANK)
@@ -304,7 +309,7 @@ class _Reader:
     def _once(
         self, what: str, numbers: NDArray[np.int64], values: NDArray, rows: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Return the places of the first of equal numbers; other values under the same number are an error."""
+        """Return the places of the first of equal numbers, whose values must be equal, too."""
         if (numbers[1:] > numbers[:-1]).all():
             return np.arange(len(numbers))
         order = np.argsort(numbers, kind="stable")
@@ -313,9 +318,10 @@ class _Reader:
         differ = (values[order] != values[first]).any(axis=1)
         if differ.any():
             k = np.flatnonzero(differ)[np.argmin(order[differ])]
+            before, here = (self.bulk.place(int(rows[row])) for row in (first[k], order[k]))
             msg = (
-                f"{self.bulk.place(int(rows[order[k]]))}: {what} {numbers[order[k]]} is defined at "
-                f"{self.bulk.place(int(rows[first[k]]))} already, and differently; give one of them another number"
+                f"{here}: {what} {numbers[order[k]]} is defined at {before} already, and differently; give one "
+                "of them another number"
             )
             raise MeshError(msg)
         return np.sort(order[new])
@@ -344,8 +350,9 @@ class _Reader:
         lost = (ends >= 0) & ~there
         if lost.any():
             row = int(np.flatnonzero(lost.any(axis=1))[0])
-            msg = f"{self._element_place(whole[row])} refers to grid point {ends[row][lost[row]][0]}, which the file "
-            raise MeshError(msg + "does not have")
+            point = ends[row][lost[row]][0]
+            msg = f"{self._element_place(whole[row])} refers to grid point {point}, which the file does not have"
+            raise MeshError(msg)
         raw.lines = np.where(there, order[at], -1) if len(ordered) else ends
         same = (ends[:, 0] == ends[:, 1]) | (ends[:, 2] >= 0) & (ends[:, :2] == ends[:, 2:]).any(axis=1)
         if same.any():
@@ -441,7 +448,7 @@ def read_nastran(path: Path) -> RawMesh:
     Raises
     ------
     MeshError
-        For cards that are not numbers, coordinate systems or grid points that are not there, numbers used twice
-        for different things, and cards that change the mesh and are not read.
+        For cards that are not numbers, coordinate systems or grid points that are not there, numbers used
+        twice for different things, and cards that change the mesh and are not read.
     """
     return _Reader(path, BulkData.of(path)).read()

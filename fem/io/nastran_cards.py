@@ -104,7 +104,7 @@ class BulkData:
 
     def _add(self, file: DeckFile, lines: list[str], start: int, stop: int) -> None:
         texts = lines[start:stop]
-        if any("\t" in text for text in texts):
+        if "\t" in file.text:
             texts = [text.expandtabs(8) for text in texts]
         kept = [text for text in texts if text and text[0] != "$" and not text.isspace()]
         numbers: Sequence[int] = range(start + 1, stop + 1)
@@ -188,10 +188,14 @@ def _codes(lines: list[str]) -> tuple[NDArray[np.int64], list[str]]:
         head = line[:8]
         code = known.get(head)
         if code is None:
-            key = _key(line)
-            code = table.setdefault(key, len(table))
-            if key == head:
-                known[head] = code
+            comma = head.find(",") + 1
+            head = head[:comma] if comma > 1 else head
+            code = known.get(head)
+            if code is None:
+                key = _key(line)
+                code = table.setdefault(key, len(table))
+                if key == head or key in "+*":
+                    known[head] = code
         codes.append(code)
     return np.array(codes, dtype=np.int64), list(table)
 
@@ -211,7 +215,7 @@ def _key(line: str) -> str:
     if not head.strip():
         return " "
     words = head.split()
-    return f"{words[0]} " if len(words) > 1 or len(line.rstrip()) > 8 and _between_blanks(line) else head
+    return f"{words[0]} " if len(words) > 1 or (len(line.rstrip()) > 8 and _between_blanks(line)) else head
 
 
 def _between_blanks(line: str) -> bool:
@@ -227,38 +231,44 @@ def _name_of(key: str) -> str:
     return name if _NAME.fullmatch(name) else ""
 
 
-def columns_of(bulk: BulkData, run: Run, n: int) -> list[list[str]] | None:
-    """Return the first n fields of all cards of a run, an empty list for those that no line has.
+def columns_of(bulk: BulkData, run: Run, wanted: Sequence[int]) -> dict[int, list[str]] | None:
+    """Return some fields of all cards of a run, counted from 0, an empty list for those that no line has.
 
-    None for what should be read card by card: blanks between fields, labels of continuation lines, replication.
+    None for what should be read card by card: blanks between fields, labels, replication.
     """
     free, wide = run.key.endswith(","), run.key.rstrip(" ,").endswith("*")
-    if run.key.endswith(" ") and len(run.key) < 8 or run.name == "=" or (free and wide):
+    if (run.key.endswith(" ") and len(run.key) < 8) or run.name == "=" or (free and wide):
         return None
-    columns: list[list[str]] = []
+    each = 4 if wide else 8
+    columns: dict[int, list[str]] = {k: [] for k in wanted}
     stop = run.first + run.count * run.length
     for k in range(run.length):
         lines = bulk.lines[run.first + k : stop : run.length]
+        here = [c for c in wanted if k * each <= c < (k + 1) * each]
         if free:
-            cells = [line.split(",") for line in lines]
-            width = set(map(len, cells))
-            if len(width) > 1 or max(width) > 9 or any("$" in line for line in lines):
+            commas = lines[0].count(",")
+            if commas > 8 or any(line.count(",") != commas or "$" in line for line in lines):
                 return None
-            columns += [list(map(str.strip, column)) for column in zip(*(c[1:] for c in cells), strict=True)]
-            columns += [[] for _ in range(9 - max(width))]
-        else:
-            size, each = (16, 4) if wide else (8, 8)
-            first = {line[0] for line in lines}
-            if k and (first - {"*"} if wide else first - {"+", " "}):
-                return None
-            if any(label.strip("+* ") for label in {line[72:80] for line in lines}):
-                return None
-            if k and any(label.strip("+* ") for label in {line[:8] for line in lines}):
-                return None
-            columns += [[line[c : c + size] for line in lines] for c in range(8, 8 + size * each, size)]
-        if len(columns) >= n:
-            break
-    return [*columns, *[[] for _ in range(n)]][:n]
+            flat = ",".join(lines).split(",")
+            columns |= {c: flat[c % 8 + 1 :: commas + 1] for c in here if c % 8 < commas}
+            continue
+        if not _plain(lines, k, wide):
+            return None
+        size = 16 if wide else 8
+        for c in here:
+            start = 8 + size * (c % each)
+            columns[c] = [line[start : start + size] for line in lines]
+    return columns
+
+
+def _plain(lines: list[str], k: int, wide: bool) -> bool:
+    """Return whether the k-th lines of cards in fixed field have no labels, and all the form of the first."""
+    if any(label.strip("+* ") for label in {line[72:80] for line in lines}):
+        return False
+    if k == 0:
+        return True
+    heads = {line[:8] for line in lines}
+    return all(head[:1] in ("*" if wide else "+ ") and not head.strip("+* ") for head in heads)
 
 
 def fields_of(bulk: BulkData, first: int, length: int) -> tuple[str, list[str]]:
@@ -278,8 +288,8 @@ def fields_of(bulk: BulkData, first: int, length: int) -> tuple[str, list[str]]:
             mine = head.strip("+* ")
             if mine and tail and mine != tail:
                 msg = (
-                    f"{bulk.place(k)}: the continuation line {head} stands after a line that goes on with {tail}; "
-                    "write the lines of a card one after the other"
+                    f"{bulk.place(k)}: the continuation line {head} stands after a line that goes on "
+                    f"with {tail}; write the lines of a card one after the other"
                 )
                 raise MeshError(msg)
             if len(fields) % 8 and len(values) == 8:  # half a card in large field, then small field
@@ -295,12 +305,8 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
     key = _key(line) if line.strip() else ""
     if "," in line:
         cells = [cell.strip() for cell in line.split(",")]
-    elif (
-        key.endswith(" ")
-        and len(key.strip())
-        and key != line[:8]
-        or line[:1] in "+*"
-        and _between_blanks(line)
+    elif (key.endswith(" ") and len(key.strip()) and key != line[:8]) or (
+        line[:1] in "+*" and _between_blanks(line)
     ):
         cells = line.split()
     else:
@@ -313,8 +319,8 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
     count = 4 if head.endswith("*") or head.startswith("*") else 8
     if len(cells) > count + 2 and any(cells[count + 2 :]):
         msg = (
-            f"{bulk.place(row)}: this line has {len(cells) - 1} fields; {count} fields and a label fit on one, so go on "
-            "in a line that begins with a comma"
+            f"{bulk.place(row)}: this line has {len(cells) - 1} fields; {count} and a label fit on one, so "
+            "go on in a line that begins with a comma"
         )
         raise MeshError(msg)
     label = cells[count + 1].strip("+* ") if len(cells) > count + 1 else ""
@@ -374,7 +380,7 @@ class Replicator:
             self._pattern = None
             return [(name, fields)]
         if self.before is None or length > 1:
-            msg = f"{place()}: {name or 'it'} repeats a card that is not there or goes over several lines; write it out"
+            msg = f"{place()}: {name} repeats a card that is not there or has several lines; write it out"
             raise MeshError(msg)
         repeat = _REPEAT.fullmatch(name)
         if repeat and not any(fields):

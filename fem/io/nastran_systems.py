@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.io.nastran_cards import real
 from fem.io.deck import integer
+from fem.io.nastran_cards import real
 from fem.mesh import MeshError
 
 
@@ -124,8 +124,8 @@ class Systems:
         lost = next((n for n, one in zip(system.grids, found, strict=True) if one is None), None)
         if lost is not None:
             msg = (
-                f"{system.place}: coordinate system {number} refers to grid point {lost}, which the file does "
-                "not have"
+                f"{system.place}: coordinate system {number} refers to grid point {lost}, which the "
+                "file does not have"
             )
             raise MeshError(msg)
         return [one[0] for one in found if one is not None]
@@ -142,12 +142,12 @@ class Systems:
         lengths = np.linalg.norm(z), np.linalg.norm(y)
         if not lengths[1] > 1e-9 * lengths[0] * max(float(np.linalg.norm(c - a)), 1e-300):
             msg = (
-                f"{system.place}: coordinate system {number} has no axes: its points are on one line, or two of "
-                "them are one"
+                f"{system.place}: coordinate system {number} has no axes: its points are on one line, or "
+                "two of them are one"
             )
             raise MeshError(msg)
         z, y = z / lengths[0], y / lengths[1]
-        return np.stack([np.cross(y, z), y, z]), a
+        return np.asarray(np.stack([np.cross(y, z), y, z]), dtype=float), a
 
 
 def _cartesian(kind: str, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
