@@ -398,4 +398,5 @@ def read_node_sets(path: str | os.PathLike[str]) -> dict[str, tuple[int, ...]]:
 
 def _warn(path: Path, notes: list[str]) -> None:
     if notes:
-        warnings.warn(f"{path.name}: {'; '.join(notes)}", stacklevel=3)
+        words = "; ".join(notes).replace(f"{path.name}: line ", "line ")
+        warnings.warn(f"{path.name}: {words}", stacklevel=3)

@@ -27,7 +27,7 @@ class Table:
     def __init__(self, word: str, dtype: type) -> None:
         self.word = word
         self.size = 0
-        self._numbers = np.empty(0, dtype=np.int64)
+        self._numbers: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self._values = np.empty((0, 3), dtype=dtype)
         self._lines = np.empty(0, dtype=np.int64)
         self._files = np.empty(0, dtype=np.int32)
@@ -55,10 +55,10 @@ class Table:
             raise MeshError(msg)
         if stop > len(self._numbers):
             more = max(stop, 2 * self.size) if self.size else stop
-            self._numbers, self._values, self._lines, self._files = (
-                np.concatenate([x[: self.size], np.empty((more - self.size, *x.shape[1:]), dtype=x.dtype)])
-                for x in (self._numbers, self._values, self._lines, self._files)
-            )
+            for name in ("_numbers", "_values", "_lines", "_files"):
+                old = getattr(self, name)[: self.size]
+                room = np.empty((more - self.size, *old.shape[1:]), dtype=old.dtype)
+                setattr(self, name, np.concatenate([old, room]))
         if not self.file_names or self.file_names[-1] != file:
             self.file_names.append(file)
         new = slice(self.size, stop)
@@ -97,17 +97,17 @@ class Table:
 
         Abaqus takes the last definition of a node or an element that is defined again.
         """
-        numbers = self.numbers()
-        if (numbers[1:] > numbers[:-1]).all():
+        numbers: NDArray[np.int64] = self.numbers()
+        if bool((numbers[1:] > numbers[:-1]).all()):
             return numbers, np.arange(self.size, dtype=np.int64)
         order = np.argsort(numbers, kind="stable")
         ordered = numbers[order]
         new = np.concatenate([[True], ordered[1:] != ordered[:-1]])
         start = np.flatnonzero(new)
-        first, last = order[start], order[np.append(start[1:], len(order)) - 1]
+        last = order[np.append(start[1:], len(order)) - 1]
         self._name_redefined(order, new, notes)
-        by_place = np.argsort(first, kind="stable")
-        return numbers[first[by_place]], last[by_place]
+        by_place = np.argsort(order[start], kind="stable")
+        return ordered[start][by_place], last[by_place]
 
     def _name_redefined(self, order: NDArray[np.int64], new: NDArray[np.bool_], notes: list[str]) -> None:
         values = self._values[: self.size]
@@ -121,8 +121,8 @@ class Table:
         count = np.unique(self._numbers[b[differ]]).size
         more = f"; {count - 1} more {self.word}s likewise" if count > 1 else ""
         notes.append(
-            f"{self.word} {self._numbers[b[k]]} is defined at {self.place(int(a[k]))} and with other {other} at "
-            f"{self.place(int(b[k]))}; the last definition is taken, as Abaqus does{more}"
+            f"{self.word} {self._numbers[b[k]]} is defined at {self.place(int(a[k]))} and with other {other} "
+            f"at {self.place(int(b[k]))}; the last definition is taken, as Abaqus does{more}"
         )
 
 

@@ -132,12 +132,13 @@ class _Reader:
         # the last card may be repeated by the next line, so that it is read by itself
         done = run.count - 1 if self._in_bulk(run) else 0
         for k in range(done, run.count):
-            first = run.first + k * run.length
-            name, fields = fields_of(self.bulk, first, run.length)
-            for one, values in self.replicator.cards(
-                name, fields, run.length, lambda: self.bulk.place(first)
-            ):
-                self._card(one, values, first)
+            self._one(run.first + k * run.length, run.length)
+
+    def _one(self, first: int, length: int) -> None:
+        """Read one card, or what it repeats."""
+        name, fields = fields_of(self.bulk, first, length)
+        for one, values in self.replicator.cards(name, fields, length, lambda: self.bulk.place(first)):
+            self._card(one, values, first)
 
     def _units(self, run: Run) -> None:
         for first in range(run.first, run.first + run.count * run.length, run.length):
@@ -320,8 +321,8 @@ class _Reader:
             k = np.flatnonzero(differ)[np.argmin(order[differ])]
             before, here = (self.bulk.place(int(rows[row])) for row in (first[k], order[k]))
             msg = (
-                f"{here}: {what} {numbers[order[k]]} is defined at {before} already, and differently; give one "
-                "of them another number"
+                f"{here}: {what} {numbers[order[k]]} is defined at {before} already, and differently; "
+                "give one of them another number"
             )
             raise MeshError(msg)
         return np.sort(order[new])
@@ -351,7 +352,8 @@ class _Reader:
         if lost.any():
             row = int(np.flatnonzero(lost.any(axis=1))[0])
             point = ends[row][lost[row]][0]
-            msg = f"{self._element_place(whole[row])} refers to grid point {point}, which the file does not have"
+            what = self._element_place(whole[row])
+            msg = f"{what} refers to grid point {point}, which the file does not have"
             raise MeshError(msg)
         raw.lines = np.where(there, order[at], -1) if len(ordered) else ends
         same = (ends[:, 0] == ends[:, 1]) | (ends[:, 2] >= 0) & (ends[:, :2] == ends[:, 2:]).any(axis=1)

@@ -165,6 +165,7 @@ def runs_of(bulk: BulkData) -> list[Run]:
         return []
     continues = np.array([key in "+* " for key in keys], dtype=bool)[codes]
     starts = np.flatnonzero(~continues)
+    _check_labels(bulk, np.flatnonzero(continues).tolist())
     if continues[0]:
         bulk.notes.append(f"{bulk.place(0)} continues no card and is left out")
     if not starts.size:
@@ -177,6 +178,36 @@ def runs_of(bulk: BulkData) -> list[Run]:
         Run(keys[codes[starts[b]]], _name_of(keys[codes[starts[b]]]), int(starts[b]), int(n), int(lengths[b]))
         for b, n in zip(begins.tolist(), counts.tolist(), strict=True)
     ]
+
+
+def _check_labels(bulk: BulkData, rows: list[int]) -> None:
+    """Refuse continuation lines whose label says that they belong to a line elsewhere."""
+    lines = bulk.lines
+    labelled = [row for row in rows if not (lines[row][1:8].isspace() or lines[row][1:2] in (",", ""))]
+    strays = {}
+    for row in labelled:
+        label = lines[row][:8].split(",")[0].strip("+* ")
+        if label and label != _tail(lines[row - 1]):
+            strays.setdefault(label, row)
+    if not strays:
+        return
+    for row, line in enumerate(lines):
+        stray = strays.get(_tail(line)) if len(line) > 72 or "," in line else None
+        if stray is not None:
+            msg = (
+                f"{bulk.place(stray)}: the continuation line +{_tail(line)} belongs to {bulk.place(row)}; "
+                "write it after that line"
+            )
+            raise MeshError(msg)
+
+
+def _tail(line: str) -> str:
+    """Return the label at the end of a line."""
+    if "," not in line:
+        return line[72:80].strip("+* ")
+    cells = line.split("$")[0].split(",")
+    last = 5 if cells[0].strip().endswith("*") or cells[0][:1] == "*" else 9
+    return cells[last].strip("+* ") if len(cells) > last else ""
 
 
 def _codes(lines: list[str]) -> tuple[NDArray[np.int64], list[str]]:
@@ -214,8 +245,12 @@ def _key(line: str) -> str:
         return f"{first.strip()}," if first.strip() else " "
     if not head.strip():
         return " "
-    words = head.split()
-    return f"{words[0]} " if len(words) > 1 or (len(line.rstrip()) > 8 and _between_blanks(line)) else head
+    words = line.split(None, 1)
+    return (
+        f"{words[0]} "
+        if len(head.split()) > 1 or (len(line.rstrip()) > 8 and _between_blanks(line))
+        else head
+    )
 
 
 def _between_blanks(line: str) -> bool:
@@ -305,8 +340,10 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
     key = _key(line) if line.strip() else ""
     if "," in line:
         cells = [cell.strip() for cell in line.split(",")]
-    elif (key.endswith(" ") and len(key.strip()) and key != line[:8]) or (
-        line[:1] in "+*" and _between_blanks(line)
+    elif (
+        (line[:1] == "=" and len(line) > 1 and line[1] in "(0123456789")
+        or (key.endswith(" ") and len(key.strip()) and key != line[:8])
+        or (line[:1] in "+*" and _between_blanks(line))
     ):
         cells = line.split()
     else:
@@ -335,19 +372,20 @@ def real(text: str) -> float:
     ValueError
         If the text is something else, or too large.
     """
+    shown = text.strip()[:40]
     text = text.strip().upper().replace("D", "E")
     if not text:
         return 0.0
     if "_" in text or not text.isascii():
-        msg = f"'{text[:40]}' is not a number"
+        msg = f"'{shown}' is not a number"
         raise ValueError(msg)
     try:
         value = float(_EXPONENT.sub(r"E\1", text) if "E" not in text else text)
     except ValueError as reason:
-        msg = f"'{text[:40]}' is not a number"
+        msg = f"'{shown}' is not a number"
         raise ValueError(msg) from reason
     if not abs(value) < float("inf"):
-        msg = f"'{text[:40]}' is not a finite number"
+        msg = f"'{shown}' is not a finite number"
         raise ValueError(msg)
     return value
 
