@@ -70,6 +70,8 @@ class Assembly:
     instances: dict[str, Instance]
     notes: list[str]
     budget: Budget
+    _placed: set[str] = field(default_factory=set)
+    _counts: tuple[int, int] = (0, 0)
     _points: list[NDArray[np.float64]] = field(default_factory=list)
     _lines: list[NDArray[np.int64]] = field(default_factory=list)
     _numbers: tuple[list[NDArray[np.int64]], list[NDArray[np.int64]]] = field(
@@ -148,14 +150,15 @@ class Assembly:
         filled = [part for part in reversed(parts) if not part.empty()]
         nodes = _merged("node", float, [p.nodes for p in filled], redefined)
         elements = _merged("element", np.int64, [p.elements for p in filled], redefined)
-        if instance.part in self.parts and self.instances:
-            again = [i.part for i in self.instances.values()].index(instance.part)
-            if list(self.instances).index(owner) != again:
-                self.budget.take(len(nodes[0]) + len(elements[0]), instance.place, "*INSTANCE")
-        first = sum(map(len, self._points)), sum(map(len, self._lines))
+        if instance.part in self._placed:
+            self.budget.take(len(nodes[0]) + len(elements[0]), instance.place, "*INSTANCE")
+        self._placed.add(instance.part)
+        first = self._counts
+        self._counts = (first[0] + len(nodes[0]), first[1] + len(elements[0]))
         rows = self._rows["NSET"][owner] = _Rows(nodes[0], first[0], [])
         skipped = [s.numbers for part in parts for s in part.skipped]
         self._rows["ELSET"][owner] = _Rows(elements[0], first[1], skipped)
+        redefined += _lines_and_others(elements[0], elements[2], parts)
         chains = rows.of(elements[1])
         gone = (chains < 0) & (elements[1] >= 0)
         lost = np.flatnonzero(gone.any(axis=1))
@@ -214,12 +217,29 @@ class Assembly:
             return found[found >= 0]
 
         return Resolver(
+            self.file,
             "element" if keyword == "ELSET" else "node",
             {owner: [part.sets[keyword] for part in parts] for owner, (_, parts) in owners.items()},
             lambda owner, numbers: rows[owner].of(numbers),
             lambda owner: rows[owner].known,
             nodes_of_elements,
         )
+
+
+def _lines_and_others(
+    numbers: NDArray[np.int64], place: Callable[[int], str], parts: list[Part]
+) -> list[str]:
+    """Return sentences on numbers that a line and an element of another type have."""
+    notes: list[str] = []
+    for skipped in (skipped for part in parts for skipped in part.skipped):
+        both, row, other = np.intersect1d(numbers, skipped.numbers, return_indices=True)
+        if both.size:
+            more = f"; {both.size - 1} more likewise" if both.size > 1 else ""
+            notes.append(
+                f"element {both[0]} is a line at {place(int(row[0]))} and of type {skipped.kind} at "
+                f"{skipped.file}: line {skipped.lines[other[0]]}; the line is read{more}"
+            )
+    return notes
 
 
 def _merged(

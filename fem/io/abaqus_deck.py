@@ -3,6 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +114,7 @@ class Deck:
             msg = f"{file.name}: this is a binary file, no text with keywords"
             raise MeshError(msg)
         self._data(file, _rows(file.name, lines, 0, heads[0] if heads else len(lines), comments))
-        for head, after in zip(heads, [*heads[1:], len(lines)], strict=True):
+        for head, after in pairwise([*heads, len(lines)]):
             text, start = _whole_head(lines, head, after)
             name, options = split_keyword(text)
             block = Block(name, "".join(name.split()), options, file.name, head + 1, file)
@@ -197,13 +198,13 @@ def cells_of(text: str) -> list[str]:
     if '"' not in text:
         cells = [cell.strip() for cell in text.split(",")]
     else:
-        cells, quoted = [""], False
+        parts: list[list[str]] = [[]]
         for k, piece in enumerate(text.split('"')):
             quoted = k % 2 == 1
             head, *rest = [piece] if quoted else piece.split(",")
-            cells[-1] += f'"{head}"' if quoted else head
-            cells += rest
-        cells = [cell.strip() for cell in cells]
+            parts[-1].append(f'"{head}"' if quoted else head)
+            parts += [[cell] for cell in rest]
+        cells = ["".join(part).strip() for part in parts]
     return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
 
 

@@ -85,12 +85,14 @@ class Resolver:
 
     Attributes
     ----------
+    file, word : the deck, and what its sets have, for messages
     sets : the sets of a part with those of its instance, nearest first, by owner
     rows : rows of the mesh of some numbers of an owner, -1 where the element or node is none
     known : the numbers of an owner, ascending, those of elements that are no lines included
     unknown : set and place to the numbers or names that nothing in the deck has
     """
 
+    file: str
     word: str
     sets: dict[str, list[Sets]]
     rows: Callable[[str, NDArray[np.int64]], NDArray[np.int64]]
@@ -180,7 +182,9 @@ class Resolver:
     def _count(self, n: int) -> None:
         self._total += n
         if self._total > MOST_MEMBERS:
-            msg = f"the sets have more than {MOST_MEMBERS} members in all; leave some of them out"
+            msg = (
+                f"{self.file}: the sets have more than {MOST_MEMBERS} members in all; leave some of them out"
+            )
             raise MeshError(msg)
 
     def _rows_of(self, owner: str, name: str, entry: Entry) -> NDArray[np.int64]:
@@ -191,7 +195,7 @@ class Resolver:
         return self._members[key]
 
     def _looked_up(self, owner: str, name: str, entry: Entry) -> NDArray[np.int64]:
-        place = f"{self.word} set {name} ({entry.place})"
+        place = f"{self.word} set {name[:60]} ({entry.place})"
         if entry.of_elements:
             found = self.nodes_of_elements(entry.instance or owner, entry.name)
             if found is None:
@@ -232,4 +236,4 @@ class Resolver:
         return self.rows(owner, numbers[there])
 
     def _miss(self, place: str, what: str) -> None:
-        self.unknown.setdefault(place, {})[what] = None
+        self.unknown.setdefault(place, {})[what[:60]] = None

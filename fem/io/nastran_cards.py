@@ -106,17 +106,19 @@ class BulkData:
         texts = lines[start:stop]
         if "\t" in file.text:
             texts = [text.expandtabs(8) for text in texts]
-        kept = [text for text in texts if text and text[0] != "$" and not text.isspace()]
+        kept = [text for text in texts if _holds_data(text)]
         numbers: Sequence[int] = range(start + 1, stop + 1)
         if len(kept) < len(texts):
-            numbers = [
-                k
-                for k, text in enumerate(texts, start=start + 1)
-                if text and text[0] != "$" and not text.isspace()
-            ]
+            numbers = [k for k, text in enumerate(texts, start=start + 1) if _holds_data(text)]
         if kept:
             self._runs.append((len(self.lines), file.name, numbers))
             self.lines += kept
+
+
+def _holds_data(text: str) -> bool:
+    """Return whether a line is neither empty nor a comment."""
+    first = text[:1]
+    return first.isalnum() or (not text.isspace() and text.lstrip()[:1] not in ("$", ""))
 
 
 def _file_name(rest: str, lines: list[str], row: int, place: str) -> tuple[str, int]:
