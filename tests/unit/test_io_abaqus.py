@@ -428,6 +428,11 @@ def test_a_number_used_twice_is_named_with_both_lines(tmp_path):
     assert raw_of(tmp_path, THREE + "*NODE\n2, 1., 0, 0.\n*ELEMENT, TYPE=B31\n1, 1, 2\n").notes == []
 
 
+def test_a_number_of_a_line_and_of_another_element_is_named_with_both_lines(tmp_path):
+    raw = raw_of(tmp_path, THREE + "*ELEMENT, TYPE=S3\n2, 1, 2, 3\n9, 1, 2, 3\n")
+    assert raw.notes == ["element 2 is a line at line 7 and of type S3 at line 9; the line is read"]
+
+
 # What is left out ---------------------------------------------------------------------------------------
 
 
