@@ -67,6 +67,7 @@ def test_abaqus_other_elements_orientation_nodes_and_quadratic_beams(tmp_path):
         "a.inp: 1 MASS elements left out (only lines are read); "
         "1 S4 elements left out (only lines are read); "
         "1 quadratic lines became two lines each; "
+        "sets without lines: 'M'; "
         "1 points on no line left out and the others renumbered in their order"
     )
     np.testing.assert_array_equal(mesh.points[mesh.member_points("Q"), 2], [1000, 2000, 3000])
