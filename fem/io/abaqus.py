@@ -3,240 +3,350 @@
 meshio 5.3.5 reads them too, but keeps the last of several ``*NODE`` blocks, mixes up element sets when
 several ``*ELEMENT`` blocks share a name or some have none, takes B33 for a three-node element, refuses a file
 for one element type that it does not know (MASS, for instance), and knows no parts and instances. So these
-are read here.
+are read here. :mod:`fem.io.abaqus_keywords` has the tables of what is read, refused, named and harmless.
 """
 
 import os
-import re
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io import abaqus_generate as generate
+from fem.io.abaqus_assembly import Assembly, Instance
+from fem.io.abaqus_deck import (
+    Block,
+    Deck,
+    Rows,
+    cells_of,
+    check_options,
+    left_out_sentence,
+    name_of,
+    table_of,
+)
+from fem.io.abaqus_keywords import CENTRED, HARMLESS, NAMED, READ, REFUSED, SECTIONS, nodes_of
+from fem.io.abaqus_parts import Part, Skipped
+from fem.io.abaqus_sets import Entry
+from fem.io.deck import Budget, integer, real
 from fem.io.rawmesh import RawMesh
 from fem.mesh import Mesh, MeshError
 
-_TWO_NODES = re.compile(r"B2[13]|B3[13]|T[23]D2|PIPE[23]1|FRAME[23]D|ELBOW31|B31OS|T3D2H|BEAM|TRUSS")
-_THREE_NODES = re.compile(r"B[23]2|T[23]D3|PIPE[23]2|ELBOW32|B32OS")
-
 
 @dataclass(slots=True)
-class _Part:
-    nodes: dict[int, list[float]] = field(default_factory=dict)
-    elements: dict[int, tuple[int, ...]] = field(default_factory=dict)
-    elsets: dict[str, list[int]] = field(default_factory=dict)
-    nsets: dict[str, list[int]] = field(default_factory=dict)
-
-
-@dataclass(slots=True)
-class _Instance:
-    name: str
-    part: str
-    rows: list[list[float]] = field(default_factory=list)
-
-
 class _Reader:
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self.parts: dict[str, _Part] = {"": _Part()}
-        self.part = self.parts[""]
-        self.instances: list[_Instance] = []
-        self.assembly: list[tuple[str, str, str, list[int]]] = []  # elset or nset, name, instance, numbers
-        self.left_out = RawMesh().left_out
+    """The state while a deck is read."""
 
-    def read(self, path: Path) -> None:
-        """Read a file and those that it includes."""
-        try:
-            text = path.read_text(encoding="utf-8", errors="replace")
-        except OSError as reason:
-            msg = f"{self.file}: the file {path.name} that it includes cannot be read ({reason.strerror})"
-            raise MeshError(msg) from reason
-        for line, keyword, options, data in _blocks(text):
+    path: Path
+    deck: Deck = field(init=False)
+    outside: Part = field(default_factory=Part)
+    parts: dict[str, Part] = field(default_factory=dict)
+    instances: dict[str, Instance] = field(default_factory=dict)
+    budget: Budget = field(default_factory=Budget)
+    notes: list[str] = field(default_factory=list)
+    named: dict[str, dict[str, list[str]]] = field(default_factory=dict)
+    unknown: dict[str, list[str]] = field(default_factory=dict)
+    part: Part = field(init=False)
+    handlers: dict[str, Callable[[Block], None]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.deck = Deck(self.path)
+        self.part = self.outside
+        self.handlers = {
+            "NODE": self._nodes,
+            "ELEMENT": self._elements,
+            "NSET": self._set,
+            "ELSET": self._set,
+            "SYSTEM": self._system,
+            "NGEN": lambda block: generate.ngen(block, self.part, self.budget),
+            "NFILL": lambda block: generate.nfill(block, self.part, self.budget, self.notes),
+            "NCOPY": lambda block: generate.ncopy(block, self.part, self.budget),
+            "ELGEN": lambda block: generate.elgen(block, self.part, self.budget),
+            "ELCOPY": lambda block: generate.elcopy(block, self.part, self.budget),
+            "PART": self._begin_part,
+            "ENDPART": self._end,
+            "ASSEMBLY": self._end,
+            "ENDASSEMBLY": self._end,
+            "INSTANCE": self._begin_instance,
+            "ENDINSTANCE": self._end,
+        }
+
+    def read(self) -> Assembly:
+        """Read the deck and return its parts and instances."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named by the mesh
+            for block in self.deck.blocks():
+                self._block(block)
+        if self.deck.loose:
+            self.notes.append(f"{self.deck.loose} lines before the first keyword left out")
+        for remedy, found in self.named.items():
+            self.notes += [f"{words}; {remedy}" for words in left_out_sentence("left out", found)]
+        self.notes += left_out_sentence("left out, as not known here", self.unknown)
+        return Assembly(self.path.name, self.outside, self.parts, self.instances, self.notes, self.budget)
+
+    def _block(self, block: Block) -> None:
+        if block.keyword in READ:
+            if not (block.keyword == "ELEMENT" and not nodes_of(block.options.get("TYPE", "").upper())[0]):
+                check_options(block)
             try:
-                self._block(keyword, options, data, path)
-            except (ValueError, IndexError, KeyError) as reason:
-                if isinstance(reason, MeshError):
-                    raise
-                msg = (
-                    f"{path.name}: the block *{keyword} at line {line} has something else than numbers "
-                    f"({reason})"
-                )
+                self.handlers[block.keyword](block)
+            except MeshError:
+                raise
+            except (ValueError, IndexError) as reason:
+                msg = f"{block.place}: *{block.name} cannot be read: {reason}"
                 raise MeshError(msg) from reason
-
-    def _block(self, keyword: str, options: dict[str, str], data: list[list[str]], path: Path) -> None:
-        if keyword == "NODE":
-            self._nodes(options, data)
-        elif keyword == "ELEMENT":
-            self._elements(options, data)
-        elif keyword in ("ELSET", "NSET"):
-            self._set(keyword, options, data)
-        elif keyword == "PART":
-            self.part = self.parts.setdefault(options["NAME"], _Part())
-        elif keyword in ("END PART", "ASSEMBLY"):
-            self.part = self.parts[""]
-        elif keyword == "INSTANCE":
-            rows = [[float(v) for v in row if v] for row in data]
-            self.instances.append(_Instance(options["NAME"], options["PART"], rows))
-        elif keyword == "INCLUDE":
-            self.read(path.parent / options["INPUT"])
-
-    def _nodes(self, options: dict[str, str], data: list[list[str]]) -> None:
-        for row in data:
-            xyz = [float(v) if v else 0.0 for v in row[1:4]]
-            self.part.nodes[int(row[0])] = [*xyz, 0.0, 0.0, 0.0][:3]
-            if "NSET" in options:
-                self.part.nsets.setdefault(options["NSET"], []).append(int(row[0]))
-
-    def _elements(self, options: dict[str, str], data: list[list[str]]) -> None:
-        kind = options["TYPE"].upper()
-        count = 3 if _THREE_NODES.match(kind) else 2 if _TWO_NODES.match(kind) else 0
-        if not count:
-            self.left_out[f"{kind} elements"] += len(data)
-            return
-        for row in data:
-            numbers = [int(v) for v in row if v]
-            if len(numbers) < count + 1:
-                msg = f"element {row[0]} of type {kind} has {len(numbers) - 1} nodes of {count}"
-                raise ValueError(msg)
-            self.part.elements[numbers[0]] = tuple(
-                numbers[1 : count + 1]
-            )  # a further one gives the orientation
-            if "ELSET" in options:
-                self.part.elsets.setdefault(options["ELSET"], []).append(numbers[0])
-
-    def _set(self, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
-        if "INTERNAL" in options:
-            return
-        known = self.part.elsets if keyword == "ELSET" else self.part.nsets
-        numbers: list[int] = []
-        for row in data:
-            cells = [v for v in row if v]
-            if "GENERATE" in options:
-                first, last, *step = (int(v) for v in cells)
-                numbers += range(first, last + 1, *step[:1])
-                continue
-            for cell in cells:
-                numbers += (
-                    [int(cell)] if cell.lstrip("-").isdigit() else known.get(cell.strip('"').upper(), [])
-                )
-        name = options[keyword]
-        if "INSTANCE" in options:
-            self.assembly.append((keyword, name, options["INSTANCE"], numbers))
-        else:
-            known.setdefault(name, []).extend(numbers)
-
-    def result(self) -> RawMesh:
-        """Return all parts at their places."""
-        raw = RawMesh(left_out=self.left_out)
-        places: dict[tuple[str, str, int], int] = {}
-        loose = _Instance("", "")
-        alone = not self.instances
-        for instance in self.instances or [_Instance("", name) for name in self.parts]:
-            part = self.parts.get(instance.part)
-            if part is None:
-                msg = (
-                    f"{self.file}: instance {instance.name} refers to part {instance.part}, which is not "
-                    "there"
-                )
-                raise MeshError(msg)
-            several = len(self.instances) > 1
-            _place(raw, part, instance, f"{instance.name}." if several else "", places, self.file)
-        if not alone:
-            _place(raw, self.parts[""], loose, "", places, self.file)
-        for keyword, name, instance, numbers in self.assembly:
-            target = raw.sets if keyword == "ELSET" else raw.point_sets
-            found = [places[key] for n in numbers if (key := (keyword, instance, n)) in places]
-            target.setdefault(name, []).extend(found)
-        return raw
-
-
-def _place(
-    raw: RawMesh,
-    part: _Part,
-    instance: _Instance,
-    prefix: str,
-    places: dict[tuple[str, str, int], int],
-    file: str,
-) -> None:
-    """Add a part to the mesh, moved and turned to its place."""
-    row_of: dict[int, int] = {}
-    for number, xyz in zip(part.nodes, _moved(part, instance), strict=True):
-        row_of[number] = places["NSET", instance.name, number] = len(raw.points)
-        raw.points.append(xyz)
-    line_of: dict[int, int] = {}
-    for number, nodes in part.elements.items():
-        missing = next((n for n in nodes if n not in row_of), None)
-        if missing is not None:
-            msg = f"{file}: element {number} refers to node {missing}, which the file does not have"
+        elif block.keyword in REFUSED:
+            msg = (
+                f"{block.place}: *{block.name} {REFUSED[block.keyword]}, which is not read; write the nodes "
+                "where they belong, or take the keyword out"
+            )
             raise MeshError(msg)
-        line_of[number] = places["ELSET", instance.name, number] = len(raw.lines)
-        raw.lines.append(tuple(row_of[n] for n in nodes))
-    for name, numbers in part.elsets.items():
-        found = [line_of[n] for n in numbers if n in line_of]
-        raw.sets.setdefault(prefix + name, []).extend(found)
-    for name, numbers in part.nsets.items():
-        raw.point_sets.setdefault(prefix + name, []).extend(row_of[n] for n in numbers if n in row_of)
+        elif block.keyword in SECTIONS:
+            self._section(block)
+        elif block.keyword in NAMED:
+            self._name(NAMED[block.keyword], f"*{block.name}", block.place)
+        elif block.keyword not in HARMLESS:
+            self._refuse_short(block)
+            self.unknown.setdefault(f"*{block.name[:40]}", []).append(f"line {block.line}")
+
+    def _name(self, remedy: str, what: str, place: str) -> None:
+        self.named.setdefault(remedy, {}).setdefault(what, []).append(_short(place, self.path.name))
+
+    def _refuse_short(self, block: Block) -> None:
+        """Refuse what may be a keyword that is read, written short."""
+        found = [word for word in READ if len(block.keyword) > 2 and word.startswith(block.keyword)]
+        if found:
+            msg = f"{block.place}: *{block.name} may be *{' or *'.join(found)}; write the keyword in full"
+            raise MeshError(msg)
+
+    # Parts --------------------------------------------------------------------------------------------------
+
+    def _begin_part(self, block: Block) -> None:
+        name = block.option("NAME", "NAME=")
+        if name in self.parts:
+            msg = f"{block.place}: the part {name} begins again; it has begun at {self.parts[name].place}"
+            raise MeshError(msg)
+        self.part = self.parts[name] = Part(name, block.place)
+
+    def _begin_instance(self, block: Block) -> None:
+        name = block.option("NAME", "NAME=")
+        if name in self.instances:
+            before = self.instances[name].place
+            msg = f"{block.place}: the instance {name} begins again; it has begun at {before}"
+            raise MeshError(msg)
+        data = [[real(c) for c in cells] for _, cells in block.rows()]
+        turn, shift = generate.shift_and_turn(data)
+        instance = Instance(name, block.option("PART", "PART="), block.place, turn, shift)
+        self.instances[name] = instance
+        self.part = instance.own
+
+    def _end(self, block: Block) -> None:
+        self.part = self.outside
+
+    def _system(self, block: Block) -> None:
+        self.part.system = generate.system_of(block)
+
+    # Nodes and elements -------------------------------------------------------------------------------------
+
+    def _parts_of(self, block: Block) -> list[Rows]:
+        return [self.deck.data_file(block), *block.parts] if "INPUT" in block.options else block.parts
+
+    def _nodes(self, block: Block) -> None:
+        name, system = block.options.get("NSET"), block.options.get("SYSTEM", "")
+        if "SPHERICAL".startswith(system or "?"):
+            self._name("φ is taken from the x-y plane, not from z", "spherical coordinates", block.place)
+        for rows in self._parts_of(block):
+            table = table_of(rows.texts, float, 4, 4)
+            if table is None:
+                numbers, xyz = _node_rows(rows, block)
+            else:
+                numbers, xyz = table[:, 0].astype(np.int64), table[:, 1:]
+                if (numbers != table[:, 0]).any():
+                    numbers, xyz = _node_rows(rows, block)
+            xyz = generate.to_global(self.part, generate.from_polar(system, xyz))
+            self.part.nodes.add(numbers, xyz, np.asarray(rows.lines), rows.file)
+            if name:
+                self.part.sets["NSET"].add(name, Entry(block.place, numbers=numbers))
+
+    def _elements(self, block: Block) -> None:
+        kind = block.option("TYPE", "TYPE=").upper()
+        name = block.options.get("ELSET")
+        count, more = nodes_of(kind)
+        for rows in self._parts_of(block):
+            if not count:
+                numbers, lines = _first_cells(rows, block)
+                self.part.skipped.append(Skipped(kind[:40], numbers, rows.file, lines))
+            else:
+                numbers, nodes, lines = _element_rows(rows, block, kind, count, more)
+                self.part.elements.add(numbers, nodes, lines, rows.file)
+            if name:
+                self.part.sets["ELSET"].add(name, Entry(block.place, numbers=numbers))
+
+    # Sets ---------------------------------------------------------------------------------------------------
+
+    def _set(self, block: Block) -> None:
+        sets = self.part.sets[block.keyword]
+        name = block.option(block.keyword, f"{block.keyword}=")
+        opened = sets.open(name)
+        opened.internal |= "INTERNAL" in block.options
+        opened.unsorted |= "UNSORTED" in block.options
+        instance = block.options.get("INSTANCE", "")
+        if block.keyword == "NSET" and "ELSET" in block.options:
+            entry = Entry(block.place, name=block.options["ELSET"], instance=instance, of_elements=True)
+            sets.add(name, entry)
+        for rows in self._parts_of(block):
+            if "GENERATE" in block.options:
+                for k, text in enumerate(rows.texts):
+                    span = _span(cells_of(text), rows.place(k))
+                    sets.add(name, Entry(rows.place(k), span=span, instance=instance))
+            else:
+                self._members(block, name, instance, rows)
+
+    def _members(self, block: Block, name: str, instance: str, rows: Rows) -> None:
+        sets = self.part.sets[block.keyword]
+        joined = ",".join(rows.texts)
+        if joined.isascii() and joined.replace(",", "").replace(" ", "").isdigit():
+            numbers = [int(cell) for cell in joined.split(",") if cell and not cell.isspace()]
+            if max(numbers, default=0) < 2**63:
+                sets.add(name, Entry(rows.place(0), numbers=np.array(numbers), instance=instance))
+                return
+        for k, text in enumerate(rows.texts):
+            numbers = []
+            for cell in cells_of(text):
+                if cell.isascii() and cell.isdigit():
+                    numbers.append(integer(cell))
+                elif cell and (instance or not sets.take_in(name, name_of(cell), rows.place(k))):
+                    sets.add(name, Entry(rows.place(k), name=name_of(cell), instance=instance))
+            if numbers:
+                sets.add(name, Entry(rows.place(k), numbers=np.array(numbers), instance=instance))
+
+    # Sections -----------------------------------------------------------------------------------------------
+
+    def _section(self, block: Block) -> None:
+        """Name sections whose axis is not at the nodes."""
+        shift = [
+            f"{k}={v}" for k, v in block.options.items() if k.startswith("OFFSET") and v not in ("0", "0.0")
+        ]
+        shape = block.options.get("SECTION", "")
+        first = next((cells for _, cells in block.rows()), [])
+        if shift or (shape and shape not in CENTRED and not _is_symmetric(shape, first)):
+            what = f"*{block.name} with {', '.join(shift) or f'SECTION={shape[:40]}'}"
+            self._name(
+                "the axis may not go through the nodes, so give offset1 and offset2 in the study file",
+                what,
+                block.place,
+            )
 
 
-def _moved(part: _Part, instance: _Instance) -> list[list[float]]:
-    """Shift by an instance's first line, then turn about the axis and by the angle [°] of its second."""
-    points = np.array(list(part.nodes.values()), dtype=float).reshape(-1, 3)
-    if instance.rows:
-        points = points + np.array([*instance.rows[0], 0.0, 0.0, 0.0][:3])
-    if len(instance.rows) > 1 and len(instance.rows[1]) == 7:
-        a, b, angle = np.array(instance.rows[1][:3]), np.array(instance.rows[1][3:6]), instance.rows[1][6]
-        points = a + (points - a) @ _rotation(b - a, np.deg2rad(angle)).T
-    return points.tolist()
+def _is_symmetric(shape: str, cells: list[str]) -> bool:
+    """Return whether the node of an I or T section is at its centroid."""
+    if shape != "I" or len(cells) < 7:
+        return False
+    try:
+        node, h, b1, b2, t1, t2, t3 = (real(cell) for cell in cells[:7])
+    except ValueError:
+        return False
+    web = (h - t1 - t2) * t3
+    area = b1 * t1 + b2 * t2 + web
+    centroid = (
+        (b1 * t1 * t1 / 2 + b2 * t2 * (h - t2 / 2) + web * (t1 + h - t2) / 2) / area if area > 0 else -1.0
+    )
+    return abs(centroid - node) <= 1e-3 * h
 
 
-def _rotation(axis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """Rodrigues' formula."""
-    x, y, z = axis / np.linalg.norm(axis)
-    S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * S + (1 - np.cos(angle)) * S @ S
+def _short(place: str, file: str) -> str:
+    return place.removeprefix(f"{file}: ")
 
 
-def _blocks(text: str) -> Iterator[tuple[int, str, dict[str, str], list[list[str]]]]:
-    """Give each keyword with its line, options and data; lines that end in a comma go on in the next."""
-    start, keyword, options, data, open_row = 0, "", {}, [], False
-    head = ""
-    for number, raw_line in enumerate(text.splitlines(), start=1):
-        line = raw_line.strip()
-        if not line or line.startswith("**"):
-            continue
-        if head.endswith(",") and not line.startswith("*"):
-            head += line
-            keyword, options = _keyword(head)
-            continue
-        if line.startswith("*"):
-            if keyword:
-                yield start, keyword, options, data
-            head, start, data, open_row = line, number, [], False
-            keyword, options = _keyword(line)
-            continue
-        head = ""
-        cells = [cell.strip() for cell in line.split(",")]
-        if open_row:
-            data[-1] += cells
+def _node_rows(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Read nodes line by line: up to three coordinates, and a normal that is left to the study file."""
+    numbers, xyz = np.empty(len(rows.texts), dtype=np.int64), np.zeros((len(rows.texts), 3))
+    for k, text in enumerate(rows.texts):
+        cells = cells_of(text)
+        try:
+            numbers[k] = integer(cells[0])
+            values = [real(cell) for cell in cells[1:4]]
+            if len(cells) > 7:
+                msg = f"this line has {len(cells)} numbers"
+                raise ValueError(msg)
+            xyz[k, : len(values)] = values
+        except ValueError as reason:
+            msg = f"{rows.place(k)}: *{block.name} takes a number and up to three coordinates, but {reason}"
+            raise MeshError(msg) from reason
+    return numbers, xyz
+
+
+def _element_rows(
+    rows: Rows, block: Block, kind: str, count: int, more: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return numbers, nodes (n, 3) and lines of elements; an element goes on while nodes are missing."""
+    table = table_of(rows.texts, np.int64, count + 1, count + 1 + more)
+    if table is not None:
+        nodes = np.full((len(table), 3), -1, dtype=np.int64)
+        nodes[:, :count] = table[:, 1 : count + 1]
+        return table[:, 0], _positive(nodes, count, rows, range(len(table))), np.asarray(rows.lines)
+    found: list[list[int]] = []
+    at: list[int] = []
+    for k, text in enumerate(rows.texts):
+        try:
+            values = [integer(cell) for cell in cells_of(text) if cell]
+        except ValueError as reason:
+            msg = f"{rows.place(k)}: *{block.name} takes whole numbers, but {reason}"
+            raise MeshError(msg) from reason
+        goes_on = bool(found) and len(found[-1]) <= count and rows.texts[k - 1].rstrip().endswith(",")
+        if goes_on:
+            found[-1] += values
         else:
-            data.append(cells)
-        open_row = line.endswith(",") and keyword == "ELEMENT"
-    if keyword:
-        yield start, keyword, options, data
+            found.append(values)
+            at.append(k)
+    nodes = np.full((len(found), 3), -1, dtype=np.int64)
+    for row, values in enumerate(found):
+        if not count < len(values) <= count + 1 + more:
+            more_words = ", or one more for its orientation" if more else ""
+            msg = (
+                f"{rows.place(at[row])}: element {values[0] if values else '?'} of type {kind} has "
+                f"{max(len(values) - 1, 0)} nodes of {count}{more_words}"
+            )
+            raise MeshError(msg)
+        nodes[row, :count] = values[1 : count + 1]
+    numbers = np.array([values[0] for values in found], dtype=np.int64)
+    return numbers, _positive(nodes, count, rows, at), np.asarray(rows.lines)[at]
 
 
-def _keyword(line: str) -> tuple[str, dict[str, str]]:
-    """Split a keyword line; names of sets are not sensitive to case unless quoted."""
-    word, *rest = line[1:].split(",")
-    options: dict[str, str] = {}
-    for item in rest:
-        key, _, value = item.partition("=")
-        key, value = key.strip().upper(), value.strip()
-        quoted = value.startswith('"')
-        options[key] = value if key == "INPUT" else value.strip('"') if quoted else value.upper()
-    return " ".join(word.upper().split()), options
+def _positive(nodes: NDArray[np.int64], count: int, rows: Rows, at: Sequence[int]) -> NDArray[np.int64]:
+    bad = np.flatnonzero((nodes[:, :count] < 1).any(axis=1))
+    if bad.size:
+        least = nodes[bad[0], :count].min()
+        msg = f"{rows.place(at[bad[0]])}: an element has node {least}; numbers begin with 1"
+        raise MeshError(msg)
+    return nodes
+
+
+def _first_cells(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return numbers and lines of elements that are no lines; a line that ends in a comma goes on."""
+    ends = [text.rstrip().endswith(",") for text in rows.texts]
+    begins = range(len(ends)) if all(ends) else [k for k in range(len(ends)) if k == 0 or not ends[k - 1]]
+    numbers = []
+    for k in begins:
+        try:
+            numbers.append(integer(rows.texts[k].split(",", 1)[0]))
+        except ValueError as reason:
+            msg = f"{rows.place(k)}: *{block.name} takes whole numbers, but {reason}"
+            raise MeshError(msg) from reason
+    return np.array(numbers, dtype=np.int64), np.asarray(rows.lines)[list(begins)]
+
+
+def _span(cells: list[str], place: str) -> tuple[int, int, int]:
+    try:
+        first, last, step = (integer(cell) for cell in [*cells, "1"][:3])
+    except ValueError as reason:
+        msg = f"{place}: first, last and step of a range are expected ({reason})"
+        raise MeshError(msg) from reason
+    if last < first or step < 1:
+        msg = f"{place}: the range {first} to {last} in steps of {step} has nothing in it"
+        raise MeshError(msg)
+    return first, last, step
 
 
 def read_abaqus(path: Path) -> RawMesh:
@@ -248,11 +358,10 @@ def read_abaqus(path: Path) -> RawMesh:
     Raises
     ------
     MeshError
-        For a block that is not numbers, or elements that refer to nodes which are not there.
+        For a block that is not numbers, a keyword or parameter that changes the mesh and is not read, or
+        elements that refer to nodes which are not there.
     """
-    reader = _Reader(path.name)
-    reader.read(path)
-    return reader.result()
+    return _Reader(path).read().mesh()
 
 
 def abaqus_text(mesh: Mesh) -> str:
@@ -272,16 +381,22 @@ def abaqus_text(mesh: Mesh) -> str:
 
 def read_abaqus_nodes(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the numbers (n,) and coordinates (n, 3) of a deck's nodes outside parts, in the deck's unit."""
-    nodes = _deck(path).nodes
-    return np.array(list(nodes), dtype=np.int64), np.array(list(nodes.values()), dtype=float).reshape(-1, 3)
+    notes: list[str] = []
+    nodes = _Reader(path).read().outside.nodes
+    numbers, rows = nodes.unique(notes)
+    _warn(path, notes)
+    return numbers, nodes.values(rows)
 
 
 def read_node_sets(path: str | os.PathLike[str]) -> dict[str, tuple[int, ...]]:
     """Return the node sets of an Abaqus or CalculiX deck outside parts, by their names in capitals."""
-    return {name: tuple(dict.fromkeys(numbers)) for name, numbers in _deck(Path(path)).nsets.items()}
+    assembly = _Reader(Path(path)).read()
+    sets, notes = assembly.node_sets()
+    _warn(Path(path), notes)
+    return {name: tuple(numbers.tolist()) for name, numbers in sets.items()}
 
 
-def _deck(path: Path) -> _Part:
-    reader = _Reader(path.name)
-    reader.read(path)
-    return reader.parts[""]
+def _warn(path: Path, notes: list[str]) -> None:
+    if notes:
+        words = "; ".join(notes).replace(f"{path.name}: line ", "line ")
+        warnings.warn(f"{path.name}: {words}", stacklevel=3)

@@ -39,6 +39,7 @@ class RawMesh:
     lines : (n_lines, 2) array of point indices; (n_lines, 3), -1 in the last column of those with two; or a
         list of two or three each
     sets, point_sets : name to indices of lines, of points
+    point_names : name to the index of a point
     left_out : count of what was not read, by type
     notes : what else there is to say
     point_numbers, line_numbers : numbers of nodes and elements in the file, for messages
@@ -48,6 +49,7 @@ class RawMesh:
     lines: Any = field(default_factory=list)
     sets: dict[str, Any] = field(default_factory=dict)
     point_sets: dict[str, Any] = field(default_factory=dict)
+    point_names: dict[str, int] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
     point_numbers: Sequence[int] | NDArray[np.int64] | None = None
@@ -97,7 +99,7 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
     sets = LineSets.of(raw.sets).over(*_first_and_count(origin, len(chains)))
     if empty := sets.empty():
         notes.append(f"sets without lines: {listed(empty)}")
-    names = _point_names(raw.point_sets, notes)
+    names = raw.point_names | _point_names(raw.point_sets, notes)
     if merge_tolerance is None:
         notes += _coincidences(points, lines)
     else:

@@ -81,11 +81,11 @@ def _add_points(raw: RawMesh, points: Points, rows: NDArray[np.int64]) -> None:
     to = np.where(kept, np.cumsum(kept) - 1, -1)
     coordinates: Any = points.coordinates[kept]
     raw.points = coordinates
-    rows = np.where(rows >= 0, to[rows], -1)
-    raw.lines = [tuple(row[:2] if row[2] < 0 else row) for row in rows.tolist()]
-    names = zip(map(str, points.labels[used].tolist()), to[used].tolist(), strict=True)
-    groups = {name: to[members].tolist() for name, members in raw.point_sets.items()}
-    raw.point_sets = {**{name: [row] for name, row in names}, **groups}
+    raw.lines = np.where(rows >= 0, to[rows], -1)
+    labels = points.labels[used]
+    raw.point_names = dict(zip(map(str, labels.tolist()), to[used].tolist(), strict=True))
+    raw.point_sets = {name: to[members] for name, members in raw.point_sets.items()}
+    raw.point_numbers = points.labels[kept]
 
 
 class _Lines:

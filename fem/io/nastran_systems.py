@@ -1,0 +1,163 @@
+"""Nastran's coordinate systems: CORD1R, CORD1C, CORD1S, CORD2R, CORD2C and CORD2S."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.deck import integer
+from fem.io.nastran_cards import real
+from fem.mesh import MeshError
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """A coordinate system as its card gives it.
+
+    Attributes
+    ----------
+    kind : R, C or S
+    place : file and line
+    reference : system of the points, of CORD2 cards
+    points : origin, point on z and point in the x-z plane, (3, 3), of CORD2 cards
+    grids : the same as grid points, of CORD1 cards
+    """
+
+    kind: str
+    place: str
+    reference: int = 0
+    points: tuple[tuple[float, ...], ...] = ()
+    grids: tuple[int, ...] = ()
+
+
+@dataclass(slots=True)
+class Systems:
+    """All systems of a deck.
+
+    Attributes
+    ----------
+    grid : the system and the local coordinates of a grid point, None for one that is not there
+    """
+
+    grid: Callable[[int], tuple[int, NDArray[np.float64]] | None]
+    named: dict[int, System] = field(default_factory=dict)
+    _frames: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=dict)
+
+    def add(self, name: str, fields: list[str], place: str) -> None:
+        """Add what a card defines.
+
+        Raises
+        ------
+        MeshError
+            For fields that are no numbers, and a system that is defined twice.
+        """
+        kind = name[-1]
+        found: dict[int, System] = {}
+        try:
+            if name[:5] == "CORD2":
+                values = [real(f) for f in [*fields, *[""] * 11][2:11]]
+                points = tuple(tuple(values[k : k + 3]) for k in (0, 3, 6))
+                found[integer(fields[0])] = System(kind, place, integer(fields[1] or "0"), points)
+            else:
+                for cells in (fields[0:4], fields[4:8]):
+                    if any(cells):
+                        number, *grids = (integer(c) for c in cells)
+                        found[number] = System(kind, place, grids=tuple(grids))
+        except ValueError as reason:
+            msg = f"{place}: {name} {', '.join(fields)} cannot be read: {reason}"
+            raise MeshError(msg) from reason
+        for number, system in found.items():
+            old = self.named.setdefault(number, system)
+            same = (old.kind, old.reference, old.points, old.grids)
+            if number < 1 or same != (kind, system.reference, system.points, system.grids):
+                msg = (
+                    f"{place}: coordinate system {number} is defined at {old.place} already, and differently"
+                )
+                if number < 1:
+                    msg = f"{place}: coordinate system {number} is not possible; numbers begin with 1"
+                raise MeshError(msg)
+
+    def to_basic(self, number: int, xyz: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+        """Return basic coordinates of points (n, 3) that a system has, angles in degrees.
+
+        Raises
+        ------
+        MeshError
+            For systems that are not there, refer to each other in a circle, or have no axes.
+        """
+        if number == 0:
+            return xyz
+        axes, origin = self._frame(number, place)
+        return _cartesian(self.named[number].kind, xyz) @ axes + origin
+
+    def _frame(self, number: int, place: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        waiting: list[tuple[int, str]] = [(number, place)]
+        under_way: dict[int, None] = {}
+        while waiting:
+            top, place = waiting[-1]
+            if top in self._frames:
+                under_way.pop(top, None)
+                waiting.pop()
+                continue
+            if top not in self.named:
+                msg = f"{place} is in coordinate system {top}, which the file does not have"
+                raise MeshError(msg)
+            system = self.named[top]
+            needed = [n for n in self._needed(top, system) if n and n not in self._frames]
+            if not needed:
+                self._frames[top] = self._built(top, system)
+                continue
+            under_way[top] = None
+            loop = next((n for n in needed if n in under_way), None)
+            if loop is not None:
+                chain = " → ".join(map(str, [*list(under_way)[list(under_way).index(loop) :][:10], loop]))
+                msg = f"{system.place}: coordinate systems refer to each other: {chain}"
+                raise MeshError(msg)
+            waiting += [(n, f"{system.place}: coordinate system {top}") for n in needed]
+        return self._frames[number]
+
+    def _needed(self, number: int, system: System) -> list[int]:
+        if not system.grids:
+            return [system.reference]
+        found = [self.grid(n) for n in system.grids]
+        lost = next((n for n, one in zip(system.grids, found, strict=True) if one is None), None)
+        if lost is not None:
+            msg = (
+                f"{system.place}: coordinate system {number} refers to grid point {lost}, which the "
+                "file does not have"
+            )
+            raise MeshError(msg)
+        return [one[0] for one in found if one is not None]
+
+    def _built(self, number: int, system: System) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if system.grids:
+            found = [one for n in system.grids if (one := self.grid(n)) is not None]
+            points = np.array([self.to_basic(cp, xyz[None], system.place)[0] for cp, xyz in found])
+        else:
+            points = self.to_basic(system.reference, np.array(system.points), system.place)
+        a, b, c = points
+        z = b - a
+        y = np.cross(z, c - a)
+        lengths = np.linalg.norm(z), np.linalg.norm(y)
+        if not lengths[1] > 1e-9 * lengths[0] * max(float(np.linalg.norm(c - a)), 1e-300):
+            msg = (
+                f"{system.place}: coordinate system {number} has no axes: its points are on one line, or "
+                "two of them are one"
+            )
+            raise MeshError(msg)
+        z, y = z / lengths[0], y / lengths[1]
+        return np.asarray(np.stack([np.cross(y, z), y, z]), dtype=float), a
+
+
+def _cartesian(kind: str, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return Cartesian coordinates of r, θ, z (C) or r, θ from z, φ about z (S)."""
+    if kind == "R":
+        return xyz
+    r, second, third = xyz.T
+    if kind == "C":
+        theta = np.deg2rad(second)
+        return np.column_stack([r * np.cos(theta), r * np.sin(theta), third])
+    theta, phi = np.deg2rad(second), np.deg2rad(third)
+    flat = r * np.sin(theta)
+    return np.column_stack([flat * np.cos(phi), flat * np.sin(phi), r * np.cos(theta)])
