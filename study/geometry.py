@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fem.effects.frame import MemberProperties
 from fem.io import read_mesh
 from fem.mesh import Mesh, MeshError, merge_names
+from fem.properties import Section
 from study.table import Table, as_vector, suggest
 
 TOUCH = 1e-6
@@ -27,6 +28,9 @@ PER_BENDING_WAVE = 12
 
 PER_OTHER_WAVE = 32
 """Elements per shortest axial or torsional wave, whose error is (2π/32)²/24 = 1.6e-3."""
+
+SHEAR_ERROR = 5e-4
+"""Relative error of a frequency that the shear of bending waves may have [-]."""
 
 
 @dataclass(slots=True)
@@ -248,7 +252,11 @@ def refine(
             # between the elements of a bar that no tension holds it would be a mechanism
             loose = p.theory == "bar" and p.pretension == 0
             given = own_size if own_size is not None else total if loose else size
-            h = given if given is not None else min(element_size(p, max_frequency), total / at_least)
+            h = (
+                given
+                if given is not None
+                else min(element_size(p, max_frequency), total / least_elements(p, at_least))
+            )
         if not total / h < MOST_ELEMENTS:
             msg = (
                 f"member '{name}' would have {total / h:.3g} elements of {h:.3g} m to reach "
@@ -268,16 +276,39 @@ def refine(
 def element_size(p: MemberProperties, frequency: float) -> float:
     """Return an element size by the shortest waves of a member at a frequency [m].
 
-    Bending: λ = 2π (EI / ρA ω²)^¼ of an Euler-Bernoulli beam; torsion and tension: λ = c / f; a bar under
-    tension is a string.
+    Bending: λ = 2π/k, k⁴ = ρA ω²/EI, of an Euler-Bernoulli beam; where shear takes the part φ/(1 + φ) of the
+    slope, φ = EI k²/kGA, elements are too stiff by (kh)²/24 of that. Torsion and tension: λ = c/f; a bar
+    under tension is a string. Of a taper, the end with the shorter waves.
     """
+    ends = (p.section,) if p.section2 is None else (p.section, p.section2)
+    return min(_size_of_section(p, s, frequency) for s in ends)
+
+
+def _size_of_section(p: MemberProperties, s: Section, frequency: float) -> float:
+    m, omega = p.material, 2 * np.pi * frequency
     if p.theory == "bar":
-        strain = min(max(p.pretension, 0.0) / (p.material.E * p.section.A), 1.0) or 1.0
-        return float(np.sqrt(strain * p.material.E / p.material.rho) / frequency / PER_OTHER_WAVE)
-    m, s, omega = p.material, p.section, 2 * np.pi * frequency
-    bending = 2 * np.pi * (m.E * min(s.Iy, s.Iz) / (m.rho * s.A * omega**2)) ** 0.25
-    other = np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency
-    return float(min(bending / PER_BENDING_WAVE, other / PER_OTHER_WAVE))
+        strain = min(max(p.pretension, 0.0) / (m.E * s.A), 1.0) or 1.0
+        return float(np.sqrt(strain * m.E / m.rho) / frequency / PER_OTHER_WAVE)
+    sizes = [np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency / PER_OTHER_WAVE]
+    for I, k in ((s.Iy, s.kz), (s.Iz, s.ky)):
+        wave = (m.rho * s.A * omega**2 / (m.E * I)) ** 0.25
+        sizes.append(2 * np.pi / wave / PER_BENDING_WAVE)
+        phi = m.E * I * wave**2 / (k * m.G * s.A) if k > 0 and p.theory == "timoshenko" else 0.0
+        if phi > 0:
+            sizes.append(np.sqrt(24 * SHEAR_ERROR * (1 + phi) / phi) / wave)
+    return float(min(sizes))
+
+
+def least_elements(p: MemberProperties, at_least: int) -> int:
+    """Return the fewest elements of a member: under a taper more, as waves at its thin end are shorter.
+
+    Wave numbers of bending go with the root of the radius of gyration.
+    """
+    if p.section2 is None:
+        return at_least
+    radii = [[s.Iy / s.A, s.Iz / s.A] for s in (p.section, p.section2)]
+    ratio = np.max(np.max(radii, axis=0) / np.min(radii, axis=0)) ** 0.25
+    return int(np.ceil(at_least * ratio - 1e-9))
 
 
 def describe_sizes(sizes: Sequence[float] | NDArray[Any]) -> str:
