@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from fem.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.model import DIRECTIONS, ModelError
 from fem.solvers import Factor, factorise, one_thread
-from fem.system import System, reproduced, resistance, rigid_motions, unopposed
+from fem.system import System, refuse_motionless, reproduced, resistance, rigid_motions, unopposed
 
 DENSE_LIMIT = 300
 """Systems of at most this many coordinates are solved densely."""
@@ -173,6 +173,7 @@ def solve_eigenpairs(
     UnstableError
         If any motion has a negative stiffness, unless ``unstable`` allows that.
     """
+    refuse_motionless(system)
     if n is not None and n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
