@@ -5,7 +5,7 @@ right in. Nothing here is refused: what cannot exist at all is refused by the co
 
 Ranges of solids are those of Ashby, *Materials Selection in Mechanical Design*, 4th ed., appendix A: E from
 polymer foams (0.3 MPa) to diamond (1220 GPa), ρ from polymer foams (16 kg/m³) to osmium (22 590 kg/m³). Their
-ratio, as speed of sound √(E/ρ), lies between 30 m/s (rubber) and 18 km/s (diamond); solids denser than
+ratio, as speed of sound √(E/ρ), lies between 30 m/s (rubber) and 19 km/s (diamond); solids denser than
 polymers are metals, ceramics and stone, with at least 1 GPa (lead has 14).
 """
 
@@ -31,7 +31,7 @@ MODULUS = (0.3e6, 1.22e12)
 DENSITY = (16.0, 22590.0)
 """Densities of solids: polymer foams … osmium [kg/m³]."""
 
-SOUND = (30.0, 18e3)
+SOUND = (30.0, 19e3)
 """√(E/ρ) of solids: rubber … diamond [m/s]."""
 
 DENSE = (2250.0, 1e9)
@@ -130,7 +130,8 @@ def suspicions(model: Model, max_frequency: float | None = None) -> tuple[Suspic
     members = _alike(frame, model.mesh)
     materials = {m.name: m for m in (each.material for each in members)}
     wrong = [s for m in materials.values() for s in suspicions_of_material(m)]
-    sizes = list(_of_sizes(model.mesh, members, trusted=not wrong))
+    sound = [m for m in members if not any(True for s in m.sections for _ in _contradictions(s))]
+    sizes = list(_of_sizes(model.mesh, sound, trusted=not wrong))
     return (*wrong, *_of_sections(members), *sizes, *_of_members(members), *_of_effects(model, members), *out)
 
 
@@ -140,7 +141,7 @@ def suspicions(model: Model, max_frequency: float | None = None) -> tuple[Suspic
 def suspicions_of_material(m: Material) -> Iterator[Suspicion]:
     """Yield what is implausible of a material."""
     outside = {
-        key: f"solids have {_si(low)} to {_si(high)} {unit} ({ends})"
+        key: f"solids have {si_number(low)} to {si_number(high)} {unit} ({ends})"
         for key, value, unit, (low, high), ends in (
             ("E", m.E, "Pa", MODULUS, "polymer foams to diamond"),
             ("rho", m.rho, "kg/m³", DENSITY, "polymer foams to osmium"),
@@ -152,10 +153,10 @@ def suspicions_of_material(m: Material) -> Iterator[Suspicion]:
     for key, why in reasons.items():
         about = [key, *(k for k in meant if k not in reasons)]
         guesses = [
-            f"{k} looks like {meant[k][1]}: {_si(meant[k][0])} {UNITS[k]}" for k in about if k in meant
+            f"{k} looks like {meant[k][1]}: {si_number(meant[k][0])} {UNITS[k]}" for k in about if k in meant
         ]
         hint = "; ".join(["", *guesses])
-        value = f"{key} = {_si(getattr(m, key))} {UNITS[key]}"
+        value = f"{key} = {si_number(getattr(m, key))} {UNITS[key]}"
         text = f"material '{m.name}': {value} is implausible: {why}{hint}"
         yield Suspicion(("material", m.name, key), text)
     if m.nu < 0:
@@ -175,15 +176,13 @@ def _of_both(m: Material) -> dict[str, str]:
     """Return why E and ρ, each of which some solid has, do not belong together."""
     speed = float(np.sqrt(m.E / m.rho))
     if speed > SOUND[1]:
-        why = (
-            f"with E = {_si(m.E)} Pa sound would have {speed:.0f} m/s, and has {SOUND[1]:.0f} m/s in diamond"
-        )
-        return {"rho": why}
+        at = f"with E = {si_number(m.E)} Pa"
+        return {"rho": f"{at} sound would have {speed:.0f} m/s, and has {SOUND[1]:.0f} m/s in diamond"}
     if speed < SOUND[0]:
-        why = f"with rho = {m.rho:.5g} kg/m³ sound would have {speed:.2g} m/s, and {SOUND[0]:g} m/s in rubber"
-        return {"E": why}
+        at = f"with rho = {m.rho:.5g} kg/m³"
+        return {"E": f"{at} sound would have {speed:.2g} m/s, and has {SOUND[0]:g} m/s in rubber"}
     if m.rho > DENSE[0] and DENSE[1] > m.E:
-        return {"E": f"solids of {m.rho:.5g} kg/m³ have at least {_si(DENSE[1])} Pa (lead has 14e9 Pa)"}
+        return {"E": f"solids of {m.rho:.5g} kg/m³ have at least {si_number(DENSE[1])} Pa (lead has 14e9 Pa)"}
     return {}
 
 
@@ -208,7 +207,7 @@ def _meant(m: Material, odd: Sequence[str]) -> dict[str, tuple[float, str]]:
     return {}
 
 
-def _si(value: float) -> str:
+def si_number(value: float) -> str:
     """Return a value with an exponent that is a multiple of three, as people write it: 210e9."""
     if 1e-3 <= value < 1e5:
         return f"{value:.5g}"
@@ -278,9 +277,10 @@ def _of_sections(members: Sequence[_Alike]) -> Iterator[Suspicion]:
     known = {id(s): (s, m.names[0]) for m in members for s in m.sections}
     for s, name in known.values():
         label = f"section {s.label or 'by its constants'} of member '{name}'"
-        for text in _contradictions(s):
+        wrong = tuple(_contradictions(s))
+        for text in wrong:
             yield Suspicion(("section", name), f"{label}: {text}")
-        if s.A > LARGEST_AREA:
+        if s.A > LARGEST_AREA and not wrong:
             depth = _depth(s)
             yield Suspicion(
                 ("section", name),
@@ -357,12 +357,11 @@ def _of_sizes(mesh: Mesh, members: Sequence[_Alike], trusted: bool) -> Iterator[
     if slack:
         sag, name, length, m = max(slack, key=lambda each: each[0])
         few = len(slack) <= len(mesh.members) / 2
-        what = "is its section too small, in km or a power of ten off" if few else "are the coordinates in mm"
         yield Suspicion(
             ("section", name) if few else ("mesh",),
             f"member '{name}'{_and_others(len(slack))}, {length:.4g} m long and {_depth(m.p.section):.3g} m "
-            f"deep, would sag by {sag:.2g} times its length under its own weight; {what}? A cable is a bar "
-            "(theory) with a pretension",
+            f"deep, would sag by {sag:.2g} times its length under its own weight: is the section too "
+            "small, or are the coordinates in mm? A cable is a bar (theory) with a pretension",
             _lines(mesh, [each[1] for each in slack[:_LOOKED_AT]]),
         )
 
@@ -507,7 +506,7 @@ def _odd_stiffness(d: str, k: float, members: Sequence[_Alike]) -> str:
     if k < LOOSE_RATIO * slack:
         return (
             f"{k:.3g} {unit}, {k / slack:.1g} times that of the softest member ({slack:.2g} {unit}): it "
-            "holds nothing; is it in N/m?"
+            f"holds nothing; is it in {unit}?"
         )
     return ""
 

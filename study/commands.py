@@ -2,25 +2,30 @@
 
 import argparse
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fem.checks import check_model
+from fem.checks import Fault, check_model
 from fem.frf import FRF, compute_frf
 from fem.io import write_csv, write_npz, write_uff
 from fem.io.atomic import replacing
 from fem.modes import solve_modes
 from fem.system import assemble
-from study.config import Study, load_study
+from study.config import MOST_LINES, Study, load_study
 from study.measured import sensor_rows
 from study.output import OutputError, Progress, check_writable, result_folder, write_json
+from study.plausible import PlausibilityWarning
 from study.table import StudyError
 from updating.measurement import Sensor, sensor_point
 
 Options = argparse.Namespace
+
+MOST_VALUES = 50_000_000
+"""Values of all FRFs together that are computed at once: 0.8 GB."""
 
 
 def say(options: Options, *lines: str) -> None:
@@ -54,9 +59,12 @@ def check(options: Options, progress: Progress) -> None:
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
     check_writable(options.json, options.picture)
-    study = load_study(options.study)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PlausibilityWarning)  # they are among the faults
+        study = load_study(options.study)
     progress("checking the model")
-    faults = check_model(study.model)
+    faults = tuple(f for f in check_model(study.model) if f.kind != "implausible")
+    faults += tuple(Fault("implausible", words) for words in study.warnings)
     if options.picture is not None:
         from viz.render import render_faults
 
@@ -119,6 +127,7 @@ def modes(options: Options, progress: Progress) -> None:
             ],
             "elements": study.model.mesh.n_lines,
             "assumptions": study.assumptions,
+            "warnings": study.warnings,
         },
     )
     rows = [
@@ -131,6 +140,11 @@ def modes(options: Options, progress: Progress) -> None:
         f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates",
         " mode  frequency Hz  damping %",
         *rows,
+        *(
+            [f"the model has {found.n_modes} modes in all"]
+            if options.max is None and options.number and found.n_modes < found.n_rigid + options.number
+            else []
+        ),
         *_assumed(study),
     )
 
@@ -198,6 +212,14 @@ def _lines(study: Study, options: Options) -> np.ndarray:
     start = options.start or max(step, float(base[0]))
     if start > stop:
         msg = f"the first frequency, {start:g} Hz, lies above the last, {stop:g} Hz"
+        raise OutputError(msg)
+    n, values = (stop - start) / step, len(study.sensors) * len(study.excitations)
+    most = min(MOST_LINES, MOST_VALUES // values)
+    if n > most:
+        msg = (
+            f"{n:.3g} lines from {start:g} to {stop:g} Hz in steps of {step:g} Hz, of {values} FRFs, are too "
+            f"many; at most {most} are computed: give a larger --step"
+        )
         raise OutputError(msg)
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
 

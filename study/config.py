@@ -2,6 +2,7 @@
 
 import os
 import tomllib
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,7 +22,14 @@ from study.connections import (
     read_viscoelastic,
 )
 from study.effects import candidates_of, read_effects
-from study.geometry import Geometry, describe_sizes, read_geometry, refine
+from study.geometry import (
+    MOST_ELEMENTS,
+    Geometry,
+    TooManyElementsError,
+    describe_sizes,
+    read_geometry,
+    refine,
+)
 from study.lines import key_lines
 from study.measured import (
     check_units,
@@ -42,6 +50,7 @@ from study.parts import (
     read_sections,
     read_supports,
 )
+from study.plausible import PlausibilityWarning, implausible, path_of_request
 from study.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from study.table import Source, StudyError, Table, suggest
 from updating.fit import EXPLAINED_LEVEL
@@ -56,6 +65,8 @@ DEFAULT_FREQUENCY = 1000.0
 
 SHEAR_STD = 0.3
 """Relative standard deviation of shear coefficients of sections with walls, unless the study says it."""
+MOST_REPEATS = 10_000
+"""Simulated measurements beyond which a mistake is taken for granted."""
 MOST_LINES = 1_000_000
 """Frequency lines beyond which a mistake is taken for granted."""
 
@@ -109,6 +120,8 @@ class Study:
         Measured modes, where the study gives them.
     plan : UpdatePlan
         What :command:`dovetail update` does.
+    warnings : tuple of str
+        What is implausible, in sentences with file, line and key.
     """
 
     name: str
@@ -135,6 +148,7 @@ class Study:
     assumptions: tuple[str, ...]
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
+    warnings: tuple[str, ...] = ()
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -155,6 +169,11 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         If something in it cannot be meant; the message names file, line and key.
     OSError
         If the file cannot be opened.
+
+    Warns
+    -----
+    PlausibilityWarning
+        For values that are probably not meant; `Study.warnings` has the same.
     """
     path = Path(path)
     raw = path.read_bytes()
@@ -164,7 +183,10 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         line = raw.count(b"\n", 0, reason.start) + 1
         msg = f"{path.name}, line {line}: the text is not UTF-8"
         raise StudyError(msg) from None
-    return read_study(text, path)
+    study = read_study(text, path)
+    for words in study.warnings:
+        warnings.warn(words, PlausibilityWarning, stacklevel=2)
+    return study
 
 
 def read_study(text: str, path: Path) -> Study:
@@ -263,8 +285,8 @@ class _Reader:
             excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
 
         fit = top.table("fit")
-        band, n_lines = read_band(fit), fit.whole("lines", None, 8)
-        n_simulated = fit.whole("bootstrap", 0, 0)
+        band, n_lines = read_band(fit), fit.whole("lines", None, 8, MOST_LINES)
+        n_simulated = fit.whole("bootstrap", 0, 0, MOST_REPEATS)
         model_error = fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper")
         held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
         fit.finish()
@@ -276,11 +298,17 @@ class _Reader:
 
         mesh_table = top.table("mesh")
         size = mesh_table.number("element_size", None, above=0, unit="m")
+        most = mesh_table.whole("max_elements", MOST_ELEMENTS)
         for key in ("file", "scale", "merge_tolerance", "sets", "connect"):
             mesh_table.get(key, None)
         mesh_table.finish()
-        with mesh_table.at():
-            mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes)
+        try:
+            mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes, most=most)
+        except TooManyElementsError as reason:
+            place = path_of_request(reason, top.values, geometry.mesh)
+            raise top.source.error(place, str(reason)) from reason
+        except ValueError as reason:
+            raise top.source.error(mesh_table.path, str(reason)) from reason
         if size is None and not all(any(v) for v in sizes.values()):
             notes.append(
                 "no element size is "
@@ -347,6 +375,7 @@ class _Reader:
             tuple(dict.fromkeys(notes)),
             modes,
             plan,
+            implausible(top, model, highest),
         )
 
     def _excitations_of(

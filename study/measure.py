@@ -284,7 +284,7 @@ def _write_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) ->
     head = ["parameter", "unit", "start", "bounds", "prior", "value", "std", "95 % interval", "change"]
     related = [_most_correlated(result, i) for i in range(len(u.parameters))]
     rows = [(*_cells(p), other) for p, other in zip(u.parameters, related, strict=True)]
-    words = [*u.messages, *result.notes, *unsaid]
+    words = [*study.warnings, *u.messages, *result.notes, *unsaid]
     html = page.page(
         f"{study.name}: updated",
         page.tag("h1", study.name),

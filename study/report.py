@@ -50,6 +50,7 @@ def report_html(result: RunResult, album: Album) -> str:
     """Return the report as one HTML page that loads nothing else."""
     parts = [
         _verdict(result, album),
+        _implausible(result),
         _compared(result, album),
         _gates(result),
         _misfit(result, album),
@@ -97,6 +98,11 @@ def _verdict(result: RunResult, album: Album) -> Markup:
         _steps(result),
         *advice,
     )
+
+
+def _implausible(result: RunResult) -> Markup:
+    found = result.study.warnings
+    return section("Implausible values of the study", bullets(found)) if found else Markup()
 
 
 def _steps(result: RunResult) -> Markup:

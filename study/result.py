@@ -239,6 +239,7 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         ],
         "misfit": localisation_dict(result.localisation) if result.localisation else None,
         "assumptions": list(study.assumptions),
+        "warnings": list(study.warnings),
         "notes": list(result.notes),
     }  # fmt: skip
 
