@@ -130,7 +130,9 @@ def suspicions(model: Model, max_frequency: float | None = None) -> tuple[Suspic
     members = _alike(frame, model.mesh)
     materials = {m.name: m for m in (each.material for each in members)}
     wrong = [s for m in materials.values() for s in suspicions_of_material(m)]
-    sound = [m for m in members if not any(True for s in m.sections for _ in _contradictions(s))]
+    different = {id(s): s for m in members for s in m.sections}
+    odd = {key for key, s in different.items() if any(_contradictions(s))}
+    sound = [m for m in members if not any(id(s) in odd for s in m.sections)]
     sizes = list(_of_sizes(model.mesh, sound, trusted=not wrong))
     return (*wrong, *_of_sections(members), *sizes, *_of_members(members), *_of_effects(model, members), *out)
 

@@ -184,6 +184,8 @@ class Section:
             return second if fraction else first
 
         def linear(a: float, b: float, power: int = 1) -> float:
+            if a == b:  # and numbers of sides stay whole
+                return a
             return ((1 - fraction) * a ** (1 / power) + fraction * b ** (1 / power)) ** power
 
         if first.shape != second.shape or set(first.dimensions) != set(second.dimensions):

@@ -32,7 +32,7 @@ PER_OTHER_WAVE = 32
 """Elements per shortest axial or torsional wave, whose error is (2π/32)²/24 = 1.6e-3."""
 
 SHEAR_ERROR = 5e-4
-"""Relative error of a frequency that the shear of bending waves may have [-]."""
+"""Relative error of a frequency that the shear of bending waves, or axes that turn, may have [-]."""
 
 
 class TooManyElementsError(MeshError):
@@ -364,13 +364,17 @@ def _size_of_section(p: MemberProperties, s: Section, frequency: float) -> float
 def least_elements(p: MemberProperties, at_least: int) -> int:
     """Return the fewest elements of a member: under a taper more, as waves at its thin end are shorter.
 
-    Wave numbers of bending go with the root of the radius of gyration.
+    Wave numbers of bending go with the root of the radius of gyration. Principal axes that turn by Δα along
+    the member are straight in each element, which errs by (Δα/n)² I₁/I₂ / 24 in a frequency.
     """
     if p.section2 is None:
         return at_least
     radii = [[s.Iy / s.A, s.Iz / s.A] for s in (p.section, p.section2)]
     ratio = np.max(np.max(radii, axis=0) / np.min(radii, axis=0)) ** 0.25
-    return int(np.ceil(at_least * ratio - 1e-9))
+    turn = abs(p.section2.angle - p.section.angle)
+    uneven = max(max(s.Iy, s.Iz) / min(s.Iy, s.Iz) for s in (p.section, p.section2))
+    turning = turn * np.sqrt(uneven / (24 * SHEAR_ERROR))
+    return int(np.ceil(max(at_least * ratio, turning) - 1e-9))
 
 
 def describe_sizes(sizes: Sequence[float] | NDArray[Any]) -> str:
