@@ -18,6 +18,7 @@ from fem.effects.frame import Frame
 from fem.mesh import Mesh, merge_names
 from fem.model import Model, ModelError
 from fem.modes import MechanismError, solve_modes
+from fem.plausibility import suspicions
 from fem.system import assemble
 
 SHORT = 1 / 100
@@ -34,8 +35,8 @@ class Fault:
     ----------
     kind : str
         ``"coincident points"``, ``"unconnected points"``, ``"unconnected crossing"``, ``"loose part"``,
-        ``"unused point"``, ``"duplicate lines"``, ``"short line"``, ``"no properties"``, ``"mechanism"`` or
-        ``"model"``.
+        ``"unused point"``, ``"duplicate lines"``, ``"short line"``, ``"no properties"``, ``"mechanism"``,
+        ``"implausible"`` or ``"model"``.
     message : str
         What was found, where, and what to do.
     points, lines : ndarray of int
@@ -65,7 +66,7 @@ def check_mesh(mesh: Mesh, tolerance: float | None = None) -> tuple[Fault, ...]:
 
 
 def check_model(model: Model, tolerance: float | None = None) -> tuple[Fault, ...]:
-    """Find faults of a model: those of its mesh, members without properties, and mechanisms.
+    """Find faults of a model: mechanisms, those of its mesh, members without properties, implausible values.
 
     Points that a joint or another effect ties count as connected.
 
@@ -75,6 +76,21 @@ def check_model(model: Model, tolerance: float | None = None) -> tuple[Fault, ..
     tolerance : float, optional
         See :func:`check_mesh`.
     """
+    return (*_of_structure(model, tolerance), *implausible(model))
+
+
+def implausible(model: Model) -> tuple[Fault, ...]:
+    """Return what :func:`fem.plausibility.suspicions` finds, as faults."""
+    mesh = model.mesh
+    return tuple(
+        Fault(
+            "implausible", s.message, np.unique(mesh.lines[list(s.lines)]), np.array(s.lines, dtype=np.int64)
+        )
+        for s in suspicions(model)
+    )
+
+
+def _of_structure(model: Model, tolerance: float | None) -> tuple[Fault, ...]:
     mesh = model.mesh
     bare = _without_properties(model)
     if bare:

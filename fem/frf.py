@@ -26,7 +26,7 @@ from fem.receptance import (
     superpose,
 )
 from fem.solvers import SingularMatrixError, factorise
-from fem.system import System
+from fem.system import System, refuse_motionless
 
 Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
 """DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
@@ -475,6 +475,7 @@ def _task(
     tolerance: float,
 ) -> tuple[_Task, tuple[str, ...], tuple[str, ...]]:
     """Return what is asked for, checked, and the labels of outputs and inputs."""
+    refuse_motionless(system)
     out, out_labels = dof_columns(system.model, outputs)
     inn, in_labels = dof_columns(system.model, inputs)
     lines = np.array(frequency, dtype=float, ndmin=1)

@@ -15,6 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.chains import chains_of
 
+MOST_LINES = 5_000_000
+"""Lines that a mesh is divided into at most; its matrices would take some ten GB."""
+
 
 class MeshError(ValueError):
     """A mesh that cannot be what the user meant; the message names the place."""
@@ -321,9 +324,9 @@ class Mesh:
             msg = f"the element size is {size}; it must be positive [m]"
             raise MeshError(msg)
         length = self.lengths()
-        pieces = np.ones(self.n_lines, dtype=np.int64)
+        pieces = np.ones(self.n_lines)
         if size is not None:
-            pieces = np.maximum(1, np.ceil(length / size - 1e-9)).astype(np.int64)
+            pieces = np.maximum(1, np.ceil(length / size - 1e-9))
         for name, count in (counts or {}).items():
             if count < 1:
                 msg = f"the element count of '{name}' is {count}; it must be at least 1"
@@ -331,12 +334,23 @@ class Mesh:
             for member in self.members_of(name):
                 rows = self.members[member]
                 share = length[rows] / length[rows].sum() * count
-                pieces[rows] = np.maximum(1, np.ceil(share - 1e-6)).astype(np.int64)
+                pieces[rows] = np.maximum(1, np.ceil(share - 1e-6))
         return self.split(pieces)
 
     def split(self, pieces: ArrayLike) -> "Mesh":
         """Return a mesh in which line i is divided into ``pieces[i]`` equal lines."""
-        pieces = np.broadcast_to(np.asarray(pieces, dtype=np.int64), (self.n_lines,))
+        asked = np.broadcast_to(np.asarray(pieces, dtype=float), (self.n_lines,))
+        if not asked.sum() <= max(MOST_LINES, self.n_lines):
+            row = int(np.argmax(asked))
+            msg = (
+                f"the mesh would have {asked.sum():.4g} lines, and at most {MOST_LINES} are made; line {row} "
+                f"of {self.lengths()[row]:.4g} m asks for the most, {asked[row]:.4g}: give larger elements"
+            )
+            raise MeshError(msg)
+        if not (asked >= 1).all():
+            msg = f"a line cannot be divided into {asked.min():g} pieces; at least 1 is needed"
+            raise MeshError(msg)
+        pieces = asked.astype(np.int64)
         if (pieces == 1).all():
             return self
         a, b = self.points[self.lines[:, 0]], self.points[self.lines[:, 1]]

@@ -29,6 +29,14 @@ class ModelError(ValueError):
     """A model that cannot be built; the message names the place."""
 
 
+def refuse_negative(effect: str, **values: tuple[Any, str]) -> None:
+    """Raise a ModelError for values, each with its unit, that are negative or no numbers."""
+    for key, (value, unit) in values.items():
+        if not np.real(value) >= 0:
+            msg = f"'{effect}': its {key} is {np.real(value):g} {unit}; it cannot be negative"
+            raise ModelError(msg)
+
+
 def dofs_of(points: ArrayLike) -> NDArray[np.int64]:
     """Return the DOF numbers of points: ``6 p + d``, shape (..., 6)."""
     return 6 * np.asarray(points, dtype=np.int64)[..., None] + np.arange(6)
@@ -302,6 +310,13 @@ class Damping:
     alpha: float = 0.0
     beta: float = 0.0
     loss_factor: float = 0.0
+
+    def __post_init__(self) -> None:
+        for key in ("ratio", "alpha", "beta", "loss_factor"):
+            value = np.real(getattr(self, key))
+            if not (np.isfinite(value) & (value >= 0)).all():
+                msg = f"the damping's {key} is {getattr(self, key)}; it cannot be negative"
+                raise ModelError(msg)
 
     @classmethod
     def modal(cls, ratio: ArrayLike, frequency: ArrayLike | None = None) -> "Damping":

@@ -12,7 +12,10 @@ from scipy.sparse.csgraph import connected_components
 from fem.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.model import DIRECTIONS, ModelError
 from fem.solvers import Factor, factorise, one_thread
-from fem.system import System, reproduced, resistance, rigid_motions, unopposed
+from fem.system import System, refuse_motionless, reproduced, resistance, rigid_motions, unopposed
+
+MOST_VALUES = 250_000_000
+"""Values of all mode shapes together that are asked for at once, or of a matrix solved densely: 2 GB."""
 
 DENSE_LIMIT = 300
 """Systems of at most this many coordinates are solved densely."""
@@ -173,6 +176,7 @@ def solve_eigenpairs(
     UnstableError
         If any motion has a negative stiffness, unless ``unstable`` allows that.
     """
+    refuse_motionless(system)
     if n is not None and n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
@@ -188,6 +192,8 @@ def _eigenpairs(
     rigid = rigid_body_motions(system)
     want = min(n_free, max(n if n is not None else 20, rigid.shape[1] + n_below + 1))
     limit = -np.inf if n is not None or max_frequency is None else (2 * np.pi * max_frequency) ** 2
+    if limit > 0 and n_free**2 > MOST_VALUES:
+        _refuse_too_many(n_free, _count_below(system, limit, factor), dense=False)
     while True:
         eigenvalues, vectors = _lowest(system, factor, shift, want, limit, rigid, check)
         if len(eigenvalues) == n_free or eigenvalues[-1] > limit:
@@ -218,6 +224,25 @@ def _eigenpairs(
     return Eigenpairs(eigenvalues, vectors, factor, shift, min(n_rigid, len(eigenvalues)))
 
 
+def _refuse_too_many(n_free: int, n: int, dense: bool) -> None:
+    """Raise a ModelError for more modes than memory holds."""
+    if n_free * (n_free if dense else n) > MOST_VALUES:
+        most = min(n_free // 3, MOST_VALUES // n_free)
+        msg = (
+            f"{n} modes of a model of {n_free} coordinates are asked for; at most {most} are computed: ask "
+            "for fewer modes or a lower frequency, or make larger elements"
+        )
+        raise ModelError(msg)
+
+
+def _count_below(system: System, limit: float, like: Factor) -> int:
+    """Return the number of modes below a limit [rad²/s²] by Sylvester's law, 0 where rounding hides it."""
+    try:
+        return factorise(system.K - limit * system.M, like).count_negative()
+    except ValueError:  # the limit is an eigenvalue, or pivots left the diagonal
+        return 0
+
+
 def _lowest(
     system: System,
     factor: Factor,
@@ -228,7 +253,9 @@ def _lowest(
     check: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     n_free = system.n_free
-    if n_free <= DENSE_LIMIT or n > n_free // 3:
+    dense = n_free <= DENSE_LIMIT or n > n_free // 3
+    _refuse_too_many(n_free, n, dense)
+    if dense:
         # The shifted flexibility is small where the stiffness is large: low modes keep their digits.
         # Coordinates of metres and
         # radians are scaled alike; directions without mass have none, and no mode.

@@ -60,6 +60,9 @@ OPTIONS: dict[str, tuple[str, ...]] = {
 }
 """What some shapes may have beside: a radius r [m], and Poisson's ratio nu of the shear coefficient [-]."""
 
+MOST_SIDES = 360
+"""Sides of a hollow polygon; with more it is a tube."""
+
 SOLID = ("rectangle", "circle", "ellipse")
 """Those without walls."""
 
@@ -139,6 +142,9 @@ class Section:
                 )
                 raise PropertyError(msg)
             object.__setattr__(self, key, float(value))
+        if not 0 <= self.Ip < np.inf:
+            msg = f"section {self.label or 'given by its constants'}: Ip is {self.Ip}; it cannot be negative"
+            raise PropertyError(msg)
         if self.Ip == 0.0:
             object.__setattr__(self, "Ip", self.Iy + self.Iz)
 
@@ -178,6 +184,8 @@ class Section:
             return second if fraction else first
 
         def linear(a: float, b: float, power: int = 1) -> float:
+            if a == b:  # and numbers of sides stay whole
+                return a
             return ((1 - fraction) * a ** (1 / power) + fraction * b ** (1 / power)) ** power
 
         if first.shape != second.shape or set(first.dimensions) != set(second.dimensions):
@@ -366,8 +374,8 @@ class Section:
         flow in the wall (`fem.walls`).
         """
         _positive("hollow polygon", d=d, t=t)
-        if not (np.isfinite(n) and n >= 3 and float(n).is_integer()):
-            msg = f"hollow polygon: n is {n}; it must be a whole number of sides, at least 3"
+        if not (3 <= n <= MOST_SIDES and float(n).is_integer()):
+            msg = f"hollow polygon: n is {n}; it must be a whole number of sides, 3 to {MOST_SIDES}"
             raise PropertyError(msg)
         if 2 * t >= d:
             msg = f"hollow polygon: the wall t = {t:g} m fills the width {d:g} m; t must be below half of it"

@@ -90,6 +90,9 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
     ImportError
         If PARDISO is asked for and not installed.
     """
+    if not A.shape[0]:
+        msg = "there are no equations: every point of the mesh is held; divide the members"
+        raise SingularMatrixError(msg)
     chosen = backend or os.environ.get("DOVETAIL_SOLVER") or None
     if chosen is None:
         chosen = "superlu" if A.shape[0] < SMALL else "multifrontal"

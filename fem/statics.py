@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.effects import tapered
 from fem.effects.added_mass import PointMass
 from fem.effects.frame import Frame
 from fem.effects.member_change import MemberDensity, MemberStiffness
@@ -37,6 +38,8 @@ _SINGULAR = 1e-15
 
 _ROUNDING = 1e-13
 """Section forces below this of the terms that they are a sum of are rounding."""
+_STRETCHES = 32
+"""Stretches of a tapered line along which its own weight is taken to be linear."""
 
 Key = tuple[str, str]
 
@@ -614,9 +617,10 @@ def _line_loads(
 ) -> NDArray[np.float64]:
     """Return the nodal forces that do the work of the loads on lines, shape (n_lines, 12, n_cases).
 
-    f = ∫ Nᵀ q dx + ∫ Bᵀ (EA ε₀ …) dx. The shape functions are cubic and the loads linear, on the flexible
-    part and on each rigid zone: three Gauss points on each are exact. The second integrand is constant.
+    f = ∫ Nᵀ q dx + ∫ Bᵀ (EA ε₀ …) dx. The shape functions of prismatic lines are cubic and the loads linear,
+    on the flexible part and on each rigid zone: three Gauss points on each are exact.
     """
+    (frame,) = model.of_kind(Frame)
     out = np.zeros((model.mesh.n_lines, 12, len(cases)))
     zone = axes.zone[spread.line]
     point = spread.xi[:, 0] == spread.xi[:, 1]
@@ -624,7 +628,7 @@ def _line_loads(
     for first, last in parts:
         lo, hi = np.maximum(spread.xi[:, 0], first), np.minimum(spread.xi[:, 1], last)
         k = np.flatnonzero((hi > lo) & ~point)
-        for x, w in zip(*_gauss(3), strict=True):
+        for x, w in zip(*_gauss(tapered.N_STATIONS if frame.has_tapers else 3), strict=True):
             xi = lo[k] + x * (hi[k] - lo[k])
             q = _force_at(spread, k, xi) * (w * (hi - lo)[k] * axes.span[spread.line[k]])[:, None]
             _add_work(out, model, axes, spread, k, xi, q)
@@ -632,10 +636,7 @@ def _line_loads(
     _add_work(out, model, axes, spread, k, spread.xi[k, 0], spread.force[k, 0])
     rows = np.flatnonzero(strain.any(axis=(1, 2)))
     if rows.size:
-        s0 = _rigidity(model, rows)[:, :, None] * strain[rows]
-        ends = [_axis_motion(model, axes, rows, x) for x in (axes.zone[rows, 0], 1 - axes.zone[rows, 1])]
-        local = np.kron(np.eye(2), axes.R[rows])
-        out[rows] += np.einsum("bki,bkc->bic", local @ (ends[1] - ends[0]), s0)
+        out[rows] += np.real(frame.forces_of_strains(model.mesh, rows, strain[rows]))
     return out
 
 
@@ -659,12 +660,10 @@ def _force_at(spread: _Spread, k: NDArray[np.int64], xi: NDArray[np.float64]) ->
     return spread.force[k, 0] + share[:, None] * (spread.force[k, 1] - spread.force[k, 0])
 
 
-def _rigidity(model: Model, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return EA, ky GA, kz GA, GJ, EIy and EIz of lines, shape (n, 6); 0 where shear does not strain."""
+def _rigidity(model: Model, line: int, xi: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return EA, ky GA, kz GA, GJ, EIy and EIz at fractions of a line, (n, 6); 0 where shear strains not."""
     (frame,) = model.of_kind(Frame)
-    g = frame._lines(model.mesh, rows)
-    E, G = np.real(g.E), np.real(g.E) / (2 * (1 + g.nu))
-    return np.stack([E * g.A, g.ky * G * g.A, g.kz * G * g.A, G * g.J, E * g.Iy, E * g.Iz], axis=1)
+    return np.real(frame.rigidity(model.mesh, [Location(line, float(x)) for x in xi]))
 
 
 def _line_weights(model: Model, gravity: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -697,6 +696,18 @@ def _rows_of(model: Model, rows: NDArray[np.int64], dofs: NDArray[np.int64]) -> 
     return rows[order[np.searchsorted(first[order], dofs[:, 0] // 6)]]
 
 
+_EVEN = np.array([0.0, 1.0]), np.ones(2)
+
+
+def _course_of_mass(
+    model: Model, line: int, first: float, last: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return places on a tapered line and its mass per length there, in parts of the mean, linear between."""
+    x = np.linspace(0, 1, _STRETCHES + 1)
+    area = _rigidity(model, line, first + x * (last - first))[:, 0]
+    return x, area / np.trapezoid(area, x)
+
+
 def _with_weights(
     model: Model,
     axes: _Axes,
@@ -723,11 +734,15 @@ def _with_weights(
         lumped[chain] = getattr(frame.members[member], "mass", "consistent") == "lumped"
     a, b = axes.zone[:, 0], 1 - axes.zone[:, 1]
     per_length = force / ((b - a) * axes.span)[:, None, None]
+    courses = {
+        line: _course_of_mass(model, line, float(a[line]), float(b[line]))
+        for line in frame.tapered_lines(mesh)
+    }
     for c in np.flatnonzero(gravity.any(axis=0)):
-        rows += [
-            (line, int(c), a[line], b[line], per_length[line, :, c], per_length[line, :, c])
-            for line in np.flatnonzero(~lumped)
-        ]
+        for line in np.flatnonzero(~lumped):
+            x, share = courses.get(int(line), _EVEN)
+            at, q = a[line] + x * (b[line] - a[line]), share[:, None] * per_length[line, :, c]
+            rows += [(line, int(c), *at[i : i + 2], *q[i : i + 2]) for i in range(len(x) - 1)]
     return _spread(rows)
 
 
@@ -782,7 +797,9 @@ def _check_idle(system: System, constraints: tuple[Constraint, ...], f: NDArray[
 
 
 def _solve(system: System, b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve K q = b, with one step of refinement."""
+    """Solve K q = b, with one step of refinement; q is empty where every point is held."""
+    if not system.n_free:
+        return b
     factor = factor_held(system)
     q = factor.solve(b)
     return q + factor.solve(b - system.K @ q)
@@ -1023,16 +1040,17 @@ def _between(solution: StaticSolution, line: int, xi: NDArray[np.float64]) -> ND
     ∫ (x - s) κ ds. Ends that are free to turn add a rotation that returns the second end to its place.
     """
     model, axes = solution.model, _axes(solution.model)
-    rows = np.array([line])
-    rigidity = _rigidity(model, rows)[0]
     a, b = axes.zone[line, 0], 1 - axes.zone[line, 1]
     at_rest = (solution._fixed, solution._spread, 0 * solution._initial, solution.displacements)
     breaks = np.unique(np.clip([a, b, *solution._spread.xi[solution._spread.line == line].ravel()], a, b))
 
+    n_points = tapered.N_STATIONS if model.of_kind(Frame)[0].has_tapers else 4
+
     def strains(at: NDArray[np.float64]) -> NDArray[np.float64]:
         lines = np.full(at.size, line)
         extra = _section_forces(model, lines, at, *at_rest)
-        e = np.divide(extra, rigidity[:, None], out=np.zeros_like(extra), where=rigidity[:, None] > 0)
+        rigidity = np.broadcast_to(_rigidity(model, line, at)[:, :, None], extra.shape)
+        e = np.divide(extra, rigidity, out=np.zeros_like(extra), where=rigidity > 0)
         return e + solution._strain[line]
 
     def integrated(x: float) -> NDArray[np.float64]:
@@ -1040,7 +1058,7 @@ def _between(solution: StaticSolution, line: int, xi: NDArray[np.float64]) -> ND
         for lo, hi in zip(breaks[:-1], np.minimum(breaks[1:], x), strict=True):
             if hi <= lo:
                 continue
-            t, w = _gauss(4)
+            t, w = _gauss(n_points)
             at = lo + t * (hi - lo)
             # section forces are those just before a place; within a stretch they are smooth
             e = strains(at) * (w * (hi - lo) * axes.span[line])[:, None, None]

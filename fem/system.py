@@ -95,8 +95,8 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
     Raises
     ------
     ModelError
-        If a matrix is not finite, constraints leave no motion at all, a point has neither stiffness nor
-        mass, or an effect is not reciprocal though all should be.
+        If a matrix is not finite, a point has neither stiffness nor mass, or an effect is not reciprocal
+        though all should be.
     """
     if reciprocal:
         refuse_unsymmetric(model)
@@ -106,9 +106,6 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
             msg = f"the matrix {name} of the model has entries that are not finite numbers"
             raise ModelError(msg)
     Q = null_space(_constraints(model), model.n_dof)
-    if Q.shape[1] == 0:
-        msg = "the supports and rigid joints leave no motion at all; the model has nothing to compute"
-        raise ModelError(msg)
     Q = _without_idle_turns(model, Q, full["K"], full["M"])
     free = _selection(Q)
     K, M, C, D = (_on_q(full.pop(key), Q, free) for key in "KMCD")
@@ -118,6 +115,16 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
         Q, K, M, C, D = Q[:, keep], *(sp.csc_array(X[keep][:, keep]) for X in (K, M, C, D))
     on_q = tuple((law, sp.csc_array(Q.T @ X @ Q)) for law, X in laws)
     return System(K, M, C, D, Q, _allowed(model, Q), model, on_q)
+
+
+def refuse_motionless(system: System) -> None:
+    """Raise a ModelError if constraints hold every point: loads on members still have reactions, no more."""
+    if system.n_free == 0:
+        msg = (
+            "the supports and rigid joints leave no motion at all: every point of the mesh is held, and what "
+            "vibrates lies between them; divide the members (elements, or mesh.refined)"
+        )
+        raise ModelError(msg)
 
 
 def refuse_unsymmetric(model: Model) -> None:

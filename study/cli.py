@@ -4,7 +4,7 @@ import argparse
 import sys
 import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -124,7 +124,10 @@ def build_parser() -> argparse.ArgumentParser:
         "dovetail modes study.toml --number 12 --pictures out/modes",
     )
     p.add_argument(
-        "--number", type=_count, metavar="N", help="number of modes besides rigid-body ones (default 10)"
+        "--number",
+        type=_up_to(100_000),
+        metavar="N",
+        help="number of modes besides rigid-body ones (default 10)",
     )
     p.add_argument("--max", type=_positive, metavar="HZ", help="all modes up to this frequency instead")
     p.add_argument(
@@ -181,7 +184,11 @@ def build_parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--fitted", action="store_true", help="fit the uncertain parameters first")
     p.add_argument(
-        "--bands", type=_count, default=6, metavar="N", help="number of equal frequency bands (default 6)"
+        "--bands",
+        type=_up_to(1000),
+        default=6,
+        metavar="N",
+        help="number of equal frequency bands (default 6)",
     )
 
     p = command(
@@ -191,7 +198,11 @@ def build_parser() -> argparse.ArgumentParser:
         "dovetail locate study.toml",
     )
     p.add_argument(
-        "--bands", type=_count, default=6, metavar="N", help="number of equal frequency bands (default 6)"
+        "--bands",
+        type=_up_to(1000),
+        default=6,
+        metavar="N",
+        help="number of equal frequency bands (default 6)",
     )
     p.add_argument(
         "--number", type=_count, default=20, metavar="N", help="sensors and places to print (default 20)"
@@ -316,18 +327,24 @@ def build_parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--seed", type=_number, required=True, metavar="S", help="what the cases are drawn from")
     p.add_argument(
-        "--cases", type=_count, default=33, metavar="N", help="cases of each set but null (default 33)"
+        "--cases",
+        type=_up_to(1_000_000),
+        default=33,
+        metavar="N",
+        help="cases of each set but null (default 33)",
     )
     p.add_argument(
         "--nulls",
-        type=_number,
+        type=_up_to(1_000_000, 0),
         metavar="M",
         help="cases with nothing hidden (default: as many as the others)",
     )
     p.add_argument(
         "--sets", metavar="LIST", help="of single, null, withheld, weak, two, faults (default: all)"
     )
-    p.add_argument("--processes", type=_count, default=1, metavar="P", help="cases at a time (default 1)")
+    p.add_argument(
+        "--processes", type=_up_to(1000), default=1, metavar="P", help="cases at a time (default 1)"
+    )
     p.add_argument(
         "--out", type=Path, metavar="DIR", help="folder of the results; a run that was stopped goes on there"
     )
@@ -343,8 +360,21 @@ def _version() -> str:
         return "(not installed)"
 
 
+def _up_to(most: int, least: int = 1) -> Callable[[str], int]:
+    """Return a reader of whole numbers up to a bound: more is a slip, and would take all memory."""
+
+    def read(text: str) -> int:
+        value = int(text) if text.isdecimal() and len(text) < 20 else -1
+        if not least <= value <= most:
+            msg = f"'{text}' is not allowed; a whole number from {least} to {most} is needed"
+            raise argparse.ArgumentTypeError(msg)
+        return value
+
+    return read
+
+
 def _count(text: str) -> int:
-    value = int(text) if text.isdigit() else 0
+    value = int(text) if text.isdecimal() and len(text) < 20 else 0
     if value < 1:
         msg = f"'{text}' is not allowed; a whole number of at least 1 is needed"
         raise argparse.ArgumentTypeError(msg)
@@ -352,7 +382,7 @@ def _count(text: str) -> int:
 
 
 def _number(text: str) -> int:
-    if not text.isdigit():
+    if not text.isdecimal() or len(text) > 1000:
         msg = f"'{text}' is not allowed; a whole number of at least 0 is needed"
         raise argparse.ArgumentTypeError(msg)
     return int(text)

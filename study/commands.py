@@ -2,25 +2,28 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fem.checks import check_model
+from fem.checks import Fault, check_model
 from fem.frf import FRF, compute_frf
 from fem.io import write_csv, write_npz, write_uff
 from fem.io.atomic import replacing
 from fem.modes import solve_modes
 from fem.system import assemble
-from study.config import Study, load_study
+from study.config import MOST_LINES, NEEDS, Study, load_study
 from study.measured import sensor_rows
 from study.output import OutputError, Progress, check_writable, result_folder, write_json
 from study.table import StudyError
 from updating.measurement import Sensor, sensor_point
 
 Options = argparse.Namespace
+
+MOST_VALUES = 50_000_000
+"""Values of all FRFs together that are computed at once: 0.8 GB."""
 
 
 def say(options: Options, *lines: str) -> None:
@@ -29,9 +32,16 @@ def say(options: Options, *lines: str) -> None:
         sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
-def warned(study: Study) -> list[str]:
-    """Return what is probably wrong in a study, a line each."""
-    return [f"warning: {text}" for text in study.warnings]
+def loaded(options: Options, needs: Collection[str] = NEEDS) -> Study:
+    """Load the study of a command, and say on standard error what is probably wrong in it."""
+    study = load_study(options.study, needs)
+    warn(study.warnings)
+    return study
+
+
+def warn(sentences: Iterable[str]) -> None:
+    """Write warnings to standard error, whatever else is asked for."""
+    sys.stderr.write("".join(f"dovetail: warning: {text}\n" for text in sentences))
 
 
 def new(options: Options, progress: Progress) -> None:
@@ -60,8 +70,10 @@ def check(options: Options, progress: Progress) -> None:
         raise OutputError(msg)
     check_writable(options.json, options.picture)
     study = load_study(options.study, needs=())
+    warn(text for text in study.warnings if text not in study.implausible)
     progress("checking the model")
-    faults = check_model(study.model)
+    faults = tuple(f for f in check_model(study.model) if f.kind != "implausible")
+    faults += tuple(Fault("implausible", words) for words in study.implausible)
     if options.picture is not None:
         from viz.render import render_faults
 
@@ -88,7 +100,6 @@ def check(options: Options, progress: Progress) -> None:
         f"{study.name}: {mesh.n_points} points, {mesh.n_lines} elements, {len(mesh.members)} members",
         *(f"  {f.kind}: {f.message}" for f in faults),
         f"{len(faults)} fault(s) found" if faults else "nothing found that is probably not meant",
-        *warned(study),
         *_read(study),
     )
 
@@ -96,7 +107,7 @@ def check(options: Options, progress: Progress) -> None:
 def modes(options: Options, progress: Progress) -> None:
     """Print natural frequencies; draw mode shapes."""
     check_writable(options.json)
-    study = load_study(options.study, needs=())
+    study = loaded(options, ())
     progress("solving for modes")
     system = assemble(study.model, reciprocal=False)
     if options.max is not None:
@@ -144,8 +155,12 @@ def modes(options: Options, progress: Progress) -> None:
         " mode  frequency Hz  damping %",
         *rows,
         *_read(study),
+        *(
+            [f"the model has {found.n_modes} modes in all"]
+            if options.max is None and options.number and found.n_modes < found.n_rigid + options.number
+            else []
+        ),
         *_assumed(study),
-        *warned(study),
     )
 
 
@@ -167,7 +182,7 @@ def frf(options: Options, progress: Progress) -> None:
         msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
         raise OutputError(msg)
     check_writable(options.out, options.json)
-    study = load_study(options.study, needs=("sensors",))
+    study = loaded(options, ("sensors",))
     if not study.sensors or not study.excitations:
         missing = "sensors" if not study.sensors else "excitations"
         msg = f"{options.study}: it has no [[{missing}]]; FRFs need both sensors and excitations"
@@ -207,7 +222,6 @@ def frf(options: Options, progress: Progress) -> None:
         f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to "
         f"{len(names[1])} force(s), "
         f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
-        *warned(study),
     )
 
 
@@ -220,6 +234,14 @@ def _lines(study: Study, options: Options) -> np.ndarray:
     start = options.start or max(step, float(base[0]))
     if start > stop:
         msg = f"the first frequency, {start:g} Hz, lies above the last, {stop:g} Hz"
+        raise OutputError(msg)
+    n, values = (stop - start) / step, len(study.sensors) * len(study.excitations)
+    most = min(MOST_LINES, MOST_VALUES // values)
+    if n > most:
+        msg = (
+            f"{n:.3g} lines from {start:g} to {stop:g} Hz in steps of {step:g} Hz, of {values} FRFs, are too "
+            f"many; at most {most} are computed: give a larger --step"
+        )
         raise OutputError(msg)
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
 
@@ -265,7 +287,7 @@ def identify_joint(options: Options, progress: Progress) -> None:
             msg = f"{path}: {what} is written as {suffix}"
             raise OutputError(msg)
     check_writable(options.out, options.json, options.propose, options.picture)
-    study = load_study(options.study)
+    study = loaded(options)
     if options.propose is not None and options.propose.resolve() == study.path.resolve():
         msg = f"{options.propose} is the study itself; give another file to propose"
         raise OutputError(msg)
@@ -287,7 +309,7 @@ def identify_joint(options: Options, progress: Progress) -> None:
         draw_joint(found, options.picture, options.amplification)
     proposal = write_proposal(found, options.propose) if options.propose is not None else ()
     write_json(options.json, joint_result(study.name, found, lines, summary))
-    say(options, *joint_words(found, lines, summary, reason), *warned(study))
+    say(options, *joint_words(found, lines, summary, reason))
     if proposal:
         say(options, f"the study with this joint is written: dovetail compare {options.propose}")
 

@@ -25,7 +25,14 @@ from study.connections import (
 )
 from study.conventions import check_phase
 from study.effects import candidates_of, read_effects
-from study.geometry import Geometry, describe_sizes, read_geometry, refine
+from study.geometry import (
+    MOST_ELEMENTS,
+    Geometry,
+    TooManyElementsError,
+    describe_sizes,
+    read_geometry,
+    refine,
+)
 from study.lines import key_lines
 from study.measured import (
     RawMeasurement,
@@ -53,6 +60,7 @@ from study.parts import (
     read_sections,
     read_supports,
 )
+from study.plausible import implausible, path_of_request
 from study.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from study.suspicions import suspicions
 from study.table import Source, StudyError, Table, suggest
@@ -70,6 +78,8 @@ SHEAR_STD = 0.3
 """Relative standard deviation of shear coefficients of sections with walls, unless the study says it."""
 NEEDS = ("sensors", "measurements")
 """What a study has besides the model: sensors with excitations, and what was measured at them."""
+MOST_REPEATS = 10_000
+"""Simulated measurements beyond which a mistake is taken for granted."""
 MOST_LINES = 1_000_000
 """Frequency lines beyond which a mistake is taken for granted."""
 
@@ -125,6 +135,8 @@ class Study:
         What :command:`dovetail update` does.
     warnings : tuple of str
         What is probably wrong in the study and its files, and what was left unread, in sentences.
+    implausible : tuple of str
+        Those of them that are about values of the model, with file, line and key.
     """
 
     name: str
@@ -152,6 +164,7 @@ class Study:
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
     warnings: tuple[str, ...] = ()
+    implausible: tuple[str, ...] = ()
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -306,8 +319,8 @@ class _Reader:
         sensors, excitations = self._channels(raw, raw_modes, geometry, nodes, notes)
 
         fit = top.table("fit")
-        band, n_lines = read_band(fit), fit.whole("lines", None, 8)
-        n_simulated = fit.whole("bootstrap", 0, 0)
+        band, n_lines = read_band(fit), fit.whole("lines", None, 8, MOST_LINES)
+        n_simulated = fit.whole("bootstrap", 0, 0, MOST_REPEATS)
         model_error = fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper")
         held_out, held_out_sensors = (), ()
         fit.get("held_out", ())
@@ -322,11 +335,17 @@ class _Reader:
 
         mesh_table = top.table("mesh")
         size = mesh_table.number("element_size", None, above=0, unit="m")
+        most = mesh_table.whole("max_elements", MOST_ELEMENTS)
         for key in ("file", "scale", "merge_tolerance", "sets", "connect"):
             mesh_table.get(key, None)
         mesh_table.finish()
-        with mesh_table.at():
-            mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes)
+        try:
+            mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes, most=most)
+        except TooManyElementsError as reason:
+            place = path_of_request(reason, top.values, geometry.mesh)
+            raise top.source.error(place, str(reason)) from reason
+        except ValueError as reason:
+            raise top.source.error(mesh_table.path, str(reason)) from reason
         if size is None and not all(any(v) for v in sizes.values()):
             notes.append(
                 "no element size is "
@@ -375,6 +394,7 @@ class _Reader:
                 if not grounded
                 else f"no supports are given: {', '.join(grounded)} alone hold the structure"
             )
+        odd = implausible(top, model, highest)
         return Study(
             name,
             description,
@@ -400,7 +420,8 @@ class _Reader:
             tuple(dict.fromkeys(notes)),
             modes,
             plan,
-            tuple(dict.fromkeys(self.warnings)),
+            tuple(dict.fromkeys([*odd, *self.warnings])),
+            odd,
         )
 
     def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:

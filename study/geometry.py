@@ -11,22 +11,46 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import MemberProperties
+from fem.effects.frame import Frame, MemberProperties
 from fem.io import read_mesh
 from fem.mesh import Mesh, MeshError, MeshWarning, merge_names
+from fem.model import Model
+from fem.plausibility import Suspicion, si_number, suspicions
+from fem.properties import Section
 from study.table import Table, as_vector, suggest
 
 TOUCH = 1e-6
 """Points nearer than this part of the structure's size are one place."""
 
-MOST_ELEMENTS = 20_000
-"""Elements of one member beyond which something in the study is taken for a mistake."""
+MOST_ELEMENTS = 30_000
+"""Elements of a mesh, unless the study allows more: modes of so many take some seconds and 0.6 GB."""
 
 PER_BENDING_WAVE = 12
 """Elements per shortest bending wave: too stiff by (2π/12)⁴/1440 = 5e-5 in frequency there."""
 
 PER_OTHER_WAVE = 32
 """Elements per shortest axial or torsional wave, whose error is (2π/32)²/24 = 1.6e-3."""
+
+SHEAR_ERROR = 5e-4
+"""Relative error of a frequency that the shear of bending waves, or axes that turn, may have [-]."""
+
+
+class TooManyElementsError(MeshError):
+    """A study whose mesh would have more elements than are made.
+
+    Attributes
+    ----------
+    member : str
+        The member that asks for the most.
+    key : str
+        What asks: ``"elements"``, ``"element_size"``, or ``"waves"`` where their length does.
+    suspicions : tuple of Suspicion
+        What is implausible of the members, where waves ask.
+    """
+
+    def __init__(self, message: str, member: str, key: str, suspicions: tuple[Suspicion, ...] = ()) -> None:
+        super().__init__(message)
+        self.member, self.key, self.suspicions = member, key, suspicions
 
 
 @dataclass(slots=True)
@@ -219,6 +243,7 @@ def refine(
     size: float | None,
     by_member: dict[str, tuple[float | None, int | None]],
     at_least: int = 4,
+    most: int = MOST_ELEMENTS,
 ) -> tuple[Mesh, NDArray[np.float64]]:
     """Return the mesh with elements short enough, and the lengths aimed at, member by member.
 
@@ -235,49 +260,121 @@ def refine(
         Element size [m] or count of single members.
     at_least : int
         Fewest elements of a member.
+    most : int
+        Most elements in all; the mesh's own lines are never too many.
+
+    Raises
+    ------
+    TooManyElementsError
+        If there would be more; the message names the member that asks for the most, and why it does.
     """
     length = mesh.lengths()
-    pieces = np.ones(mesh.n_lines, dtype=np.int64)
-    sizes = []
+    pieces = np.ones(mesh.n_lines)
+    sizes: dict[str, tuple[float, str]] = {}
     for name, rows in mesh.members.items():
         p, total = properties[name], float(length[rows].sum())
-        own_size, count = by_member.get(name, (None, None))
-        if count is not None:
-            h = total / count
-        else:
-            # between the elements of a bar that no tension holds it would be a mechanism
-            loose = p.theory == "bar" and p.pretension == 0
-            given = own_size if own_size is not None else total if loose else size
-            h = given if given is not None else min(element_size(p, max_frequency), total / at_least)
-        if not total / h < MOST_ELEMENTS:
-            msg = (
-                f"member '{name}' would have {total / h:.3g} elements of {h:.3g} m to reach "
-                f"{max_frequency:g} Hz; at most {MOST_ELEMENTS} are made: look at its section and material "
-                "and at the frequency range, or give element_size"
-            )
-            raise MeshError(msg)
-        n = np.maximum(1, np.ceil(length[rows] / h - 1e-6)).astype(np.int64)
+        h, key = _aimed_size(p, total, max_frequency, size, by_member.get(name, (None, None)), at_least)
+        sizes[name] = (h, key)
+        n = np.maximum(1, np.ceil(length[rows] / h - 1e-6))
         for zone, k in ((p.rigid1, 0), (p.rigid2, -1)):
             if zone > 0:  # the zone must fit into the element at its end, with as much flexible length again
                 n[k] = max(1, min(n[k], int(length[rows[k]] / (2 * zone))))
         pieces[rows] = n
-        sizes.append(h)
-    return mesh.split(pieces), np.array(sizes)
+    if not pieces.sum() <= max(most, mesh.n_lines):
+        raise _too_many(mesh, pieces, properties, sizes, max_frequency, most)
+    return mesh.split(pieces), np.array([h for h, _ in sizes.values()])
+
+
+def _aimed_size(
+    p: MemberProperties,
+    total: float,
+    max_frequency: float,
+    size: float | None,
+    own: tuple[float | None, int | None],
+    at_least: int,
+) -> tuple[float, str]:
+    """Return the element size of a member, and what asks for it: a key of the study, or waves."""
+    own_size, count = own
+    if count is not None:
+        return total / count, "elements"
+    if own_size is not None:
+        return own_size, "element_size of the member"
+    if p.theory == "bar" and p.pretension == 0:  # between its elements it would be a mechanism
+        return total, "elements"
+    if size is not None:
+        return size, "element_size"
+    return min(element_size(p, max_frequency), total / least_elements(p, at_least)), "waves"
+
+
+def _too_many(
+    mesh: Mesh,
+    pieces: NDArray[np.float64],
+    properties: dict[str, MemberProperties],
+    sizes: dict[str, tuple[float, str]],
+    max_frequency: float,
+    most: int,
+) -> TooManyElementsError:
+    """Return the error that names the member that asks for the most elements, and why it does."""
+    name = max(sizes, key=lambda each: float(pieces[mesh.members[each]].sum()))
+    (h, key), p = sizes[name], properties[name]
+    text = (
+        f"the mesh would have {pieces.sum():.4g} elements, and at most {most} are made ([mesh] "
+        f"max_elements): member '{name}' asks for the most, {pieces[mesh.members[name]].sum():.4g} of "
+        f"{1e3 * h:.3g} mm"
+    )
+    if key != "waves":
+        return TooManyElementsError(f"{text}, by {key}; give larger elements, or allow more", name, key)
+    m, s = p.material, p.section
+    odd = suspicions(Model(mesh, (Frame(members=properties),)))
+    what = (
+        f"for waves at {max_frequency:g} Hz with E = {si_number(m.E)} Pa, rho = {si_number(m.rho)} kg/m³, "
+        f"A = {s.A:.3g} m², Iy = {s.Iy:.3g}, Iz = {s.Iz:.3g} and J = {s.J:.3g} m⁴"
+    )
+    found = "; ".join(each.message for each in odd) or "look at these values"
+    text = f"{text}, {what}; {found}; or lower the frequency range, give element_size, or allow more"
+    return TooManyElementsError(text, name, key, odd)
 
 
 def element_size(p: MemberProperties, frequency: float) -> float:
     """Return an element size by the shortest waves of a member at a frequency [m].
 
-    Bending: λ = 2π (EI / ρA ω²)^¼ of an Euler-Bernoulli beam; torsion and tension: λ = c / f; a bar under
-    tension is a string.
+    Bending: λ = 2π/k, k⁴ = ρA ω²/EI, of an Euler-Bernoulli beam; where shear takes the part φ/(1 + φ) of the
+    slope, φ = EI k²/kGA, elements are too stiff by (kh)²/24 of that. Torsion and tension: λ = c/f; a bar
+    under tension is a string. Of a taper, the end with the shorter waves.
     """
+    ends = (p.section,) if p.section2 is None else (p.section, p.section2)
+    return min(_size_of_section(p, s, frequency) for s in ends)
+
+
+def _size_of_section(p: MemberProperties, s: Section, frequency: float) -> float:
+    m, omega = p.material, 2 * np.pi * frequency
     if p.theory == "bar":
-        strain = min(max(p.pretension, 0.0) / (p.material.E * p.section.A), 1.0) or 1.0
-        return float(np.sqrt(strain * p.material.E / p.material.rho) / frequency / PER_OTHER_WAVE)
-    m, s, omega = p.material, p.section, 2 * np.pi * frequency
-    bending = 2 * np.pi * (m.E * min(s.Iy, s.Iz) / (m.rho * s.A * omega**2)) ** 0.25
-    other = np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency
-    return float(min(bending / PER_BENDING_WAVE, other / PER_OTHER_WAVE))
+        strain = min(max(p.pretension, 0.0) / (m.E * s.A), 1.0) or 1.0
+        return float(np.sqrt(strain * m.E / m.rho) / frequency / PER_OTHER_WAVE)
+    sizes = [np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency / PER_OTHER_WAVE]
+    for I, k in ((s.Iy, s.kz), (s.Iz, s.ky)):
+        wave = (m.rho * s.A * omega**2 / (m.E * I)) ** 0.25
+        sizes.append(2 * np.pi / wave / PER_BENDING_WAVE)
+        phi = m.E * I * wave**2 / (k * m.G * s.A) if k > 0 and p.theory == "timoshenko" else 0.0
+        if phi > 0:
+            sizes.append(np.sqrt(24 * SHEAR_ERROR * (1 + phi) / phi) / wave)
+    return float(min(sizes))
+
+
+def least_elements(p: MemberProperties, at_least: int) -> int:
+    """Return the fewest elements of a member: under a taper more, as waves at its thin end are shorter.
+
+    Wave numbers of bending go with the root of the radius of gyration. Principal axes that turn by Δα along
+    the member are straight in each element, which errs by (Δα/n)² I₁/I₂ / 24 in a frequency.
+    """
+    if p.section2 is None:
+        return at_least
+    radii = [[s.Iy / s.A, s.Iz / s.A] for s in (p.section, p.section2)]
+    ratio = np.max(np.max(radii, axis=0) / np.min(radii, axis=0)) ** 0.25
+    turn = abs(p.section2.angle - p.section.angle)
+    uneven = max(max(s.Iy, s.Iz) / min(s.Iy, s.Iz) for s in (p.section, p.section2))
+    turning = turn * np.sqrt(uneven / (24 * SHEAR_ERROR))
+    return int(np.ceil(max(at_least * ratio, turning) - 1e-9))
 
 
 def describe_sizes(sizes: Sequence[float] | NDArray[Any]) -> str:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from study.commands import say, warned
-from study.config import load_study
+from study.commands import loaded, say
 from study.output import Progress, write_json
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ def compare(options: Options, progress: Progress) -> None:
     from study import result, run
     from updating.correlation import compare as compare_frfs
 
-    study = load_study(options.study)
+    study = loaded(options)
     progress("reducing the model")
     problem = run.fit_problem(study)
     if options.fitted:
@@ -55,7 +54,6 @@ def compare(options: Options, progress: Progress) -> None:
                 c.outputs, c.by_sensor(), c.by_band(), result.least_frac(c), strict=True
             )
         ),
-        *warned(study),
     )
 
 
@@ -64,7 +62,7 @@ def locate(options: Options, progress: Progress) -> None:
     from study import result, run, words
     from updating.localisation import locate as find_places
 
-    study = load_study(options.study)
+    study = loaded(options)
     progress("reducing the model")
     problem = run.fit_problem(study)
     progress("fitting the uncertain parameters", 0.2)
@@ -97,7 +95,6 @@ def locate(options: Options, progress: Progress) -> None:
         *(f"{words.place(name):{wide}}  {100 * share:5.1f} %" for name, share in places[: options.number]),
         "",
         where.note,
-        *warned(study),
     )
 
 
@@ -106,7 +103,7 @@ def diagnose(options: Options, progress: Progress) -> None:
     from study import result, run, words
     from updating.correlation import DB_PER_NEPER
 
-    study = load_study(options.study)
+    study = loaded(options)
     found = run.diagnose_study(study, progress)
     progress.close()
     write_json(
@@ -137,7 +134,7 @@ def diagnose(options: Options, progress: Progress) -> None:
                 for r in shown
             ),
         ]
-    say(options, *lines, *(f"note: {note}" for note in found.notes), *warned(study))
+    say(options, *lines, *(f"note: {note}" for note in found.notes))
 
 
 def run(options: Options, progress: Progress) -> None:
@@ -146,7 +143,7 @@ def run(options: Options, progress: Progress) -> None:
     from study import words
     from study.result import result_dict
 
-    study = load_study(options.study)
+    study = loaded(options)
     done = loop.run(study, options.out, progress, force=options.force)
     progress.close()
     write_json(options.json, result_dict(done))
@@ -158,7 +155,6 @@ def run(options: Options, progress: Progress) -> None:
         "",
         *_staircase(done.diagnosis, done.held_out_channels),
         *(f"note: {note}" for note in done.notes),
-        *warned(study),
         "",
         str(done.report),
     )

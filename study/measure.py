@@ -9,8 +9,7 @@ import numpy as np
 
 from fem.io import UFF_SUFFIXES, read_uff, write_npz, write_uff
 from fem.io.atomic import replacing
-from study.commands import axis_labels, say, warned
-from study.config import load_study
+from study.commands import axis_labels, loaded, say
 from study.output import OutputError, Progress, check_writable, result_folder, write_json
 from study.table import StudyError
 from study.update import StudyUpdate, identify_study, update_study, updated_text
@@ -35,7 +34,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
         msg = f"{options.out}: modes are written as .npz or .uff, not '{suffix}'"
         raise OutputError(msg)
     check_writable(options.out, options.json, options.picture, options.synthesis)
-    study = load_study(options.study)
+    study = loaded(options)
     progress("identifying modes")
     found, data, said = identify_study(study, options.measurement, options.band)
     if options.out is not None and suffix == ".npz":
@@ -82,7 +81,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
         options,
         f"{study.name}: {found.modes.n_modes} modes in {data.name}, {left} other pole(s) tried and left out",
         found.table(),
-        *(f"warning: {text}" for text in (*said, *study.warnings)),
+        *(f"warning: {text}" for text in said),
     )
 
 
@@ -94,7 +93,7 @@ def match(options: Options, progress: Progress) -> None:
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
     check_writable(options.json, options.picture)
-    study = load_study(options.study, needs=())
+    study = loaded(options, ())
     names, points = _test_points(options.geometry)
     progress("matching")
     found, mesh = match_members(
@@ -135,7 +134,6 @@ def match(options: Options, progress: Progress) -> None:
             for n, xyz, m, s, d in rows
         ),
         *(f"{names[i]:>10}  lies on no member within the tolerance" for i in found.unmatched),
-        *warned(study),
     )
 
 
@@ -177,7 +175,7 @@ def _test_points(path: Path) -> tuple[list[str], np.ndarray]:
 def update(options: Options, progress: Progress) -> None:
     """Update a study's model to its measurement; write a report and the study with the new values."""
     check_writable(options.json)
-    study = load_study(options.study)
+    study = loaded(options)
     progress("updating")
     result = update_study(study)
     text, unsaid = updated_text(study, result.updated, options.out)
@@ -196,7 +194,6 @@ def update(options: Options, progress: Progress) -> None:
         u.table(),
         *_errors(result),
         *(f"note: {text}" for text in (*result.notes, *unsaid)),
-        *warned(study),
         f"{options.out / REPORT} and {options.out / STUDY} are written",
     )
 

@@ -209,10 +209,10 @@ def read_plan(
     damping = t.flag("damping", True)
     with t.at():
         settings = Settings(
-            n_starts=t.whole("starts", 1),
+            n_starts=t.whole("starts", 1, most=1000),
             select=t.text("select", "", ("pivoting", "forward")),
             regularisation=t.text("regularisation", "", ("tikhonov",)),
-            n_samples=t.whole("samples", 0, least=0),
+            n_samples=t.whole("samples", 0, least=0, most=1_000_000),
             contradicted=t.number("contradicted", 10.0, above=0),
         )
     unknowns: list[Unknown] = []

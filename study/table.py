@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from fem.model import direction_vector, directions_from
 from study.lines import Path
 
+MOST = 2**63 - 1
+"""Largest whole number that is read."""
+
 MISSING: Any = object()
 """Default of a key that must be given."""
 
@@ -118,13 +121,14 @@ class Table:
             self.refuse(key, f"{_shown(value)} is not allowed; {words} is needed")
         return float(value)
 
-    def whole(self, key: str, default: Any = MISSING, least: int = 1) -> int:
-        """Return a whole number."""
+    def whole(self, key: str, default: Any = MISSING, least: int = 1, most: int = MOST) -> int:
+        """Return a whole number, at least and at most a bound."""
         value = self.get(key, default)
         if value is default and default is not MISSING:
             return value
-        if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            self.refuse(key, f"{_shown(value)} is not allowed; a whole number of at least {least} is needed")
+        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+            bounds = f"of at least {least}" if most == MOST else f"from {least} to {most}"
+            self.refuse(key, f"{_shown(value)} is not allowed; a whole number {bounds} is needed")
         return value
 
     def text(self, key: str, default: Any = MISSING, choices: Sequence[str] = ()) -> str:

@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
-from fem.model import Contribution, Effect, Model, Parameter, dofs_of, lever_matrix
+from fem.model import (
+    Contribution,
+    Effect,
+    Model,
+    ModelError,
+    Parameter,
+    dofs_of,
+    lever_matrix,
+    refuse_negative,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -32,6 +41,18 @@ class AddedMass(Effect):
     mass: Any
     inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
     arm: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        refuse_negative(self.name, mass=(self.mass, "kg"))
+        inertia = np.asarray(self.inertia, dtype=float)
+        if inertia.shape != (3, 3) or not np.isfinite(inertia).all():
+            msg = (
+                f"'{self.name}': its inertia is {inertia.tolist()}; (3, 3) finite numbers are needed [kg·m²]"
+            )
+            raise ModelError(msg)
+        least = float(np.linalg.eigvalsh((inertia + inertia.T) / 2)[0])
+        if least < -1e-9 * np.abs(inertia).max():
+            refuse_negative(self.name, inertia=(least, "kg·m²"))
 
     @property
     def where(self) -> str:
@@ -74,6 +95,9 @@ class PointMass(Effect):
     mass: Any
     span: tuple[float, float] = (0.0, np.inf)
     scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        refuse_negative(self.name, mass=(self.mass, "kg"))
 
     @property
     def where(self) -> str:

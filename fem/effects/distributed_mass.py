@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
-from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, refuse_negative
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,6 +41,9 @@ class DistributedMass(OnMember):
     width: Any
     length: float
     reference: float
+
+    def __post_init__(self) -> None:
+        refuse_negative(self.name, mass=(self.mass, "kg/m"))
 
     @property
     def where(self) -> str:
@@ -124,6 +127,9 @@ class FluidAddedMass(OnMember):
     direction: str
     mass: Any
     reference: float
+
+    def __post_init__(self) -> None:
+        refuse_negative(self.name, mass=(self.mass, "kg/m"))
 
     @property
     def where(self) -> str:

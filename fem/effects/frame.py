@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.effects import tapered
 from fem.mesh import Location, Mesh
 from fem.model import (
     DIRECTIONS,
@@ -53,8 +54,8 @@ class MemberProperties:
         stiffness alone, mass in all translations). A cable is a bar of several elements with a pretension;
         it does not sag.
     section2 : Section or None
-        At the second end of a tapered member. Each element has the section of its middle, so that errors
-        fall with the square of the element size.
+        At the second end of a tapered member. The elements integrate the taper (`fem.effects.tapered`), so
+        that errors fall with the element size as those of prismatic members do.
     mass : str
         ``"consistent"`` (of the shape functions); ``"higher-order"``, which adds what the shape functions
         leave out of the motion within an element, as far as it stretches, twists and shears, so that most of
@@ -149,6 +150,8 @@ def _check_ends(p: MemberProperties) -> None:
 
 
 _CONSTANTS = ("A", "Iy", "Iz", "Ip", "J", "ky", "kz")
+_ALONG = {key: i for i, key in enumerate(("A", "Iy", "Iz", "Ip", "J", "sy", "sz"))}
+"""Columns of what changes along tapered lines; s are shear flexibilities 1/(kGA) for E = 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +165,10 @@ class _Layout:
     zone: NDArray[np.float64]  # (n_lines, 2): lengths of the rigid zones
     soft: NDArray[np.int64]  # (n_lines,): row of ends, -1 for rigid connections
     ends: NDArray[np.float64]  # (n_soft, 12): stiffness of the connections
-    plain: NDArray[np.bool_]  # (n_lines,): straight from point to point, no rigid zones, no ends that slip
+    plain: NDArray[np.bool_]  # (n_lines,): prismatic, point to point, no rigid zones, no ends that slip
+    taper: NDArray[np.int64]  # (n_lines,): row of knots, -1 for prismatic lines
+    knots: NDArray[np.float64]  # (n_tapers, N_KNOTS, 7): constants along members
+    along: NDArray[np.float64]  # (n_lines, 2): where lines with a taper begin and end along their members
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,6 +203,8 @@ class _Lines:
     tension: NDArray[np.float64]
     phi_y: NDArray[np.float64]  # shear parameter for bending in x-y
     phi_z: NDArray[np.float64]
+    tapered: NDArray[np.bool_]
+    stations: Array  # (b, N_STATIONS, 7), or (b, 0, 7) without tapers: columns as _ALONG
     E: Array
     rho: Array
 
@@ -304,6 +312,15 @@ class Frame(Effect):
         """All members."""
         return "all members"
 
+    @property
+    def has_tapers(self) -> bool:
+        """Whether a member's section changes along it."""
+        return any(p.section2 is not None for p in self._different())
+
+    def tapered_lines(self, mesh: Mesh) -> list[int]:
+        """Return the lines whose section changes along them."""
+        return np.flatnonzero(_layout(self, mesh).taper >= 0).tolist()
+
     def parameters(self) -> tuple[Parameter, ...]:
         """Young's modulus and density of each material.
 
@@ -353,6 +370,7 @@ class Frame(Effect):
         layout, rows = _layout(self, mesh), np.asarray(rows, dtype=np.int64)
         R, end, span, L = _place(layout, mesh, rows)
         kind = layout.kind[rows]
+        tapers = layout.taper[rows] >= 0
         unused = ("up", "angle", "k_full_y", "k_full_z")
         table = {key: values[kind] for key, values in layout.table.items() if key not in unused}
         if change is not _NO_CHANGE:
@@ -361,8 +379,9 @@ class Frame(Effect):
                 beam = 1 - table["bar"]
                 table |= {f"k{d}": layout.table[f"k_full_{d}"][kind] * beam for d in "yz"}
                 table["rotary"] = change.rotary * beam
+        factors = _shear_factors(self, mesh)[:, rows] if self.shear else np.ones((2, len(rows)))
         if self.shear:
-            y, z = _shear_factors(self, mesh)[:, rows]
+            y, z = factors
             table |= {"ky": table["ky"] / y, "kz": table["kz"] / z}
         kinds, each = np.unique(kind, return_inverse=True)
         made_of = [layout.materials[k] for k in kinds]
@@ -389,7 +408,8 @@ class Frame(Effect):
             slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)),
             held=np.zeros((0, 12), dtype=bool), R=R, end=end, zone=layout.zone[rows],
             span=span, L=L, **table, phi_y=shear(table["Iz"], table["ky"]),
-            phi_z=shear(table["Iy"], table["kz"]), E=E, rho=rho,
+            phi_z=shear(table["Iy"], table["kz"]), tapered=tapers,
+            stations=_stations(layout, rows, span, change, factors), E=E, rho=rho,
         )  # fmt: skip
         if not soft.size:
             return stiff
@@ -518,8 +538,9 @@ class Frame(Effect):
             g = self._lines(mesh, rows[layout.zone[rows, k] > 0], change=change)
             zone = g.zone[:, k]
             arm = g.end[:, k] - ((0.5 - k) * zone)[:, None] * g.R[:, 0]
-            across = g.A * zone**2 / 12
-            local = np.stack([g.A, g.A, g.A, g.Ip, g.Iy + across, g.Iz + across], axis=1)
+            A, Iy, Iz, Ip = _zone_section(layout, g, k, change)
+            across = A * zone**2 / 12
+            local = np.stack([A, A, A, Ip, Iy + across, Iz + across], axis=1)
             dofs.append(g.dofs[:, 6 * k : 6 * k + 6])
             masses.append(_at_arm(g.R, arm, (g.rho * zone)[:, None] * local))
         if not any(len(part) for part in dofs):
@@ -546,6 +567,35 @@ class Frame(Effect):
         g = self._lines(mesh, [at.line for at in locations])
         step = 1j * 1e-200 / mesh.lengths()[g.rows]
         return np.imag(_motion(g, mesh, np.array([at.xi for at in locations]) + step)) / 1e-200
+
+    def rigidity(self, mesh: Mesh, locations: list[Location]) -> Array:
+        """Return EA, ky GA, kz GA, GJ, EIy and EIz at places along lines, (n, 6); 0 without shear strain."""
+        g = self._lines(mesh, [at.line for at in locations], maps=False)
+        at = _constants_along(g, _flexible(g, np.array([at.xi for at in locations])))
+        G = g.E / (2 * (1 + g.nu))
+        by_key = {"A": g.E, "kAy": G, "kAz": G, "J": G, "Iy": g.E, "Iz": g.E}
+        return np.stack([modulus * at[key] for key, modulus in by_key.items()], axis=-1)
+
+    def forces_of_strains(self, mesh: Mesh, lines: ArrayLike, strain: NDArray[np.float64]) -> Array:
+        """Return the nodal forces that strains of lines do work by, global, shape (n, 12, n_cases).
+
+        f = ∫ Bᵀ D ε₀ dx = K u₀ with the motion u₀ of a line that takes the strain freely.
+
+        Parameters
+        ----------
+        mesh : Mesh
+        lines : array_like of int (n,)
+        strain : ndarray (n, 6, n_cases)
+            Elongation, twist and curvatures at x, rx, ry and rz, constant along each line [-, 1/m].
+        """
+        g = self._lines(mesh, lines)
+        u = np.zeros((len(g.L), 12, strain.shape[2]))
+        L = g.L[:, None]
+        for d in (0, 3, 4, 5):
+            u[:, 6 + d] = strain[:, d] * L
+        u[:, 7], u[:, 8] = strain[:, 5] * L**2 / 2, -strain[:, 4] * L**2 / 2
+        out: Array = np.swapaxes(g.T, 1, 2) @ (_stiffness(_unslipped(g)) @ u)
+        return out
 
     def shapes_at(self, mesh: Mesh, member: str, position: Any) -> tuple[NDArray[np.int64], Array]:
         """Return :meth:`interpolate`'s DOFs (12,) and N (6, 12) at an arc length of a member [m].
@@ -576,9 +626,10 @@ class Frame(Effect):
             Weights of the axial, shear y, shear z, torsion, bending y and bending z parts [-].
         """
         g, lo, hi = self._stretch(model.mesh, member, start, stop)
-        x, weight = (each[:, None] for each in _gauss(3))
-        B = _strain(g, lo + x * (hi - lo))
-        scale = (weight * (hi - lo) * g.L)[..., None] * _rigidity(g) * np.asarray(factors)
+        x, weight = (each[:, None] for each in _gauss(_points(g, 3)))
+        at = lo + x * (hi - lo)
+        B = _strain(g, at)
+        scale = (weight * (hi - lo) * g.L)[..., None] * _rigidity(g, at) * np.asarray(factors)
         K = _to_global((np.swapaxes(B, -1, -2) @ (scale[..., None] * B)).sum(axis=0), g.T)
         return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
@@ -639,7 +690,7 @@ class Frame(Effect):
         factor = np.array([s[3] for s in stretches])[which]
         g, per_length = self._lines(model.mesh, lines), np.asarray(weights, dtype=float)
         a, b = _flexible(g, first), _flexible(g, last)
-        x, weight = (each[:, None] for each in _gauss(4))
+        x, weight = (each[:, None] for each in _gauss(_points(g, 4)))
         N = _shape(g, a + x * (b - a))
         scale = (weight * (b - a) * g.L)[..., None] * per_length
         M = _to_global((np.swapaxes(N, -1, -2) @ (scale[..., None] * N)).sum(axis=0), g.T)
@@ -845,7 +896,8 @@ def _layout_of(members: _Same, mesh: Mesh) -> _Layout:
         )
         offset = first[:, None] + along[:, :, None] * (second - first)[:, None]
     zone, soft, ends = _end_lines(different, owner, mesh)
-    plain = soft < 0
+    taper, knots = _tapers(different, made)
+    plain = (soft < 0) & (taper < 0)
     for part in (offset, zone):
         plain &= ~part.any(axis=tuple(range(1, part.ndim)))
     layout = _Layout(
@@ -869,6 +921,9 @@ def _layout_of(members: _Same, mesh: Mesh) -> _Layout:
         soft,
         ends,
         plain,
+        taper,
+        knots,
+        along,
     )
     for d in ("y", "z"):
         layout.table[f"k_full_{d}"] = layout.table[f"k{d}"].copy()
@@ -891,6 +946,67 @@ def _kinds(
         kind[rows] = len(kinds) + which
         kinds += [(p, Section.between(p.section, p.section2, float(x))) for x in middle]
     return kind, kinds
+
+
+def _tapers(
+    different: list[MemberProperties], made: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the row of each line in a table of tapers, -1 for none, and constants at the tapers' knots."""
+    row, knots = np.full(len(made), -1), []
+    for i, p in enumerate(different):
+        if p.section2 is not None:
+            row[made == i] = len(knots)
+            sections = [Section.between(p.section, p.section2, float(x)) for x in tapered.KNOTS]
+            knots.append([[getattr(s, key) for key in _CONSTANTS] for s in sections])
+    return row, np.array(knots).reshape(-1, tapered.N_KNOTS, len(_CONSTANTS))
+
+
+def _constants_at(layout: _Layout, rows: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the constants of tapered lines at fractions x (b, q) of them, shape (b, q, 7)."""
+    first, last = layout.along[rows].T[:, :, None]
+    return tapered.between_knots(first + x * (last - first)) @ layout.knots[layout.taper[rows]]
+
+
+def _stations(
+    layout: _Layout,
+    rows: NDArray[np.int64],
+    span: NDArray[np.float64],
+    change: SectionChange,
+    shear: Array,
+) -> Array:
+    """Return what changes along the flexible parts of lines, shape (b, N_STATIONS, 7); 1 where nothing does.
+
+    ``shear`` are factors of the shear flexibility along y and z, (2, b). Empty, (b, 0, 7), without tapers.
+    """
+    some = np.flatnonzero(layout.taper[rows] >= 0)
+    if not some.size:
+        return np.zeros((len(rows), 0, len(_ALONG)))
+    lines, kind = rows[some], layout.kind[rows[some]]
+    zone = layout.zone[lines] / span[some, None]
+    first, last = zone[:, :1], 1 - zone[:, 1:]
+    at = _constants_at(layout, lines, first + tapered.STATIONS * (last - first))
+    sizes = at[..., :5] * np.array([getattr(change, key) for key in _CONSTANTS[:5]])
+    sheared = 1 - layout.table["bar"] if change.timoshenko else layout.table["rotary"]
+    k = at[..., 5:] * sheared[kind, None, None]
+    flexibility = change.shear * 2 * (1 + layout.table["nu"][kind, None, None]) * shear.T[some, None, :]
+    flexibility = flexibility * (k > 0) / (np.where(k > 0, k, 1.0) * sizes[..., :1])
+    out = np.ones((len(rows), *at.shape[1:]), dtype=np.result_type(sizes, flexibility))
+    out[some] = np.concatenate([sizes, flexibility], axis=-1)
+    return out
+
+
+def _zone_section(layout: _Layout, g: _Lines, k: int, change: SectionChange) -> Array:
+    """Return A, Iy, Iz and Ip of the rigid zones at ends k, shape (4, b); under a taper their means."""
+    of = np.stack([g.A, g.Iy, g.Iz, g.Ip])
+    t = np.flatnonzero(g.tapered)
+    if t.size:
+        x, weight = _gauss(3)  # A is quadratic in tapers
+        at = x * g.zone[t, k, None] / g.span[t, None]
+        own = (weight @ _constants_at(layout, g.rows[t], at if k == 0 else 1 - at)[..., :4]).T
+        factor = np.array([change.A, change.Iy, change.Iz, change.Ip])[:, None]
+        of = of.astype(np.result_type(of, factor))
+        of[:, t] = factor * own
+    return of
 
 
 def _end_lines(
@@ -1114,12 +1230,35 @@ def _some(g: _Lines, rows: NDArray[np.int64]) -> _Lines:
     return _Lines(**keep, soft=g.soft[:0], slip=g.slip[:0], ends=g.ends[:0], held=g.held[:0])
 
 
-def _rigidity(g: _Lines) -> Array:
-    G, beam = g.E / (2 * (1 + g.nu)), 1 - g.bar
-    return np.stack(
-        [g.E * g.A, *(beam * q for q in (g.ky * G * g.A, g.kz * G * g.A, G * g.J, g.E * g.Iy, g.E * g.Iz))],
-        axis=1,
-    )
+def _points(g: _Lines, n: int) -> int:
+    """Return how many Gauss points integrate products of shapes, n without tapers."""
+    return tapered.N_STATIONS if g.tapered.any() else n
+
+
+def _constants_along(g: _Lines, xi: Any) -> dict[str, Array]:
+    """Return A, Iy, Iz, Ip, J and k A along y and z at places xi (…, b), each of its shape."""
+    shape = np.shape(xi)
+    out = {key: np.broadcast_to(getattr(g, key), shape) for key in _CONSTANTS[:5]}
+    out |= {f"kA{d}": np.broadcast_to(getattr(g, f"k{d}") * g.A, shape) for d in "yz"}
+    t = np.flatnonzero(g.tapered)
+    if t.size:
+        here = (tapered.weights_at(xi[..., t])[..., None, :] @ g.stations[t])[..., 0, :]
+        for key, value in out.items():
+            new = np.array(value, dtype=np.result_type(value, here))
+            if key.startswith("kA"):
+                s, G = here[..., _ALONG[f"s{key[2]}"]], 2 * (1 + g.nu[t])
+                new[..., t] = np.divide(G, s, out=np.zeros_like(s), where=s != 0)
+            else:
+                new[..., t] = here[..., _ALONG[key]]
+            out[key] = new
+    return out
+
+
+def _rigidity(g: _Lines, xi: Array) -> Array:
+    """Return EA, ky GA, kz GA, GJ, EIy and EIz at places xi (…, b), shape (…, b, 6); bars have EA alone."""
+    G, beam, at = g.E / (2 * (1 + g.nu)), 1 - g.bar, _constants_along(g, xi)
+    bent = (G * at["kAy"], G * at["kAz"], G * at["J"], g.E * at["Iy"], g.E * at["Iz"])
+    return np.stack([g.E * at["A"], *(beam * q for q in bent)], axis=-1)
 
 
 def _in_rigid_zones(g: _Lines, first: Array, last: Array, per_length: Array) -> Iterator[Array]:
@@ -1143,15 +1282,33 @@ def _at_arm(R: NDArray[np.float64], arm: Array, body: Array) -> Array:
     return out
 
 
-def _inertia(g: _Lines) -> Array:
-    return g.rho[:, None] * np.stack(
-        [g.A, g.A, g.A, (1 - g.bar) * g.Ip, g.rotary * g.Iy, g.rotary * g.Iz], axis=1
-    )
+def _inertia(g: _Lines, xi: Array) -> Array:
+    """Return mass and rotary inertia per length at places xi (…, b), shape (…, b, 6)."""
+    at = _constants_along(g, xi)
+    turning = ((1 - g.bar) * at["Ip"], g.rotary * at["Iy"], g.rotary * at["Iz"])
+    return g.rho[:, None] * np.stack([at["A"], at["A"], at["A"], *turning], axis=-1)
 
 
 def _stiffness(g: _Lines) -> Array:
     """Return ∫ Bᵀ diag(EA, …) B dx of the flexible parts, local, shape (b, 12, 12)."""
-    return _local(*_plain_stiffness(g))
+    K = _local(*_plain_stiffness(g))
+    t = np.flatnonzero(g.tapered)
+    if t.size:
+        some = _some(g, t)
+        own = np.zeros((t.size, 12, 12), dtype=np.result_type(K, some.stations))
+        beam = 1 - some.bar
+        stretch = some.L * (tapered.WEIGHTS / some.stations[..., _ALONG["A"]]).sum(axis=1)
+        twist = some.L * (tapered.WEIGHTS / some.stations[..., _ALONG["J"]]).sum(axis=1)
+        for d, k in ((0, 1 / stretch), (3, beam / (2 * (1 + some.nu) * twist))):
+            own[:, d, d] = own[:, d + 6, d + 6] = k
+            own[:, d, d + 6] = own[:, d + 6, d] = -k
+        for dofs, I, shear, sign in ((_Y, "Iz", "sy", 1.0), (_Z, "Iy", "sz", _SIGN)):
+            of = (some.stations[..., _ALONG[key]] for key in (I, shear))
+            bent = tapered.bending_stiffness(some.L, *of) * np.multiply.outer(sign, sign)
+            own[:, np.array(dofs)[:, None], dofs] = beam[:, None, None] * bent
+        K = K.astype(own.dtype)
+        K[t] = some.E[:, None, None] * own
+    return K
 
 
 def _local(tt: Array, tt2: Array, tr: Array, tr2: Array, rr: Array, rr2: Array) -> Array:
@@ -1195,7 +1352,7 @@ def _flexibility(g: _Lines, lo: Array, hi: Array) -> Array:
     """
     arm1, arm2 = g.L * (1 - lo), g.L * (1 - hi)
     one, first, second = arm1 - arm2, (arm1**2 - arm2**2) / 2, (arm1**3 - arm2**3) / 3
-    F: Array = np.zeros((len(g.L), 6, 6), dtype=np.result_type(one, g.E, g.phi_y, g.phi_z))
+    F: Array = np.zeros((len(g.L), 6, 6), dtype=np.result_type(one, g.E, g.A, g.J, g.phi_y, g.phi_z))
     F[:, 0, 0] = one / (g.E * g.A)
     F[:, 3, 3] = one * 2 * (1 + g.nu) / (g.E * g.J)
     for v, r, I, phi, sign in ((1, 5, g.Iz, g.phi_y, 1.0), (2, 4, g.Iy, g.phi_z, -1.0)):
@@ -1203,6 +1360,21 @@ def _flexibility(g: _Lines, lo: Array, hi: Array) -> Array:
         F[:, v, v] = (second + phi * g.L**2 / 12 * one) / EI
         F[:, v, r] = F[:, r, v] = sign * first / EI
         F[:, r, r] = one / EI
+    t = np.flatnonzero(g.tapered)
+    if not t.size:
+        return F
+    lo, hi, some = lo[t], hi[t], _some(g, t)
+    of = {key: some.stations[..., k] for key, k in _ALONG.items()}
+    ds = (tapered.weights_at(hi, 1) - tapered.weights_at(lo, 1)) * some.L[:, None]
+    own = np.zeros((t.size, 6, 6), dtype=np.result_type(F, ds, of["A"]))
+    own[:, 0, 0] = (ds / of["A"]).sum(axis=1)
+    own[:, 3, 3] = 2 * (1 + some.nu) * (ds / of["J"]).sum(axis=1)
+    for v, r, I, shear, sign in ((1, 5, "Iz", "sy", 1.0), (2, 4, "Iy", "sz", -1.0)):
+        bent = tapered.end_flexibility(some.L, of[I], of[shear], lo, hi)
+        own[:, v, v], own[:, r, r] = bent[:, 0, 0], bent[:, 1, 1]
+        own[:, v, r] = own[:, r, v] = sign * bent[:, 0, 1]
+    F = F.astype(own.dtype)
+    F[t] = own / some.E[:, None, None]
     return F
 
 
@@ -1220,11 +1392,16 @@ def _local_mass(g: _Lines, start: Any = 0.0) -> Array:
 
     Of the latter the same part as of the length.
     """
-    scale = (1 - start) * g.L[:, None] * _inertia(g)
-    M: Array = np.zeros((len(g.L), 12, 12), dtype=scale.dtype)
-    for xi, weight in zip(*_gauss(4), strict=True):
-        N = _shape(g, np.full(len(g.L), start + (1 - start) * xi))
-        M = M + np.swapaxes(N, 1, 2) @ ((weight * scale)[:, :, None] * N)
+    if g.tapered.any() and not g.tapered.all():
+        parts = [np.flatnonzero(which) for which in (g.tapered, ~g.tapered)]
+        whole = np.concatenate([_local_mass(_some(g, rows), start) for rows in parts])
+        out: Array = whole[np.argsort(np.concatenate(parts))]
+        return out
+    M: Array = np.zeros((len(g.L), 12, 12))
+    for xi, weight in zip(*_gauss(_points(g, 4)), strict=True):
+        at = np.full(len(g.L), start + (1 - start) * xi)
+        N, scale = _shape(g, at), weight * (1 - start) * g.L[:, None] * _inertia(g, at)
+        M = M + np.swapaxes(N, 1, 2) @ (scale[:, :, None] * N)
     return M + (1 - start) * _local(*_higher(g)) if g.higher.any() else M
 
 
@@ -1240,16 +1417,23 @@ def _mass(g: _Lines) -> Array:
     lumped = g.lumped != 0
     M = _to_global(_local_mass(g), g.T)
     if lumped.any():
-        scale = g.L[:, None] * _inertia(g)
-        T = g.T_nodes[lumped]
-        M[lumped] = np.swapaxes(T, 1, 2) @ (np.tile(scale[lumped] / 2, 2)[:, :, None] * T)
+        some, T = _some(g, np.flatnonzero(lumped)), g.T_nodes[lumped]
+        M[lumped] = np.swapaxes(T, 1, 2) @ (_lumps(some)[:, :, None] * T)
     return M
+
+
+def _lumps(g: _Lines) -> Array:
+    """Return masses and inertias at both ends (b, 12): half of the line's each, or by lever under a taper."""
+    x, weight = (each[:, None] for each in _gauss(_points(g, 1)))
+    per_length = _inertia(g, np.broadcast_to(x, (len(x), len(g.L))))
+    shares = [((part * weight)[..., None] * per_length).sum(axis=0) for part in (1 - x, x)]
+    return g.L[:, None] * np.concatenate(shares, axis=1)
 
 
 def _tension(g: _Lines) -> Array:
     """Return ∫ v'² + w'² + (Iy + Iz)/A a'² dx of the whole axis, a the twist, global, shape (b, 12, 12)."""
     K: Array = np.zeros((len(g.L), 12, 12))
-    for xi, weight in zip(*_gauss(3), strict=True):
+    for xi, weight in zip(*_gauss(_points(g, 3)), strict=True):
         S = _slope(g, np.full(len(g.L), xi))
         K = K + np.swapaxes(S, 1, 2) @ ((weight * g.L)[:, None, None] * S)
     twist = (1 - g.bar) * (g.Iy + g.Iz) / (g.A * g.L)
@@ -1314,7 +1498,7 @@ def _plain_mass(g: _Lines) -> tuple[Array, ...]:
             for block, value in zip(blocks, (*mass, 0 * m, 0 * m, 0 * m, 0 * m), strict=True):
                 block[:, kind] = value[kind]
     if lumped.any():
-        blocks[4][:, lumped] = (_inertia(g).T[[3, 4, 5]] * L / 2)[:, lumped]
+        blocks[4][:, lumped] = (_inertia(g, 0 * L).T[[3, 4, 5]] * L / 2)[:, lumped]
     if g.higher.any():
         blocks = [block + more for block, more in zip(blocks, _higher(g), strict=True)]
     return tuple(blocks)
@@ -1402,6 +1586,31 @@ def _plane(xi: Array, L: Array, phi: Array, wanted: str) -> list[Array]:
     return [d * np.stack(of(which), axis=-1) for which in wanted]
 
 
+def _bending(g: _Lines, xi: Array, d: str, wanted: str) -> list[Array]:
+    """Return :func:`_plane` for bending in x-y (d = "y") or x-z (d = "z"), with the sections' taper."""
+    out = _plane(xi, g.L, g.phi_y if d == "y" else g.phi_z, wanted)
+    t = np.flatnonzero(g.tapered)
+    if not t.size:
+        return out
+    I, shear = (g.stations[t][..., _ALONG[key]] for key in ("Iz" if d == "y" else "Iy", f"s{d}"))
+    own = tapered.bending(xi[..., t], g.L[t], I, shear, wanted)
+    out = [np.array(a, dtype=np.result_type(a, b)) for a, b in zip(out, own, strict=True)]
+    for a, b in zip(out, own, strict=True):
+        a[..., t, :] = b
+    return out
+
+
+def _share(g: _Lines, xi: Array, key: str, derivative: bool = False) -> Array:
+    """Return the part of the second end's stretch (A) or twist (J) at places xi (…, b), or its slope."""
+    out = np.ones_like(xi) if derivative else xi
+    t = np.flatnonzero(g.tapered if key == "A" else g.tapered & (g.bar == 0))
+    if t.size:
+        own = tapered.extension(xi[..., t], g.stations[t][..., _ALONG[key]], derivative)
+        out = np.array(out, dtype=np.result_type(out, own))
+        out[..., t] = own
+    return out
+
+
 def _flexible(g: _Lines, xi: Array) -> Array:
     """Return the fraction of the flexible part at a fraction of the line; rigid zones are at 0 and 1.
 
@@ -1440,16 +1649,17 @@ _SIGN = np.array([1.0, -1.0, 1.0, -1.0])  # θy = -dw/dx
 
 def _shape(g: _Lines, xi: Array) -> Array:
     """Return the local motion (…, b, 6, 12) of places xi (…, b) on the flexible parts from their ends'."""
-    vy, ry = _plane(xi, g.L, g.phi_y, "vr")
-    vz, rz = _plane(xi, g.L, g.phi_z, "vr")
+    vy, ry = _bending(g, xi, "y", "vr")
+    vz, rz = _bending(g, xi, "z", "vr")
     N = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(vy, vz))
-    N[..., 0, 0] = N[..., 3, 3] = 1 - xi
-    N[..., 0, 6] = N[..., 3, 9] = xi
     N[..., 1, _Y], N[..., 5, _Y] = vy, ry
     N[..., 2, _Z], N[..., 4, _Z] = vz * _SIGN, -rz * _SIGN
     bar = g.bar != 0
     if bar.any():
         N[..., bar, :, :] = _bar_shape(xi[..., bar], g.L[bar])
+    for d, key in ((0, "A"), (3, "J")):
+        share = _share(g, xi, key)
+        N[..., d, d], N[..., d, d + 6] = 1 - share, share
     return N
 
 
@@ -1465,11 +1675,12 @@ def _bar_shape(xi: Array, L: Array) -> Array:
 
 def _strain(g: _Lines, xi: Array) -> Array:
     """Return the strains (…, b, 6, 12) at places xi (…, b) on the flexible parts from their ends' motion."""
-    ry, cy, sy = _plane(xi, g.L, g.phi_y, "rcs")
-    rz, cz, sz = _plane(xi, g.L, g.phi_z, "rcs")
+    ry, cy, sy = _bending(g, xi, "y", "rcs")
+    rz, cz, sz = _bending(g, xi, "z", "rcs")
     B = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(cy, cz))
-    B[..., 0, 0] = B[..., 3, 3] = -1 / g.L
-    B[..., 0, 6] = B[..., 3, 9] = 1 / g.L
+    for d, key in ((0, "A"), (3, "J")):
+        stretch = _share(g, xi, key, derivative=True) / g.L
+        B[..., d, d], B[..., d, d + 6] = -stretch, stretch
     B[..., 1, _Y], B[..., 5, _Y] = sy - ry, cy
     B[..., 2, _Z], B[..., 4, _Z] = (sz - rz) * _SIGN, -cz * _SIGN
     return B
@@ -1477,8 +1688,8 @@ def _strain(g: _Lines, xi: Array) -> Array:
 
 def _slope(g: _Lines, xi: Array) -> Array:
     S = np.zeros((len(g.L), 2, 12), dtype=np.result_type(g.phi_y, g.phi_z))
-    (S[:, 0, _Y],) = _plane(xi, g.L, g.phi_y, "s")
-    (rise,) = _plane(xi, g.L, g.phi_z, "s")
+    (S[:, 0, _Y],) = _bending(g, xi, "y", "s")
+    (rise,) = _bending(g, xi, "z", "s")
     S[:, 1, _Z] = rise * _SIGN
     bar = g.bar != 0
     if bar.any():

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.places import AtPoint, typical_mass, typical_stiffness
-from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of
+from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of, refuse_negative
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -17,6 +17,9 @@ class _InstrumentMass(Effect):
     points: tuple[int, ...]
     mass: Any
     reference: float
+
+    def __post_init__(self) -> None:
+        refuse_negative(self.name, mass=(self.mass, "kg"))
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the mass."""

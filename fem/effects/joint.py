@@ -183,6 +183,11 @@ class Joint(PointPair):
             if (np.abs(matrix - matrix.T) > 1e-6 * scale).any():
                 msg = f"joint '{self.name}': {key} is not symmetric"
                 raise ModelError(msg)
+        if np.any(self.M):
+            mass = np.linalg.eigvalsh(np.real(self.M))
+            if mass[0] < -1e-9 * np.abs(mass).max():
+                msg = f"joint '{self.name}': M has the eigenvalue {mass[0]:g}; masses cannot be negative"
+                raise ModelError(msg)
 
     @property
     def where(self) -> str:

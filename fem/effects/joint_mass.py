@@ -8,7 +8,7 @@ import numpy as np
 
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint, typical_length, typical_mass
-from fem.model import Array, Contribution, Effect, Model, Parameter, dofs_of, lever_matrix
+from fem.model import Array, Contribution, Effect, Model, Parameter, dofs_of, lever_matrix, refuse_negative
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -43,6 +43,9 @@ class JointMass(_JointBody):
 
     kind: ClassVar[str] = "joint_mass"
     mass: Any
+
+    def __post_init__(self) -> None:
+        refuse_negative(self.name, mass=(self.mass, "kg"))
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the mass."""
@@ -79,6 +82,9 @@ class JointInertia(_JointBody):
 
     kind: ClassVar[str] = "joint_inertia"
     inertia: Any
+
+    def __post_init__(self) -> None:
+        refuse_negative(self.name, inertia=(self.inertia, "kg·m²"))
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the inertia."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.places import OnMember, frame_of, member_mass
-from fem.model import Contribution, Model, Parameter
+from fem.model import Contribution, Model, Parameter, refuse_negative
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -36,6 +36,9 @@ class PointInertia(OnMember):
     inertia: Any
     length: float
     reference: float
+
+    def __post_init__(self) -> None:
+        refuse_negative(self.name, inertia=(self.inertia, "kg·m²"))
 
     @property
     def where(self) -> str:

@@ -25,7 +25,8 @@ def solved(model, *cases):
     u = system.Q.T @ solution.displacements
     terms = np.einsum("ic,ic->c", abs(u), abs(system.K) @ abs(u))
     work = np.einsum("ic,ic->c", u, system.K @ u)
-    return solution, 10 * 2.2e-16 * float((terms / work).max())
+    share = np.divide(terms, work, out=np.ones_like(work), where=work > 0)  # 0 where nothing moves
+    return solution, 10 * 2.2e-16 * float(share.max())
 
 
 def local(model, u):

@@ -313,17 +313,11 @@ def test_elements_conserve_mass_and_let_rigid_motions_be(seed, split):
             assert abs(part.K[i] @ u[i]).max() <= 1e-13 * abs(part.K[i]).max()
         total = (np.swapaxes(u, 1, 2) @ part.M @ u).sum(axis=0)[:3, :3]
         p = frame.members[name]
-        s = (np.arange(split) + 0.5) / split
-        area = np.mean([Section.between(p.section, p.section2 or p.section, x).A for x in s])
+        x, weight = np.polynomial.legendre.leggauss(3)  # A is quadratic along a taper
+        area = weight @ [Section.between(p.section, p.section2 or p.section, s).A for s in (x + 1) / 2] / 2
         ends = mesh.points[mesh.member_points(name)[[0, -1]]] + [p.offset1, p.offset2]
         mass = p.material.rho * area * np.linalg.norm(ends[1] - ends[0])
         np.testing.assert_allclose(total, mass * np.eye(3), atol=1e-12 * mass)
-        if p.section2 is not None:
-            # A is quadratic along it: the middles' sum lacks h²/24 [A'] of its integral, exactly
-            a, b = (np.sqrt(q.A) if q.shape == "circle" else None for q in (p.section, p.section2))
-            if a is not None:
-                whole = (a * a + a * b + b * b) / 3
-                assert whole - area == pytest.approx((b - a) ** 2 / 12 / split**2, rel=1e-6)
 
 
 @modest

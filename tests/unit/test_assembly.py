@@ -201,8 +201,9 @@ def test_long_chains_keep_their_order_and_direction(closed):
 def test_local_stiffness_is_that_along_the_global_axes():
     model = everything()
     (frame,) = model.of_kind(Frame)
-    lines = frame._lines(model.mesh, np.arange(model.mesh.n_lines))
-    along = np.broadcast_to(np.eye(3), (model.mesh.n_lines, 3, 3))
+    prismatic = np.setdiff1d(np.arange(model.mesh.n_lines), frame.tapered_lines(model.mesh))
+    lines = frame._lines(model.mesh, prismatic)
+    along = np.broadcast_to(np.eye(3), (len(prismatic), 3, 3))
     K = frames._stiffness(lines)
     np.testing.assert_array_equal(K, frames._spread(along, *frames._plain_stiffness(lines)))
     assert np.linalg.matrix_rank(K[0], tol=1e-9 * np.abs(K[0]).max()) == 6

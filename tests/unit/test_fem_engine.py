@@ -147,7 +147,7 @@ def test_what_but_multiplies_is_projected_once(name, monkeypatch):
     model, effect = cross_beam(), CANDIDATES[name]()
     reduced = reduce_model(model, attachments(model), FREQUENCY[-1])
     first = effect.parameters()[0]
-    values = [effect.with_values(**{first.name: f * first.value}) for f in (1.0, 0.1, 0.0, -0.7)]
+    values = [effect.with_values(**{first.name: f * first.value}) for f in (1.0, 0.1, 0.0, 1.7)]
     direct = [reduced.project(e.contribute(model)) for e in values]
     projected, project = [], ReducedModel.project
     monkeypatch.setattr(ReducedModel, "project", lambda *args: projected.append(1) or project(*args))

@@ -192,3 +192,33 @@ def test_second_order_moments_close_at_the_second_end():
     scale = abs(M).max()
     assert abs(M[-1, 1]).max() < 1e-9 * scale
     np.testing.assert_allclose(M[:-1, 1], M[1:, 0], atol=1e-9 * scale)
+
+
+def test_a_beam_of_one_element_that_is_clamped_at_both_ends_carries_its_loads():
+    length, q, P, g = 1.2, 5.0, 30.0, 9.81
+    model = beam(1, length, effects=(fix(0), fix(1)))
+    cases = [
+        LoadCase(name="q", members=(LineLoad(member="beam", force1=(0, 0, -q)),)),
+        LoadCase(name="P", members=(MemberForce(member="beam", position=length / 2, force=(0, 0, -P)),)),
+        LoadCase(name="own weight", gravity=(0, 0, -g)),
+        LoadCase(name="on a support", points={(0, "z"): 4.0}),
+        LoadCase(name="settlement", displacements={("support1", "z"): 0.01}),
+    ]
+    found = solve_static(assemble(model), cases)
+    EI, own = STEEL.E * FLAT.Iy, STEEL.rho * FLAT.A * g
+    settled = 12 * EI * 0.01 / length**3
+    np.testing.assert_allclose(
+        found.reactions["support0", "z"],
+        [q * length / 2, P / 2, own * length / 2, -4.0, -settled],
+        rtol=1e-12,
+    )
+    np.testing.assert_allclose(
+        found.internal_forces("beam", [length / 2])[0, 4],
+        [-q * length**2 / 24, -P * length / 8, -own * length**2 / 24, 0, 0],
+        atol=1e-12 * P,
+    )
+    np.testing.assert_allclose(
+        found.displacements_along("beam", [length / 2])[0, 2],
+        [-q * length**4 / (384 * EI), -P * length**3 / (192 * EI), -own * length**4 / (384 * EI), 0, 0.005],
+        rtol=1e-12,
+    )

@@ -186,7 +186,7 @@ def test_a_unit_is_a_warning_that_the_report_of_compare_repeats(load, computed, 
     for words in ("0.34 times the model's", "scale = 2.20462", "2.94 times too light and soft"):
         assert words in text
     assert main(["compare", str(study.path)]) == 0
-    assert f"warning: {text}" in capsys.readouterr().out
+    assert f"warning: {text}" in capsys.readouterr().err
     assert load(0.34 * computed.H, "check_units = false\n").warnings == ()
 
 
@@ -260,16 +260,16 @@ def test_commands_of_the_model_need_no_measurement(tmp_path, computed, capsys, c
     assert main([command, str(bare)]) == 0
     before = capsys.readouterr().out.split("assumed")[0].splitlines()[1:]
     assert main([command, str(path)]) == 0
-    after = capsys.readouterr().out
-    assert after.split("assumed")[0].splitlines()[1 : 1 + len(before)] == before
-    assert ("warning: left out, and not needed here: " in after) == (case != "conjugated")
+    after = capsys.readouterr()
+    assert after.out.split("assumed")[0].splitlines()[1 : 1 + len(before)] == before
+    assert ("warning: left out, and not needed here: " in after.err) == (case != "conjugated")
 
 
 def test_frf_needs_sensors_and_no_measurement(tmp_path, capsys):
     path, out = tmp_path / "study.toml", tmp_path / "out.npz"
     path.write_text(STUDY + '[[measurements]]\nfile = "none.npz"\n', encoding="utf-8")
     assert main(["frf", str(path), "--out", str(out)]) == 0
-    assert "warning: left out, and not needed here: study.toml, line 43" in capsys.readouterr().out
+    assert "warning: left out, and not needed here: study.toml, line 43" in capsys.readouterr().err
     assert read_npz(out).outputs == ("low", "mid", "top")
     path.write_text(STUDY.replace("[0.0, 0.0, 0.8]", "[9, 9, 9]"), encoding="utf-8")
     assert main(["frf", str(path), "--out", str(out)]) == 2
