@@ -316,10 +316,10 @@ def test_the_line_of_a_ranking_stands_where_the_best_had_to_come_to(found, tmp_p
     assert not any("short of" in caption for caption in captions[:-1])
 
 
-def test_implausible_values_stand_below_the_verdict(found, album):
+def test_warnings_stand_below_the_verdict(found, album):
     words = "study.toml, line 3, materials.steel.E: E = 210e3 Pa is implausible"
     doubted = replace(found, study=replace(found.study, warnings=(words,)))
     html = report_html(doubted, album)
-    assert html.index("Verdict: ") < html.index("Implausible values") < html.index(str(esc(words)))
+    assert html.index("Verdict: ") < html.index("Check first") < html.index(str(esc(words)))
     assert result_dict(doubted)["warnings"] == [words]
     assert "Implausible values" not in report_html(found, album)
