@@ -486,7 +486,7 @@ def _descend(
             return state, True
         history.append((top, new.cost, float(np.linalg.norm(step[free] * scale))))
         fell = state.cost - new.cost
-        state, damping = new, damping / 8 if damping > 1e-12 else 0.0
+        state, damping = new, max(damping / 8, 1e-14)  # never 0: two parameters may do the same
         if fell < tolerance * max(new.cost, 1.0):
             return state, True
     return state, False

@@ -324,7 +324,8 @@ def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
     prior += " (let go)" if p.released else ""
     return (
         p.name, p.unit, f"{p.start:.5g}", f"{p.lower:.4g} to {p.upper:.4g}", prior, f"{p.value:.5g}",
-        f"{p.std:.2g}", f"{low:.5g} to {high:.5g}", change + mark,
+        f"{p.std:.2g}" if np.isfinite(p.std) else "-",
+        f"{low:.5g} to {high:.5g}" if np.isfinite(p.std) else "-", change + mark,
     )  # fmt: skip
 
 

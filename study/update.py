@@ -151,8 +151,9 @@ def update_study(study: Study) -> StudyUpdate:
     data = None
     if of_frf is not None:
         data = frf_data(
-            model, of_frf, band=study.band, model_error=plan.model_error, amplitude_error=plan.amplitude_error
-        )
+            model, of_frf, band=study.band, model_error=plan.model_error,
+            amplitude_error=plan.amplitude_error, form_error=study.model_error,
+        )  # fmt: skip
     updated = update(
         model, plan.unknowns, modes=of_modes, frf=data, damping=plan.damping and data is not None,
         settings=plan.settings,
