@@ -32,7 +32,15 @@ from study.measured import (
     read_held_out,
     top_frequency,
 )
-from study.measured_modes import MeasuredModes, UpdatePlan, match_modes, read_plan, read_raw_modes
+from study.measured_modes import (
+    MeasuredModes,
+    ShapeLimits,
+    UpdatePlan,
+    match_modes,
+    read_plan,
+    read_raw_modes,
+    read_shape_limits,
+)
 from study.parts import (
     note_shear_centres,
     read_damping,
@@ -109,6 +117,8 @@ class Study:
         Measured modes, where the study gives them.
     plan : UpdatePlan
         What :command:`dovetail update` does.
+    shape_limits : ShapeLimits
+        How complex the shapes of modes identified in FRFs may be.
     """
 
     name: str
@@ -135,6 +145,7 @@ class Study:
     assumptions: tuple[str, ...]
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
+    shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -224,6 +235,7 @@ class _Reader:
             "excitations",
             "measurements",
             "modes",
+            "identification",
             "update",
             "uncertain",
             "candidates",
@@ -347,6 +359,7 @@ class _Reader:
             tuple(dict.fromkeys(notes)),
             modes,
             plan,
+            read_shape_limits(top),
         )
 
     def _excitations_of(

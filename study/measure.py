@@ -2,6 +2,7 @@
 
 import argparse
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from study.config import load_study
 from study.output import OutputError, Progress, check_writable, result_folder, write_json
 from study.table import StudyError
 from study.update import StudyUpdate, identify_study, update_study, updated_text
+from updating.peaks import peak_words
 
 if TYPE_CHECKING:
     from updating.pairing import ModeComparison
@@ -37,7 +39,9 @@ def identify_modes(options: Options, progress: Progress) -> None:
     check_writable(options.out, options.json, options.picture, options.synthesis)
     study = load_study(options.study)
     progress("identifying modes")
-    found, data, warned = identify_study(study, options.measurement, options.band)
+    own = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
+    limits = replace(study.shape_limits, **{key: value for key, value in own.items() if value is not None})
+    found, data, warned = identify_study(study, options.measurement, options.band, limits)
     if options.out is not None and suffix == ".npz":
         write_npz(options.out, found.modes)
     elif options.out is not None:
@@ -74,6 +78,10 @@ def identify_modes(options: Options, progress: Progress) -> None:
             "left_out": [
                 {"frequency_Hz": c.frequency, "reason": c.reason} for c in found.candidates if not c.accepted
             ],
+            "unexplained_peaks": [
+                {"frequency_Hz": p.frequency, "level_dB": p.level_db, "share": p.share, "reason": p.reason}
+                for p in found.unexplained
+            ],
             "warnings": warned,
         },
     )  # fmt: skip
@@ -82,7 +90,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
         options,
         f"{study.name}: {found.modes.n_modes} modes in {data.name}, {left} other pole(s) tried and left out",
         found.table(),
-        *(f"warning: {text}" for text in warned),
+        *(f"warning: {text}" for text in warned if text not in peak_words(found.unexplained)),
     )
 
 
