@@ -43,7 +43,8 @@ from joint.interface import (
     stack_joints,
     stack_substructures,
 )
-from joint.output_error import Identifiability, JointFit, fit_joint
+from joint.joint_fit import JointFit
+from joint.output_error import fit_joint
 from joint.parts import FixedParts, ModelParts, Uncertain
 from joint.physics import LawFit, StiffnessLaw, effects_of, explain_stiffness
 from joint.relative import RelativeJoint, relative_coordinates, relative_joint
@@ -60,6 +61,7 @@ from joint.substructuring import (
     l_curve,
 )
 from joint.synthesis import AssemblyFRF, couple, decouple, joint_impedance
+from joint.uncertainty import Identifiability
 
 __all__ = [
     "AssemblyFRF",

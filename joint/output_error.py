@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import zherk
-from scipy.special import ndtri
 
 from joint._checks import (
     BoolArray,
@@ -18,13 +17,20 @@ from joint._checks import (
     as_frequency,
     as_lines,
     check_same_lines,
-    frozen_copy,
     solve_lines,
 )
 from joint.form import JointForm
 from joint.identification import IdentificationError
 from joint.interface import SubstructureFRF
+from joint.joint_fit import JointFit
 from joint.parts import Blocks, FixedParts, Parts
+from joint.uncertainty import (
+    LIKELY,
+    Identifiability,
+    correlation_of,
+    stated_covariance,
+    weakest_combinations,
+)
 from updating.noise import relative_noise
 
 _CHUNK = 1 << 18
@@ -35,134 +41,11 @@ _STEPS = 40
 SCAN = tuple(10.0 ** (k / 6) for k in range(-18, 19) if k)
 """Factors by which stiffnesses are tried far from the data [-]."""
 
+RIGID = 1e4
+"""Factor by which a stiffness that is rigid beside its present value exceeds that [-]."""
+
 FAR = 10.0
 """Mean square of the residuals over the noise beyond which a start is far from the data [-]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Identifiability:
-    """What the data say about the parameters.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Joint parameters, then those of the substructures.
-    std : (n,) array
-        Standard deviation of each [its unit]; ``inf`` where the data say nothing.
-    relative : (n,) array
-        Standard deviation over the value's size [-].
-    determined : (n,) array of bool
-        Whether the value is known to better than ``limit`` of itself.
-    correlation : (n, n) array
-        Of the estimates [-].
-    weakest : tuple of (float, str)
-        Combinations of parameters that the data determine worst: relative standard deviation and words.
-    """
-
-    names: tuple[str, ...]
-    std: FloatArray
-    relative: FloatArray
-    determined: BoolArray
-    correlation: FloatArray
-    weakest: tuple[tuple[float, str], ...]
-
-    def ranking(self) -> tuple[str, ...]:
-        """Return the names, the best determined first."""
-        return tuple(self.names[i] for i in np.argsort(self.relative, kind="stable"))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JointFit:
-    """Hold a joint fitted to the FRFs of an assembly.
-
-    Attributes
-    ----------
-    form : JointForm
-    values : (n,) array
-        θ, in the order of ``form.names`` [their units].
-    covariance : (n, n) array
-        Of θ, with the substructures' uncertainty in it.
-    part_names : tuple of str
-    part_values, part_std : (m,) arrays
-        Uncertain parameters of the substructures and their standard deviations [their units].
-    frequency : (n_freq,) array
-        Lines that were fitted [Hz].
-    H : (n_freq, M, L) complex array
-        Rebuilt receptances [m/N, …].
-    residual : (n_freq, M, L) complex array
-        (rebuilt - measured) / standard deviation of the noise [-].
-    chi2 : float
-        Mean square of the residual for each degree of freedom; 1 if model and noise are
-        right.
-    identifiability : Identifiability
-    history : tuple of (float, float, float)
-        Highest frequency of the stage [Hz], cost, length of the step, one for each iteration.
-    converged : bool
-    message : str
-        How it ended, and what to doubt.
-    """
-
-    form: JointForm
-    values: FloatArray
-    covariance: FloatArray
-    part_names: tuple[str, ...]
-    part_values: FloatArray
-    part_std: FloatArray
-    frequency: FloatArray
-    H: ComplexArray
-    residual: ComplexArray
-    chi2: float
-    identifiability: Identifiability
-    history: tuple[tuple[float, float, float], ...]
-    converged: bool
-    message: str
-
-    def __post_init__(self) -> None:
-        for name in ("values", "covariance", "part_values", "part_std", "frequency", "H", "residual"):
-            object.__setattr__(self, name, frozen_copy(getattr(self, name)))
-
-    @property
-    def std(self) -> FloatArray:
-        """Standard deviations of θ, (n,) [its units]."""
-        return np.sqrt(np.diag(self.covariance))
-
-    def interval(self, level: float = 0.95) -> FloatArray:
-        """Return confidence intervals of θ, (n, 2): value ± a normal quantile of std.
-
-        Parameters
-        ----------
-        level : float
-            Probability that an interval holds the truth [-].
-
-        Raises
-        ------
-        ValueError
-            If the level does not lie between 0 and 1.
-        """
-        if not 0 < level < 1:
-            msg = f"the level is {level}; a probability between 0 and 1 is needed, such as 0.95"
-            raise ValueError(msg)
-        half = float(ndtri(0.5 + level / 2)) * self.std
-        return np.stack([self.values - half, self.values + half], axis=1)
-
-    def Z(self, frequency: npt.ArrayLike | None = None) -> ComplexArray:
-        """Return the dynamic stiffness (n_freq, N, N), at the fitted lines unless others are given [Hz]."""
-        return self.form.Z(self.frequency if frequency is None else frequency, self.values)
-
-    def Z_std(self, frequency: npt.ArrayLike | None = None) -> ComplexArray:
-        """Return standard deviations of Z's real and imaginary parts, as one complex array (n_freq, N, N)."""
-        lines = self.frequency if frequency is None else np.atleast_1d(np.asarray(frequency, dtype=float))
-        slopes, which = self.form.slopes(2 * np.pi * lines, self.values)
-        L = np.linalg.cholesky(self.covariance + 1e-300 * np.eye(len(self.values)))
-        flat = self.form.matrices[which].reshape(len(which), -1)  # (n, N²)
-        shape = (lines.size, *self.form.matrices.shape[1:])
-        out = np.zeros((2, lines.size, flat.shape[1]))
-        for column in L.T:
-            change = (slopes.T * column) @ flat
-            out[0] += change.real**2
-            out[1] += change.imag**2
-        out = np.sqrt(out).reshape(2, *shape)
-        return out[0] + 1j * out[1]
 
 
 def fit_joint(
@@ -197,7 +80,9 @@ def fit_joint(
     stiffnesses are first tried over six decades, the one that helps most first, and the steps minimise robust
     residuals of ln H, in which a resonance in the wrong place counts no more than one that lacks, with
     stiffness, mass and damping on the matrices' diagonals positive. The covariance is the inverse of Fisher's
-    information (Cramér and Rao's bound), multiplied by chi² where that is above 1.
+    information (Cramér and Rao's bound), multiplied by chi² where that is above 1, as long as the residual is
+    white. What neighbouring lines share of it is an error of the model, which widens the covariance
+    (:func:`joint.uncertainty.stated_covariance`).
 
     Parameters
     ----------
@@ -378,8 +263,30 @@ class _Problem:
 
     def state(self, theta: FloatArray, x: FloatArray, count: int, gradient: bool = True) -> _State:
         """Evaluate the cost and, if asked, Gauss-Newton matrix and gradient over the first lines."""
+        data = self.of_lines(theta, x, 0, count, gradient)
+        n, m = len(theta), len(x)
+        A, g, cost = data.A, data.g, data.cost
+        # 2 Σ|r|²/2 … the prior ½ x² beside Σ|r|²: in units of the negative log likelihood
+        A[n:, n:] += 0.5 * np.eye(m)
+        g[n:] += 0.5 * x
+        cost += 0.5 * float(x @ x)
+        if self.prior is not None:
+            middle, std, log = self.prior
+            ratio = np.where(log, theta / np.where(log, middle, 1.0), 1.0)
+            u = np.where(log, np.log(np.maximum(ratio, 1e-300)), theta - middle) / std
+            du = np.where(log, 1 / np.where(log, np.maximum(theta, 1e-300), 1.0), 1.0) / std
+            A[:n, :n] += 0.5 * np.diag(du**2)
+            g[:n] += 0.5 * u * du
+            cost += 0.5 * float(u @ u)
+        return replace(data, cost=cost)
+
+    def of_lines(
+        self, theta: FloatArray, x: FloatArray, first: int, end: int, gradient: bool = True
+    ) -> _State:
+        """Evaluate what the lines from one up to another say, without priors."""
         frf, slopes = self._parts_at(x)
-        omega = 2 * np.pi * self.lines[:count]
+        count = end - first
+        omega = 2 * np.pi * self.lines[first:end]
         n, m, n_matrices = len(theta), len(x), len(self.form.matrices)
         factors, which = self.form.slopes(omega, theta)
         coefficients = self.form.coefficients(omega, theta)
@@ -393,17 +300,18 @@ class _Problem:
         values = self.measured.shape[1] * self.measured.shape[2]
         step = max(1, _CHUNK // (values * (n_matrices + m + 1)))
         for start in range(0, count, step):
-            at = slice(start, min(start + step, count))
-            Z = np.einsum("uf,uij->fij", coefficients[:, at], self.form.matrices, optimize=True)
+            here = slice(start, min(start + step, count))
+            at = slice(first + here.start, first + here.stop)
+            Z = np.einsum("uf,uij->fij", coefficients[:, here], self.form.matrices, optimize=True)
             N = len(self.form.coordinates)
             unit = np.eye(N)
             H_jn = solve_lines(unit + frf.H_bb[at] @ Z, frf.H_ba[at])
-            H[at] = frf.H_aa[at] - frf.H_ab[at] @ (Z @ H_jn)
+            H[here] = frf.H_aa[at] - frf.H_ab[at] @ (Z @ H_jn)
             w = self.weight[at]
             if self.huber is None:
-                r = (w * (H[at] - self.measured[at])).reshape(len(H_jn), -1)
+                r = (w * (H[here] - self.measured[at])).reshape(len(H_jn), -1)
             else:
-                r, w = self._logarithmic(H[at], at)
+                r, w = self._logarithmic(H[here], at)
                 r = r.reshape(len(H_jn), -1)
             square, root = np.abs(r) ** 2, np.ones(r.shape)
             if self.huber is not None:  # pseudo-Huber: less weight for what is far off
@@ -423,24 +331,12 @@ class _Problem:
                 r = r / root
             G = _gram(J)
             b = (J @ r.conj()[:, :, None]).conj()
-            f = shared[:, at]
+            f = shared[:, here]
             pairs = (f.conj()[:, None] * f).reshape(-1, f.shape[1])
             sums = (pairs @ G.reshape(len(G), -1)).reshape(len(f), len(f), *G.shape[1:])
             A += sums[kind[:, None], kind, column[:, None], column].real
             g += (f.conj() @ b[:, :, 0])[kind, column].real
-        # 2 Σ|r|²/2 … the prior ½ x² beside Σ|r|²: in units of the negative log likelihood
-        A[n:, n:] += 0.5 * np.eye(m)
-        g[n:] += 0.5 * x
-        cost += 0.5 * float(x @ x)
-        if self.prior is not None:
-            middle, std, log = self.prior
-            ratio = np.where(log, theta / np.where(log, middle, 1.0), 1.0)
-            u = np.where(log, np.log(np.maximum(ratio, 1e-300)), theta - middle) / std
-            du = np.where(log, 1 / np.where(log, theta, 1.0), 1.0) / std
-            A[:n, :n] += 0.5 * np.diag(du**2)
-            g[:n] += 0.5 * u * du
-            cost += 0.5 * float(u @ u)
-        return _State(theta, x, count, cost, A, g, H)
+        return _State(theta, x, end, cost, A, g, H)
 
     def _jacobian(
         self,
@@ -590,7 +486,7 @@ def _descend(
             return state, True
         history.append((top, new.cost, float(np.linalg.norm(step[free] * scale))))
         fell = state.cost - new.cost
-        state, damping = new, damping / 8 if damping > 1e-12 else 0.0
+        state, damping = new, max(damping / 8, 1e-14)  # never 0: two parameters may do the same
         if fell < tolerance * max(new.cost, 1.0):
             return state, True
     return state, False
@@ -611,53 +507,97 @@ def _result(
             f"{', '.join(dead[:6])} has no influence on any FRF; leave it out of the form or add coordinates"
         )
         raise IdentificationError(msg)
+    state, at_bound = _at_zero(problem, state)
     residual = problem.weight * (state.H - problem.measured)
     count = int((problem.weight > 0).sum())
     chi2 = float((np.abs(residual) ** 2).sum() / max(count - n / 2, 1))
-    # the information of real unknowns in circular complex noise of variance σ² is 2 Re JᴴJ / σ²
-    scale = np.sqrt(np.diag(state.A))
-    inverse = np.linalg.pinv(2 * state.A / np.outer(scale, scale), rcond=1e-15, hermitian=True)
-    covariance = inverse / np.outer(scale, scale) * max(chi2, 1.0)
-    std = np.sqrt(np.diag(covariance))
+    low, high = form.bounds
+    at_bound |= (state.theta <= low) | (state.theta >= high)
+
+    def information(first: int, end: int) -> tuple[FloatArray, FloatArray]:
+        part = problem.of_lines(state.theta, state.x, first, end)
+        return part.A, part.g
+
+    fixed = np.append(at_bound, np.zeros(m, dtype=bool))
+    independent, covariance = stated_covariance(
+        state.A, fixed, residual, _own_noise(problem), chi2, state.H, information
+    )
+    std = np.where(fixed, np.nan, np.sqrt(np.diag(covariance)))
     names = (*form.names, *parts.names)
     value = np.concatenate([state.theta, np.ones(m)])
-    relative = np.divide(std, np.abs(value), out=np.full(n + m, np.inf), where=value != 0)
-    correlation = covariance / np.outer(std, std)
-    weakest = _weakest(covariance[:n, :n], state.theta, form.names)
-    known = Identifiability(names, std, relative, relative < determined, correlation, weakest)
+    relative = np.divide(std, np.abs(value), out=np.full(n + m, np.inf), where=(value != 0) & ~fixed)
+    weakest = weakest_combinations(covariance[:n, :n], state.theta, form.names)
+    known = Identifiability(names, std, relative, relative < determined, correlation_of(covariance), weakest)
+    some = ~fixed & np.isfinite(np.diag(covariance))
+    wider = np.sqrt(np.divide(np.diag(covariance), np.diag(independent), out=np.ones(n + m), where=some))
+    open_end = tuple(
+        "" if known.determined[i] or at_bound[i] else _open_end(problem, state, i, float(wider[i]))
+        for i in range(n)
+    )
     physical = parts.physical(state.x)
     ahead = parts.physical(state.x + 1e-6)
+    return JointFit(
+        form, state.theta, covariance[:n, :n], independent[:n, :n], at_bound, open_end, parts.names, physical,
+        std[n:] * (ahead - physical) / 1e-6 if m else np.zeros(0), problem.lines, state.H, residual, chi2,
+        known, history, converged, _message(form, known, at_bound, chi2, converged),
+    )  # fmt: skip
+
+
+def _message(
+    form: JointForm, known: Identifiability, at_bound: BoolArray, chi2: float, converged: bool
+) -> str:
+    """Say how a fit ended, and what to doubt."""
     message = "converged" if converged else "the iterations ran out; this is the best point"
     if chi2 > 2:
         message += (
             f"; the residual is {np.sqrt(chi2):.1f} times the noise: something else is missing or wrong"
         )
-    loose = [name for name, ok in zip(form.names, known.determined[:n], strict=True) if not ok]
+    own = zip(form.names, known.determined, at_bound, strict=False)
+    loose = [name for name, ok, bound in own if not ok and not bound]
     if loose:
         message += f"; the data do not determine {', '.join(loose[:8])}{' …' if len(loose) > 8 else ''}"
-    low, high = form.bounds
-    at_bound = [
-        name for name, v, lo, hi in zip(form.names, state.theta, low, high, strict=True) if v in (lo, hi)
-    ]
-    if at_bound:
-        message += f"; at a bound: {', '.join(at_bound)}"
-    return JointFit(
-        form, state.theta, covariance[:n, :n], parts.names, physical,
-        std[n:] * (ahead - physical) / 1e-6 if m else np.zeros(0), problem.lines, state.H, residual, chi2,
-        known, history, converged, message,
-    )  # fmt: skip
+    if at_bound.any():
+        at = [name for name, bound in zip(form.names, at_bound, strict=True) if bound]
+        message += f"; at a bound: {', '.join(at)}"
+    return message
 
 
-def _weakest(
-    covariance: FloatArray, theta: FloatArray, names: tuple[str, ...]
-) -> tuple[tuple[float, str], ...]:
-    """Return the three combinations of parameters, each relative to its own size, that are known worst."""
-    # a value next to zero is known to no part of itself: any large number says so
-    size = np.maximum(np.abs(theta), 1e-6 * np.sqrt(np.diag(covariance)))
-    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    out = []
-    for k in range(len(values) - 1, max(len(values) - 4, -1), -1):
-        v = vectors[:, k] / vectors[np.argmax(np.abs(vectors[:, k])), k]
-        lead = [i for i in np.argsort(-np.abs(v)) if abs(v[i]) > 0.3][:4]
-        out.append((float(np.sqrt(max(values[k], 0.0))), " ".join(f"{v[i]:+.1f} {names[i]}" for i in lead)))
-    return tuple(out)
+def _own_noise(problem: _Problem) -> FloatArray:
+    """Return the data's own noise over the deviation that was allowed, at most 1, (n_freq, M, L)."""
+    with np.errstate(invalid="ignore"):  # where there is no value, and no weight
+        own = problem.weight * _noise(problem.measured, None, problem.measured)
+    return np.where(problem.weight > 0, np.minimum(np.nan_to_num(own, nan=1.0), 1.0), 0.0)
+
+
+def _at_zero(problem: _Problem, state: _State) -> tuple[_State, BoolArray]:
+    """Put positive parameters that have run towards zero there; return the point and which they are.
+
+    A factor never reaches zero, and its logarithm runs on for ever. At zero is what does no worse there.
+    """
+    n = len(state.theta)
+    with np.errstate(divide="ignore"):
+        std = 1 / np.sqrt(2 * np.maximum(np.diag(state.A)[:n], 0.0))
+    own = np.array([len(term.parameters) > 1 for term in problem.form.terms for _ in term.parameters])
+    near = problem.positive & ~own & (state.theta < 0.1 * std) & (state.g[:n] >= 0)
+    if not near.any():
+        return state, near
+    there = problem.state(np.where(near, 0.0, state.theta), state.x, state.count)
+    if there.cost <= state.cost + 0.01:
+        return there, near
+    return state, np.zeros(n, dtype=bool)
+
+
+def _open_end(problem: _Problem, state: _State, i: int, wider: float) -> str:
+    """Return which limit of a stiffness, mass or damping fits as well as its value, all else as it is."""
+    if not problem.form.semidefinite[i]:
+        return ""
+    fits = []
+    plain = replace(problem, prior=None)
+    here = plain.at(state).cost
+    for word, factor in (("released", 0.0), ("rigid", RIGID)):
+        theta = state.theta.copy()
+        theta[i] *= factor
+        there = plain.state(theta, state.x, state.count, False).cost
+        if np.isfinite(there) and (there - here) / wider**2 <= LIKELY:
+            fits.append(word)
+    return "either" if len(fits) == 2 else "".join(fits)

@@ -233,6 +233,18 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="HZ",
         help="lowest and highest frequency (default: [fit] band)",
     )
+    p.add_argument(
+        "--least-mpc",
+        type=_within(1),
+        metavar="X",
+        help="smallest modal phase collinearity of a mode, 0 to 1 (default: [identification] least_mpc, 0.3)",
+    )
+    p.add_argument(
+        "--largest-mpd",
+        type=_within(90),
+        metavar="DEG",
+        help="largest mean phase deviation, 0 to 90 (default: [identification] largest_mpd, 45)",
+    )
 
     p = command(
         "match",
@@ -390,6 +402,22 @@ def _number(text: str) -> int:
 
 def _not_negative(text: str) -> float:
     return 0.0 if text.strip() in ("0", "0.0") else _positive(text)
+
+
+def _within(most: float) -> Callable[[str], float]:
+    """Return a reader of numbers from 0 to the given one."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = -1.0
+        if not 0 <= value <= most:
+            msg = f"'{text}' is not allowed; a number from 0 to {most:g} is needed"
+            raise argparse.ArgumentTypeError(msg)
+        return value
+
+    return read
 
 
 def _positive(text: str) -> float:

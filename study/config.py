@@ -46,10 +46,12 @@ from study.measured import (
 from study.measured_modes import (
     MeasuredModes,
     RawModes,
+    ShapeLimits,
     UpdatePlan,
     match_modes,
     read_plan,
     read_raw_modes,
+    read_shape_limits,
 )
 from study.parts import (
     note_shear_centres,
@@ -137,6 +139,8 @@ class Study:
         What is probably wrong in the study and its files, and what was left unread, in sentences.
     implausible : tuple of str
         Those of them that are about values of the model, with file, line and key.
+    shape_limits : ShapeLimits
+        How complex the shapes of modes identified in FRFs may be.
     """
 
     name: str
@@ -165,6 +169,7 @@ class Study:
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
     warnings: tuple[str, ...] = ()
     implausible: tuple[str, ...] = ()
+    shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -293,6 +298,7 @@ class _Reader:
             "excitations",
             "measurements",
             "modes",
+            "identification",
             "update",
             "uncertain",
             "candidates",
@@ -422,6 +428,7 @@ class _Reader:
             plan,
             tuple(dict.fromkeys([*odd, *self.warnings])),
             odd,
+            read_shape_limits(top),
         )
 
     def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:

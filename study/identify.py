@@ -315,8 +315,9 @@ class Stage:
 
     @property
     def sharp(self) -> NDArray[np.bool_]:
-        """Mark the parameters that it knows well, (n,)."""
-        return self.fit.identifiability.relative[: len(self.fit.values)] < SHARP
+        """Mark the parameters that it knows well if what is left is random, (n,)."""
+        std = np.sqrt(np.diag(self.fit.independent))
+        return ~self.fit.at_bound & (std < SHARP * np.abs(self.fit.values))
 
     def disagreement(self, wider: "Stage") -> NDArray[np.float64]:
         """Return how far a wider band moves the joint's parameters, in standard deviations of the change.
@@ -324,8 +325,10 @@ class Stage:
         If the model is right, the wider band knows more and var(θ - θ') = var θ - var θ': Hausman,
         Econometrica 46 (1978) 1251-1271.
         """
-        own, other = np.diag(self.fit.covariance), np.diag(wider.fit.covariance)
-        return np.abs(self.fit.values - wider.fit.values) / np.sqrt(np.maximum(own - other, 0.05 * own))
+        own, other = np.diag(self.fit.independent), np.diag(wider.fit.independent)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a value at a bound has no deviation
+            off = np.abs(self.fit.values - wider.fit.values) / np.sqrt(np.maximum(own - other, 0.05 * own))
+        return np.nan_to_num(off, nan=0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -386,22 +389,37 @@ class Estimate:
         return sorted((p for p in pairs if abs(p[2]) > limit), key=lambda p: -abs(p[2]))
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a table of the joint's parameters."""
+        """Return a table of the joint's parameters; those at a bound have no deviation."""
         fit, units = self.fit, dict(self.fit.form.parameters)
         return [
             {
                 "parameter": name,
                 "value": float(value),
-                "std": float(std),
-                "low": float(low),
-                "high": float(high),
+                "std": _finite(std),
+                "low": _finite(low),
+                "high": _finite(high),
                 "unit": units[name],
                 "determined": self.determined(name),
+                "at_bound": bool(bound),
+                "open_end": end,
+                "words": fit.words(k),
             }
-            for name, value, std, (low, high) in zip(
-                fit.form.names, fit.values, fit.std, fit.interval(), strict=True
+            for k, (name, value, std, (low, high), bound, end) in enumerate(
+                zip(
+                    fit.form.names,
+                    fit.values,
+                    fit.std,
+                    fit.interval(),
+                    fit.at_bound,
+                    fit.open_end,
+                    strict=True,
+                )
             )
         ]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def form_of(task: Task, terms: Sequence[str] = ("K", "D"), coupled: bool = False) -> JointForm:

@@ -60,7 +60,7 @@ def joint_result(
                 "k_std": stiff["std"],
                 "unit": joint_unit(d),
                 "determined": stiff["determined"],
-                "eta": None if loss is None else loss["value"] / stiff["value"],
+                "eta": None if loss is None or not stiff["value"] else loss["value"] / stiff["value"],
                 "k_study": None if np.isinf(held) else held,
             }
         )
@@ -130,10 +130,13 @@ def _fitted(found: Estimate) -> list[str]:
             value = study_stiffness(found, a)
             known = "rigid" if np.isinf(value) else f"{value:.4g}"
         unit = row["unit"].replace("N m/", "N·m/").replace("N m s/", "N·m·s/").replace("N s/", "N·s/")
-        low_high = f"{row['low']:.5g} … {row['high']:.5g}"
+        std = "" if row["std"] is None else f"{row['std']:.2g}"
+        low_high = "" if row["low"] is None else f"{row['low']:.5g} … {row['high']:.5g}"
+        if not row["determined"]:  # a deviation of what the data do not determine reads as if they did
+            std = low_high = ""
         out.append(
-            f"  {name:12s} {row['value']:15.5g} {row['std']:11.2g}   {low_high:30s} {unit:10s} {known}"
-            + ("" if row["determined"] else "  not determined")
+            f"  {name:12s} {row['value']:15.5g} {std:>11s}   {low_high:30s} {unit:10s} {known}"
+            + ("" if row["determined"] else "  at its bound" if row["at_bound"] else f"  {row['words']}")
         )
         if kind == "D" and row["determined"]:
             k = next(r["value"] for r in found.rows() if r["parameter"] == f"K {a} {a}")
@@ -166,10 +169,9 @@ def _open(found: Estimate) -> list[str]:
     elif worst > WIDE:
         out.append(
             f"  the model misses these FRFs by up to {worst:.0%}, which is no noise. The intervals take "
-            "it for random: a stiffness that changes the FRFs little, such as of a stiff direction, may be "
-            "off by several of its deviations"
+            "it for one error of each mode's frequency"
         )
-    loose = [row["parameter"] for row in found.rows() if not row["determined"]]
+    loose = [row["parameter"] for row in found.rows() if not row["determined"] and not row["at_bound"]]
     if loose:
         out.append(f"  the data do not determine {', '.join(loose)}: what they say is nearly all assumption")
     own = set(fit.form.names)

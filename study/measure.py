@@ -2,6 +2,7 @@
 
 import argparse
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from study.commands import axis_labels, loaded, say
 from study.output import OutputError, Progress, check_writable, result_folder, write_json
 from study.table import StudyError
 from study.update import StudyUpdate, identify_study, update_study, updated_text
+from updating.peaks import peak_words
 
 if TYPE_CHECKING:
     from updating.pairing import ModeComparison
@@ -36,7 +38,9 @@ def identify_modes(options: Options, progress: Progress) -> None:
     check_writable(options.out, options.json, options.picture, options.synthesis)
     study = loaded(options)
     progress("identifying modes")
-    found, data, said = identify_study(study, options.measurement, options.band)
+    own = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
+    limits = replace(study.shape_limits, **{key: value for key, value in own.items() if value is not None})
+    found, data, said = identify_study(study, options.measurement, options.band, limits)
     if options.out is not None and suffix == ".npz":
         write_npz(options.out, found.modes)
     elif options.out is not None:
@@ -73,6 +77,10 @@ def identify_modes(options: Options, progress: Progress) -> None:
             "left_out": [
                 {"frequency_Hz": c.frequency, "reason": c.reason} for c in found.candidates if not c.accepted
             ],
+            "unexplained_peaks": [
+                {"frequency_Hz": p.frequency, "level_dB": p.level_db, "share": p.share, "reason": p.reason}
+                for p in found.unexplained
+            ],
             "warnings": (*said, *study.warnings),
         },
     )  # fmt: skip
@@ -81,7 +89,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
         options,
         f"{study.name}: {found.modes.n_modes} modes in {data.name}, {left} other pole(s) tried and left out",
         found.table(),
-        *(f"warning: {text}" for text in said),
+        *(f"warning: {text}" for text in said if text not in peak_words(found.unexplained)),
     )
 
 
@@ -328,7 +336,8 @@ def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
     prior += " (let go)" if p.released else ""
     return (
         p.name, p.unit, f"{p.start:.5g}", f"{p.lower:.4g} to {p.upper:.4g}", prior, f"{p.value:.5g}",
-        f"{p.std:.2g}", f"{low:.5g} to {high:.5g}", change + mark,
+        f"{p.std:.2g}" if np.isfinite(p.std) else "-",
+        f"{low:.5g} to {high:.5g}" if np.isfinite(p.std) else "-", change + mark,
     )  # fmt: skip
 
 

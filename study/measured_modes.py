@@ -1,4 +1,4 @@
-"""Measured modes of a study, and what ``dovetail update`` is told: ``[modes]`` and ``[update]``."""
+"""Measured modes of a study, their identification, and updates: [modes], [identification], [update]."""
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +16,7 @@ from fem.modes import Modes
 from study.sensors import Channel, Nodes
 from study.table import Table, suggest
 from updating.measurement import Sensor
+from updating.modal_identification import LARGEST_MPD, LEAST_MPC
 from updating.unknowns import Unknown, scaled_unknowns
 from updating.update import Settings
 
@@ -45,6 +46,35 @@ class MeasuredModes:
     frequency_std: np.ndarray
     shape_std: np.ndarray
     name: str
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeLimits:
+    """How complex the shapes of identified modes may be.
+
+    Attributes
+    ----------
+    least_mpc : float
+        Smallest modal phase collinearity, 0 to 1 [-].
+    largest_mpd : float
+        Largest mean phase deviation, 0 to 90 [degrees].
+    """
+
+    least_mpc: float = LEAST_MPC
+    largest_mpd: float = LARGEST_MPD
+
+
+def read_shape_limits(top: Table) -> ShapeLimits:
+    """Read ``[identification]``."""
+    t = top.table("identification")
+    limits = ShapeLimits(
+        t.number("least_mpc", LEAST_MPC, least=0.0), t.number("largest_mpd", LARGEST_MPD, least=0.0)
+    )
+    for key, value, most in (("least_mpc", limits.least_mpc, 1), ("largest_mpd", limits.largest_mpd, 90)):
+        if value > most:
+            t.refuse(key, f"it is {value:g}; 0 to {most} is allowed")
+    t.finish()
+    return limits
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -312,9 +312,9 @@ def _missing(result: RunResult, album: Album) -> Markup:
         [
             words.effect_label(f.effect.kind, f.effect.where),
             p.name.replace("_", " "),
-            words.with_unit(p.value, p.unit, p.std),
+            words.fitted_text(p),
             _absent(f, p.name),
-            _percent(p.std, p.value),
+            "–" if p.at_bound else _percent(p.std, p.value),
         ]
         for f in d.findings
         for p in f.parameters
@@ -628,7 +628,7 @@ def _parameter_row(u: Uncertain) -> list[object]:
         ]
     return [
         words.with_unit(u.nominal, u.unit),
-        words.with_unit(u.fitted, u.unit, u.std),
+        words.with_unit(u.fitted, u.unit, math.nan if u.at_bound else u.std),
         f"{u.moved:+.1f}".replace("-", "−") if math.isfinite(u.moved) else "–",
         _percent(u.prior_std, u.nominal),
         flag,

@@ -329,7 +329,8 @@ def _ranked(r: Ranked) -> dict[str, Any]:
 
 
 def _parameter(p: EffectParameter) -> dict[str, Any]:
-    return {"name": p.name, "value": p.value, "unit": p.unit, "std": p.std}
+    std = None if p.at_bound else p.std
+    return {"name": p.name, "value": p.value, "unit": p.unit, "std": std, "at_bound": p.at_bound}
 
 
 def _step(s: Step) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import re
 import tomllib
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from study.config import Study, read_study
 from study.effects import effect_table
 from study.lines import key_lines
 from study.measured import sensor_rows
-from study.measured_modes import MeasuredModes
+from study.measured_modes import MeasuredModes, ShapeLimits
 from study.paths import with_paths
 from study.run import measured, without_held_out
 from study.table import StudyError, suggest
@@ -65,7 +65,10 @@ class StudyUpdate:
 
 
 def identify_study(
-    study: Study, measurement: str | None = None, band: tuple[float, float] | None = None
+    study: Study,
+    measurement: str | None = None,
+    band: tuple[float, float] | None = None,
+    limits: ShapeLimits | None = None,
 ) -> tuple[IdentifiedModes, Measurement, tuple[str, ...]]:
     """Identify the modes of a study's measurement.
 
@@ -76,6 +79,8 @@ def identify_study(
         Its name; the first unless given.
     band : (float, float), optional
         That of the study unless given [Hz].
+    limits : ShapeLimits, optional
+        That of the study unless given.
 
     Returns
     -------
@@ -96,7 +101,10 @@ def identify_study(
     data = study.measurements[0] if measurement is None else by_name[measurement]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = identify_modes(data.frf, band=band or study.band, driving=_driving(data))
+        found = identify_modes(
+            data.frf, band=band or study.band, driving=_driving(data),
+            **asdict(limits or study.shape_limits),
+        )  # fmt: skip
     return found, data, tuple(dict.fromkeys(str(w.message) for w in caught))
 
 
@@ -151,8 +159,9 @@ def update_study(study: Study) -> StudyUpdate:
     data = None
     if of_frf is not None:
         data = frf_data(
-            model, of_frf, band=study.band, model_error=plan.model_error, amplitude_error=plan.amplitude_error
-        )
+            model, of_frf, band=study.band, model_error=plan.model_error,
+            amplitude_error=plan.amplitude_error, form_error=study.model_error,
+        )  # fmt: skip
     updated = update(
         model, plan.unknowns, modes=of_modes, frf=data, damping=plan.damping and data is not None,
         settings=plan.settings,

@@ -74,9 +74,16 @@ def with_unit(value: float, unit: str, std: float = math.nan, like: float | None
     return f"{rounded:.{shown}f} ± {spread:.{shown}f}{after}".replace("-", "−")
 
 
+def fitted_text(p: EffectParameter) -> str:
+    """Return a fitted value with its standard deviation, or that it is at its bound, where it has none."""
+    if p.at_bound:
+        return f"{with_unit(p.value, p.unit)} (at its bound)"
+    return with_unit(p.value, p.unit, p.std)
+
+
 def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:
     """Return ``stiffness 147 ± 10 N·m/rad instead of 2980 N·m/rad``, the last where the model has a value."""
-    text = f"{p.name.replace('_', ' ')} {with_unit(p.value, p.unit, p.std)}"
+    text = f"{p.name.replace('_', ' ')} {fitted_text(p)}"
     if of is None or of.absent in (0, p.value):
         return text
     if not math.isfinite(of.absent):

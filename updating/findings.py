@@ -3,19 +3,28 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from fem.model import Effect
+import numpy as np
+
+from fem.model import Effect, Parameter
 from updating.fit import FitResult
 from updating.separation import Decisive, Proposal
+
+AT_BOUND = 1e-6
+"""Values are at a bound if they differ from it by no more than this, relatively [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
-    """A parameter of a found effect: value and standard deviation in ``unit``."""
+    """A parameter of a found effect: value and standard deviation in ``unit``.
+
+    At a bound the deviation is that of a uniform density up to the other bound, and tells nothing.
+    """
 
     name: str
     value: float
     unit: str
     std: float
+    at_bound: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,6 +150,15 @@ def label(effect: Effect) -> str:
 def parameters_of(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]:
     """Return an effect's parameters as a fit has them."""
     return tuple(
-        EffectParameter(p.name, fit.values[effect.name, p.name], p.unit, fit.std[effect.name, p.name])
+        EffectParameter(p.name, value, p.unit, fit.std[effect.name, p.name], _at_bound(p, value))
         for p in effect.parameters()
+        for value in (fit.values[effect.name, p.name],)
+    )
+
+
+def _at_bound(p: Parameter, value: float) -> bool:
+    """Return whether a value has run to a bound, but for rounding."""
+    return any(
+        np.isfinite(bound) and abs(value - bound) <= AT_BOUND * max(abs(bound), abs(value) if bound else 0.0)
+        for bound in (p.lower, p.upper)
     )

@@ -108,6 +108,12 @@ class FitData:
     held_out: NDArray[np.bool_]
 
     @property
+    def uncertain(self) -> NDArray[np.float64]:
+        """Relative uncertainty of each reading: noise, and what moves square to the sensor [-]."""
+        weight = np.where(self.mask & (self.weight > 0), self.weight, 1.0)
+        return np.maximum(MODEL_ERROR * np.sqrt(np.maximum(weight**-2 - 1, 0.0)), self.noise)
+
+    @property
     def noise_db(self) -> float:
         """Root mean square of the noise of the FRFs that count [dB]."""
         return float(np.sqrt((self.noise[self.mask] ** 2).mean()) * DB_PER_NEPER)
@@ -155,22 +161,40 @@ def prepare(
     if not level.any():
         msg = f"all FRFs of '{measurement.name}' are zero"
         raise MeasurementError(msg)
-    mask = level > 10 ** (-50 / 20) * np.median(level[level > 0])
-    if computed is not None:
-        acceleration = np.abs(computed) * (2 * np.pi * frf.frequency[:, None, None]) ** 2
-        calculated = np.sqrt((acceleration**2).mean(axis=0))
-        mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
     kept = measurement.with_frf(frf)
     noise = _noise_of(kept)
     uncertain = noise
     if across is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             uncertain = np.hypot(noise, np.nan_to_num(TRANSVERSE * across / np.abs(H), nan=0.0, posinf=10.0))
-    mask = mask & (uncertain < NOISE_LIMIT) & (H != 0)
-    mask = mask & (mask.mean(axis=0) > LEAST_HEARD)
+    mask = counted_values(frf, uncertain, computed)
     weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + uncertain**2) * mask
     block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
     return FitData(kept, frf.frequency, H, mask, weight, noise, block % 4 == 2)
+
+
+def counted_values(
+    frf: FRF, uncertain: NDArray[np.float64], computed: NDArray[np.complex128] | None = None
+) -> NDArray[np.bool_]:
+    """Return which values of measured FRFs count, (n_freq, n_out, n_in): in comparisons, fits and updates.
+
+    Parameters
+    ----------
+    frf : FRF
+        As measured.
+    uncertain : ndarray (n_freq, n_out, n_in)
+        Relative uncertainty of each reading [-].
+    computed : ndarray (n_freq, n_out, n_in), optional
+        Receptances of the nominal model, of which those that symmetry makes zero are told.
+    """
+    level = np.sqrt((np.abs(frf.H) ** 2).mean(axis=0))
+    mask = level > 10 ** (-50 / 20) * np.median(level[level > 0])
+    if computed is not None:
+        acceleration = np.abs(computed) * (2 * np.pi * frf.frequency[:, None, None]) ** 2
+        calculated = np.sqrt((acceleration**2).mean(axis=0))
+        mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
+    mask = mask & (uncertain < NOISE_LIMIT) & (frf.H != 0)
+    return mask & (mask.mean(axis=0) > LEAST_HEARD)
 
 
 def _noise_of(measurement: Measurement) -> NDArray[np.float64]:

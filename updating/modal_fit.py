@@ -9,7 +9,8 @@ same matrix B for each output. What is left depends on λ and L alone (variable 
 outputs follow from one Gram matrix.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as sla
@@ -23,6 +24,15 @@ Complexes = NDArray[np.complex128]
 _CONVERGED = 1e-3
 """A step that lowers the sum of squares by less than this, relative to its mean for one value, is the last:
 on the scale on which a parameter that is wrong by its standard deviation raises it by 1."""
+
+_BLOCK = 2048
+"""Lines that are computed at a time."""
+
+_TALL = 1e8
+"""Products in BᵀB beyond which B is made orthogonal by them."""
+
+_WELL_CONDITIONED = 1e-5
+"""Least diagonal of R, of columns of length 1, for which that is as good as reflections [-]."""
 
 _NEAR = 3.0
 """Lines within this many half-power half-widths of a pole tell the scatter of the FRFs near it."""
@@ -235,6 +245,33 @@ def _pairs(p: Complexes, q: Complexes, L: Complexes) -> Complexes:
 
 def _solve(data: FitData, target: Floats, poles: Complexes, L: Complexes) -> _Linear:
     n_freq, n_in = data.spread.shape
+    n_columns = 2 * poles.size + n_in * (int(data.lower) + int(data.upper))
+    whole = np.empty((2, n_in, n_freq, n_columns))
+    for lines, part in _blocks(data):
+        whole[:, :, lines] = _basis(part, poles, L).reshape(2, n_in, -1, n_columns)
+    B = whole.reshape(-1, n_columns)
+    norms = np.maximum(np.linalg.norm(B, axis=0), 1e-300)
+    Q, R = _orthogonal(B / norms)
+    y = Q.T @ target
+    x = _back(R, y) / norms[:, None]
+    return _Linear(B, norms, Q, R, x, target - Q @ y)
+
+
+def _blocks(data: FitData) -> Iterator[tuple[slice, FitData]]:
+    """Yield the data by blocks of lines: large temporary arrays cost more than what is computed."""
+    n_freq = len(data.spread)
+    if n_freq <= _BLOCK:
+        yield slice(0, n_freq), data
+        return
+    for first in range(0, n_freq, _BLOCK):
+        lines = slice(first, min(first + _BLOCK, n_freq))
+        frf = data.frf.select(lines=np.arange(lines.start, lines.stop))
+        yield lines, replace(data, frf=frf, spread=data.spread[lines])
+
+
+def _basis(data: FitData, poles: Complexes, L: Complexes) -> Floats:
+    """Return the columns of the linear problem, over the spread."""
+    n_freq, n_in = data.spread.shape
     parts = [_pairs(*_fractions(data, poles), L)]
     g = _factor(data)
     for wanted, values in ((data.lower, g / data.s**2), (data.upper, g)):
@@ -242,12 +279,31 @@ def _solve(data: FitData, target: Floats, poles: Complexes, L: Complexes) -> _Li
             static = np.zeros((n_in, n_freq, n_in), dtype=complex)
             static[np.arange(n_in), :, np.arange(n_in)] = values
             parts.append(static)
-    B = data.columns(np.concatenate(parts, axis=2))
-    norms = np.maximum(np.linalg.norm(B, axis=0), 1e-300)
-    Q, R = sla.qr(B / norms, mode="economic")
-    y = Q.T @ target
-    x = _back(R, y) / norms[:, None]
-    return _Linear(B, norms, Q, R, x, target - Q @ y)
+    return data.columns(np.concatenate(parts, axis=2))
+
+
+def _orthogonal(B: Floats) -> tuple[Floats, Floats]:
+    """Return Q and R with B = QR: of a very tall, well-conditioned B by its normal equations, twice.
+
+    The second pass makes Q orthogonal to rounding if the condition number is below 1/√ε (Yamamoto,
+    Nakatsukasa, Yanagisawa and Fukaya, *Electron. Trans. Numer. Anal.* 44, 2015, 306); products take a
+    fraction of the time of reflections.
+    """
+    if B.size * B.shape[1] > _TALL:
+        try:
+            Q, first = _half_orthogonal(B)
+            if np.abs(first.diagonal()).min() > _WELL_CONDITIONED:
+                Q, second = _half_orthogonal(Q)
+                return Q, second @ first
+        except np.linalg.LinAlgError:
+            pass
+    Q, R = sla.qr(B, mode="economic")
+    return Q, R
+
+
+def _half_orthogonal(B: Floats) -> tuple[Floats, Floats]:
+    R = sla.cholesky(B.T @ B)
+    return B @ sla.solve_triangular(R, np.eye(len(R))), R
 
 
 def _back(R: Floats, y: Floats) -> Floats:
@@ -257,7 +313,7 @@ def _back(R: Floats, y: Floats) -> Floats:
 
 
 def _derivatives(
-    data: FitData, now: _Linear, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]
+    data: FitData, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return dB of (ln decay, frequency over decay) of the modes and of the free participations.
 
@@ -283,11 +339,20 @@ def _normal_equations(
     data: FitData, now: _Linear, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
     """Return JᵀJ and -Jᵀr of what :func:`_derivatives` differentiates by."""
-    columns, mode = _derivatives(data, now, poles, L, pivot)
-    inside = now.Q.T @ columns
-    G = columns.T @ columns - inside.T @ inside
+    n_freq, n_in = data.spread.shape
+    Q, rest = (values.reshape(2, n_in, n_freq, -1) for values in (now.Q, now.rest))
+    n_unknown = 2 * (poles.size + L.size - len(L))
+    G = np.zeros((2 * n_unknown, 2 * n_unknown))
+    inside, left = np.zeros((Q.shape[3], len(G))), np.zeros((len(G), rest.shape[3]))
+    mode = np.zeros(0, dtype=np.int64)
+    for lines, part in _blocks(data):
+        columns, mode = _derivatives(part, poles, L, pivot)
+        G += columns.T @ columns
+        inside += Q[:, :, lines].reshape(len(columns), -1).T @ columns
+        left += columns.T @ rest[:, :, lines].reshape(len(columns), -1)
+    G -= inside.T @ inside
     X = now.shapes(poles.size)
-    gradient = np.einsum("iao,iao->i", (columns.T @ now.rest).reshape(mode.size, 2, X.shape[2]), X[mode])
+    gradient = np.einsum("iao,iao->i", left.reshape(mode.size, 2, X.shape[2]), X[mode])
     return _summed(G, X, X, mode), gradient
 
 
@@ -316,7 +381,7 @@ def _covariance(
     rows, cols = _free(L.shape, pivot)
     if not n:
         return Scatter(np.zeros((0, 0)), rows, cols, np.zeros((0, n_out, 2, 2)), np.zeros((0, n_out, 2, 0)))
-    columns, mode = _derivatives(data, now, poles, L, pivot)
+    columns, mode = _derivatives(data, poles, L, pivot)
     inside = now.Q.T @ columns
     rest = (columns - now.Q @ inside).reshape(2, n_in, n_freq, -1)
     X = now.shapes(n)
@@ -379,6 +444,15 @@ def _fit(
         2 * (x.shape[1] + n_in),
         converged,
         steps,
+    )
+
+
+def synthesise(data: FitData, fit: ModalFit, which: NDArray[np.bool_]) -> Complexes:
+    """Return what some of the modes of a fit are of its FRFs, (n_freq, n_out, n_in)."""
+    p, q = _fractions(data, fit.poles[which])
+    psi, L = fit.shapes[:, which], fit.participation[which]
+    return np.einsum("fr,or,ri->foi", p, psi, L, optimize=True) + np.einsum(
+        "fr,or,ri->foi", q, psi.conj(), L.conj(), optimize=True
     )
 
 

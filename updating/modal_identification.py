@@ -26,7 +26,8 @@ from updating.complexity import (
 )
 from updating.correlation import mac
 from updating.frf_estimation import EstimatedFRF
-from updating.modal_fit import FitData, ModalFit, fit_modes, scatter_near
+from updating.modal_fit import FitData, ModalFit, fit_modes, scatter_near, synthesise
+from updating.peaks import Candidate, UnexplainedPeak, peak_words, unexplained_peaks
 from updating.poles import (
     LEAST_ORDERS,
     MATHEMATICAL_DAMPING,
@@ -40,6 +41,9 @@ from updating.poles import (
 
 LARGEST_DEVIATION = 0.15
 """A mode's frequency and decay must be known within this part of its half-power half-width [-]."""
+
+LEAST_MPC, LARGEST_MPD = 0.3, 45.0
+"""Shapes are no less collinear [-], and no farther from real ones [degrees], unless the caller says so."""
 
 SIGNIFICANCE = 8.0
 """A mode must lower the weighted sum of squares by its number of parameters n and this times √(2n), which is
@@ -65,28 +69,6 @@ order."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A pole that was tried as a mode.
-
-    Attributes
-    ----------
-    frequency, zeta : float
-        As tried last [Hz, -].
-    n_orders : int
-        Number of orders of the stabilisation diagram in which it was found.
-    accepted : bool
-    reason : str
-        Why it was not taken; empty if it was.
-    """
-
-    frequency: float
-    zeta: float
-    n_orders: int
-    accepted: bool
-    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +101,7 @@ class IdentifiedModes:
     lower, upper : ndarray (n_out, n_in)
         Residuals: the receptance gains -lower/ω² + upper [1/kg, m/N].
     synthesised : FRF
-        On the lines and of the kind of the data.
+        Of these modes and the residuals, on the lines and of the kind of the data.
     error : ndarray (n_out, n_in)
         Root of Σ |H_synthesised - H|² / Σ |H|² over the lines [-].
     noise : ndarray (n_freq, n_out, n_in)
@@ -130,6 +112,8 @@ class IdentifiedModes:
         All that were tried, by frequency.
     choices : tuple of str
         What was chosen on the way, in order.
+    unexplained : tuple of UnexplainedPeak
+        Peaks of the data that the modes do not explain, the highest first, with the reason.
     """
 
     modes: Modes
@@ -153,6 +137,7 @@ class IdentifiedModes:
     stabilisation: Stabilisation
     candidates: tuple[Candidate, ...]
     choices: tuple[str, ...]
+    unexplained: tuple[UnexplainedPeak, ...] = ()
 
     @property
     def residues(self) -> Complexes:
@@ -184,7 +169,7 @@ class IdentifiedModes:
         return Damping.modal(zeta, self.modes.frequency)
 
     def table(self) -> str:
-        """Return the modes as lines of text."""
+        """Return the modes as lines of text, then peaks that they do not explain."""
         zeta = np.zeros(0) if self.modes.zeta is None else self.modes.zeta
         lines = ["mode  frequency [Hz]        damping ratio [%]     MPC    MPD [deg]"]
         for k, f in enumerate(self.modes.frequency):
@@ -192,7 +177,7 @@ class IdentifiedModes:
                 f"{k + 1:4d}  {f:9.3f} ± {self.frequency_std[k]:<8.2g}  {100 * zeta[k]:8.4f} ± "
                 f"{100 * self.zeta_std[k]:<8.2g}  {self.mpc[k]:.4f}  {self.mpd[k]:6.2f}"
             )
-        return "\n".join(lines)
+        return "\n".join([*lines, *peak_words(self.unexplained)])
 
 
 def identify_modes(
@@ -207,8 +192,8 @@ def identify_modes(
     lower: bool = True,
     upper: bool = True,
     added_decay: float | None = None,
-    least_mpc: float = 0.3,
-    largest_mpd: float = 45.0,
+    least_mpc: float = LEAST_MPC,
+    largest_mpd: float = LARGEST_MPD,
 ) -> IdentifiedModes:
     """Identify natural frequencies, damping ratios and shapes from FRFs.
 
@@ -267,7 +252,7 @@ def identify_modes(
     Warns
     -----
     UserWarning
-        If there is no driving point, or one seems to have the wrong sign.
+        If there is no driving point, one seems to have the wrong sign, or a peak has no mode.
     """
     if isinstance(frf, EstimatedFRF):
         added_decay = frf.added_decay if added_decay is None else added_decay
@@ -288,11 +273,17 @@ def identify_modes(
             std = np.reshape(std, whole.H.shape)
     lines = _lines(whole, band)
     data = whole.select(lines=lines)
-    orders = _orders(data, highest_order)
     points = _driving_points(data, driving)
-    fitted = _fit_data(data, None if std is None else _standard_deviation(std, whole)[lines])
+    sigma = None if std is None else _standard_deviation(std, whole)[lines]
+    # with more forces than responses there are fewer unknowns the other way round: residues are ψ Lᵀ
+    turned = data.H.shape[2] > data.H.shape[1]
+    if turned:
+        data = _turned(data)
+        sigma = None if sigma is None else sigma.transpose(0, 2, 1)
+    orders = _orders(data, highest_order)
+    fitted = _fit_data(data, sigma)
     fitted = replace(fitted, lower=lower, upper=upper, added_decay=_decay(added_decay or 0.0))
-    task = _Task(fitted, std is None, least_mpc, largest_mpd)
+    task = _Task(fitted, std is None, least_mpc, largest_mpd, turned)
 
     level, _ = channel_sizes(data.H)
     line_weight = np.exp(-np.log(fitted.spread).mean(axis=1))
@@ -315,7 +306,10 @@ def identify_modes(
         *found.steps,
         f"noise: {noise}",
     )
-    return _result(found, points, stabilisation, choices)
+    done = _result(task, found, points, stabilisation, choices)
+    for text in peak_words(done.unexplained):
+        warnings.warn(text, stacklevel=2)
+    return done
 
 
 def damping_matrix(mass: ArrayLike, shapes: ArrayLike, frequency: ArrayLike, zeta: ArrayLike) -> Floats:
@@ -479,6 +473,11 @@ def _driving_points(
     return tuple(out)
 
 
+def _turned(frf: FRF) -> FRF:
+    """Return FRFs with responses and forces in each other's place."""
+    return FRF.from_arrays(frf.frequency, frf.H.transpose(0, 2, 1), frf.kind, frf.inputs, frf.outputs)
+
+
 # Which poles are modes --------------------------------------------------------------------------------------
 
 
@@ -497,6 +496,8 @@ class _Task:
     estimate_noise: bool
     least_mpc: float
     largest_mpd: float
+    turned: bool = False
+    """Whether responses and forces have changed places."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -629,7 +630,6 @@ def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
     deviation *= -fit.poles.real / width
     n = fit.n_parameters
     needed = n + SIGNIFICANCE * np.sqrt(2 * n)
-    mpc, mpd = modal_phase_collinearity(fit.shapes), mean_phase_deviation(fit.shapes)
     zeta = -fit.poles.real / np.abs(fit.poles)
     gain = fit.energy / noise**2
     reasons = [""] * fit.poles.size
@@ -642,10 +642,6 @@ def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
             reasons[k] = f"uncertain by {deviation[k]:.2g} of its half-width, above {LARGEST_DEVIATION:g}"
         elif gain[k] < needed:
             reasons[k] = f"insignificant: lowers the sum of squares by {gain[k]:.3g}, below {needed:.3g}"
-        elif mpc[k] < task.least_mpc:
-            reasons[k] = f"modal phase collinearity {mpc[k]:.2f}, below {task.least_mpc:g}"
-        elif mpd[k] > task.largest_mpd:
-            reasons[k] = f"mean phase deviation {mpd[k]:.0f}°, above {task.largest_mpd:g}°"
     alike = np.ones((fit.poles.size, fit.poles.size), dtype=bool)
     for vectors in (fit.shapes, fit.participation.T):
         real = real_shapes(vectors)
@@ -668,20 +664,43 @@ def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
     return reasons
 
 
+def _complexity_reasons(task: _Task, fit: ModalFit) -> list[str]:
+    """Return for each pole why its shape is too complex to be returned, or nothing.
+
+    Such a pole stays in the fit: it describes the data, and others would bend to take its place.
+    """
+    shapes = fit.participation.T if task.turned else fit.shapes
+    out = []
+    for mpc, mpd in zip(modal_phase_collinearity(shapes), mean_phase_deviation(shapes), strict=True):
+        words = []
+        if mpc < task.least_mpc:
+            words.append(f"modal phase collinearity {mpc:.2f}, below {task.least_mpc:g} (least_mpc)")
+        if mpd > task.largest_mpd:
+            words.append(f"mean phase deviation {mpd:.0f}°, above {task.largest_mpd:g}° (largest_mpd)")
+        out.append(" and ".join(words))
+    return out
+
+
 # What is handed back ----------------------------------------------------------------------------------------
 
 
 def _result(
+    task: _Task,
     found: _State,
     points: tuple[tuple[int, int, int], ...],
     stabilisation: Stabilisation,
     choices: tuple[str, ...],
 ) -> IdentifiedModes:
-    fit, data = found.fitted, found.data.frf
+    fit, data, turned = found.fitted, found.data.frf, task.turned
     size = np.abs(fit.poles)
+    reasons = _complexity_reasons(task, fit)
+    complex_ = np.array([bool(reason) for reason in reasons], dtype=bool)
     rising = np.argsort(size, kind="stable")
+    rising = rising[~complex_[rising]]
     poles, psi, L = fit.poles[rising], fit.shapes[:, rising], fit.participation[rising]
     size, decay = size[rising], -poles.real
+    if turned:
+        psi, L, data = L.T, psi.T, _turned(data)
     phi, gamma = _scaled(poles, psi, L, points)
     frequency, zeta = size / (2 * np.pi), decay / size
     # d|λ| = (decay² du + Im λ · decay dv)/|λ|, dζ = decay du/|λ| - decay d|λ|/|λ|²
@@ -694,16 +713,18 @@ def _result(
     noise = np.repeat(scatter_near(fit, found.data)[rising], 2)
     covariance = J @ (fit.covariance[np.ix_(index, index)] * np.outer(noise, noise)) @ J.T
     deviation = np.sqrt(covariance.diagonal()).reshape(-1, 2)
-    accepted = tuple(
-        Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, True)
-        for s in found.starts
+    tried = tuple(
+        Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, not reason, reason)
+        for s, reason in zip(found.starts, reasons, strict=True)
     )
     sigma = found.data.scale[:, None] * found.data.spread[:, None, :]
+    H, lower, upper = fit.H - synthesise(found.data, fit, complex_), fit.lower, fit.upper
+    if turned:
+        sigma, H, lower, upper = sigma.transpose(0, 2, 1), H.transpose(0, 2, 1), lower.T, upper.T
+    candidates = tuple(sorted(tried + found.rejected, key=lambda c: c.frequency))
     power = (np.abs(data.H) ** 2).sum(axis=0)
     error = np.sqrt(
-        np.divide(
-            (np.abs(fit.H - data.H) ** 2).sum(axis=0), power, out=np.zeros(power.shape), where=power > 0
-        )
+        np.divide((np.abs(H - data.H) ** 2).sum(axis=0), power, out=np.zeros(power.shape), where=power > 0)
     )
     return IdentifiedModes(
         Modes(frequency, real_shapes(phi), zeta, data.outputs),
@@ -712,21 +733,22 @@ def _result(
         phi,
         deviation[:, 0],
         deviation[:, 1],
-        _shape_deviation(fit, rising, points) * noise[::2],
+        _shape_deviation(fit, rising, points, turned) * noise[::2],
         covariance,
         modal_phase_collinearity(phi),
         mean_phase_deviation(phi),
         modal_complexity_factor(phi),
         bool(points),
         tuple((data.outputs[i], data.inputs[j]) for i, j, _ in points),
-        fit.lower,
-        fit.upper,
-        FRF.from_arrays(data.frequency, fit.H, data.kind, data.outputs, data.inputs),
+        lower,
+        upper,
+        FRF.from_arrays(data.frequency, H, data.kind, data.outputs, data.inputs),
         error,
         sigma,
         stabilisation,
-        tuple(sorted(accepted + found.rejected, key=lambda c: c.frequency)),
+        candidates,
         choices,
+        unexplained_peaks(data.frequency, data.H, H, sigma, candidates, stabilisation),
     )
 
 
@@ -768,18 +790,19 @@ def _scale_of(
 
 
 def _shape_deviation(
-    fit: ModalFit, order: NDArray[np.int64], points: tuple[tuple[int, int, int], ...]
+    fit: ModalFit, order: NDArray[np.int64], points: tuple[tuple[int, int, int], ...], turned: bool
 ) -> Floats:
     """Return standard deviations of the real, scaled shapes, (n_out, n_modes), the modes in an order.
 
     Linearised: differences of the scaled shape by each unknown of the mode, scale and mean phase included.
     """
-    n_out, scatter = len(fit.shapes), fit.scatter
+    n_psi, scatter = len(fit.shapes), fit.scatter
+    n_out = fit.participation.shape[1] if turned else n_psi
     out = np.zeros((n_out, order.size))
     for column, r in enumerate(order.tolist()):
         own = np.flatnonzero(scatter.rows == r)
         n_other = 2 + 2 * own.size
-        m = n_other + 2 * n_out
+        m = n_other + 2 * n_psi
         size = float(np.abs(fit.shapes[:, r]).max()) or 1.0
         step = np.full(m, 1e-6)
         step[n_other:] *= size
@@ -792,16 +815,18 @@ def _shape_deviation(
             for part, unit in enumerate((1.0, 1j)):
                 row = 3 + 2 * k + part
                 L[row, scatter.cols[i]] += unit * step[row - 1]
-        outputs = np.arange(n_out)
-        psi[n_other + 1 + 2 * outputs, outputs] += step[n_other]
-        psi[n_other + 2 + 2 * outputs, outputs] += 1j * step[n_other]
-        largest = np.argmax(np.abs(fit.shapes[:, r]))
+        rows = np.arange(n_psi)
+        psi[n_other + 1 + 2 * rows, rows] += step[n_other]
+        psi[n_other + 2 + 2 * rows, rows] += 1j * step[n_other]
+        if turned:
+            psi, L = L, psi
+        largest = np.argmax(np.abs(psi[0]))
         s = _scale_of(poles, psi.T, L, points) if points else 1 / psi[:, largest]
         real = real_shapes(psi.T * s)
         real = real * np.sign((real * real[:, :1]).sum(axis=0))  # the sign of a shape is arbitrary
         J = (real[:, 1:] - real[:, :1]) / step
         among = np.concatenate([[2 * r, 2 * r + 1], *((a, a + 1) for a in 2 * len(fit.poles) + 2 * own)])
-        by_shape = J[:, n_other:].reshape(n_out, n_out, 2)
+        by_shape = J[:, n_other:].reshape(n_out, n_psi, 2)
         F = np.einsum("pob,obi->pi", by_shape, scatter.slope[r])
         F[:, among.astype(np.int64)] += J[:, :n_other]
         variance = np.einsum("pob,obc,poc->p", by_shape, scatter.own[r], by_shape, optimize=True)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
+from fem.frf import FRF
 from fem.model import Model
 from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
@@ -115,21 +116,7 @@ def build_problem(
         )
         raise MeasurementError(msg)
     highest = float(frf.frequency[-1])
-    undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
-    reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=MODE_MARGIN)
-    modes = elastic_frequencies(reduced, highest)
-    # A suspension's modes below the band have no lines: they are neither knots nor stages.
-    modes = modes[modes >= frf.frequency[0]]
-    n_knots = int(np.clip(len(modes) // 2, 1, 8))
-    knots = (
-        np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
-    )
-    ratio = model.damping.ratio_at(knots)
-    no_other = not (model.damping.alpha or model.damping.beta or model.damping.loss_factor)
-    curve = DampingCurve(
-        knots, np.maximum(ratio, NOMINAL_RATIO if no_other and not ratio.any() else 1e-5), damping_std,
-        connections,
-    )  # fmt: skip
+    reduced, curve, modes = _reduced(model, measurement, frf, damping_std, connections)
     k = len(modes)
     low = modes[4] * 1.1 if k > 8 else highest
     middle = modes[k // 2] if k > 14 else highest
@@ -149,6 +136,58 @@ def build_problem(
     enough[-1] = True
     fine = fine[enough]
     return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine, model_error)
+
+
+def _reduced(
+    model: Model, measurement: Measurement, frf: FRF, damping_std: float, connections: bool
+) -> tuple[ReducedModel, DampingCurve, NDArray[np.float64]]:
+    """Return a reduced model without modal damping, the curve of that, and its modes in the band [Hz]."""
+    highest = float(frf.frequency[-1])
+    undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
+    reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=MODE_MARGIN)
+    modes = elastic_frequencies(reduced, highest)
+    # A suspension's modes below the band have no lines: they are neither knots nor stages.
+    modes = modes[modes >= frf.frequency[0]]
+    n_knots = int(np.clip(len(modes) // 2, 1, 8))
+    knots = (
+        np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
+    )
+    ratio = model.damping.ratio_at(knots)
+    no_other = not (model.damping.alpha or model.damping.beta or model.damping.loss_factor)
+    curve = DampingCurve(
+        knots, np.maximum(ratio, NOMINAL_RATIO if no_other and not ratio.any() else 1e-5), damping_std,
+        connections,
+    )  # fmt: skip
+    return reduced, curve, modes
+
+
+def counted_data(
+    model: Model,
+    measurement: Measurement,
+    band: tuple[float, float] | None = None,
+    model_error: float = EXPLAINED_LEVEL,
+) -> FitData:
+    """Return measured FRFs with the values of them that count, as in every comparison with the model.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor.
+    measurement : Measurement
+    band : (float, float), optional
+        Frequencies that count [Hz].
+    model_error : float
+        As for :func:`build_problem`.
+
+    Raises
+    ------
+    MeasurementError
+        If all FRFs are zero.
+    """
+    model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    reduced, curve, _ = _reduced(model, measurement, frf, 0.5, False)
+    return _prepared(reduced, curve, measurement, band, model_error)
 
 
 def prepared_like(

@@ -18,10 +18,11 @@ from fem.reduced import ParametricFRF, reduce_model
 from fem.sensitivity import differentiate_modes
 from fem.system import System, assemble, reassemble
 from updating.correlation import log_ratio, mac
-from updating.fit import sensor_vectors
+from updating.fit import EXPLAINED_LEVEL, counted_values, sensor_vectors
 from updating.measurement import Measurement, Sensor
 from updating.noise import relative_noise
 from updating.parameters import DampingCurve
+from updating.preparation import counted_data
 
 Places = Selection | Sequence[Sensor] | Mapping[str, tuple[int, str]]
 """Where responses are measured: DOF numbers, (point, direction) pairs, rows (n, n_dof), sensors, or (point,
@@ -35,12 +36,6 @@ FAR = 0.5
 
 COMMON = 0.5
 """Part of the variance of a model's errors of frequencies that all modes share: too stiff throughout [-]."""
-
-_NOTHING = 1e-6
-"""Values below this part of the largest FRF's root mean square are zero by symmetry, and rounding [-]."""
-
-_NOISE_LIMIT = 0.5
-"""Values with more relative noise than this say nothing [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -525,8 +520,12 @@ def frf_data(
     noise: ArrayLike | None = None,
     model_error: float = 1e-3,
     amplitude_error: float = 0.01,
+    form_error: float = EXPLAINED_LEVEL,
 ) -> FRFData:
     """Check measured FRFs and place them on a model.
+
+    The values that count are those of every comparison (:func:`updating.fit.counted_values`): not those of
+    FRFs that symmetry makes zero, nor those that noise hides.
 
     Parameters
     ----------
@@ -542,7 +541,11 @@ def frf_data(
         Lines that count [Hz].
     noise : float or array_like, optional
         Relative standard deviation of the real and of the imaginary part, one number or one that broadcasts
-        to the array; estimated from the roughness of the lines unless given [-].
+        to the array; that of the measurement, or else estimated from the roughness of the lines, unless given
+        [-].
+    form_error : float
+        Residual level up to which a model counts as right, because beams are not the structure itself: 0 if
+        readings have nothing of what moves square to their sensors. For measurements only [nepers].
     model_error, amplitude_error : float
         What even the right parameters miss: natural frequencies, and amplitudes with their calibration,
         relative [-].
@@ -552,9 +555,20 @@ def frf_data(
     ModelError
         If places are missing or do not fit, or nothing is left.
     """
+    if isinstance(frf, Measurement) and outputs is None and inputs is None:
+        measurement = frf
+        if noise is not None:
+            measurement = replace(frf, scatter=_level_of(noise, frf.frf.H.shape))
+        lines_in_band(frf.frf, band)
+        data = counted_data(model, measurement, band, form_error)
+        rows, columns = (sensor_vectors(model, s) for s in (frf.sensors, frf.excitations))
+        return _counted(
+            data.frequency, data.H, data.mask, data.uncertain, rows, columns, model_error, amplitude_error
+        )
     if isinstance(frf, Measurement):
         outputs = frf.sensors if outputs is None else outputs
         inputs = frf.excitations if inputs is None else inputs
+        noise = frf.noise if noise is None else noise
         frf = frf.frf
     labelled = isinstance(frf, FRF)
     if not isinstance(frf, FRF):
@@ -579,43 +593,74 @@ def frf_data(
             "have places"
         )
         raise ModelError(msg)
-    keep = frf.frequency > 0
-    if band is not None:
-        keep &= (frf.frequency >= band[0]) & (frf.frequency <= band[1])
+    level = relative_noise(frf.H) if noise is None else _level_of(noise, frf.H.shape)
+    keep = lines_in_band(frf, band)
+    frf, seen, level = frf.select(lines=keep), seen[keep], level[keep]
+    level = np.where(np.isnan(level), relative_noise(frf.H), level)
+    if not (level >= 0).all():
+        msg = "the noise must not be negative: the relative standard deviation [-]"
+        raise ModelError(msg)
+    computed = _computed(model, rows, columns, frf.frequency)
+    mask = seen & counted_values(frf, level, computed)
+    H = frf.as_kind("receptance").H
+    return _counted(frf.frequency, H, mask, level, rows, columns, model_error, amplitude_error)
+
+
+def lines_in_band(frf: FRF, band: tuple[float, float] | None) -> NDArray[np.bool_]:
+    """Return which lines lie above 0 Hz and in a band.
+
+    Raises
+    ------
+    ModelError
+        If none does.
+    """
+    low, high = band if band is not None else (0.0, np.inf)
+    keep = (frf.frequency > 0) & (frf.frequency >= low) & (frf.frequency <= high)
     if not keep.any():
         msg = f"no line lies in the band; the data cover {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz"
         raise ModelError(msg)
-    frf, seen = frf.select(lines=keep), seen[keep]
-    if noise is None:
-        noise = np.minimum(relative_noise(frf.H), 1.0)  # infinite where H is 0, which is masked below
+    return keep
+
+
+def _level_of(noise: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     given = np.asarray(noise, dtype=float)
-    if given.ndim == 3 and len(given) == len(keep):
-        given = given[keep]
     try:
-        level = np.broadcast_to(given, frf.H.shape)
+        level = np.broadcast_to(given, shape)
     except ValueError:
-        msg = f"the noise has shape {given.shape}; a number or that of the FRFs, {frf.H.shape}, is needed"
+        msg = f"the noise has shape {given.shape}; a number or that of the FRFs, {shape}, is needed"
         raise ModelError(msg) from None
-    if not (np.isfinite(level).all() and (level >= 0).all()):
+    if np.isinf(level).any() or (level < 0).any():
         msg = "the noise must be finite and not negative: the relative standard deviation [-]"
         raise ModelError(msg)
-    H = frf.as_kind("receptance").H
-    size = np.abs(frf.H)
-    largest = np.sqrt((size**2).mean(axis=0)).max()
-    mask = seen & (size > _NOTHING * largest) & (level < _NOISE_LIMIT)
+    return level
+
+
+def _computed(
+    model: Model, rows: NDArray[np.float64], columns: NDArray[np.float64], frequency: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Return receptances of the model as it is: of the size that tells which are zero by symmetry."""
+    reduced = reduce_model(model, np.hstack([rows, columns]), float(frequency[-1]), releasable=False)
+    engine = ParametricFRF(reduced, rows, columns, frequency, ())
+    return engine.evaluate(np.zeros(0), model.damping.ratio_at(frequency), False)[0]
+
+
+def _counted(
+    frequency: NDArray[np.float64],
+    H: NDArray[np.complex128],
+    mask: NDArray[np.bool_],
+    noise: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    model_error: float,
+    amplitude_error: float,
+) -> FRFData:
     if not mask.any():
         msg = "no FRF value is left: all are zero or nothing but noise"
         raise ModelError(msg)
     return FRFData(
-        frf.frequency,
-        np.where(mask, H, 1.0),
-        mask,
-        np.maximum(level, 1e-6),
-        rows,
-        columns,
-        model_error,
-        amplitude_error,
-    )
+        frequency, np.where(mask, H, 1.0), mask, np.maximum(np.where(mask, noise, 1.0), 1e-6), rows, columns,
+        model_error, amplitude_error,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)

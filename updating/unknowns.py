@@ -75,6 +75,9 @@ class Scaled:
     std: float  # of x; inf without prior
     prior_std: float | None
     width: float  # what x may be wrong by
+    absent: float = (
+        np.nan
+    )  # x where what it stands for is not there, within the bounds; NaN where there is none
 
     def x_of(self, value: float) -> float:
         """Return x of a value."""
@@ -169,7 +172,16 @@ def _scaled(model: Model, unknown: Unknown) -> Scaled:
         scale, float(np.log(start)) if log else start / scale, float(low), float(high),
         float(np.log(mean)) if log else mean / scale, float(std), unknown.std,
         float(std) if np.isfinite(std) else WIDTH,
+        _absent(p, log, scale, lower, upper),
     )  # fmt: skip
+
+
+def _absent(p: Parameter, log: bool, scale: float, lower: float, upper: float) -> float:
+    """Return x of the value that means that an effect is absent, or of the bound next to it."""
+    value = float(np.clip(p.absent, lower, upper))
+    if not np.isfinite(value) or p.absent == p.value:
+        return np.nan
+    return float(np.log(max(value, 1e-300))) if log else value / scale
 
 
 def damping_knots(model: Model, data: FRFData, given: ArrayLike | None) -> NDArray[np.float64]:

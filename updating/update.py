@@ -23,6 +23,15 @@ from fem.model import Model, ModelError, ParameterRef
 from fem.modes import Modes
 from fem.system import System
 from updating.correlation import DB_PER_NEPER
+from updating.determined import (
+    SEEN,
+    SHARE,
+    blind_directions,
+    blind_words,
+    held,
+    split_covariance,
+    taking_part,
+)
 from updating.measurement import Measurement, with_sensor_masses
 from updating.modal_identification import IdentifiedModes
 from updating.regularisation import (
@@ -91,6 +100,9 @@ _EXPLAINED = 1.2
 _BETTER = 0.9
 """The model's own damping between resonances is taken if it lowers the misfit to this part."""
 
+BETTER_NATS = 1.0
+"""Log posterior by which another model is better than what was found [nats]."""
+
 _MOST_SHIFTS = 40
 """At most so many natural frequencies get an error of their own."""
 
@@ -119,6 +131,11 @@ class Ending(Enum):
         "the model has no finite response at the start",
         "give it damping, and leave out lines at 0 Hz",
     )
+    NOTHING_DETERMINED = (
+        "nothing determined",
+        "no measured mode or line changes with any of the parameters",
+        "check which modes the measured ones are (shapes, or numbers), or name other parameters",
+    )
     AT_BOUNDS = (
         "at bounds",
         "every parameter has run to a bound",
@@ -136,7 +153,7 @@ class Ending(Enum):
         return self.value[2]
 
 
-_FAILED = (Ending.NO_PARTNERS, Ending.NOT_FINITE, Ending.AT_BOUNDS)
+_FAILED = (Ending.NO_PARTNERS, Ending.NOT_FINITE, Ending.NOTHING_DETERMINED, Ending.AT_BOUNDS)
 """Ends of a fit that tell nothing of the priors."""
 
 
@@ -219,7 +236,7 @@ class UpdatedParameter:
     prior_std : float or None
         Relative for a log-normal prior, in its unit for a normal one.
     value, std : float
-        [unit]
+        [unit]; the deviation is infinite where the data say nothing, and NaN at a bound.
     log : bool
         Whether the logarithm is what is normally distributed.
     at_bound : bool
@@ -379,9 +396,9 @@ class Updated:
             change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
             mark = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
             mark += " (prior let go)" if p.released else ""
+            std = f"{p.std:9.2g}" if np.isfinite(p.std) else f"{'-':>9}"
             lines.append(
-                f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {p.std:9.2g}  {change:>8}  "
-                f"{p.unit}{mark}"
+                f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {std}  {change:>8}  {p.unit}{mark}"
             )
         lines += [f"{name}: left at its start, as {reason}" for name, reason in self.left_out]
         return "\n".join([*lines, *self.messages])
@@ -799,6 +816,7 @@ def _descend(
     low, high = problem.limits
     state = problem.state(np.clip(x, low, high), True)
     damping = 1e-5
+    width = np.array([u.width for u in problem.unknowns])
     for _ in range(max_iterations):
         if state.point is not None:  # modes are followed from here; merits are compared with the same ties
             problem = replace(problem, before=state.point.pairs, near=state.point.system)
@@ -807,8 +825,9 @@ def _descend(
         free = ~pinned & (np.diag(A) > 0)
         if not free.any():
             return state, Ending.AT_BOUNDS if pinned.any() else Ending.STUCK, problem
-        scale = np.sqrt(np.diag(A)[free])
-        H = A[np.ix_(free, free)] / np.outer(scale, scale)
+        B = held(A[np.ix_(free, free)], width[free])
+        scale = np.sqrt(np.diag(B))
+        H = B / np.outer(scale, scale)
         gs = g[free] / scale
         accepted: _State | None = None
         gain = 0.0
@@ -887,7 +906,54 @@ def _run(problem: _Problem) -> Updated:
     if settings.regularisation:
         problem, staged = _regularised(problem, staged, x)
         state, ending, staged = _descend(staged, x, _ENOUGH, settings.max_iterations, path.append)
-    return _result(staged, state, tuple(path), tuple(starts), left_out, ending)
+    (state, ending, staged), said = _no_worse(problem, (state, ending, staged), path)
+    done = _result(staged, state, tuple(path), tuple(starts), left_out, ending)
+    return replace(done, messages=(*said, *done.messages)) if said else done
+
+
+Fitted = tuple[_State, Ending, _Problem]
+
+
+def _no_worse(problem: _Problem, found: Fitted, path: list[UpdateStep]) -> tuple[Fitted, tuple[str, ...]]:
+    """Return a fit that is no worse than the model it began with, with or without the effects in question.
+
+    Stages, starts and far minima may lead away from a start that was better in the whole band. Where one of
+    these simple models beats what was found, the fit goes on from there.
+    """
+    began, names = len(path), [u.name for u in problem.unknowns]
+    simple: list[tuple[str, NDArray[np.float64]]] = [("the start", _filled(problem, problem.start))]
+    absent = np.array([u.absent for u in problem.unknowns])
+    gone = np.isfinite(absent) & ~problem.frozen & (absent != problem.start[: len(absent)])
+    if gone.any():
+        what = f"the model with {', '.join(n for n, g in zip(names, gone, strict=True) if g)} absent"
+        for x in (problem.start, found[0].x):
+            simple.append((what, np.where(gone, absent, x)))
+    said: tuple[str, ...] = ()
+    for what, x in simple:
+        staged = problem.based(x, 1.0, 4 * problem.settings.n_lines)
+        at = _try(replace(staged, before=None, near=None), x)
+        if at is None or not at.merit < found[0].merit - BETTER_NATS:
+            continue
+        try:
+            if problem.frf is None:
+                again = _descend(
+                    replace(staged, before=None), x, _ENOUGH, problem.settings.max_iterations, path.append
+                )
+            else:
+                again = _rebased(replace(problem, before=None), x, False, path)
+        except (ModelError, FRFError, np.linalg.LinAlgError):
+            continue
+        if again[0].merit < found[0].merit:
+            found = again
+            said = (f"the fit had ended worse than {what}: the values are those fitted from there",)
+    if said and len(path) == began:
+        said = (f"{said[0]}, which no step betters",)
+    return found, said
+
+
+def _filled(problem: _Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return x with zeros for the model's own errors where they are unknown too."""
+    return np.concatenate([x, np.zeros(len(problem.unknowns) - len(x))])
 
 
 def _rebased(
@@ -974,6 +1040,10 @@ def _best_start(
     random = np.random.default_rng(settings.seed)
     low, high = problem.limits
     width = np.array([min(u.width, 0.5) for u in problem.unknowns])
+    compare = problem.based(problem.start, 1.0, settings.n_lines)
+    A = compare.normal(compare.state(problem.start, True))[0]
+    # what no data tell stays where it is
+    width[taking_part(blind_directions(A, np.array([u.width for u in problem.unknowns])))] = 0.0
     low_x, high_x = np.maximum(low, problem.start - 3 * width), np.minimum(high, problem.start + 3 * width)
     found: list[tuple[NDArray[np.float64], float]] = []
     begin = [problem.start]
@@ -981,7 +1051,6 @@ def _best_start(
         np.clip(problem.start + width * random.standard_normal(len(width)), low_x, high_x)
         for _ in range(settings.n_starts - 1)
     ]
-    compare = problem.based(problem.start, 1.0, settings.n_lines)
     for x in begin:
         try:
             for part in (*stages, 1.0, 1.0):  # a basis made far away misleads
@@ -1057,21 +1126,26 @@ def _result(
 ) -> Updated:
     x = problem.start if state is None else state.x
     A = np.zeros((len(x), len(x))) if state is None else problem.normal(state)[0]
-    all_covariance, lost = _covariance(A, problem.frozen)
+    low, high = problem.limits
+    edge = 1e-9 * np.array([u.width for u in problem.unknowns])
+    bound = ~problem.frozen & ((x <= low + edge) | (x >= high - edge))
+    widths = np.array([u.width for u in problem.unknowns])
+    all_covariance, blind = split_covariance(A, widths, problem.frozen | bound)
+    lost = taking_part(blind)
     of_shifts, of_gains = problem.parts[2:]
     n = problem.parts[1].stop
     unknowns, frozen = problem.unknowns[:n], problem.frozen[:n]
     covariance = all_covariance[:n, :n]
-    width = np.array([u.width for u in unknowns])
-    all_std = np.sqrt(np.diag(all_covariance))
-    std_x = np.where(lost, np.inf, all_std)[:n]
+    all_std = np.sqrt(np.maximum(np.diag(all_covariance), 0.0))
+    std_x = np.where(lost, np.inf, np.where(bound, np.nan, all_std))[:n]
     slope = np.array([u.slope(xi) for u, xi in zip(unknowns, x[:n], strict=True)])
-    size = np.where(covariance.diagonal() > 0, np.sqrt(covariance.diagonal()), 1.0)
-    correlation = covariance / np.outer(size, size)
+    known = (covariance.diagonal() > 0) & ~lost[:n]
+    size = np.where(known, np.sqrt(np.maximum(covariance.diagonal(), 0.0)), 1.0)
+    correlation = np.where(np.outer(known, known), covariance, 0.0) / np.outer(size, size)
     np.fill_diagonal(correlation, 1.0)
     done = []
     for i, u in enumerate(unknowns):
-        value, edge = u.value_of(x[i]), 1e-9 * width[i]
+        value = u.value_of(x[i])
         relative = std_x[i] if u.log else std_x[i] * u.scale / max(abs(value), WIDTH * u.scale)
         known = std_x[i] < SAID * u.std if np.isfinite(u.std) else relative < DETERMINED
         done.append(
@@ -1086,17 +1160,29 @@ def _result(
                 value=value,
                 std=float(slope[i] * std_x[i]),
                 log=u.log,
-                at_bound=bool(not frozen[i] and (x[i] <= u.low + edge or x[i] >= u.high - edge)),
+                at_bound=bool(bound[i]),
                 determined=bool(known and not frozen[i]),
                 from_prior=float(abs(x[i] - u.mean) / u.std) if u.refs and np.isfinite(u.std) else np.nan,
             )
         )
     misfit = {} if state is None else {g.name: g.q for g in state.groups}
     pairs = None if state is None or state.point is None else state.point.pairs
+    alone = (blind**2).sum(axis=1) > 1 - SHARE
+    asked = [i for i in range(len(done)) if done[i].refs and not frozen[i]]
+    moved = np.abs(x - np.array([u.start for u in problem.unknowns])) > 1e-6 * widths
+    if state is not None and asked and (alone & ~moved)[asked].all():
+        ending = Ending.NOTHING_DETERMINED
     messages = _messages(problem, tuple(done), correlation, frozen, misfit, pairs, ending)
+    if state is not None:
+        names = [u.name for u in problem.unknowns]
+        messages = (
+            *messages,
+            *blind_words(blind, names, _measured_words(problem), moved),
+            *_unmoved(problem, state),
+        )
     samples = None
     if problem.settings.n_samples and state is not None and ending is not Ending.NOT_FINITE:
-        samples = _samples(problem, state, all_covariance)
+        samples = _samples(problem, state, all_covariance, lost | bound)
     knots = np.zeros(0) if problem.shift_knots is None else problem.shift_knots
     return Updated(
         model=problem.model_at(x),
@@ -1129,25 +1215,6 @@ def _shifts(
     return np.stack([knots, sums @ x, std], axis=1)
 
 
-def _covariance(
-    A: NDArray[np.float64], frozen: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the inverse on the free unknowns, and which of them have no information at all."""
-    out = np.zeros(A.shape)
-    lost = ~frozen & ~(np.diag(A) > 0)
-    use = np.flatnonzero(~frozen & ~lost)
-    if not use.size:
-        return out, lost
-    scale = np.sqrt(np.diag(A)[use])
-    values, vectors = np.linalg.eigh(A[np.ix_(use, use)] / np.outer(scale, scale))
-    weak = values < 1e-14 * values[-1]
-    inverse = vectors @ (np.where(weak, 0.0, 1 / np.where(weak, 1.0, values))[:, None] * vectors.T)
-    out[np.ix_(use, use)] = inverse / np.outer(scale, scale)
-    if weak.any():
-        lost[use[(np.abs(vectors[:, weak]) > 1e-4).any(axis=1)]] = True
-    return out, lost
-
-
 def _messages(
     problem: _Problem,
     done: tuple[UpdatedParameter, ...],
@@ -1173,7 +1240,11 @@ def _messages(
     loose = [
         p.name
         for p, f in zip(done, frozen, strict=True)
-        if not p.determined and not f and dict(away).get(p.name, 0.0) <= AGAINST
+        if not p.determined
+        and not f
+        and not p.at_bound
+        and np.isfinite(p.std)
+        and dict(away).get(p.name, 0.0) <= AGAINST
     ]
     if loose:
         out.append(f"the data do not determine {', '.join(loose)}: the values are those of start or prior")
@@ -1201,9 +1272,49 @@ def _messages(
     return tuple(out)
 
 
-def _samples(problem: _Problem, state: _State, covariance: NDArray[np.float64]) -> Samples:
+def _measured_words(problem: _Problem) -> str:
+    """Return what was measured, in the singular."""
+    parts = []
+    if problem.modes is not None:
+        parts.append("measured mode")
+    if problem.frf is not None:
+        parts.append("measured FRF")
+    return " or ".join(parts)
+
+
+def _unmoved(problem: _Problem, state: _State) -> list[str]:
+    """Name the measured modes that no parameter moves and the model misses."""
+    data, point = problem.modes, state.point
+    if data is None or point is None or problem.frf is not None or state.groups[0].J is None:
+        return []
+    n, ok = len(data.frequency), point.pairs.partner >= 0
+    width = np.array([u.width for u in problem.unknowns])[problem.parts[0]]
+    J = state.groups[0].J[problem.parts[0], :n] * width[:, None]
+    std = np.sqrt(np.diag(data.covariance))
+    by_log = np.abs(np.linalg.solve(data.whitening(ok), J.T)).max(axis=1, initial=0.0)  # of ln f
+    if data.shapes is not None:
+        rest = state.groups[0].J[problem.parts[0], n:].reshape(len(width), n, -1) * width[:, None, None]
+        by_log = np.maximum(by_log, std * np.abs(rest).max(axis=(0, 2), initial=0.0))
+    off = np.where(ok, point.pairs.computed / data.frequency - 1, 0.0)
+    still = np.flatnonzero(ok & (by_log < SEEN * std) & (np.abs(off) > 2 * std))
+    if not still.size:
+        return []
+    some = ", ".join(f"{data.frequency[i]:.4g} Hz ({100 * off[i]:+.2g} %)" for i in still[:6])
+    more = f", and {still.size - 6} more" if still.size > 6 else ""
+    return [
+        f"no parameter moves the modes paired with {some}{more}: look whether the measured modes are those "
+        "of the model in this order (numbers, or shapes, say which)"
+    ]
+
+
+def _samples(
+    problem: _Problem, state: _State, covariance: NDArray[np.float64], kept: NDArray[np.bool_]
+) -> Samples:
     low, high = problem.limits
-    free = ~problem.frozen
+    free = ~problem.frozen & ~kept
+    if not free.any():
+        msg = "there is nothing to sample: the data determine none of the unknowns"
+        raise ModelError(msg)
     weights = {g.name: g.factor for g in state.groups}
     problem = replace(problem, before=None if state.point is None else state.point.pairs)
 

@@ -42,8 +42,14 @@ ACCURACY = 0.05
 """What is asked of beam models, relative to each FRF; it is added to the data's own noise."""
 
 
+UNSURE = (("frame", "E:steel", 0.002), ("frame", "rho:steel", 0.002), ("damping", "ratio", 0.1))
+"""What the updates leave uncertain of each beam: standard deviations of the logarithm."""
+
 ASSUMED = np.array([49.2e6, 50.0e6, 9.81e6, 2980.0, 3040.0, 5000.0])
 """Stiffness along and about x, y, z before the test [N/m, N·m/rad]; the loss factor is 0.006."""
+
+TRUE = np.array([50e6, 50e6, 10e6, 200.0, 3000.0, 5000.0])
+"""The same in the model that made the data, and the same loss factor."""
 
 
 def beam(name: str, material: Material, damping: Damping) -> tuple[Model, dict[int, int]]:
@@ -86,13 +92,23 @@ def identify(updated: dict[str, tuple[FitProblem, FitResult]]) -> tuple[FRF, Joi
         return {name: [(own[n], "z") for n in nodes if n in own] for name, own in points.items()}
 
     joint = {name: [points[name][BEAMS[name][4]]] for name in models}
-    doubts = [Uncertain(name, "frame", "E:steel", 0.002) for name in models]
+    doubts = [Uncertain(name, *what) for name in models for what in UNSURE]
     parts = ModelParts.of(models, frf.frequency, joint, at(frf.outputs), doubts, at(frf.inputs))
     B = relative_coordinates([0, 0, -0.011], [0, 0, 0.011])
     form = relative_form(parts.at_mean.interface.joint, B, ("K", "D"), pattern=np.eye(6))
     start = np.concatenate([ASSUMED, 0.006 * ASSUMED])
     noise = np.abs(frf.H) * np.sqrt(ACCURACY**2 + 2 * relative_noise(frf.H) ** 2)
     return frf, fit_joint(form, parts, frf.frequency, frf.H, start, noise=noise, positive=True)
+
+
+def table(fit: JointFit) -> str:
+    """Return true and fitted values, with the distance in stated deviations where there are any."""
+    lines = [f"  {'parameter':9s} {'true':>9s}  {'off by':>8s}  fitted"]
+    for k, (name, true) in enumerate(zip(fit.form.names, np.append(TRUE, 0.006 * TRUE), strict=True)):
+        known = fit.identifiability.determined[k]
+        off = f"{(fit.values[k] - true) / fit.std[k]:+.1f} std" if known else ""
+        lines.append(f"  {name:9s} {true:9.4g}  {off:>8s}  {fit.words(k)}")
+    return "\n".join(lines)
 
 
 def run(folder: Path) -> JointFit:
@@ -110,8 +126,7 @@ def run(folder: Path) -> JointFit:
         save(figure, folder / f"fig-04-beam-{name}.png")
     frf, fit = identify(updated)
     print(f"joint: {fit.message}")
-    for name, value, std in zip(fit.form.names, fit.values, fit.std, strict=True):
-        print(f"  {name:8s} {value:12.4g} ± {std:.1g}")
+    print(table(fit))
     rebuilt = FRF.from_arrays(frf.frequency, fit.H, "receptance", frf.outputs, frf.inputs)
     pairs = [("9Z+", "1Z+"), ("17Z+", "13Z+")]
     save(
@@ -120,7 +135,7 @@ def run(folder: Path) -> JointFit:
     )
     # stiffness and damping of the six relative motions, beside the joint as it was assumed
     ones = np.ones((frf.n_freq, 1, 1))
-    found, spread = (np.diag(v[:6] + 1j * v[6:]) * ones for v in (fit.values, fit.std))
+    found, spread = (np.diag(v[:6] + 1j * v[6:]) * ones for v in (fit.values, np.nan_to_num(fit.std)))
     assumed = np.diag(ASSUMED * (1 + 0.006j)) * ones
     curves, bands = {"assumed": assumed, "fitted": found}, {"fitted": spread}
     figure = plot_stiffness_entries(

@@ -101,12 +101,24 @@ def test_the_papers_numerical_study(tmp_path):
 
 @pytest.mark.slow
 def test_the_papers_experimental_study(tmp_path, capsys):
-    """The joint of the solid model: krx 200 N m/rad, kry 3000; the start takes 2980 and 3040."""
+    """The joint of the solid model: krx 200 N m/rad, kry 3000; the start takes 2980 and 3040.
+
+    Beams are not solids: stiff directions come out off by per cents, and the stated deviations must know.
+    """
     study = study_of("experimental")
-    study.BAND = (20.0, 700.0)
     fit = study.run(tmp_path)
+    known = fit.identifiability.determined[: len(fit.values)]
+    true = np.append(study.TRUE, 0.006 * study.TRUE)
+    assert known[:6].all()
+    assert (np.abs(fit.values - true) / fit.std)[known].max() < 3
+    # and are no wider than what they are to cover: the soft direction is known to a few per cent
+    assert (fit.std / fit.values)[:6].max() < 0.1
     values = dict(zip(fit.form.names, fit.values, strict=True))
     assert values["K rx rx"] == pytest.approx(200.0, rel=0.02)
     assert values["K ry ry"] == pytest.approx(3000.0, rel=0.02)
-    assert "beam U" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "beam U" in shown
+    for k, name in enumerate(fit.form.names):
+        row = next(line for line in shown.splitlines() if line.strip().startswith(name))
+        assert (" ± " in row) == bool(known[k])
     assert len(list(tmp_path.glob("*.png"))) == 4

@@ -55,7 +55,7 @@ def test_result_json_has_the_documented_keys(done, root):
     effect = result["effects"][0]
     own = {"kind", "where", "name", "parameters", "twins", "rival", "decisive", "next_measurements"}
     assert set(effect) == own
-    assert all(set(p) == {"name", "value", "unit", "std"} for p in effect["parameters"])
+    assert all(set(p) == {"name", "value", "unit", "std", "at_bound"} for p in effect["parameters"])
     assert [set(e) for e in result["error_db"]] == [{"step", "fit", "held_out", "level"}] * 3
     assert result["error_db"][-1]["fit"] < 0.2 * result["error_db"][1]["fit"]
     assert result["noise_floor_db"] == pytest.approx(

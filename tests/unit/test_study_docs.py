@@ -11,8 +11,8 @@ from study import StudyError, load_study
 
 TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "damping", "uncertain",
-    "candidates", "fit", "frequency", "modes", "update", "[supports]", "[joints]", "[masses]", "[effects]",
-    "[update.parameters]", "[sensors]", "[excitations]", "[measurements]",
+    "candidates", "fit", "frequency", "modes", "identification", "update", "[supports]", "[joints]",
+    "[masses]", "[effects]", "[update.parameters]", "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip
 
 

@@ -123,6 +123,44 @@ def test_modes_are_identified_drawn_and_written(bracket, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("key", "option"), [("least_mpc = 1.0", []), ("", ["--least-mpc", "1"]), ("largest_mpd = 0.0", [])]
+)
+def test_how_complex_shapes_may_be_is_set(bracket, tmp_path, capsys, key, option):
+    """Noise makes every shape a little complex: nothing passes the strictest limits, and peaks are named."""
+    path, exact = bracket
+    study = path.with_name(f"{tmp_path.name}.toml")
+    text = path.read_text(encoding="utf-8")
+    study.write_text(f"{text}\n[identification]\n{key}\n", encoding="utf-8")
+    assert main(["identify-modes", str(study), *option, "--json", str(tmp_path / "m.json")]) == 0
+    shown = capsys.readouterr().out
+    data = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    assert not data["modes"]
+    named = [p["frequency_Hz"] for p in data["unexplained_peaks"]]
+    assert len(named) == len(exact)
+    np.testing.assert_allclose(sorted(named), exact, rtol=0.02)
+    assert "Hz has no mode: the pole at " in shown
+    assert ("(least_mpc)" if "mpd" not in key else "(largest_mpd)") in data["unexplained_peaks"][0]["reason"]
+    # the option counts before the study
+    if key:
+        assert main(["identify-modes", str(study), "--least-mpc", "0", "--largest-mpd", "90"]) == 0
+        assert "Hz has no mode" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [("least_mpc = 1.5", "it is 1.5; 0 to 1 is"), ("largest_mpd = 91", "it is 91; 0 to 90 is")],
+)
+def test_limits_of_complexity_that_cannot_be_are_refused(bracket, tmp_path, capsys, key, message):
+    path, _ = bracket
+    study = path.with_name(f"{tmp_path.name}.toml")
+    study.write_text(f"{path.read_text(encoding='utf-8')}\n[identification]\n{key}\n", encoding="utf-8")
+    assert main(["identify-modes", str(study)]) == 2
+    assert message in capsys.readouterr().err
+    assert main(["identify-modes", str(path), "--least-mpc", "2"]) == 2
+    assert "a number from 0 to 1 is needed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("more", "to"),
     [
         ("", "frf"),

@@ -1,0 +1,110 @@
+"""Which unknowns data determine: directions without information, and modes that nothing moves."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+SEEN = 1e-3
+"""What a change of an unknown by what it may be wrong by must do to the data [standard deviations]."""
+
+ROUNDING = 1e-13
+"""Eigenvalue of the information, over the largest, that rounding may be [-]."""
+
+SHARE = 1e-2
+"""Part of a direction beyond which an unknown takes part in it [-]."""
+
+
+def blind_directions(A: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return directions of unknowns along which the merit does not change, in units of their widths, (n, k).
+
+    Parameters
+    ----------
+    A : ndarray (n, n)
+        Gauss and Newton's matrix of the merit, priors included.
+    width : ndarray (n,)
+        What each unknown may be wrong by.
+    """
+    if not len(A):
+        return np.zeros((0, 0))
+    values, vectors = np.linalg.eigh(A * np.outer(width, width))
+    return vectors[:, values < max(SEEN**2, ROUNDING * float(values[-1]))]
+
+
+def held(A: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return A with directions without information held by a width each, so that no step follows rounding."""
+    V = blind_directions(A, width) / width[:, None]
+    return A + V @ V.T
+
+
+def split_covariance(
+    A: NDArray[np.float64], width: NDArray[np.float64], fixed: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the covariance of what is not fixed (n, n), and the directions without information (n, k).
+
+    Along the latter there is no variance in the former; rows of what is fixed are 0.
+    """
+    out, blind = np.zeros(A.shape), np.zeros((len(A), 0))
+    use = np.flatnonzero(~fixed)
+    if not use.size:
+        return out, blind
+    w = width[use]
+    values, vectors = np.linalg.eigh(A[np.ix_(use, use)] * np.outer(w, w))
+    weak = values < max(SEEN**2, ROUNDING * float(values[-1]))
+    inverse = vectors @ (np.where(weak, 0.0, 1 / np.where(weak, 1.0, values))[:, None] * vectors.T)
+    out[np.ix_(use, use)] = inverse * np.outer(w, w)
+    blind = np.zeros((len(A), int(weak.sum())))
+    blind[use] = vectors[:, weak]
+    return out, blind
+
+
+def taking_part(blind: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mark the unknowns that take part in directions without information, (n,)."""
+    return (blind**2).sum(axis=1) > SHARE**2
+
+
+def blind_words(
+    blind: NDArray[np.float64], names: Sequence[str], what: str, moved: NDArray[np.bool_]
+) -> list[str]:
+    """Return sentences about what data do not determine: alone, or of which only a combination is known.
+
+    Parameters
+    ----------
+    blind : ndarray (n, k)
+        `blind_directions`.
+    names : sequence of str
+        Of the n unknowns.
+    what : str
+        What was measured, such as ``"measured mode"``, in the singular.
+    moved : ndarray of bool (n,)
+        Which of them left their start before nothing changed with them any more.
+    """
+    projector = blind @ blind.T
+    lost = np.flatnonzero(taking_part(blind)).tolist()
+    alone = [i for i in lost if projector[i, i] > 1 - SHARE]
+    out = []
+    for went, end in (
+        (False, "the start is kept"),
+        (True, "values farther off are as good as the one reached"),
+    ):
+        some = [names[i] for i in alone if moved[i] == went]
+        if some:
+            out.append(
+                f"the data do not determine {', '.join(some)}: no {what} changes with "
+                f"{'it' if len(some) == 1 else 'them'}{' any more' if went else ''}; {end}"
+            )
+    left = [i for i in lost if i not in alone]
+    while left:  # groups that share directions
+        group = [left[0]]
+        for i in group:
+            group += [j for j in left if j not in group and abs(projector[i, j]) > SHARE**2]
+        left = [i for i in left if i not in group]
+        out.append(
+            f"the data do not determine {_listed([names[i] for i in group])} one by one, only a combination "
+            "of them: give one a prior, or leave it out"
+        )
+    return out
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
