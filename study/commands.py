@@ -11,12 +11,14 @@ import numpy as np
 from fem.checks import check_model
 from fem.frf import FRF, compute_frf
 from fem.io import write_csv, write_npz, write_uff
-from fem.io.atomic import replacing
+from fem.io.atomic import goes_to_stdout, replacing
 from fem.modes import solve_modes
 from fem.system import assemble
 from study.config import Study, load_study
 from study.measured import sensor_rows
-from study.output import OutputError, Progress, check_writable, result_folder, write_json
+from study.offscreen import require_drawing
+from study.output import Output, OutputError, Progress, check_outputs, result_folder, write_json
+from study.paths import InputFile, input_files
 from study.table import StudyError
 from updating.measurement import Sensor, sensor_point
 
@@ -25,8 +27,25 @@ Options = argparse.Namespace
 
 def say(options: Options, *lines: str) -> None:
     """Print lines, unless quiet is asked for or standard output is wanted for JSON."""
-    if not options.quiet and str(getattr(options, "json", "")) != "-":
+    target = getattr(options, "json", None)
+    taken = target is not None and (str(target) == "-" or goes_to_stdout(target))
+    if not options.quiet and not taken:
         sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
+def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] = ()) -> None:
+    """Refuse outputs over what a command reads, over one another, or where nothing can be written.
+
+    Parameters
+    ----------
+    options : Options
+        With the study and, if asked for, the file for JSON.
+    outputs : Output
+        All others.
+    more : sequence of InputFile
+        What is read besides the study.
+    """
+    check_outputs((*input_files(options.study), *more), *outputs, Output("--json", options.json))
 
 
 def new(options: Options, progress: Progress) -> None:
@@ -53,7 +72,9 @@ def check(options: Options, progress: Progress) -> None:
     if options.picture is not None and options.picture.suffix.lower() != ".png":
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
-    check_writable(options.json, options.picture)
+    check_places(options, Output("--picture", options.picture))
+    if options.picture is not None:
+        require_drawing("--picture")
     study = load_study(options.study)
     progress("checking the model")
     faults = check_model(study.model)
@@ -85,7 +106,9 @@ def check(options: Options, progress: Progress) -> None:
 
 def modes(options: Options, progress: Progress) -> None:
     """Print natural frequencies; draw mode shapes."""
-    check_writable(options.json)
+    check_places(options, Output("--pictures", options.pictures, ("mode-01.png",)))
+    if options.pictures is not None:
+        require_drawing("--pictures")
     study = load_study(options.study)
     progress("solving for modes")
     system = assemble(study.model, reciprocal=False)
@@ -146,7 +169,7 @@ def frf(options: Options, progress: Progress) -> None:
     if suffix not in writers:
         msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
         raise OutputError(msg)
-    check_writable(options.out, options.json)
+    check_places(options, Output("--out", options.out))
     study = load_study(options.study)
     if not study.sensors or not study.excitations:
         missing = "sensors" if not study.sensors else "excitations"
@@ -242,11 +265,11 @@ def identify_joint(options: Options, progress: Progress) -> None:
         if path is not None and path.suffix.lower() != suffix:
             msg = f"{path}: {what} is written as {suffix}"
             raise OutputError(msg)
-    check_writable(options.out, options.json, options.propose, options.picture)
+    check_places(
+        options, Output("--out", options.out), Output("--propose", options.propose),
+        Output("--picture", options.picture),
+    )  # fmt: skip
     study = load_study(options.study)
-    if options.propose is not None and options.propose.resolve() == study.path.resolve():
-        msg = f"{options.propose} is the study itself; give another file to propose"
-        raise OutputError(msg)
     task = read_task(study, options.joint, options.directions, options.measurement)
     terms = tuple(options.terms.replace(",", " ").split())
     progress("line by line")

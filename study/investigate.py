@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from study.commands import say
+from study.commands import check_places, say
 from study.config import load_study
-from study.output import Progress, write_json
+from study.output import Output, Progress, write_json
 
 if TYPE_CHECKING:
     from updating.diagnosis import Diagnosis
@@ -22,6 +22,7 @@ def compare(options: Options, progress: Progress) -> None:
     from study import result, run
     from updating.correlation import compare as compare_frfs
 
+    check_places(options)
     study = load_study(options.study)
     progress("reducing the model")
     problem = run.fit_problem(study)
@@ -57,6 +58,7 @@ def locate(options: Options, progress: Progress) -> None:
     from study import result, run, words
     from updating.localisation import locate as find_places
 
+    check_places(options)
     study = load_study(options.study)
     progress("reducing the model")
     problem = run.fit_problem(study)
@@ -96,6 +98,7 @@ def diagnose(options: Options, progress: Progress) -> None:
     from study import result, run, words
     from updating.correlation import DB_PER_NEPER
 
+    check_places(options)
     study = load_study(options.study)
     found = run.diagnose_study(study, progress)
     progress.close()
@@ -133,8 +136,10 @@ def run(options: Options, progress: Progress) -> None:
     """Do the whole loop and print the verdict."""
     from study import run as loop
     from study import words
-    from study.result import result_dict
+    from study.result import NAMES, result_dict
 
+    out = Output("--out", options.out, NAMES)
+    check_places(options, out)
     study = load_study(options.study)
     done = loop.run(study, options.out, progress, force=options.force)
     progress.close()

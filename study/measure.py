@@ -9,9 +9,10 @@ import numpy as np
 
 from fem.io import UFF_SUFFIXES, read_uff, write_npz, write_uff
 from fem.io.atomic import replacing
-from study.commands import axis_labels, say
+from study.commands import axis_labels, check_places, say
 from study.config import load_study
-from study.output import OutputError, Progress, check_writable, result_folder, write_json
+from study.output import Output, OutputError, Progress, result_folder, write_json
+from study.paths import InputFile
 from study.table import StudyError
 from study.update import StudyUpdate, identify_study, update_study, updated_text
 
@@ -34,7 +35,10 @@ def identify_modes(options: Options, progress: Progress) -> None:
     if suffix not in ("", ".npz", *UFF_SUFFIXES):
         msg = f"{options.out}: modes are written as .npz or .uff, not '{suffix}'"
         raise OutputError(msg)
-    check_writable(options.out, options.json, options.picture, options.synthesis)
+    check_places(
+        options, Output("--out", options.out), Output("--picture", options.picture),
+        Output("--synthesis", options.synthesis),
+    )  # fmt: skip
     study = load_study(options.study)
     progress("identifying modes")
     found, data, warned = identify_study(study, options.measurement, options.band)
@@ -93,7 +97,8 @@ def match(options: Options, progress: Progress) -> None:
     if options.picture is not None and options.picture.suffix.lower() != ".png":
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
-    check_writable(options.json, options.picture)
+    geometry = InputFile(options.geometry, "the geometry")
+    check_places(options, Output("--picture", options.picture), more=[geometry])
     study = load_study(options.study)
     names, points = _test_points(options.geometry)
     progress("matching")
@@ -175,7 +180,7 @@ def _test_points(path: Path) -> tuple[list[str], np.ndarray]:
 
 def update(options: Options, progress: Progress) -> None:
     """Update a study's model to its measurement; write a report and the study with the new values."""
-    check_writable(options.json)
+    check_places(options, Output("--out", options.out, (REPORT, STUDY, JSON, "pictures")))
     study = load_study(options.study)
     progress("updating")
     result = update_study(study)

@@ -17,7 +17,8 @@ from joint.form import LAWS
 from study.config import Study, load_study
 from study.identify import Estimate
 from study.lines import key_lines
-from study.paths import with_paths
+from study.output import Output, check_outputs
+from study.paths import input_files, with_paths
 from study.table import StudyError
 
 SIDES = (
@@ -112,6 +113,7 @@ def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
         If the study does not give its joints as [[joints]] tables, or the copy cannot be read.
     """
     study, effects = found.task.study, proposed(found)
+    check_outputs(input_files(study.path), Output("the proposed study", path))
     joint = effects[0]
     assert isinstance(joint, Joint)
     text = _with_joint(study, joint)

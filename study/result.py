@@ -22,6 +22,8 @@ from updating.parameters import DampingCurve
 SCHEMA = "dovetail-result/1"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
 FOUND = "found.toml"
+NAMES = (REPORT, JSON, FRFS, PICTURES, FOUND)
+"""What the folder of a run holds."""
 CONNECTIONS_LEVEL = "damping of connections over that of members"
 """How the report calls how much more connections are damped."""
 CONNECTIONS_POWER = "its power of frequency"

@@ -14,12 +14,13 @@ from fem.io.atomic import replacing
 from study.config import Study
 from study.effects import effect_table
 from study.modal import modes_of, pair_modes
-from study.output import result_folder, write_json
-from study.paths import with_paths
+from study.output import Output, check_outputs, result_folder, write_json
+from study.paths import input_files, with_paths
 from study.result import (
     FOUND,
     FRFS,
     JSON,
+    NAMES,
     PICTURES,
     REPORT,
     RunResult,
@@ -68,6 +69,7 @@ def run(study: Study, out: Path, progress: Progress | None = None, *, force: boo
     """
     say = progress or (lambda text, done: None)
     measured(study)
+    check_outputs(input_files(study.path), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
         result = analyse(study, out, _part(say, 0.0, 0.85))
         write(result, scratch, _part(say, 0.85, 1.0))
