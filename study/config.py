@@ -2,7 +2,8 @@
 
 import os
 import tomllib
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,8 @@ from study.connections import (
     read_superelements,
     read_viscoelastic,
 )
-from study.effects import candidates_of, read_effects
+from study.effects import candidates_of, read_effects, read_values
+from study.faults import read_faults, tilted
 from study.geometry import Geometry, describe_sizes, read_geometry, refine
 from study.lines import key_lines
 from study.measured import (
@@ -109,6 +111,8 @@ class Study:
         Measured modes, where the study gives them.
     plan : UpdatePlan
         What :command:`dovetail update` does.
+    chosen_sizes : mapping of str to float
+        Element sizes of the members for which the study gives none [m].
     """
 
     name: str
@@ -135,6 +139,7 @@ class Study:
     assumptions: tuple[str, ...]
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
+    chosen_sizes: Mapping[str, float] = field(default_factory=dict)
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -223,8 +228,10 @@ class _Reader:
             "sensors",
             "excitations",
             "measurements",
+            "faults",
             "modes",
             "update",
+            "values",
             "uncertain",
             "candidates",
             "fit",
@@ -281,6 +288,11 @@ class _Reader:
         mesh_table.finish()
         with mesh_table.at():
             mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes)
+        chosen = {
+            name: float(h)
+            for (name, own), h in zip(sizes.items(), aimed, strict=True)
+            if size is None and not any(own)
+        }
         if size is None and not all(any(v) for v in sizes.values()):
             notes.append(
                 "no element size is "
@@ -288,7 +300,7 @@ class _Reader:
                 f"{describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
-        damping = read_damping(top, self.path.parent, notes)
+        damping, connection_damping = read_damping(top, self.path.parent, notes)
         effects: tuple[Effect, ...] = (
             Frame(members=properties),
             *supports,
@@ -296,6 +308,7 @@ class _Reader:
             *connections,
             *superelements,
             *masses,
+            *connection_damping,
         )
         with top.at():
             model = Model(mesh, effects, damping)
@@ -304,8 +317,10 @@ class _Reader:
             model = read_effects(top, model, *groups)
             shear = SectionShear.of(model)
             model = model.with_effect(shear) if shear and self._shear_std() else model
+            model = read_values(top, model)
             model.contributions()
-        measurements = match(raw, sensors, excitations, notes)
+        faults = read_faults(top, *groups)
+        measurements = match(raw, sensors, excitations, faults, notes)
         modes = match_modes(raw_modes, sensors, notes)
         nuisances, damping_std = self._uncertain(model, joints, notes)
         kinds, exclude = self._candidates()
@@ -329,8 +344,8 @@ class _Reader:
             self.text,
             model,
             measurements,
-            tuple(c.sensor for c in sensors),
-            tuple(c.sensor for c in excitations),
+            tilted(groups[0], faults),
+            tuple(groups[1]),
             nuisances,
             damping_std,
             kinds,
@@ -347,6 +362,7 @@ class _Reader:
             tuple(dict.fromkeys(notes)),
             modes,
             plan,
+            chosen,
         )
 
     def _excitations_of(

@@ -19,29 +19,42 @@ Options = argparse.Namespace
 
 def compare(options: Options, progress: Progress) -> None:
     """Print how far the model's FRFs are from the measured ones."""
-    from study import result, run
+    from study import result, run, words
     from updating.correlation import compare as compare_frfs
+    from updating.diagnosis import begin_fitted
 
     check_places(options)
     study = load_study(options.study)
     progress("reducing the model")
-    problem = run.fit_problem(study)
+    problem, faults = run.fit_problem(study), ()
     if options.fitted:
         progress("fitting the uncertain parameters", 0.3)
-    found = problem.fit() if options.fitted else problem.nominal()
+        problem, found, faults = begin_fitted(problem)
+    else:
+        found = problem.nominal()
     c = compare_frfs(problem.measured, problem.frf(found), options.bands, problem.data.mask)
     progress.close()
     what = "with fitted parameters" if options.fitted else "nominal"
     write_json(
         options.json,
-        {"study": study.name, "model": what, **result.comparison_dict(c), "noise_db": problem.data.noise_db},
+        {
+            "study": study.name,
+            "model": what,
+            **result.comparison_dict(c),
+            "error_db": found.fit_db,
+            "held_out_db": found.held_out_db,
+            "all_lines_db": c.total_db,
+            "noise_db": problem.data.noise_db,
+            "faults": [result.fault_dict(f) for f in faults],
+        },
     )
     head = "  ".join(f"{word:>11}" for word in _band_names(c.bands))
     width = _width(c.outputs)
     say(
         options,
-        f"{study.name}, {what}: error of the amplitude {c.total_db:.2f} dB, noise of the measurement "
-        f"{problem.data.noise_db:.2f} dB",
+        f"{study.name}, {what}: error of the amplitude {found.fit_db:.2f} dB on the lines of the fit, "
+        f"{_cell(found.held_out_db, 0)} on those held out and {c.total_db:.2f} on all; noise of the "
+        f"measurement {problem.data.noise_db:.2f} dB",
         f"{'sensor':{width}}  {'all dB':>7}  {head}  {'least FRAC':>10}",
         *(
             f"{name:{width}}  {_cell(total, 7)}  {'  '.join(_cell(db, 11) for db in row)}  "
@@ -50,12 +63,14 @@ def compare(options: Options, progress: Progress) -> None:
                 c.outputs, c.by_sensor(), c.by_band(), result.least_frac(c), strict=True
             )
         ),
+        *(f"set right: {words.fault_text(f)}" for f in faults),
     )
 
 
 def locate(options: Options, progress: Progress) -> None:
     """Print which sensors, bands, members and places carry the misfit."""
     from study import result, run, words
+    from updating.diagnosis import begin_fitted
     from updating.localisation import locate as find_places
 
     check_places(options)
@@ -63,7 +78,7 @@ def locate(options: Options, progress: Progress) -> None:
     progress("reducing the model")
     problem = run.fit_problem(study)
     progress("fitting the uncertain parameters", 0.2)
-    fitted = problem.fit()
+    problem, fitted, faults = begin_fitted(problem)
     progress("locating the misfit", 0.5)
     where = find_places(problem, fitted, options.bands)
     progress.close()
@@ -89,6 +104,7 @@ def locate(options: Options, progress: Progress) -> None:
         f"{'place':{wide}}  share of the misfit that a small change would explain",
         *(f"{words.place(name):{wide}}  {100 * share:5.1f} %" for name, share in places[: options.number]),
         "",
+        *(f"set right: {words.fault_text(f)}" for f in faults),
         where.note,
     )
 
