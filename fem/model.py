@@ -271,6 +271,13 @@ class Effect(ABC):
         """
         return (parameter_values(self),)
 
+    def rebased(self, model: "Model") -> Self:
+        """Return the same effect for a model that states the values of this one as its nominal ones.
+
+        What is relative to a nominal value is then relative to another.
+        """
+        return self
+
     def locations(self, model: "Model") -> NDArray[np.float64]:
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))

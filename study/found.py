@@ -14,7 +14,13 @@ from study.faults import fault_table
 from study.paths import with_paths
 from study.result import FRFS, RunResult
 from study.toml import toml_comment, with_values
-from study.writing import with_damping, with_effects, with_element_sizes, with_parameters
+from study.writing import (
+    rebased_values,
+    with_damping,
+    with_effects,
+    with_element_sizes,
+    with_parameters,
+)
 from updating.diagnosis import Diagnosis
 
 DENSE = 64
@@ -40,8 +46,10 @@ def found_text(result: RunResult, folder: Path) -> str:
     text = with_element_sizes(text, study.chosen_sizes)
     text = with_parameters(text, fitted_values(result))
     text = with_damping(text, *fitted_damping(d))
-    text = with_values(text, {("measurements", 0, "compared"): FRFS})
-    text = with_effects(text, [*patches(result), *(f.effect for f in d.findings)])
+    if study.measurements:
+        text = with_values(text, {("measurements", 0, "compared"): FRFS})
+    effects = [*patches(result), *(f.effect for f in d.findings)]
+    text = with_effects(text, [e.rebased(d.model) for e in effects])
     tables = [fault_table(f) for f in d.faults]
     return "\n\n".join(part.strip("\n") for part in (text, *tables)) + "\n"
 
@@ -50,7 +58,8 @@ def fitted_values(result: RunResult) -> dict[ParameterRef, float]:
     """Return the values of the fit that parameters of the study's own model have."""
     own = result.study.model.values()
     fit = result.diagnosis.steps[-1].result
-    return {ref: float(v) for ref, v in fit.values.items() if ref in own}
+    values = {ref: float(v) for ref, v in fit.values.items() if ref in own}
+    return values | rebased_values(result.diagnosis.model, result.study.model.effects)
 
 
 def fitted_damping(d: Diagnosis) -> tuple[Damping, tuple[NDArray[np.float64], NDArray[np.float64]] | None]:

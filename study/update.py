@@ -15,7 +15,7 @@ from study.measured_modes import MeasuredModes
 from study.paths import with_paths
 from study.run import measured, without_held_out
 from study.table import StudyError, suggest
-from study.writing import with_damping, with_effects, with_parameters
+from study.writing import rebased_values, with_damping, with_effects, with_parameters
 from updating.measurement import Measurement
 from updating.modal_identification import IdentifiedModes, identify_modes
 from updating.pairing import ModeComparison, compare_modes
@@ -202,11 +202,13 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     have = updated.model.values()
     values = {ref: float(f"{have[ref]:.10g}") for p in updated.parameters for ref in p.refs}
     added = {e.name for e in study.plan.effects}
+    values |= rebased_values(updated.model, updated.model.effects)
     text = with_parameters(study.text, {ref: v for ref, v in values.items() if ref[0] not in added})
     ratios = [p for p in updated.parameters if not p.refs]
     if ratios:
         text = with_damping(text, updated.model.damping, None)
-    text = with_effects(text, [updated.model.effect(e.name) for e in study.plan.effects])
+    new = (updated.model.effect(e.name) for e in study.plan.effects)
+    text = with_effects(text, [e.rebased(updated.model) for e in new])
     unsaid = tuple(_left_unsaid(text, study, updated, values, bool(ratios)))
     return with_paths(text, study.path.parent, folder), unsaid
 
@@ -216,6 +218,7 @@ def _left_unsaid(
 ) -> list[str]:
     """Return what a text does not give its model, found by reading it."""
     names = {ref: p.name for p in updated.parameters for ref in p.refs}
+    names = {ref: names.get(ref, ".".join(ref)) for ref in values}
     try:
         model = read_study(text, study.path).model
     except StudyError as reason:

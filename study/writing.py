@@ -5,13 +5,13 @@ the text has them, comments and order stay, and what has no place gets a table o
 """
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from fem.effects.joint_stiffness import JointStiffness
-from fem.model import DIRECTIONS, Damping, Effect, ParameterRef
+from fem.model import DIRECTIONS, Damping, Effect, Model, ParameterRef, parameter_values
 from study.effects import effect_table
 from study.lines import Path, Places, places_of
 from study.toml import toml_key, toml_table, with_values, without
@@ -41,6 +41,16 @@ def with_parameters(text: str, values: Mapping[ParameterRef, float]) -> str:
         else:
             text = with_values(text, {("values", effect, k): v for k, v in own.items()})
     return text
+
+
+def rebased_values(model: Model, effects: Iterable[Effect]) -> dict[ParameterRef, float]:
+    """Return the parameters of a model's effects that change when its present values become nominal ones."""
+    out = {}
+    for effect in effects:
+        if effect.rebased(model) is not effect:
+            new = parameter_values(effect.rebased(model))
+            out |= {(effect.name, name): float(value) for name, value in new.items()}
+    return out
 
 
 def _spots(effect: str, name: str, tree: Tree, places: Places) -> list[Path]:
