@@ -15,12 +15,12 @@ from fem.io.atomic import goes_to_stdout, replacing
 from fem.modes import solve_modes
 from fem.system import assemble
 from study.config import Study, load_study
+from study.labels import NodeNumbers, own_labels
 from study.measured import sensor_rows
 from study.offscreen import require_drawing
 from study.output import Output, OutputError, Progress, check_outputs, result_folder, write_json
 from study.paths import InputFile, input_files
 from study.table import StudyError
-from updating.measurement import Sensor, sensor_point
 
 Options = argparse.Namespace
 
@@ -175,6 +175,12 @@ def frf(options: Options, progress: Progress) -> None:
         missing = "sensors" if not study.sensors else "excitations"
         msg = f"{options.study}: it has no [[{missing}]]; FRFs need both sensors and excitations"
         raise StudyError(msg)
+    parts = {"outputs": study.sensors, "inputs": study.excitations}
+    nodes = NodeNumbers(study) if writers[suffix] is None else None
+    labels = [
+        own_labels(part, study.labels[which]) if nodes is None else nodes.labels(which, part)
+        for which, part in parts.items()
+    ]
     frequency = _lines(study, options)
     kind = options.kind or (study.measurements[0].frf.kind if study.measurements else "accelerance")
     progress("computing FRFs")
@@ -186,12 +192,12 @@ def frf(options: Options, progress: Progress) -> None:
         kind,
     )
     names = [tuple(s.name for s in part) for part in (study.sensors, study.excitations)]
-    computed = FRF.from_arrays(frequency, H.H, kind, *names)
+    computed = FRF.from_arrays(frequency, H.H, kind, *labels)
     writer = writers[suffix]
     if writer is not None:
         writer(options.out, computed)
-    else:
-        _write_uff(options.out, computed, study)
+    elif nodes is not None:
+        write_with_nodes(options.out, nodes, frf=computed)
     progress.close()
     words = {
         "file": str(options.out),
@@ -225,29 +231,12 @@ def _lines(study: Study, options: Options) -> np.ndarray:
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
 
 
-def _write_uff(path: Path, frf: FRF, study: Study) -> None:
-    """Write a universal file with the mesh; its nodes are the points of the mesh, from 1."""
-    dofs = axis_labels(study, (*study.sensors, *study.excitations))
-    write_uff(path, frf, mesh=study.model.mesh, dofs=dofs)
-
-
-def axis_labels(study: Study, sensors: Sequence[Sensor]) -> dict[str, str]:
-    """Return the label in universal files of each sensor, by its name; nodes are the mesh's points, from 1.
-
-    Raises
-    ------
-    OutputError
-        For a sensor along no axis.
-    """
-    dofs: dict[str, str] = {}
-    for s in sensors:
-        axis = int(np.argmax(np.abs(s.direction)))
-        if abs(s.direction[axis]) < 1 - 1e-9:
-            msg = f"sensor '{s.name}' is along no axis, which a universal file cannot say; write .npz or .csv"
-            raise OutputError(msg)
-        node = sensor_point(study.model.mesh, s) + 1
-        dofs[s.name] = f"{node}{'XYZ'[axis]}{'+' if s.direction[axis] > 0 else '-'}"
-    return dofs
+def write_with_nodes(path: Path, nodes: NodeNumbers, **data: Any) -> None:
+    """Write a universal file with the mesh, or with its points as the study's labels number them."""
+    if nodes.own:
+        write_uff(path, geometry=nodes.geometry(), trace_lines=nodes.lines(), **data)
+    else:
+        write_uff(path, mesh=nodes.mesh, **data)
 
 
 def identify_joint(options: Options, progress: Progress) -> None:

@@ -113,6 +113,9 @@ class Study:
         What :command:`dovetail update` does.
     chosen_sizes : mapping of str to float
         Element sizes of the members for which the study gives none [m].
+    labels : mapping
+        How files call sensors (``"outputs"``) and excitations (``"inputs"``), by their names, where the study
+        says it.
     """
 
     name: str
@@ -140,6 +143,7 @@ class Study:
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -363,6 +367,10 @@ class _Reader:
             modes,
             plan,
             chosen,
+            {
+                key: {c.sensor.name: c.written for c in group if c.written}
+                for key, group in (("outputs", sensors), ("inputs", excitations))
+            },
         )
 
     def _excitations_of(

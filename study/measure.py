@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fem.io import UFF_SUFFIXES, read_uff, write_npz, write_uff
+from fem.io import UFF_SUFFIXES, read_uff, write_npz
 from fem.io.atomic import replacing
-from study.commands import axis_labels, check_places, say
+from study.commands import check_places, say, write_with_nodes
 from study.config import load_study
+from study.labels import NodeNumbers
 from study.output import Output, OutputError, Progress, result_folder, write_json
 from study.paths import InputFile
 from study.table import StudyError
@@ -45,9 +46,9 @@ def identify_modes(options: Options, progress: Progress) -> None:
     if options.out is not None and suffix == ".npz":
         write_npz(options.out, found.modes)
     elif options.out is not None:
-        write_uff(
-            options.out, modes=found.modes, mesh=study.model.mesh, dofs=axis_labels(study, data.sensors)
-        )
+        nodes = NodeNumbers(study)
+        names = dict(zip(data.frf.outputs, nodes.labels("outputs", data.sensors), strict=True))
+        write_with_nodes(options.out, nodes, modes=found.modes, dofs=names)
     for path, kind in ((options.picture, "stabilisation"), (options.synthesis, "synthesis")):
         if path is not None:
             from viz.modal import plot_stabilisation, plot_synthesis

@@ -363,6 +363,13 @@ def match(
                 )
         frf = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
         sign = np.outer([s for _, _, s in rows], [s for _, _, s in columns])
+        every = (*rows, *columns)
+        placed = dict.fromkeys(f"{c.sensor.name} is {label}" for c, label, _ in every if _by_place(c, label))
+        if placed:
+            notes.append(
+                f"{r.name}: channels are taken for the sensors at whose places their nodes are: "
+                f"{', '.join(list(placed)[:8])}{' …' if len(placed) > 8 else ''}"
+            )
         for c, label, s in (*rows, *columns):
             if s < 0:
                 notes.append(
@@ -396,6 +403,11 @@ def match(
                     f"{', '.join(list(have)[:20])}{' …' if len(have) > 20 else ''}; give label",
                 )
     return tuple(out)
+
+
+def _by_place(channel: Channel, label: str) -> bool:
+    """Whether a channel was found by nothing but the coordinates of its node."""
+    return channel.node is None and label not in (channel.label, channel.sensor.name)
 
 
 def _pick(

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import shutil
 import stat
 import tempfile
 from collections.abc import Iterator
@@ -14,6 +13,9 @@ LONGEST_NAME = 80
 
 _NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)
 """Errors of file systems that cannot flush."""
+
+_CHUNK = 1 << 20
+"""Bytes that are written to a device at a time."""
 
 _STREAMS = (1, 2)
 """File descriptors of standard output and standard error."""
@@ -44,13 +46,15 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     path = Path(path)
     stream = _stream(path)
     if stream is not None:
-        with os.fdopen(stream, "wb") as out, tempfile.TemporaryDirectory() as folder:
+        # without a buffer, whose rest would fail once more when it is closed
+        with os.fdopen(stream, "wb", buffering=0) as out, tempfile.TemporaryDirectory() as folder:
             scratch = Path(folder) / f"out{path.suffix}"
             scratch.touch()
             yield scratch
             with _named(path, scratch, False), scratch.open("rb") as file:
-                shutil.copyfileobj(file, out)
-                out.flush()
+                while chunk := memoryview(file.read(_CHUNK)):
+                    while chunk:
+                        chunk = chunk[out.write(chunk) :]
         return
     target = Path(os.path.realpath(path))
     before = _status(target)
