@@ -198,6 +198,7 @@ def frf(options: Options, progress: Progress) -> None:
         writer(options.out, computed)
     elif nodes is not None:
         write_with_nodes(options.out, nodes, frf=computed)
+    new = nodes.unnamed("outputs", study.sensors) if nodes is not None else ""
     progress.close()
     words = {
         "file": str(options.out),
@@ -215,6 +216,7 @@ def frf(options: Options, progress: Progress) -> None:
         f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to "
         f"{len(names[1])} force(s), "
         f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
+        *([f"note: {new} in it; give these labels in the study to read it back"] if new else []),
     )
 
 

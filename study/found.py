@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.connection_damping import ConnectionDamping
+from fem.connection_damping import ConnectionDamping
 from fem.effects.joint_patch import JointPatch
 from fem.model import Damping, ParameterRef
 from study.faults import fault_table

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.connection_damping import ConnectionDamping
+from fem.connection_damping import ConnectionDamping
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.joint_patch import JointPatch
 from fem.effects.joint_stiffness import JointStiffness

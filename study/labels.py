@@ -98,6 +98,12 @@ class NodeNumbers:
         node = int(self.number[sensor_point(self.mesh, s)])
         return label_of(node, (axis + 1) * (1 if s.direction[axis] > 0 else -1))
 
+    def unnamed(self, group: str, sensors: Sequence[Sensor]) -> str:
+        """Return how sensors without label and node are called, in words; nothing if there are none."""
+        pairs = zip(sensors, self.labels(group, sensors), strict=True)
+        new = [f"{s.name} as {label}" for s, label in pairs if not self._labels[group].get(s.name)]
+        return ", ".join(new[:6]) + (" …" if len(new) > 6 else "")
+
     def geometry(self) -> Points:
         """Return the points of the mesh with their numbers."""
         return Points(self.number, self.mesh.points)

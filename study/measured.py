@@ -363,13 +363,6 @@ def match(
                 )
         frf = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
         sign = np.outer([s for _, _, s in rows], [s for _, _, s in columns])
-        every = (*rows, *columns)
-        placed = dict.fromkeys(f"{c.sensor.name} is {label}" for c, label, _ in every if _by_place(c, label))
-        if placed:
-            notes.append(
-                f"{r.name}: channels are taken for the sensors at whose places their nodes are: "
-                f"{', '.join(list(placed)[:8])}{' …' if len(placed) > 8 else ''}"
-            )
         for c, label, s in (*rows, *columns):
             if s < 0:
                 notes.append(
@@ -405,9 +398,11 @@ def match(
     return tuple(out)
 
 
-def _by_place(channel: Channel, label: str) -> bool:
-    """Whether a channel was found by nothing but the coordinates of its node."""
-    return channel.node is None and label not in (channel.label, channel.sensor.name)
+def _near(channels: Sequence[Channel], labels: Sequence[str]) -> str:
+    """Return which nodes of a file lie at sensors' places, as a hint; nothing if none does."""
+    nodes = {label.rstrip("XYZR+-S") for label in labels}
+    found = [f"node {n} is at '{c.sensor.name}'" for c in channels for n in c.near if str(n) in nodes]
+    return f" ({', '.join(found[:4])}{' …' if len(found) > 4 else ''})" if found else ""
 
 
 def _pick(
@@ -429,7 +424,8 @@ def _pick(
         r.table.refuse(
             "file",
             f"none of its {word} ({', '.join(labels[:8])}{' …' if len(labels) > 8 else ''}) "
-            "belongs to a sensor or excitation of the study; give them a label or a node",
+            "belongs to a sensor or excitation of the study; give them a label or a node"
+            f"{_near(channels, labels)}",
         )
     return out
 

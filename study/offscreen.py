@@ -35,9 +35,7 @@ def require_drawing(option: str) -> None:
     """
     reason = why_not()
     if reason:
-        msg = (
-            f"{option}: pictures of the structure need OpenGL, and {reason}; leave {option} out for the rest"
-        )
+        msg = f"{option}: pictures of the structure cannot be drawn: {reason}; all the rest works without it"
         raise DrawingError(msg)
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass
-from fem.effects.connection_damping import ConnectionDamping
 from fem.effects.frame import MASSES, THEORIES, MemberProperties, local_axes
 from fem.effects.support import Support
 from fem.io import read_modes

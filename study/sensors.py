@@ -29,7 +29,8 @@ class Channel:
     node : int or None
         Its node in the files.
     near : tuple of int
-        Nodes of the files at its place, where the study names none.
+        Nodes of the files at its place, where the study names none: for hints alone, as a test's axes need
+        not be the model's.
     """
 
     sensor: Sensor
@@ -53,7 +54,7 @@ class Channel:
         if self.sensor.name in labels:
             return self.sensor.name, 1.0
         axis = np.flatnonzero(np.abs(self.sensor.direction) > 1 - 1e-9)
-        if self.label or not axis.size:
+        if self.label or self.node is None or not axis.size:
             return None
         d = int(axis[0]) + 1
         sense = float(np.sign(self.sensor.direction[axis[0]]))

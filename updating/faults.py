@@ -126,7 +126,7 @@ def set_right(measurement: Measurement, faults: Sequence[Fault]) -> Measurement:
         np.full(H.shape, np.nan) if x is None else x for x in (measurement.coherence, measurement.scatter)
     ]
     every, none = np.ones(H.shape, dtype=bool), np.zeros(n, dtype=bool)
-    data = FitData(measurement, measurement.frf.frequency, H, every, *known, none)
+    data = FitData(measurement, measurement.frf.frequency, H, every, known[0], known[1], none)
     right = corrected(data, faults)
     new = replace(
         right.measurement,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.connection_damping import ConnectionDamping
+from fem.connection_damping import ConnectionDamping
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
 from fem.model import Model
