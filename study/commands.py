@@ -52,6 +52,10 @@ def new(options: Options, progress: Progress) -> None:
     """Write a study to start from, and FRFs for it."""
     from study.template import write_template
 
+    for name in ("study.toml", "frf.npz"):
+        if options.force and (options.folder / name).exists():
+            msg = f"{options.folder / name} is there, and would be overwritten; choose another folder"
+            raise OutputError(msg)
     progress("computing its measurement")
     with result_folder(options.folder, options.force) as scratch:
         write_template(scratch)

@@ -212,6 +212,13 @@ def test_commands_refuse_before_they_compute(tmp_path, capsys, command):
     assert {p: p.read_bytes() for p in tmp_path.iterdir()} == before
 
 
+def test_a_study_that_is_there_is_not_started_anew(tmp_path, capsys):
+    (tmp_path / "study.toml").write_text("my own work", encoding="utf-8")
+    assert main(["new", str(tmp_path), "--force"]) == 2
+    assert "study.toml is there, and would be overwritten" in capsys.readouterr().err
+    assert (tmp_path / "study.toml").read_text(encoding="utf-8") == "my own work"
+
+
 # Devices, links, permissions, full disks
 
 
