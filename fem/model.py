@@ -279,6 +279,13 @@ class Effect(ABC):
         """
         return (parameter_values(self),)
 
+    def rebased(self, model: "Model") -> Self:
+        """Return the same effect for a model that states the values of this one as its nominal ones.
+
+        What is relative to a nominal value is then relative to another.
+        """
+        return self
+
     def locations(self, model: "Model") -> NDArray[np.float64]:
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))
@@ -299,6 +306,8 @@ class Damping:
         Frequencies at which the modal damping ratio is given [Hz]; linear in between, constant outside.
     ratio : ndarray (n,)
         Modal damping ratio ζ [-].
+    powers : bool
+        Whether the ratio is a power of frequency between these, rather than linear in it.
     alpha, beta : float
         Rayleigh damping C = alpha M + beta K [1/s, s].
     loss_factor : float
@@ -310,6 +319,7 @@ class Damping:
     alpha: float = 0.0
     beta: float = 0.0
     loss_factor: float = 0.0
+    powers: bool = False
 
     def __post_init__(self) -> None:
         for key in ("ratio", "alpha", "beta", "loss_factor"):
@@ -319,7 +329,9 @@ class Damping:
                 raise ModelError(msg)
 
     @classmethod
-    def modal(cls, ratio: ArrayLike, frequency: ArrayLike | None = None) -> "Damping":
+    def modal(
+        cls, ratio: ArrayLike, frequency: ArrayLike | None = None, *, powers: bool = False
+    ) -> "Damping":
         """Modal damping: one ratio, or ratios at frequencies [Hz].
 
         Raises
@@ -338,7 +350,10 @@ class Damping:
         if not ((ratio >= 0) & (ratio < 1)).all():
             msg = f"damping ratios are {ratio.tolist()}; they lie between 0 and 1 (0.01 is one per cent)"
             raise ModelError(msg)
-        return cls(frequency, ratio)
+        if powers and not ((ratio > 0).all() and (frequency > 0).all()):
+            msg = "damping ratios that are powers of frequency are given above 0, at frequencies above 0 Hz"
+            raise ModelError(msg)
+        return cls(frequency, ratio, powers=powers)
 
     @classmethod
     def rayleigh(cls, alpha: float, beta: float) -> "Damping":
@@ -352,7 +367,18 @@ class Damping:
 
     def ratio_at(self, frequency: ArrayLike) -> NDArray[np.float64]:
         """Return the modal damping ratio at frequencies [Hz]."""
-        return np.interp(np.asarray(frequency, dtype=float), self.frequency, self.ratio)
+        f = np.asarray(frequency, dtype=float)
+        if not self.powers:
+            return np.interp(f, self.frequency, self.ratio)
+        return power_between(f, self.frequency, self.ratio)
+
+
+def power_between(
+    f: NDArray[np.float64], frequency: NDArray[np.float64], value: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return positive values as powers of frequency between those where they are given, constant outside."""
+    at = np.log(np.maximum(f, 1e-9 * frequency[0]))
+    return np.exp(np.interp(at, np.log(frequency), np.log(value)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -473,6 +499,15 @@ class Model:
         """Return the constraints of all effects, without those that an effect has released."""
         released = {key for effect in self.effects for key in effect.released()}
         return tuple(c for e in self.effects for c in e.constraints(self) if c.key not in released)
+
+
+def applicable(effects: Iterable[Effect], model: Model) -> tuple[Effect, ...]:
+    """Return the effects that a model has room for: it has all constraints that they would release.
+
+    What another effect has released already is no constraint any more.
+    """
+    keys = {c.key for c in model.constraints()}
+    return tuple(e for e in effects if keys.issuperset(e.released()))
 
 
 def skew(v: ArrayLike) -> NDArray[np.float64]:

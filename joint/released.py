@@ -95,7 +95,7 @@ class ReleasedParts:
             reduced, np.hstack([outputs, relative]), np.hstack([inputs, relative]), lines, refs
         )
         means = np.array([known[ref] for ref in refs])
-        zeta = np.exp(damping.hats(lines) @ np.log(damping.nominal))
+        zeta = damping.ratio(lines, damping.nominal)
         H, _, _ = engine.evaluate(means, zeta, False)
         at_mean = _partition(lines, interface, _release(H, *_taken_out(H, springs, model, lines, zeta)))
         return cls(at_mean, tuple(nuisances), damping, engine, frozen_copy(springs), means, interface)
@@ -122,7 +122,7 @@ class ReleasedParts:
         values = self.physical(x)
         lines = self.at_mean.frequency
         hats = self.damping.hats(lines)
-        zeta = np.exp(hats @ np.log(values[n:]))
+        zeta = self.damping.ratio(lines, values[n:])
         H, dH, dH_dzeta = self._engine.evaluate(values[:n], zeta, True)
         assert dH is not None
         assert dH_dzeta is not None

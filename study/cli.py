@@ -1,6 +1,8 @@
 """The command line."""
 
 import argparse
+import errno
+import os
 import sys
 import traceback
 import warnings
@@ -10,8 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from study import commands, investigate, measure
+from study.offscreen import DrawingError
 from study.output import Progress
 from study.validation import command as validation
+
+OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE, None)
+"""Errors of files that are none of what was asked for: a full disk, a reader that has gone."""
 
 OURS = ("fem", "updating", "joint", "viz", "study")
 """Packages whose ValueErrors say in one line what is wrong with the input."""
@@ -41,6 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.showwarning = _warn
             options.run(options, progress)
+        sys.stdout.flush()  # while an error of it can still be said
     except KeyboardInterrupt:
         progress.close()
         sys.stderr.write("dovetail: interrupted\n")
@@ -49,6 +56,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         progress.close()
         if options.debug:
             traceback.print_exc()
+        if _is_of_stdout(reason):
+            return _without_stdout(reason)
+        full = isinstance(reason, OSError) and reason.errno in OF_THE_MACHINE
+        if full or isinstance(reason, DrawingError):
+            sys.stderr.write(f"dovetail: {_one_line(reason)}\n")
+            return 1
         bad_input = isinstance(reason, OSError) or (
             isinstance(reason, ValueError) and type(reason).__module__.split(".")[0] in OURS
         )
@@ -61,6 +74,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         progress.close()
     return 0
+
+
+def _is_of_stdout(reason: BaseException) -> bool:
+    """Whether an error is that of printing."""
+    if not isinstance(reason, OSError) or reason.filename is not None:
+        return False
+    try:
+        sys.stdout.flush()
+    except OSError:
+        return True
+    return isinstance(reason, BrokenPipeError)
+
+
+def _without_stdout(reason: BaseException) -> int:
+    """Say why nothing more can be printed, unless the reader has gone as ``head`` does; return 1."""
+    with open(os.devnull, "wb") as nowhere:  # what is left in the buffer has nowhere to go
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+    if not isinstance(reason, BrokenPipeError):
+        sys.stderr.write(f"dovetail: standard output: {getattr(reason, 'strerror', reason)}\n")
+    return 1
 
 
 def _one_line(reason: BaseException) -> str:

@@ -11,14 +11,16 @@ import numpy as np
 from fem.checks import Fault, check_model
 from fem.frf import FRF, compute_frf
 from fem.io import write_csv, write_npz, write_uff
-from fem.io.atomic import replacing
+from fem.io.atomic import goes_to_stdout, replacing
 from fem.modes import solve_modes
 from fem.system import assemble
 from study.config import MOST_LINES, NEEDS, Study, load_study
+from study.labels import NodeNumbers, own_labels
 from study.measured import sensor_rows
-from study.output import OutputError, Progress, check_writable, result_folder, write_json
+from study.offscreen import require_drawing
+from study.output import Output, OutputError, Progress, check_outputs, result_folder, write_json
+from study.paths import InputFile, input_files
 from study.table import StudyError
-from updating.measurement import Sensor, sensor_point
 
 Options = argparse.Namespace
 
@@ -28,7 +30,9 @@ MOST_VALUES = 50_000_000
 
 def say(options: Options, *lines: str) -> None:
     """Print lines, unless quiet is asked for or standard output is wanted for JSON."""
-    if not options.quiet and str(getattr(options, "json", "")) != "-":
+    target = getattr(options, "json", None)
+    taken = target is not None and (str(target) == "-" or goes_to_stdout(target))
+    if not options.quiet and not taken:
         sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
@@ -44,10 +48,29 @@ def warn(sentences: Iterable[str]) -> None:
     sys.stderr.write("".join(f"dovetail: warning: {text}\n" for text in sentences))
 
 
+def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] = ()) -> None:
+    """Refuse outputs over what a command reads, over one another, or where nothing can be written.
+
+    Parameters
+    ----------
+    options : Options
+        With the study and, if asked for, the file for JSON.
+    outputs : Output
+        All others.
+    more : sequence of InputFile
+        What is read besides the study.
+    """
+    check_outputs((*input_files(options.study), *more), *outputs, Output("--json", options.json))
+
+
 def new(options: Options, progress: Progress) -> None:
     """Write a study to start from, and FRFs for it."""
     from study.template import write_template
 
+    for name in ("study.toml", "frf.npz"):
+        if options.force and (options.folder / name).exists():
+            msg = f"{options.folder / name} is there, and would be overwritten; choose another folder"
+            raise OutputError(msg)
     progress("computing its measurement")
     with result_folder(options.folder, options.force) as scratch:
         write_template(scratch)
@@ -68,7 +91,9 @@ def check(options: Options, progress: Progress) -> None:
     if options.picture is not None and options.picture.suffix.lower() != ".png":
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
-    check_writable(options.json, options.picture)
+    check_places(options, Output("--picture", options.picture))
+    if options.picture is not None:
+        require_drawing("--picture")
     study = load_study(options.study, needs=())
     warn(text for text in study.warnings if text not in study.implausible)
     progress("checking the model")
@@ -106,7 +131,9 @@ def check(options: Options, progress: Progress) -> None:
 
 def modes(options: Options, progress: Progress) -> None:
     """Print natural frequencies; draw mode shapes."""
-    check_writable(options.json)
+    check_places(options, Output("--pictures", options.pictures, ("mode-01.png",)))
+    if options.pictures is not None:
+        require_drawing("--pictures")
     study = loaded(options, ())
     progress("solving for modes")
     system = assemble(study.model, reciprocal=False)
@@ -181,12 +208,18 @@ def frf(options: Options, progress: Progress) -> None:
     if suffix not in writers:
         msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
         raise OutputError(msg)
-    check_writable(options.out, options.json)
+    check_places(options, Output("--out", options.out))
     study = loaded(options, ("sensors",))
     if not study.sensors or not study.excitations:
         missing = "sensors" if not study.sensors else "excitations"
         msg = f"{options.study}: it has no [[{missing}]]; FRFs need both sensors and excitations"
         raise StudyError(msg)
+    parts = {"outputs": study.sensors, "inputs": study.excitations}
+    nodes = NodeNumbers(study) if writers[suffix] is None else None
+    labels = [
+        own_labels(part, study.labels[which]) if nodes is None else nodes.labels(which, part)
+        for which, part in parts.items()
+    ]
     frequency = _lines(study, options)
     kind = options.kind or (study.measurements[0].frf.kind if study.measurements else "accelerance")
     progress("computing FRFs")
@@ -198,12 +231,13 @@ def frf(options: Options, progress: Progress) -> None:
         kind,
     )
     names = [tuple(s.name for s in part) for part in (study.sensors, study.excitations)]
-    computed = FRF.from_arrays(frequency, H.H, kind, *names)
+    computed = FRF.from_arrays(frequency, H.H, kind, *labels)
     writer = writers[suffix]
     if writer is not None:
         writer(options.out, computed)
-    else:
-        _write_uff(options.out, computed, study)
+    elif nodes is not None:
+        write_with_nodes(options.out, nodes, frf=computed)
+    new = nodes.unnamed("outputs", study.sensors) if nodes is not None else ""
     progress.close()
     words = {
         "file": str(options.out),
@@ -222,6 +256,7 @@ def frf(options: Options, progress: Progress) -> None:
         f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to "
         f"{len(names[1])} force(s), "
         f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
+        *([f"note: {new} in it; give these labels in the study to read it back"] if new else []),
     )
 
 
@@ -246,29 +281,12 @@ def _lines(study: Study, options: Options) -> np.ndarray:
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)
 
 
-def _write_uff(path: Path, frf: FRF, study: Study) -> None:
-    """Write a universal file with the mesh; its nodes are the points of the mesh, from 1."""
-    dofs = axis_labels(study, (*study.sensors, *study.excitations))
-    write_uff(path, frf, mesh=study.model.mesh, dofs=dofs)
-
-
-def axis_labels(study: Study, sensors: Sequence[Sensor]) -> dict[str, str]:
-    """Return the label in universal files of each sensor, by its name; nodes are the mesh's points, from 1.
-
-    Raises
-    ------
-    OutputError
-        For a sensor along no axis.
-    """
-    dofs: dict[str, str] = {}
-    for s in sensors:
-        axis = int(np.argmax(np.abs(s.direction)))
-        if abs(s.direction[axis]) < 1 - 1e-9:
-            msg = f"sensor '{s.name}' is along no axis, which a universal file cannot say; write .npz or .csv"
-            raise OutputError(msg)
-        node = sensor_point(study.model.mesh, s) + 1
-        dofs[s.name] = f"{node}{'XYZ'[axis]}{'+' if s.direction[axis] > 0 else '-'}"
-    return dofs
+def write_with_nodes(path: Path, nodes: NodeNumbers, **data: Any) -> None:
+    """Write a universal file with the mesh, or with its points as the study's labels number them."""
+    if nodes.own:
+        write_uff(path, geometry=nodes.geometry(), trace_lines=nodes.lines(), **data)
+    else:
+        write_uff(path, mesh=nodes.mesh, **data)
 
 
 def identify_joint(options: Options, progress: Progress) -> None:
@@ -286,11 +304,11 @@ def identify_joint(options: Options, progress: Progress) -> None:
         if path is not None and path.suffix.lower() != suffix:
             msg = f"{path}: {what} is written as {suffix}"
             raise OutputError(msg)
-    check_writable(options.out, options.json, options.propose, options.picture)
+    check_places(
+        options, Output("--out", options.out), Output("--propose", options.propose),
+        Output("--picture", options.picture),
+    )  # fmt: skip
     study = loaded(options)
-    if options.propose is not None and options.propose.resolve() == study.path.resolve():
-        msg = f"{options.propose} is the study itself; give another file to propose"
-        raise OutputError(msg)
     task = read_task(study, options.joint, options.directions, options.measurement)
     terms = tuple(options.terms.replace(",", " ").split())
     progress("line by line")

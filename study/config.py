@@ -2,7 +2,7 @@
 
 import os
 import tomllib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,7 +24,8 @@ from study.connections import (
     read_viscoelastic,
 )
 from study.conventions import check_phase
-from study.effects import candidates_of, read_effects
+from study.effects import candidates_of, read_effects, read_values
+from study.faults import read_faults, tilted
 from study.geometry import (
     MOST_ELEMENTS,
     Geometry,
@@ -141,6 +142,11 @@ class Study:
         Those of them that are about values of the model, with file, line and key.
     shape_limits : ShapeLimits
         How complex the shapes of modes identified in FRFs may be.
+    chosen_sizes : mapping of str to float
+        Element sizes of the members for which the study gives none [m].
+    labels : mapping
+        How files call sensors (``"outputs"``) and excitations (``"inputs"``), by their names, where the study
+        says it.
     """
 
     name: str
@@ -170,6 +176,8 @@ class Study:
     warnings: tuple[str, ...] = ()
     implausible: tuple[str, ...] = ()
     shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
+    chosen_sizes: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -297,9 +305,11 @@ class _Reader:
             "sensors",
             "excitations",
             "measurements",
+            "faults",
             "modes",
             "identification",
             "update",
+            "values",
             "uncertain",
             "candidates",
             "fit",
@@ -352,6 +362,11 @@ class _Reader:
             raise top.source.error(place, str(reason)) from reason
         except ValueError as reason:
             raise top.source.error(mesh_table.path, str(reason)) from reason
+        chosen = {
+            name: float(h)
+            for (name, own), h in zip(sizes.items(), aimed, strict=True)
+            if size is None and not any(own)
+        }
         if size is None and not all(any(v) for v in sizes.values()):
             notes.append(
                 "no element size is "
@@ -359,7 +374,7 @@ class _Reader:
                 f"{describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
-        damping = read_damping(top, self.path.parent, notes)
+        damping, connection_damping = read_damping(top, self.path.parent, notes)
         effects: tuple[Effect, ...] = (
             Frame(members=properties),
             *supports,
@@ -367,6 +382,7 @@ class _Reader:
             *connections,
             *superelements,
             *masses,
+            *connection_damping,
         )
         with top.at():
             model = Model(mesh, effects, damping)
@@ -375,10 +391,12 @@ class _Reader:
             model = read_effects(top, model, *groups)
             shear = SectionShear.of(model)
             model = model.with_effect(shear) if shear and self._shear_std() else model
+            model = read_values(top, model)
             model.contributions()
-        measurements, modes = (), None
+        measurements, modes, faults = (), None, ()
         with self._attempt("measurements"):
-            measurements = match(raw, sensors, excitations, notes)
+            faults = read_faults(top, *groups)
+            measurements = match(raw, sensors, excitations, faults, notes)
         with self._attempt("measurements"):
             modes = match_modes(raw_modes, sensors, notes)
         nuisances, damping_std = self._uncertain(model, joints, notes)
@@ -408,8 +426,8 @@ class _Reader:
             self.text,
             model,
             measurements,
-            tuple(c.sensor for c in sensors),
-            tuple(c.sensor for c in excitations),
+            tilted(groups[0], faults),
+            tuple(groups[1]),
             nuisances,
             damping_std,
             kinds,
@@ -429,6 +447,11 @@ class _Reader:
             tuple(dict.fromkeys([*odd, *self.warnings])),
             odd,
             read_shape_limits(top),
+            chosen,
+            {
+                key: {c.sensor.name: c.written for c in group if c.written}
+                for key, group in (("outputs", sensors), ("inputs", excitations))
+            },
         )
 
     def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:

@@ -3,14 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from difflib import get_close_matches
+from typing import Any
 
 import numpy as np
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.effects.joint_patch import JointPatch, with_patch
-from fem.model import Effect, Instruments, Model
+from fem.model import Effect, Instruments, Model, Parameter
 from study.table import Table, suggest
+from study.toml import toml_table
 from updating.measurement import Sensor, sensor_point
 
 
@@ -36,9 +38,8 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
         effect = by_name[name]
         values = {p.name: t.number(p.name, p.value) for p in effect.parameters()}
         for p in effect.parameters():
-            if p.name in t.values and not p.lower <= values[p.name] <= p.upper:
-                unit = "" if p.unit == "-" else f" {p.unit}"
-                t.refuse(p.name, f"{values[p.name]:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}")
+            if p.name in t.values:
+                _within(t, p.name, values[p.name], p)
         if isinstance(effect, AmplitudeDependent):
             effect = replace(
                 effect, amplitude=t.number("amplitude", effect.amplitude, above=0, unit="m or rad")
@@ -56,6 +57,30 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
     return model.with_effect(*out)
 
 
+def read_values(top: Table, model: Model) -> Model:
+    """Return a model with ``[values.EFFECT]``: values of parameters that no other table has a place for."""
+    for name, t in top.table("values").named():
+        known = {e.name: e for e in model.effects}
+        if name not in known:
+            t.refuse("", f"the model has no effect '{name}'; {suggest(name, known)}")
+        parameters = {p.name: p for p in known[name].parameters()}
+        values = {}
+        for key in t.values:
+            if key not in parameters:
+                t.refuse(key, f"effect '{name}' has no such parameter; {suggest(key, parameters)}")
+            values[key] = _within(t, key, t.number(key), parameters[key])
+        model = model.with_values({(name, key): value for key, value in values.items()})
+    return model
+
+
+def _within(t: Table, key: str, value: float, p: Parameter) -> float:
+    """Return a value; refuse one beyond its parameter's bounds."""
+    if not p.lower <= value <= p.upper:
+        unit = "" if p.unit == "-" else f" {p.unit}"
+        t.refuse(key, f"{value:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}")
+    return value
+
+
 def candidates_of(
     kind: str, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
 ) -> tuple[Effect, ...]:
@@ -63,7 +88,7 @@ def candidates_of(
     return effect_classes()[kind].propose_for_test(model, _instruments(model, sensors, excitations))
 
 
-def effect_table(effect: Effect, candidate: str) -> str:
+def effect_table(effect: Effect, candidate: str, name: str = "") -> str:
     """Return the ``[[effects]]`` entry that stands for an effect that a search has found.
 
     Parameters
@@ -72,11 +97,14 @@ def effect_table(effect: Effect, candidate: str) -> str:
         With its values.
     candidate : str
         Name of the candidate that it was.
+    name : str
+        Its own name, where it is not "known" and the candidate's.
     """
-    lines = [f"{p.name} = {float(p.value)!r}" for p in effect.parameters()]
+    values: dict[str, Any] = {"candidate": candidate} | ({"name": name} if name else {})
+    values |= {p.name: float(p.value) for p in effect.parameters()}
     if isinstance(effect, AmplitudeDependent):
-        lines.append(f"amplitude = {float(effect.amplitude)!r}")
-    return "\n".join(["[[effects]]", f'candidate = "{candidate}"', *lines]) + "\n"
+        values["amplitude"] = float(effect.amplitude)
+    return toml_table("[[effects]]", values)
 
 
 def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Instruments:

@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.connection_damping import ConnectionDamping
 from fem.effects.joint import Joint, joint_unit
+from fem.effects.joint_patch import JointPatch
+from fem.effects.joint_stiffness import JointStiffness
 from fem.frf import compute_frf
 from fem.model import DIRECTIONS, Model, directions_from
 from fem.reduced import ReducedModel, reduce_model
@@ -165,7 +168,46 @@ def read_task(study: Study, name: str, directions: str, measurement: str | None 
         raise StudyError(msg)
     measured = _measurement(study, measurement)
     frf = measured.frf.select(lines=measured.frf.frequency > 0, band=study.band)
-    return Task(study, joints[name], wanted, measured.with_frf(frf))
+    study = replace(study, model=_with_known(study, name))
+    joint = study.model.effect(name)
+    assert isinstance(joint, Joint)
+    return Task(study, joint, wanted, measured.with_frf(frf))
+
+
+def _with_known(study: Study, name: str) -> Model:
+    """Return the model whose joint has the stiffness of effects that are known for it.
+
+    Beside a joint that is fitted, they would be taken for a part of all else.
+
+    Raises
+    ------
+    StudyError
+        For known effects of the joint that its matrices cannot say.
+    """
+    model = study.model
+    for effect in study.model.effects:
+        if isinstance(effect, ConnectionDamping):
+            # the joint's own loss is identified: it must have no other
+            model = model.without_effect(effect.name).with_effect(replace(effect, but=(*effect.but, name)))
+        if effect.name == name or name not in (getattr(effect, "joint", ""), *getattr(effect, "joints", ())):
+            continue
+        if isinstance(effect, JointPatch):
+            continue  # it says where the joint acts
+        if not isinstance(effect, JointStiffness) or effect.joints != (name,):
+            msg = (
+                f"{study.path}: the effect '{effect.name}' in [[effects]] acts on joint '{name}'; what is "
+                "identified would be beside it: take it out"
+            )
+            raise StudyError(msg)
+        joint = model.effect(name)
+        assert isinstance(joint, Joint)
+        i, K = DIRECTIONS.index(effect.direction), np.array(joint.K, dtype=float)
+        K[i, i] = effect.stiffness
+        rigid = tuple(d for d in joint.rigid if d != effect.direction)
+        new = replace(joint, K=K, rigid=rigid)
+        kept = (e for e in model.effects if e.name != effect.name)
+        model = replace(model, effects=tuple(new if e.name == name else e for e in kept))
+    return model
 
 
 def identify(task: Task, amplification: float = 1e3) -> JointIdentification:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from study.commands import loaded, say
-from study.output import Progress, write_json
+from study.commands import check_places, loaded, say
+from study.output import Output, Progress, write_json
 
 if TYPE_CHECKING:
     from updating.diagnosis import Diagnosis
@@ -18,15 +18,19 @@ Options = argparse.Namespace
 
 def compare(options: Options, progress: Progress) -> None:
     """Print how far the model's FRFs are from the measured ones."""
-    from study import result, run
+    from study import result, run, words
     from updating.correlation import compare as compare_frfs
+    from updating.diagnosis import begin_fitted
 
+    check_places(options)
     study = loaded(options)
     progress("reducing the model")
-    problem = run.fit_problem(study)
+    problem, faults = run.fit_problem(study), ()
     if options.fitted:
         progress("fitting the uncertain parameters", 0.3)
-    found = problem.fit() if options.fitted else problem.nominal()
+        problem, found, faults = begin_fitted(problem)
+    else:
+        found = problem.nominal()
     c = compare_frfs(problem.measured, problem.frf(found), options.bands, problem.data.mask)
     progress.close()
     what = "with fitted parameters" if options.fitted else "nominal"
@@ -36,7 +40,11 @@ def compare(options: Options, progress: Progress) -> None:
             "study": study.name,
             "model": what,
             **result.comparison_dict(c),
+            "error_db": found.fit_db,
+            "held_out_db": found.held_out_db,
+            "all_lines_db": c.total_db,
             "noise_db": problem.data.noise_db,
+            "faults": [result.fault_dict(f) for f in faults],
             "warnings": study.warnings,
         },
     )
@@ -44,8 +52,9 @@ def compare(options: Options, progress: Progress) -> None:
     width = _width(c.outputs)
     say(
         options,
-        f"{study.name}, {what}: error of the amplitude {c.total_db:.2f} dB, noise of the measurement "
-        f"{problem.data.noise_db:.2f} dB",
+        f"{study.name}, {what}: error of the amplitude {found.fit_db:.2f} dB on the lines of the fit, "
+        f"{_cell(found.held_out_db, 0)} on those held out and {c.total_db:.2f} on all; noise of the "
+        f"measurement {problem.data.noise_db:.2f} dB",
         f"{'sensor':{width}}  {'all dB':>7}  {head}  {'least FRAC':>10}",
         *(
             f"{name:{width}}  {_cell(total, 7)}  {'  '.join(_cell(db, 11) for db in row)}  "
@@ -54,19 +63,22 @@ def compare(options: Options, progress: Progress) -> None:
                 c.outputs, c.by_sensor(), c.by_band(), result.least_frac(c), strict=True
             )
         ),
+        *(f"set right: {words.fault_text(f)}" for f in faults),
     )
 
 
 def locate(options: Options, progress: Progress) -> None:
     """Print which sensors, bands, members and places carry the misfit."""
     from study import result, run, words
+    from updating.diagnosis import begin_fitted
     from updating.localisation import locate as find_places
 
+    check_places(options)
     study = loaded(options)
     progress("reducing the model")
     problem = run.fit_problem(study)
     progress("fitting the uncertain parameters", 0.2)
-    fitted = problem.fit()
+    problem, fitted, faults = begin_fitted(problem)
     progress("locating the misfit", 0.5)
     where = find_places(problem, fitted, options.bands)
     progress.close()
@@ -94,6 +106,7 @@ def locate(options: Options, progress: Progress) -> None:
         f"{'place':{wide}}  share of the misfit that a small change would explain",
         *(f"{words.place(name):{wide}}  {100 * share:5.1f} %" for name, share in places[: options.number]),
         "",
+        *(f"set right: {words.fault_text(f)}" for f in faults),
         where.note,
     )
 
@@ -103,6 +116,7 @@ def diagnose(options: Options, progress: Progress) -> None:
     from study import result, run, words
     from updating.correlation import DB_PER_NEPER
 
+    check_places(options)
     study = loaded(options)
     found = run.diagnose_study(study, progress)
     progress.close()
@@ -141,8 +155,10 @@ def run(options: Options, progress: Progress) -> None:
     """Do the whole loop and print the verdict."""
     from study import run as loop
     from study import words
-    from study.result import result_dict
+    from study.result import NAMES, result_dict
 
+    out = Output("--out", options.out, NAMES)
+    check_places(options, out)
     study = loaded(options)
     done = loop.run(study, options.out, progress, force=options.force)
     progress.close()

@@ -1,4 +1,4 @@
-"""Where each key of a TOML text stands.
+"""Where each key and value of a TOML text stands.
 
 ``tomllib`` gives values without places. This scan of a text that ``tomllib`` has accepted gives the places.
 """
@@ -6,6 +6,7 @@
 import re
 import tomllib
 from bisect import bisect_left
+from dataclasses import dataclass, field
 
 Path = tuple[str | int, ...]
 """Keys and list indices from the top of the file: ``("joints", 0, "k", "kx")``."""
@@ -16,9 +17,35 @@ _SPACE = re.compile(r"[ \t]*")
 _QUOTES = ('"""', "'''", '"', "'")
 
 
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Places in a text, as indices of its characters.
+
+    Attributes
+    ----------
+    values : dict of Path to (int, int)
+        Of each value behind a key, and of each list item.
+    pairs : dict of Path to (int, int)
+        Of each key with its value.
+    headers : dict of Path to (int, int)
+        Of each ``[table]`` and ``[[table]]`` line, up to its closing bracket.
+    """
+
+    values: dict[Path, tuple[int, int]] = field(default_factory=dict)
+    pairs: dict[Path, tuple[int, int]] = field(default_factory=dict)
+    headers: dict[Path, tuple[int, int]] = field(default_factory=dict)
+
+
 def key_lines(text: str) -> dict[Path, int]:
     """Return the line, from 1, on which each key, table and list item of a valid TOML text begins."""
     return _Scan(text).run()
+
+
+def places_of(text: str) -> Places:
+    """Return the places of values, pairs and headers in a valid TOML text."""
+    scan = _Scan(text)
+    scan.run()
+    return scan.places
 
 
 class _Scan:
@@ -26,6 +53,7 @@ class _Scan:
         self.text, self.at = text, 0
         self.ends = [m.start() for m in re.finditer("\n", text)]
         self.lines: dict[Path, int] = {}
+        self.places = Places()
         self.n_tables: dict[Path, int] = {}  # lengths of arrays of tables
 
     def run(self) -> dict[Path, int]:
@@ -61,6 +89,7 @@ class _Scan:
                 path = (*path, self.n_tables[path] - 1)
                 self._mark(path, start)
         self.at += 2 if double else 1
+        self.places.headers.setdefault(path, (start, self.at))
         return path
 
     def _key(self) -> list[str]:
@@ -69,7 +98,7 @@ class _Scan:
         while True:
             self._skip(_SPACE)
             if self.text[self.at] in "\"'":
-                parts.append(tomllib.loads(f"key = {self._string()}")["key"])
+                parts.append(tomllib.loads(f"key = {self._string()}")["key"])  # escapes and all
             else:
                 start = self.at
                 parts.append(self.text[start : self._skip(_BARE)])
@@ -86,8 +115,15 @@ class _Scan:
         self.at += 1  # =
         self._skip(_SPACE)
         self._value(here)
+        self.places.pairs[here] = start, self.at
 
     def _value(self, path: Path) -> None:
+        begin = self.at
+        self._pass_value(path)
+        end = begin + len(self.text[begin : self.at].rstrip())
+        self.places.values[path] = begin, end
+
+    def _pass_value(self, path: Path) -> None:
         opening = self.text[self.at]
         if opening in "\"'":
             self._string()
@@ -105,7 +141,7 @@ class _Scan:
                     self.at += 1
             self.at += 1
         else:
-            while self.at < len(self.text) and self.text[self.at] not in ",]}\n#":
+            while self.at < len(self.text) and self.text[self.at] not in ",]}\r\n#":
                 self.at += 1
 
     def _string(self) -> str:

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fem.io import UFF_SUFFIXES, read_uff, write_npz, write_uff
+from fem.io import UFF_SUFFIXES, read_uff, write_npz
 from fem.io.atomic import replacing
-from study.commands import axis_labels, loaded, say
-from study.output import OutputError, Progress, check_writable, result_folder, write_json
+from study.commands import check_places, loaded, say, write_with_nodes
+from study.labels import NodeNumbers
+from study.output import Output, OutputError, Progress, result_folder, write_json
+from study.paths import InputFile
 from study.table import StudyError
 from study.update import StudyUpdate, identify_study, update_study, updated_text
 from updating.peaks import peak_words
@@ -35,7 +37,10 @@ def identify_modes(options: Options, progress: Progress) -> None:
     if suffix not in ("", ".npz", *UFF_SUFFIXES):
         msg = f"{options.out}: modes are written as .npz or .uff, not '{suffix}'"
         raise OutputError(msg)
-    check_writable(options.out, options.json, options.picture, options.synthesis)
+    check_places(
+        options, Output("--out", options.out), Output("--picture", options.picture),
+        Output("--synthesis", options.synthesis),
+    )  # fmt: skip
     study = loaded(options)
     progress("identifying modes")
     own = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
@@ -44,9 +49,9 @@ def identify_modes(options: Options, progress: Progress) -> None:
     if options.out is not None and suffix == ".npz":
         write_npz(options.out, found.modes)
     elif options.out is not None:
-        write_uff(
-            options.out, modes=found.modes, mesh=study.model.mesh, dofs=axis_labels(study, data.sensors)
-        )
+        nodes = NodeNumbers(study)
+        names = dict(zip(data.frf.outputs, nodes.labels("outputs", data.sensors), strict=True))
+        write_with_nodes(options.out, nodes, modes=found.modes, dofs=names)
     for path, kind in ((options.picture, "stabilisation"), (options.synthesis, "synthesis")):
         if path is not None:
             from viz.modal import plot_stabilisation, plot_synthesis
@@ -100,7 +105,8 @@ def match(options: Options, progress: Progress) -> None:
     if options.picture is not None and options.picture.suffix.lower() != ".png":
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
-    check_writable(options.json, options.picture)
+    geometry = InputFile(options.geometry, "the geometry")
+    check_places(options, Output("--picture", options.picture), more=[geometry])
     study = loaded(options, ())
     names, points = _test_points(options.geometry)
     progress("matching")
@@ -182,7 +188,7 @@ def _test_points(path: Path) -> tuple[list[str], np.ndarray]:
 
 def update(options: Options, progress: Progress) -> None:
     """Update a study's model to its measurement; write a report and the study with the new values."""
-    check_writable(options.json)
+    check_places(options, Output("--out", options.out, (REPORT, STUDY, JSON, "pictures")))
     study = loaded(options)
     progress("updating")
     result = update_study(study)

@@ -16,6 +16,7 @@ from fem.io.uff_types import Function
 from fem.model import Model
 from study.sensors import Channel, read_convention
 from study.table import Table, suggest
+from updating.faults import Fault, set_right
 from updating.measurement import Measurement, Sensor, at_values_of, sensor_point
 from updating.noise import noise_from_repeats
 from updating.phase import phase_evidence
@@ -54,6 +55,8 @@ class RawMeasurement:
     coherence, scatter : ndarray (n_freq, n_out, n_in) or None
         As in :class:`updating.measurement.Measurement`.
     averages : int or None
+    compared : Path or None
+        File that says which values count.
     """
 
     table: Table
@@ -65,6 +68,7 @@ class RawMeasurement:
     coherence: NDArray[np.float64] | None = None
     averages: int | None = None
     scatter: NDArray[np.float64] | None = None
+    compared: Path | None = None
 
 
 def read_files(
@@ -96,6 +100,8 @@ def read_files(
         again = _repeats(t, folder, kind, notes, frfs)
         averages = t.number("averages", None, least=1)
         coherent = _coherence(t, folder, frfs, functions)
+        chosen = t.text("compared", None)
+        compared = None if chosen is None else _existing(t, "compared", folder, chosen)
         if averages is not None and averages != int(averages):
             t.refuse("averages", f"{averages:g} is not allowed; a whole number of averages is needed")
         if any(c is not None for c in coherent) and averages is None and not again:
@@ -119,7 +125,9 @@ def read_files(
             cut = replace(cut, H=scale * np.exp(1j * np.deg2rad(convention.phase)) * H)
             label = name if len(frfs) == 1 else f"{name} [{i + 1}]"
             number = None if averages is None else int(averages)
-            out.append(RawMeasurement(t, cut, label, level, check, check_phase, known[0], number, known[1]))
+            out.append(
+                RawMeasurement(t, cut, label, level, check, check_phase, known[0], number, known[1], compared)
+            )
     return out, nodes
 
 
@@ -172,7 +180,7 @@ def _coherence(
         found = [_coherence_in(others, frf) for frf in frfs]
     elif path.suffix.lower() == ".npz":
         with t.at("coherence"):
-            found = [_coherence_array(path, frf) for frf in frfs]
+            found = [_array(path, frf, "coherence") for frf in frfs]
     else:
         t.refuse("coherence", f"{file} is not allowed; a universal file or .npz is needed")
     if all(c is None for c in found):
@@ -198,21 +206,24 @@ def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64
     return out if np.isfinite(out).any() else None
 
 
-def _coherence_array(path: Path, frf: FRF) -> NDArray[np.float64] | None:
-    """Read ``frequency``, ``coherence`` and, where channels differ, ``outputs`` and ``inputs``."""
+def _array(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
+    """Read ``frequency``, what belongs to FRFs and, where channels differ, ``outputs`` and ``inputs``.
+
+    Returns (n_freq, n_out, n_in), NaN for values of which the file says nothing; None where it has none.
+    """
     arrays = named_arrays(path)
-    missing = [key for key in ("frequency", "coherence") if key not in arrays]
+    missing = [key for key in ("frequency", what) if key not in arrays]
     if missing:
-        msg = f"{path.name} has no array '{missing[0]}'; frequency and coherence are needed"
+        msg = f"{path.name} has no array '{missing[0]}'; frequency and {what} are needed"
         raise ValueError(msg)
-    f, values = np.asarray(arrays["frequency"], dtype=float), np.asarray(arrays["coherence"], dtype=float)
+    f, values = np.asarray(arrays["frequency"], dtype=float), np.asarray(arrays[what], dtype=float)
     names = [
         [str(x) for x in np.atleast_1d(arrays[key])] if key in arrays else list(getattr(frf, key))
         for key in ("outputs", "inputs")
     ]
     if values.shape != (f.size, *(len(n) for n in names)):
         msg = (
-            f"{path.name}: coherence has shape {values.shape} for {f.size} frequencies, {len(names[0])} "
+            f"{path.name}: {what} has shape {values.shape} for {f.size} frequencies, {len(names[0])} "
             f"outputs and {len(names[1])} inputs"
         )
         raise ValueError(msg)
@@ -364,9 +375,10 @@ def match(
     raw: Sequence[RawMeasurement],
     sensors: Sequence[Channel],
     excitations: Sequence[Channel],
+    faults: Sequence[Fault],
     notes: list[str],
 ) -> tuple[Measurement, ...]:
-    """Return the measurements by the names of their sensors and excitations.
+    """Return the measurements by the names of their sensors and excitations, without known faults.
 
     Raises
     ------
@@ -404,6 +416,11 @@ def match(
             measurement = Measurement(
                 frf, picked[0], picked[1], r.force_level, r.name, known[0], r.averages, known[1]
             )
+        with r.table.at():
+            measurement = set_right(measurement, faults) if faults else measurement
+        if r.compared is not None:
+            with r.table.at("compared"):
+                measurement = replace(measurement, compared=_array(r.compared, measurement.frf, "compared"))
         out.append(measurement)
     for mark, channels in (("s", sensors), ("e", excitations)):
         for c in channels:
@@ -436,6 +453,13 @@ def _in_convention(frf: FRF, rows: Sequence[Channel], columns: Sequence[Channel]
     return H
 
 
+def _near(channels: Sequence[Channel], labels: Sequence[str]) -> str:
+    """Return which nodes of a file lie at sensors' places, as a hint; nothing if none does."""
+    nodes = {label.rstrip("XYZR+-S") for label in labels}
+    found = [f"node {n} is at '{c.sensor.name}'" for c in channels for n in c.near if str(n) in nodes]
+    return f" ({', '.join(found[:4])}{' …' if len(found) > 4 else ''})" if found else ""
+
+
 def _pick(
     r: RawMeasurement, channels: Sequence[Channel], labels: Sequence[str], word: str
 ) -> list[tuple[Channel, str, float]]:
@@ -455,7 +479,8 @@ def _pick(
         r.table.refuse(
             "file",
             f"none of its {word} ({', '.join(labels[:8])}{' …' if len(labels) > 8 else ''}) "
-            "belongs to a sensor or excitation of the study; give them a label or a node",
+            "belongs to a sensor or excitation of the study; give them a label or a node"
+            f"{_near(channels, labels)}",
         )
     return out
 

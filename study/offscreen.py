@@ -1,9 +1,13 @@
 """Whether this machine can draw without a screen, found out where a crash does no harm."""
 
 import functools
+import importlib.util
 import os
 import subprocess
 import sys
+
+NO_PYVISTA = "PyVista is not installed here (python -m pip install pyvista)"
+NO_OPENGL = "VTK cannot draw off screen here (on Debian and Ubuntu, install libegl1 and libgl1-mesa-dri)"
 
 VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
 """Environment variable that VTK reads once: the class of its windows."""
@@ -17,13 +21,41 @@ raise SystemExit(0 if numpy.ptp(plotter.screenshot(None, return_img=True)) > 100
 """
 
 
-@functools.cache
-def can_draw() -> bool:
-    """Return whether VTK draws off screen, and set the environment up for it.
+class DrawingError(RuntimeError):
+    """A picture was asked for that this machine cannot draw."""
 
-    VTK ends the process where a library is missing, hence the try in another one. Without a display it is
-    told to use EGL. To be called before PyVista is imported.
+
+def require_drawing(option: str) -> None:
+    """Refuse an option that asks for pictures of the structure where they cannot be drawn.
+
+    Raises
+    ------
+    DrawingError
+        It says what is missing.
     """
+    reason = why_not()
+    if reason:
+        msg = f"{option}: pictures of the structure cannot be drawn: {reason}; all the rest works without it"
+        raise DrawingError(msg)
+
+
+def can_draw() -> bool:
+    """Return whether pictures of the structure can be drawn here."""
+    return not why_not()
+
+
+@functools.cache
+def why_not() -> str:
+    """Return why no picture of the structure can be drawn here; nothing if it can.
+
+    The environment is set up for it. VTK ends the process where a library is missing, hence the try in
+    another one. Without a display it is told to use EGL. To be called before PyVista is imported.
+    """
+    try:
+        if importlib.util.find_spec("pyvista") is None:
+            return NO_PYVISTA
+    except (ImportError, ValueError):
+        return NO_PYVISTA
     os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
     ways: list[dict[str, str]] = [{}]
     if sys.platform.startswith("linux") and VARIABLE not in os.environ:
@@ -32,8 +64,12 @@ def can_draw() -> bool:
     for way in ways:
         if _draws(way):
             os.environ.update(way)
-            return True
-    return False
+            try:
+                importlib.import_module("pyvista")
+            except ImportError as reason:
+                return f"PyVista cannot be imported ({' '.join(str(reason).split())})"
+            return ""
+    return NO_OPENGL
 
 
 def _draws(way: dict[str, str]) -> bool:

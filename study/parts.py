@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass
 from fem.effects.frame import MASSES, THEORIES, MemberProperties, local_axes
 from fem.effects.support import Support
@@ -294,15 +295,18 @@ def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
     return tuple(out)
 
 
-def read_damping(top: Table, folder: Path, notes: list[str]) -> Damping:
-    """Read ``[damping]``; a file of modes gives their ratios over frequency."""
+def read_damping(top: Table, folder: Path, notes: list[str]) -> tuple[Damping, tuple[ConnectionDamping, ...]]:
+    """Read ``[damping]``; a file of modes gives their ratios over frequency.
+
+    Beside the structure's damping there is that of connections, if they are damped otherwise.
+    """
     t = top.table("damping")
     if not t.values:
-        for key in ("modal", "file", "alpha", "beta", "loss_factor"):
+        for key in ("modal", "file", "alpha", "beta", "loss_factor", "connections"):
             t.get(key, None)
         notes.append("no damping is given: a modal damping ratio of 0.5 % is assumed for all modes")
-        return Damping.modal(0.005)
-    ratio, frequency = np.zeros(1), np.zeros(1)
+        return Damping.modal(0.005), ()
+    ratio, frequency, powers = np.zeros(1), np.zeros(1), False
     if "modal" in t and "file" in t:
         t.refuse("file", "give either modal, ratios, or file, with modes that have them")
     if "file" in t:
@@ -313,20 +317,30 @@ def read_damping(top: Table, folder: Path, notes: list[str]) -> Damping:
             inner.vector("ratio", size=None, unit="-"),
             inner.vector("frequency", size=None, unit="Hz"),
         )
+        powers = inner.text("between", "lines", ("lines", "powers")) == "powers"
         inner.finish()
     elif "modal" in t:
         ratio = np.array([t.number("modal", least=0)])
     with t.at("file" if "file" in t else "modal"):
-        modal = Damping.modal(ratio, frequency)
+        modal = Damping.modal(ratio, frequency, powers=powers)
+    others: tuple[ConnectionDamping, ...] = ()
+    if "connections" in t:
+        inner = t.table("connections")
+        own = [inner.vector(key, size=None, unit=unit) for key, unit in (("frequency", "Hz"), ("ratio", "-"))]
+        inner.finish()
+        with t.at("connections"):
+            Damping.modal(own[1], own[0], powers=True)  # says what is wrong with them
+        others = (ConnectionDamping(frequency=own[0], ratio=own[1]),)
     damping = Damping(
         modal.frequency,
         modal.ratio,
         t.number("alpha", 0.0, least=0, unit="1/s"),
         t.number("beta", 0.0, least=0, unit="s"),
         t.number("loss_factor", 0.0, least=0),
+        powers,
     )
     t.finish()
-    return damping
+    return damping, others
 
 
 def _ratios_of_file(t: Table, folder: Path) -> tuple[np.ndarray, np.ndarray]:

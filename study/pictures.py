@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from study import words
 from study.modal import ModePair, modes_of, most_changed, pair_modes
-from study.offscreen import can_draw
+from study.offscreen import NO_OPENGL, can_draw, why_not
 from study.result import RunResult
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis import EFFECT, FAULT, NOTHING
@@ -104,8 +104,7 @@ def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
         _draw_modes(result, album, say)
     else:
         album.failures.append(
-            "Pictures of the structure are missing: VTK cannot draw off screen on this machine (on "
-            "Debian and Ubuntu, install libegl1 and libgl1-mesa-dri)."
+            f"Pictures of the structure and of its modes are missing: {why_not() or NO_OPENGL}."
         )
     return album
 

@@ -1,9 +1,7 @@
 """A study with an identified joint in it, written as a copy of the study file."""
 
-import json
 import re
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +15,10 @@ from joint.form import LAWS
 from study.config import Study, load_study
 from study.identify import Estimate
 from study.lines import key_lines
-from study.paths import with_paths
+from study.output import Output, check_outputs
+from study.paths import input_files, with_paths
 from study.table import StudyError
+from study.toml import toml_value, without
 
 SIDES = (
     "member1", "position1", "point1", "member2", "position2", "point2", "location", "axes",
@@ -112,15 +112,16 @@ def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
         If the study does not give its joints as [[joints]] tables, or the copy cannot be read.
     """
     study, effects = found.task.study, proposed(found)
+    check_outputs(input_files(study.path), Output("the proposed study", path))
     joint = effects[0]
     assert isinstance(joint, Joint)
     text = _with_joint(study, joint)
     for element in effects[1:]:
         assert isinstance(element, Viscoelastic)
         text += _viscoelastic(study, joint.name, element)
-    text = with_paths(text, study.path.parent, path.parent)
+    text = with_paths(_without_known(text, study, joint.name), study.path.parent, path.parent)
     with replacing(path) as scratch:
-        scratch.write_text(text, encoding="utf-8")
+        scratch.write_bytes(text.encode())
         model = load_study(scratch).model
         for effect in effects:
             written: Any = model.effect(effect.name)
@@ -130,6 +131,17 @@ def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
                     msg = f"{path}: {key} of '{effect.name}' could not be written into the study's text"
                     raise StudyError(msg)
     return effects
+
+
+def _without_known(text: str, study: Study, name: str) -> str:
+    """Return a text without the known effects whose stiffness the joint has by now, as comments."""
+    gone = [
+        ("effects", i)
+        for i, one in enumerate(tomllib.loads(text).get("effects", []))
+        if one["candidate"].startswith(f"joint_stiffness:{name}.")
+        and one.get("name", f"known {one['candidate']}") not in {e.name for e in study.model.effects}
+    ]
+    return without(text, *reversed(gone))
 
 
 def _joint_index(study: Study, name: str) -> int:
@@ -210,7 +222,7 @@ def _keys(joint: Joint) -> list[str]:
     if joint.eta:
         out.append(f"eta = {joint.eta:.6g}")
     if joint.rigid:
-        out.append(f"rigid = {json.dumps(' '.join(joint.rigid))}")
+        out.append(f"rigid = {toml_value(' '.join(joint.rigid))}")
     return out
 
 
@@ -220,7 +232,7 @@ def _list(values: Any) -> str:
 
 def _viscoelastic(study: Study, name: str, element: Viscoelastic) -> str:
     table = tomllib.loads(study.text)["joints"][_joint_index(study, name)]
-    place = [f"{key} = {_toml(table[key])}" for key in SIDES if key in table]
+    place = [f"{key} = {toml_value(table[key])}" for key in SIDES if key in table]
     law = next(word for word, kind in LAWS.items() if isinstance(element.law, kind))
     inner = [
         f"{key} = {getattr(element.law, key):.6g}"
@@ -232,13 +244,5 @@ def _viscoelastic(study: Study, name: str, element: Viscoelastic) -> str:
         for d, v in zip(DIRECTIONS, np.diag(np.asarray(element.K, dtype=float)), strict=True)
         if v
     )
-    rows = ["", "# as identified", "[[viscoelastic]]", f"name = {json.dumps(element.name)}", *place]
+    rows = ["", "# as identified", "[[viscoelastic]]", f"name = {toml_value(element.name)}", *place]
     return "\n".join([*rows, f'law = "{law}"', f"k = {{ {k} }}", *inner, ""])
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{json.dumps(k)} = {_toml(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

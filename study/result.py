@@ -22,6 +22,8 @@ from updating.parameters import DampingCurve
 SCHEMA = "dovetail-result/1"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
 FOUND = "found.toml"
+NAMES = (REPORT, JSON, FRFS, PICTURES, FOUND)
+"""What the folder of a run holds."""
 CONNECTIONS_LEVEL = "damping of connections over that of members"
 """How the report calls how much more connections are damped."""
 CONNECTIONS_POWER = "its power of frequency"
@@ -180,7 +182,8 @@ def program_version() -> str:
         return "unknown"
 
 
-def _fault(f: Fault) -> dict[str, Any]:
+def fault_dict(f: Fault) -> dict[str, Any]:
+    """Return a fault in plain types."""
     plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
     return plain | ({"other": f.other} if f.other else {})
 
@@ -197,7 +200,7 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "verdict": d.verdict,
         "reason": d.reason,
         "effects": [_finding(f) for f in d.findings],
-        "faults": [_fault(f) for f in d.faults],
+        "faults": [fault_dict(f) for f in d.faults],
         "error_db": [_step(s) for s in d.steps],
         "noise_floor_db": d.noise_floor_db,
         "noise_db": d.noise_db,

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from fem.effects.joint_patch import JointPatch
 from fem.io.atomic import replacing
 from study.config import Study
-from study.effects import effect_table
+from study.found import found_text
 from study.modal import modes_of, pair_modes
-from study.output import result_folder, write_json
-from study.paths import with_paths
+from study.output import Output, check_outputs, result_folder, write_json
+from study.paths import input_files
 from study.result import (
     FOUND,
     FRFS,
     JSON,
+    NAMES,
     PICTURES,
     REPORT,
     RunResult,
@@ -29,12 +29,12 @@ from study.result import (
 )
 from study.table import StudyError
 from updating.correlation import compare, rms_db
-from updating.diagnosis import Diagnosis, diagnose
+from updating.diagnosis import Diagnosis, begin, diagnose
 from updating.faults import corrected
 from updating.fit import FitProblem
 from updating.localisation import locate
 from updating.measurement import Measurement
-from updating.preparation import N_LINES, build_problem, prepared_like
+from updating.preparation import N_LINES, prepared_like
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""
@@ -46,8 +46,8 @@ N_BANDS = 8
 def run(study: Study, out: Path, progress: Progress | None = None, *, force: bool = False) -> RunResult:
     """Find what a study's model lacks, and write a report.
 
-    ``out`` gets ``report.html``, ``result.json``, ``frf.npz`` and ``pictures/``, all of them or none, and
-    ``found.toml``, the study with the effects that were found, if there are any.
+    ``out`` gets ``report.html``, ``result.json``, ``frf.npz``, ``pictures/`` and ``found.toml``, the study
+    with the reported model in it, all of them or none.
 
     Parameters
     ----------
@@ -68,6 +68,7 @@ def run(study: Study, out: Path, progress: Progress | None = None, *, force: boo
     """
     say = progress or (lambda text, done: None)
     measured(study)
+    check_outputs(input_files(study.path), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
         result = analyse(study, out, _part(say, 0.0, 0.85))
         write(result, scratch, _part(say, 0.85, 1.0))
@@ -109,25 +110,9 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
         np.savez_compressed(file, **arrays)
     write_json(folder / JSON, result_dict(result))
     write_report(result, album, folder / REPORT)
-    if result.diagnosis.findings or _patches(result):
-        with replacing(folder / FOUND) as scratch:
-            scratch.write_text(found_text(result, folder), encoding="utf-8")
-
-
-def found_text(result: RunResult, folder: Path) -> str:
-    """Return the study with the effects that were found, as a file in a folder."""
-    study = result.study
-    text = with_paths(study.text, study.path.parent, folder).rstrip("\n")
-    parts = [text, "", f"# what dovetail has found in {study.path.name}, with the values of its fit"]
-    parts += [effect_table(e, e.name) for e in _patches(result)]
-    parts += [effect_table(f.effect, f.effect.name) for f in result.diagnosis.findings]
-    return "\n".join(parts)
-
-
-def _patches(result: RunResult) -> tuple[JointPatch, ...]:
-    """Return the joints' patches that the fitted model has and the study has not, with its values."""
-    known, model = {e.name for e in result.study.model.effects}, result.diagnosis.model
-    return tuple(e.fitted_in(model) for e in model.of_kind(JointPatch) if e.name not in known)
+    with replacing(folder / FOUND) as scratch:
+        # the folder's own name: files that the text names are found from there, not from where it is made
+        scratch.write_bytes(found_text(result, result.folder).encode())
 
 
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
@@ -149,11 +134,10 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
 
 
 def fit_problem(study: Study) -> FitProblem:
-    """Return the reduced model and the prepared data of a study's first measurement."""
-    first = without_held_out(study, measured(study)[0])
-    return build_problem(
+    """Return the reduced model and the prepared data of a study's first measurement, as a run begins with."""
+    return begin(
         study.model,
-        first,
+        without_held_out(study, measured(study)[0]),
         study.nuisances,
         damping_std=study.damping_std,
         band=study.band,

@@ -62,6 +62,9 @@ class Channel:
         Its name in the files, where the study gives it.
     node : int or None
         Its node in the files.
+    near : tuple of int
+        Nodes of the files at its place, where the study names none: for hints alone, as a test's axes need
+        not be the model's.
     convention : Convention
         Of its FRFs beside the others'.
     """
@@ -70,23 +73,37 @@ class Channel:
     table: Table
     label: str = ""
     node: int | None = None
+    near: tuple[int, ...] = ()
     convention: Convention = Convention()
+
+    @property
+    def written(self) -> str:
+        """Its label in files that are written: what the study says of it, or nothing."""
+        axis = np.flatnonzero(np.abs(self.sensor.direction) > 1 - 1e-9)
+        if self.label or self.node is None or not axis.size:
+            return self.label
+        return label_of(self.node, int(np.sign(self.sensor.direction[axis[0]])) * (int(axis[0]) + 1))
 
     def find(self, labels: Sequence[str]) -> tuple[str, float] | None:
         """Return its label among those of a file, and the sign that turns the reading into its direction."""
-        if self.label:
-            return (self.label, 1.0) if self.label in labels else None
+        if self.label in labels:
+            return self.label, 1.0
         if self.sensor.name in labels:
             return self.sensor.name, 1.0
         axis = np.flatnonzero(np.abs(self.sensor.direction) > 1 - 1e-9)
-        if self.node is None or not axis.size:
+        if self.label or self.node is None or not axis.size:
             return None
         d = int(axis[0]) + 1
         sense = float(np.sign(self.sensor.direction[axis[0]]))
-        for sign in (1, -1):
-            if (label := label_of(self.node, sign * d)) in labels:
-                return label, sign * sense
-        return None
+        at = self.near if self.node is None else (self.node,)
+        found = [
+            (label, sign * sense)
+            for n in at
+            for sign in (1, -1)
+            if (label := label_of(n, sign * d)) in labels
+        ]
+        # of several nodes at its place none is certainly its own
+        return found[0] if found and (self.node is not None or len(found) == 1) else None
 
 
 def read_sensors(
@@ -139,7 +156,14 @@ def _sensors_of(
                 t.refuse("", "the sensor needs a name, for its place has none")
             own = mass if k == 0 else 0.0  # one body with several channels
             sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, gain, own), notes)
-            yield Channel(sensor, t, t.text("label", ""), node, convention)
+            near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
+            yield Channel(sensor, t, t.text("label", ""), node, near, convention)
+
+
+def _nodes_at(point: NDArray[np.float64], nodes: Nodes, geometry: Geometry) -> tuple[int, ...]:
+    """Return the nodes of the files at a place."""
+    reach = TOUCH * geometry.mesh.size
+    return tuple(n for n, xyz in nodes.items() if np.abs(xyz - point).max() <= reach)
 
 
 def _places(
@@ -218,7 +242,7 @@ def read_excitations(
                 if name not in by_name:
                     t.refuse("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
                 at, label = by_name[name], t.text("label", by_name[name].label)
-                found = [Channel(at.sensor, t, label, at.node, read_convention(t))]
+                found = [Channel(at.sensor, t, label, at.node, at.near, read_convention(t))]
             else:
                 found = list(_sensors_of(t, geometry, nodes, notes))
             t.finish()

@@ -1,12 +1,8 @@
 """Modes and updated values of a study: identify, update, and write what came out into its text."""
 
-import re
-import tomllib
 import warnings
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,13 +10,12 @@ from fem.model import Model, ParameterRef
 from fem.modes import solve_modes
 from fem.system import assemble
 from study.config import Study, read_study
-from study.effects import effect_table
-from study.lines import key_lines
 from study.measured import sensor_rows
 from study.measured_modes import MeasuredModes, ShapeLimits
 from study.paths import with_paths
 from study.run import measured, without_held_out
 from study.table import StudyError, suggest
+from study.writing import rebased_values, with_damping, with_effects, with_parameters
 from updating.measurement import Measurement
 from updating.modal_identification import IdentifiedModes, identify_modes
 from updating.pairing import ModeComparison, compare_modes
@@ -213,82 +208,18 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     tuple of str
         What of the update the text does not say.
     """
-    lines = study.text.splitlines()
-    places = key_lines(study.text)
     have = updated.model.values()
     values = {ref: float(f"{have[ref]:.10g}") for p in updated.parameters for ref in p.refs}
-    tree = tomllib.loads(study.text)
-    for ref, value in values.items():
-        for path in _paths(ref, study, tree):
-            row = places.get(path)
-            if row is not None:
-                lines[row - 1] = _with_number(lines[row - 1], str(path[-1]), value)
+    added = {e.name for e in study.plan.effects}
+    values |= rebased_values(updated.model, updated.model.effects)
+    text = with_parameters(study.text, {ref: v for ref, v in values.items() if ref[0] not in added})
     ratios = [p for p in updated.parameters if not p.refs]
     if ratios:
-        d = updated.model.damping
-        text = f"modal = {{ frequency = [{_numbers(d.frequency)}], ratio = [{_numbers(d.ratio)}] }}"
-        row = places.get(("damping", "modal"), places.get(("damping", "file")))
-        if row is not None:
-            lines[row - 1] = text  # a table over several lines makes this unreadable, which is said
-        elif "damping" in tree:
-            lines.insert(places["damping",], text)
-        else:
-            lines += ["", "[damping]", text]
-    text = _with_effects("\n".join(lines) + "\n", study, updated.model, values)
+        text = with_damping(text, updated.model.damping, None)
+    new = (updated.model.effect(e.name) for e in study.plan.effects)
+    text = with_effects(text, [e.rebased(updated.model) for e in new])
     unsaid = tuple(_left_unsaid(text, study, updated, values, bool(ratios)))
     return with_paths(text, study.path.parent, folder), unsaid
-
-
-def _paths(ref: ParameterRef, study: Study, tree: dict[str, Any]) -> list[tuple[str | int, ...]]:
-    """Return where the study may say a parameter."""
-    effect, name = ref
-    if effect == "frame" and ":" in name:
-        key, material = name.split(":", 1)
-        return [("materials", material, key)]
-    out: list[tuple[str | int, ...]] = []
-    for kind in ("joints", "masses", "viscoelastic"):
-        for i, one in enumerate(tree.get(kind, [])):
-            own = one.get("name", f"{kind[:-1]}{i + 1}" if kind != "masses" else None)
-            if own is None:
-                point = one.get("point")
-                own = f"mass at {point}" if isinstance(point, str) else f"mass{i + 1}"
-            if own == effect:
-                out += [(kind, i, name), (kind, i, "k", name), (kind, i, "c", name)]
-    for i, one in enumerate(tree.get("effects", [])):
-        if effect == one.get("name", f"known {one.get('candidate', '')}"):
-            out.append(("effects", i, name))
-    for i, one in enumerate(tree.get("sensors", [])):
-        if name == "mass" and effect == f"mass of sensor {one.get('name', '')}":
-            out.append(("sensors", i, "mass"))
-    return out
-
-
-def _with_effects(text: str, study: Study, model: Model, values: dict[ParameterRef, float]) -> str:
-    """Return a text with the values of ``[[effects]]`` that it leaves at their default, and new effects."""
-    for i, one in enumerate(tomllib.loads(text).get("effects", [])):
-        own = one.get("name", f"known {one['candidate']}")
-        rest = [(n, v) for (effect, n), v in values.items() if effect == own and n not in one]
-        lines = text.splitlines()
-        row = key_lines(text)["effects", i, "candidate"]
-        text = "\n".join([*lines[:row], *(f"{n} = {v!r}" for n, v in rest), *lines[row:]]) + "\n"
-    for effect in study.plan.effects:
-        now = model.effect(effect.name).with_values(
-            **{n: v for (e, n), v in values.items() if e == effect.name}
-        )
-        text += "\n" + effect_table(now, effect.name.removeprefix("known "))
-    return text
-
-
-_NUMBER = r"[-+]?(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][-+]?\d+)?"
-
-
-def _with_number(line: str, key: str, value: float) -> str:
-    """Return a line with another number after a key."""
-    return re.sub(rf"(?<![\w-])({re.escape(key)}\s*=\s*){_NUMBER}", rf"\g<1>{value!r}", line, count=1)
-
-
-def _numbers(values: Sequence[float] | np.ndarray) -> str:
-    return ", ".join(repr(float(f"{v:.7g}")) for v in values)
 
 
 def _left_unsaid(
@@ -296,6 +227,7 @@ def _left_unsaid(
 ) -> list[str]:
     """Return what a text does not give its model, found by reading it."""
     names = {ref: p.name for p in updated.parameters for ref in p.refs}
+    names = {ref: names.get(ref, ".".join(ref)) for ref in values}
     try:
         model = read_study(text, study.path).model
     except StudyError as reason:

@@ -116,11 +116,11 @@ class _AtJoint:
             f = p.data.frequency[self.lines]
             both = p.vectors_with(self.element)
             self._made["engine"] = ParametricFRF(p.reduced, *both, f, refs, self.effects)
-            self._made["hats"] = p.damping.hats(f)
+            self._made["hats"], self._made["offset"] = p.damping.hats(f), p.damping.offset(f)
         return self._made["engine"].evaluate(values, self.ratio(zeta), gradient)
 
     def ratio(self, zeta: Floats) -> Floats:
-        return np.exp(self._made["hats"] @ np.log(zeta))
+        return np.exp(self._made["hats"] @ np.log(zeta) + self._made["offset"])
 
     @property
     def hats(self) -> Floats:

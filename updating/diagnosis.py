@@ -13,7 +13,7 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.effects.joint_patch import JointPatch, with_patch
 from fem.effects.solid_corner import SolidCorner
 from fem.frf import FRF
-from fem.model import Effect, Model
+from fem.model import Effect, Model, applicable
 from updating.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL, takes_energy
 from updating.amplitude import combined_levels, deviation_at_level, force_levels, search_amplitude
 from updating.bootstrap import Bootstrap, bootstrap
@@ -30,19 +30,12 @@ from updating.findings import (
     step_added,
     step_of,
 )
-from updating.fit import EXPLAINED_LEVEL, LEVEL_FLOOR, FitData, FitProblem, FitResult
+from updating.fit import EXPLAINED_LEVEL, FitData, FitProblem, FitResult
 from updating.gates import Gates, check_gates, with_last_faults
 from updating.measurement import Measurement, instruments_on
 from updating.parameters import Nuisance
 from updating.patches import choose_patch, proposed_patch, refined_at, with_turning
-from updating.preparation import (
-    N_LINES,
-    build_problem,
-    discretisation_error,
-    fitted_model,
-    splits,
-    with_higher_mass,
-)
+from updating.preparation import N_LINES, build_fine, build_problem, fitted_model, with_higher_mass
 from updating.search import (
     TWIN_SHARE,
     Floor,
@@ -180,9 +173,9 @@ def propose(
     classes = [effect_classes()[kind] for kind in (kinds or known) if kind not in exclude]
     classes = [cls for cls in classes if levels or not cls.amplitude_dependent]
     if test is None:
-        return tuple(e for cls in classes for e in cls.propose(model))
+        return applicable((e for cls in classes for e in cls.propose(model)), model)
     instruments = instruments_on(model.mesh, test)
-    return tuple(e for cls in classes for e in cls.propose_for_test(model, instruments))
+    return applicable((e for cls in classes for e in cls.propose_for_test(model, instruments)), model)
 
 
 def diagnose(
@@ -252,6 +245,39 @@ def diagnose(
         again, used, other = _attempt(asked, model, patch, choose=other is not None, given=other)
         found = found if again.verdict == UNEXPLAINED else again
     return replace(found, seconds=time.perf_counter() - begun)
+
+
+def begin(
+    model: Model,
+    measurement: Measurement,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+) -> FitProblem:
+    """Return the problem that a diagnosis begins with: data, and a reduced model on a mesh fine enough.
+
+    Parameters as of :func:`diagnose`. Its nominal model is that of the diagnosis, unless this looks for the
+    extent of joints.
+    """
+    asked = _Asked(
+        (measurement,), nuisances, damping_std, band, None, (), n_lines, model_error, 0,
+        lambda text, done: None,
+    )  # fmt: skip
+    model = with_higher_mass(model)
+    known = next(iter(model.of_kind(JointPatch)), None)
+    model = refined_at(model, known) if known and model_error > 0 else model
+    return build_fine(asked.build, model, model_error)[0]
+
+
+def begin_fitted(problem: FitProblem) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+    """Return a problem with faults of the measurement set right, its fit and these, as a diagnosis has them.
+
+    The first step of a search: uncertain parameters are fitted, and every sensor is compared with the others.
+    """
+    return find_faults(problem, _fitted(problem))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -388,27 +414,21 @@ def _attempt(
 def _started(asked: _Asked, model: Model, patch: JointPatch | None, given: JointPatch | None) -> _Start:
     """Reduce the model on a mesh that is fine enough, set faults right, and choose joints' patches."""
     asked.say("reducing the model", 0.0)
-    bare, notes = model, list[str]()
-    model = with_patch(bare, given) if given else bare
-    candidates = asked.candidates(model)
-    problem = asked.build(model)
-    mesh_db, mesh_level = discretisation_error(problem)
-    n = splits(mesh_level, max(problem.data.noise_level, asked.model_error, LEVEL_FLOOR))
+    notes = list[str]()
+    patched = partial(with_patch, patch=given) if given else lambda bare: bare
+    problem, bare, n, left, before = build_fine(lambda m: asked.build(patched(m)), model, asked.model_error)
+    mesh_db, mesh_level = left
     if n > 1:
         notes.append(
-            f"each element was cut into {n}: the mesh's error was {mesh_db:.2g} dB, not small beside the "
+            f"each element was cut into {n}: the mesh's error was {before:.2g} dB, not small beside the "
             f"noise of {problem.data.noise_db:.2g} dB"
         )
-        asked.say(f"cutting each element into {n}", 0.01)
-        bare = bare.with_mesh(bare.mesh.split(n))
-        model = with_patch(bare, given) if given else bare
-        candidates = asked.candidates(model)
-        problem = asked.build(model)
-        mesh_db, mesh_level = discretisation_error(problem)
+    model = patched(bare)
+    candidates = asked.candidates(model)
     data = problem.data
     level, floor_db = np.hypot([data.noise_level, data.noise_db], [mesh_level, mesh_db]).tolist()
     asked.say("fitting the uncertain parameters", 0.03)
-    problem, null, faults = find_faults(problem, _fitted(problem))
+    problem, null, faults = begin_fitted(problem)
     plain, used = problem, given
     if given:
         notes.append(_where_patched(given))

@@ -19,7 +19,7 @@ from fem.model import Model
 from updating.correlation import complex_log
 from updating.cross_prediction import CrossPrediction, Field, cross_predict, less_certain, rival_predictions
 from updating.fit import FitData, FitProblem, FitResult
-from updating.measurement import Sensor
+from updating.measurement import Measurement, MeasurementError, Sensor
 
 GAIN_LEAST = 0.06
 """Smallest deviation of a gain from 1 that is called a fault, as a logarithm [-]."""
@@ -108,6 +108,37 @@ def corrected(data: FitData, faults: Sequence[Fault]) -> FitData:
     for fault in faults:
         data = _turned(data, fault, undo=False)
     return data
+
+
+def set_right(measurement: Measurement, faults: Sequence[Fault]) -> Measurement:
+    """Return a measurement without known faults, set right in their order as by :func:`corrected`.
+
+    A sensor at a wrong place is left out, as nothing says its right one closely enough.
+
+    Raises
+    ------
+    MeasurementError
+        If no sensor is left.
+    """
+    H, n = measurement.frf.H, len(measurement.frf.frequency)
+    # what is known of the noise follows its channel, as weights and noise of a fit's data do
+    known = [
+        np.full(H.shape, np.nan) if x is None else x for x in (measurement.coherence, measurement.scatter)
+    ]
+    every, none = np.ones(H.shape, dtype=bool), np.zeros(n, dtype=bool)
+    data = FitData(measurement, measurement.frf.frequency, H, every, known[0], known[1], none)
+    right = corrected(data, faults)
+    new = replace(
+        right.measurement,
+        frf=replace(measurement.frf, H=right.H),
+        coherence=None if measurement.coherence is None else right.weight,
+        scatter=None if measurement.scatter is None else right.noise,
+    )
+    kept = [s.name for k, s in enumerate(new.sensors) if right.mask[:, k].any()]
+    if not kept:
+        msg = f"every sensor of '{measurement.name}' is said to sit at a wrong place; nothing is left"
+        raise MeasurementError(msg)
+    return new if len(kept) == len(new.sensors) else new.with_frf(new.frf.select(outputs=kept))
 
 
 def uncorrected(data: FitData, faults: Sequence[Fault]) -> FitData:

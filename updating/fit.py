@@ -135,7 +135,8 @@ def prepare(
 
     Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and
     measured, lies more than 60 dB (measured: 50 dB) under the median level of all, or if it is noise at most
-    lines, or no more there than ``TRANSVERSE`` of the motion across its sensor.
+    lines, or no more there than ``TRANSVERSE`` of the motion across its sensor. What the measurement says of
+    the values that count goes before that.
 
     Parameters
     ----------
@@ -168,6 +169,8 @@ def prepare(
         with np.errstate(divide="ignore", invalid="ignore"):
             uncertain = np.hypot(noise, np.nan_to_num(TRANSVERSE * across / np.abs(H), nan=0.0, posinf=10.0))
     mask = counted_values(frf, uncertain, computed)
+    if kept.compared is not None:
+        mask = np.where(np.isfinite(kept.compared), kept.compared > 0, mask) & (H != 0)
     weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + uncertain**2) * mask
     block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
     return FitData(kept, frf.frequency, H, mask, weight, noise, block % 4 == 2)
@@ -687,7 +690,7 @@ class FitFunction:
             f, measured = p.data.frequency[self.lines], p.data.H[self.lines]
             engine = p.engine(f, [v.ref for v in self.variables], self.effects)
             safe = np.where(self.keep & (measured != 0), measured, 1.0)
-            self._made.update(engine=engine, hats=p.damping.hats(f), safe=safe)
+            self._made.update(engine=engine, hats=p.damping.hats(f), safe=safe, offset=p.damping.offset(f))
         return self._made["engine"], self._made["hats"], self._made["safe"]
 
     def __call__(
@@ -698,7 +701,7 @@ class FitFunction:
         engine, hats, safe = self._once()
         n_par = len(self.variables)
         values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])
-        zeta = np.exp(hats @ x[n_par:])
+        zeta = np.exp(hats @ x[n_par:] + self._made["offset"])
         H, dH, dH_dzeta = engine.evaluate(values, zeta, gradient)
         r = np.nan_to_num(weight * log_ratio(H, safe), nan=0.0)[keep]
         if not gradient or dH is None or dH_dzeta is None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
-from fem.model import Effect
+from fem.model import Effect, applicable
 from updating.correlation import compare
 from updating.fit import FitProblem, FitResult
 
@@ -71,7 +71,8 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     places: dict[str, float] = {}
     project = _Projection.of(problem, result)
     for kind in candidate_kinds():
-        for effect in effect_classes()[kind].propose(problem.reduced.model):
+        proposed = effect_classes()[kind].propose(problem.reduced.model)
+        for effect in applicable(proposed, problem.reduced.model):
             if effect.amplitude_dependent:
                 continue
             share = max((project.share(e, start) for e, start in _small(effect, problem)), default=0.0)

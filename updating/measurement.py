@@ -67,6 +67,9 @@ class Measurement:
     scatter : ndarray (n_freq, n_out, n_in) or None
         Relative standard deviation of the FRFs in each part, where it is known otherwise: from repeats
         (:func:`updating.noise.noise_from_repeats`) for example; NaN where it is not [-].
+    compared : ndarray (n_freq, n_out, n_in) or None
+        1 for values that count in a comparison and 0 for others, as an earlier one has chosen; NaN for those
+        of which it has said nothing.
     """
 
     frf: FRF
@@ -77,9 +80,11 @@ class Measurement:
     coherence: NDArray[np.float64] | None = None
     averages: int | None = None
     scatter: NDArray[np.float64] | None = None
+    compared: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        for word, values in (("coherence", self.coherence), ("scatter", self.scatter)):
+        known = {"coherence": self.coherence, "scatter": self.scatter, "choice of values": self.compared}
+        for word, values in known.items():
             if values is not None and np.shape(values) != self.frf.H.shape:
                 msg = (
                     f"the {word} of '{self.name}' has shape {np.shape(values)}, its FRFs {self.frf.H.shape}; "
@@ -122,6 +127,7 @@ class Measurement:
             excitations=tuple(by_in[n] for n in frf.inputs),
             coherence=None if self.coherence is None else at_values_of(self.coherence, self.frf, frf),
             scatter=None if self.scatter is None else at_values_of(self.scatter, self.frf, frf),
+            compared=None if self.compared is None else at_values_of(self.compared, self.frf, frf),
         )
 
     @property

@@ -3,8 +3,9 @@
 These are nuisance parameters with prior knowledge, the damping curve, and effects' parameters.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,12 +55,17 @@ class DampingCurve:
         Standard deviation of the logarithm at a knot, of ln r and of b [-].
     connections : bool
         Whether connections have a ratio of their own.
+    base : callable, optional
+        From frequencies [Hz] to the nominal ζ (n_freq,), or with connections that and theirs (2, n_freq).
+        The curve is this at its start, whatever lies between the knots, and all unknowns multiply it; a
+        nominal curve of powers of frequency between the knots unless given.
     """
 
     knots: NDArray[np.float64]
     nominal: NDArray[np.float64]
     std: float
     connections: bool = False
+    base: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
 
     @property
     def start(self) -> NDArray[np.float64]:
@@ -91,7 +97,13 @@ class DampingCurve:
 
     def ratio(self, frequency: NDArray[np.float64], unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return ζ at frequencies [Hz], (n_freq,), or with connections that and theirs, (2, n_freq) [-]."""
-        return np.exp(self.hats(frequency) @ np.log(unknowns))
+        return np.exp(self.hats(frequency) @ np.log(unknowns) + self.offset(frequency))
+
+    def offset(self, frequency: NDArray[np.float64]) -> Any:
+        """Return what ln ζ has besides B ln(unknowns), as :meth:`ratio` has its shape; 0 without a base."""
+        if self.base is None:
+            return 0.0
+        return np.log(self.base(frequency)) - self.hats(frequency) @ np.log(self.start)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,12 +1,13 @@
 """What a diagnosis begins with: a reduced model, the data to compare it with, and how exact both are."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.connection_damping import ConnectionDamping
 from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
 from fem.frf import FRF
@@ -15,7 +16,16 @@ from fem.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
 from fem.solvers import factorise
 from fem.system import assemble, connection_stiffness
 from updating.correlation import log_ratio, rms_db
-from updating.fit import EXPLAINED_LEVEL, NOISE_LIMIT, FitData, FitProblem, FitResult, prepare, sensor_vectors
+from updating.fit import (
+    EXPLAINED_LEVEL,
+    LEVEL_FLOOR,
+    NOISE_LIMIT,
+    FitData,
+    FitProblem,
+    FitResult,
+    prepare,
+    sensor_vectors,
+)
 from updating.measurement import Measurement, MeasurementError, with_sensor_masses
 from updating.parameters import DampingCurve, Nuisance
 
@@ -27,6 +37,8 @@ MOST_SPLITS = 4
 """Into so many at most."""
 NOMINAL_RATIO = 5e-3
 """Damping ratio of a model that has none [-]."""
+LEAST_RATIO = 1e-5
+"""Least nominal damping ratio, of which a fit can take a multiple [-]."""
 NEIGHBOURS = 0.03
 """Lines within this share of a frequency say how far the structure moves there."""
 N_LINES = 160
@@ -107,6 +119,8 @@ def build_problem(
         If there are fewer than ``LEAST_LINES`` lines, or no value of the FRFs is left to compare.
     """
     model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
+    other = next(iter(model.of_kind(ConnectionDamping)), None) if connections else None
+    model = model.without_effect(other.name) if other else model  # the curve has it
     frf = measurement.frf.select(band=band) if band else measurement.frf
     n_usable = int((frf.frequency > 0).sum())
     if n_usable < LEAST_LINES:
@@ -116,7 +130,7 @@ def build_problem(
         )
         raise MeasurementError(msg)
     highest = float(frf.frequency[-1])
-    reduced, curve, modes = _reduced(model, measurement, frf, damping_std, connections)
+    reduced, curve, modes = _reduced(model, measurement, frf, damping_std, connections, other)
     k = len(modes)
     low = modes[4] * 1.1 if k > 8 else highest
     middle = modes[k // 2] if k > 14 else highest
@@ -139,7 +153,12 @@ def build_problem(
 
 
 def _reduced(
-    model: Model, measurement: Measurement, frf: FRF, damping_std: float, connections: bool
+    model: Model,
+    measurement: Measurement,
+    frf: FRF,
+    damping_std: float,
+    connections: bool,
+    other: ConnectionDamping | None,
 ) -> tuple[ReducedModel, DampingCurve, NDArray[np.float64]]:
     """Return a reduced model without modal damping, the curve of that, and its modes in the band [Hz]."""
     highest = float(frf.frequency[-1])
@@ -152,13 +171,29 @@ def _reduced(
     knots = (
         np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
     )
-    ratio = model.damping.ratio_at(knots)
-    no_other = not (model.damping.alpha or model.damping.beta or model.damping.loss_factor)
+    nominal = _nominal_ratio(model, knots, other, connections)
     curve = DampingCurve(
-        knots, np.maximum(ratio, NOMINAL_RATIO if no_other and not ratio.any() else 1e-5), damping_std,
-        connections,
+        knots, np.atleast_2d(nominal(knots))[0], damping_std, connections,
+        nominal if np.ptp(model.damping.ratio) or other else None,
     )  # fmt: skip
     return reduced, curve, modes
+
+
+def _nominal_ratio(
+    model: Model, knots: NDArray[np.float64], other: ConnectionDamping | None, connections: bool
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Return the nominal damping ratio over frequency, with that of connections if they have their own."""
+    d = model.damping
+    given = d.alpha or d.beta or d.loss_factor or d.ratio_at(knots).any()
+    least = LEAST_RATIO if given else NOMINAL_RATIO
+
+    def ratio(f: NDArray[np.float64]) -> NDArray[np.float64]:
+        members = np.maximum(d.ratio_at(f), least)
+        if not connections:
+            return members
+        return np.stack([members, np.maximum(other.ratio_at(f), LEAST_RATIO) if other else members])
+
+    return ratio
 
 
 def counted_data(
@@ -186,7 +221,7 @@ def counted_data(
     """
     model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
     frf = measurement.frf.select(band=band) if band else measurement.frf
-    reduced, curve, _ = _reduced(model, measurement, frf, 0.5, False)
+    reduced, curve, _ = _reduced(model, measurement, frf, 0.5, False, None)
     return _prepared(reduced, curve, measurement, band, model_error)
 
 
@@ -259,6 +294,40 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     ratio: Any = log_ratio(problem.receptance(nominal, lines), finer) * 4 / 3
     ratio = np.where(problem.data.mask[lines], ratio, complex("nan"))
     return rms_db(ratio), problem.level(ratio, lines)
+
+
+def build_fine(
+    build: Callable[[Model], FitProblem], model: Model, model_error: float
+) -> tuple[FitProblem, Model, int, tuple[float, float], float]:
+    """Return the problem of a model whose elements are short enough for the data.
+
+    Parameters
+    ----------
+    build : callable
+        Makes the problem of a model.
+    model : Model
+    model_error : float
+        Residual level up to which a model counts as right [nepers].
+
+    Returns
+    -------
+    FitProblem, Model
+        With each element cut.
+    int
+        Into so many.
+    (float, float)
+        What the mesh leaves: root mean square [dB] and level [nepers].
+    float
+        Root mean square before elements were cut [dB].
+    """
+    problem = build(model)
+    left = before = discretisation_error(problem)
+    n = splits(left[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR))
+    if n > 1:
+        model = model.with_mesh(model.mesh.split(n))
+        problem = build(model)
+        left = discretisation_error(problem)
+    return problem, model, n, left, before[0]
 
 
 def finer_receptances(

@@ -20,7 +20,7 @@ from updating.pairing import ModeComparison
 from updating.pretest import PretestPlan
 from viz import style
 from viz.curves import legend_above, plot_misfit_matrix
-from viz.render import render_model, view_axes
+from viz.shapes import view_axes
 
 
 def plot_coordinates(
@@ -369,6 +369,8 @@ def plot_pretest(plan: PretestPlan, title: str = "") -> Figure:
 
 def render_pretest(model: Model, plan: PretestPlan, path: str | Path, title: str = "") -> Path:
     """Draw the sensors and exciters of a pretest plan on the structure, and return the file."""
+    from viz.render import render_model  # the rest of this module needs no PyVista
+
     return render_model(model, path, plan.sensors, plan.exciters, title=title)
 
 

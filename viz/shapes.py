@@ -597,3 +597,24 @@ def _ear(xy: Floats, chain: list[int]) -> int:
 
 def _cross(a: Floats, b: Floats) -> Any:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def view_axes(points: Floats) -> Floats:
+    """Return the axes of the picture (right, up, towards the eye) as rows, from the structure's proportions.
+
+    Three-dimensional and horizontal structures are seen from the front, the right and above; a structure in
+    one vertical plane from the front of its plane, turned a little; a single straight member at right
+    angles, a little from above.
+    """
+    extent = np.ptp(points, axis=0)
+    order = np.argsort(extent)
+    small = extent < 0.2 * extent.max()
+    azimuth, elevation = -62.0, 26.0
+    if small.sum() == 2:
+        azimuth, elevation = {0: (-75.0, 20.0), 1: (-15.0, 20.0), 2: (-70.0, 12.0)}[int(order[2])]
+    elif small.sum() == 1:
+        azimuth, elevation = {0: (-22.0, 18.0), 1: (-68.0, 18.0), 2: (-62.0, 34.0)}[int(order[0])]
+    a, e = np.deg2rad([azimuth, elevation])
+    eye = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    return np.stack([right, np.cross(eye, right), eye])

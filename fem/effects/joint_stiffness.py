@@ -28,6 +28,8 @@ class JointStiffness(Effect):
         The new stiffness of each [N/m or N·m/rad].
     assumed : float
         The model's; ``inf`` where they are rigid [N/m or N·m/rad].
+    known : tuple of str
+        Effects of this kind that the model has for these joints: the last of them gives what is assumed.
     bounds : (float, float)
         Of the stiffness [N/m or N·m/rad].
     """
@@ -38,6 +40,7 @@ class JointStiffness(Effect):
     direction: str
     stiffness: Any
     assumed: float
+    known: tuple[str, ...] = ()
     bounds: tuple[float, float] = (1e-6, 1e18)
 
     @property
@@ -70,7 +73,9 @@ class JointStiffness(Effect):
         return () if np.isfinite(self.assumed) else tuple((name, self.direction) for name in self.joints)
 
     def replaces(self) -> tuple[tuple[str, str], ...]:
-        """Return the joints' own stiffnesses in this direction."""
+        """Return the joints' own stiffnesses in this direction, or those of effects known for them."""
+        if self.known:
+            return tuple((name, "stiffness") for name in self.known)
         return (
             tuple((name, f"k{self.direction}") for name in self.joints) if np.isfinite(self.assumed) else ()
         )
@@ -96,6 +101,8 @@ class JointStiffness(Effect):
         for i, d in enumerate(DIRECTIONS):
             assumed = {j.name: np.inf if d in j.rigid else float(j.K[i, i]) for j in model.of_kind(Joint)}
             assumed = {name: k for name, k in assumed.items() if k > 0}
+            known = [e for e in model.of_kind(cls) if e.direction == d]
+            assumed |= {name: float(np.real(e.stiffness)) for e in known for name in e.joints}
             groups = [(name,) for name in assumed]
             if len(groups) > 1 and len(set(assumed.values())) == 1:
                 groups.append(tuple(assumed))
@@ -104,9 +111,13 @@ class JointStiffness(Effect):
                 bounds = (1e-4 * k, 1e4 * k) if np.isfinite(k) else (1e-6, 1e18)
                 start = k if np.isfinite(k) else 1e6
                 name = f"joint_stiffness:{'+'.join(group)}.{d}"
+                own = tuple(e.name for e in known if set(e.joints) & set(group))
                 out.append(
-                    cls(name=name, joints=group, direction=d, stiffness=start, assumed=k, bounds=bounds)
-                )
+                    cls(
+                        name=name, joints=group, direction=d, stiffness=start, assumed=k, known=own,
+                        bounds=bounds,
+                    )
+                )  # fmt: skip
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

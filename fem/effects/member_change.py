@@ -2,17 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.frame import Frame, member_contribution, nominal
-from fem.model import Contribution, Effect, Model, Parameter
+from fem.model import Contribution, Effect, Model, Parameter, parameter_values
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _MemberChange(Effect):
+    of: ClassVar[str]
     member: str
     change: Any = 0.0
 
@@ -28,6 +29,13 @@ class _MemberChange(Effect):
     def _parts(self, model: Model) -> tuple[Contribution, ...]:
         (frame,) = model.of_kind(Frame)
         return member_contribution(nominal(frame), model, self.member)
+
+    def rebased(self, model: Model) -> Self:
+        """Return the change relative to the present modulus or density, which stays the same amount."""
+        (frame,) = model.of_kind(Frame)
+        key = f"{self.of}:{frame.members[self.member].material.name}"
+        before, now = (parameter_values(f)[key] for f in (nominal(frame), frame))
+        return self.with_values(change=self.change * before / now)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From half less to twice as much."""
@@ -59,6 +67,7 @@ class MemberStiffness(_MemberChange):
     """
 
     kind: ClassVar[str] = "member_stiffness"
+    of: ClassVar[str] = "E"
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return change · K and change · D of the member."""
@@ -81,6 +90,7 @@ class MemberDensity(_MemberChange):
     """
 
     kind: ClassVar[str] = "member_density"
+    of: ClassVar[str] = "rho"
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return change · M of the member."""

@@ -1,32 +1,149 @@
-"""Writing a file whole or not at all."""
+"""Writing a file whole or not at all; devices and pipes are written to."""
 
+import errno
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+LONGEST_NAME = 80
+"""Characters of a file's name that its temporary file's name has: both must fit a directory entry [-]."""
+
+_NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)
+"""Errors of file systems that cannot flush."""
+
+_CHUNK = 1 << 20
+"""Bytes that are written to a device at a time."""
+
+_STREAMS = (1, 2)
+"""File descriptors of standard output and standard error."""
+
+
+class WriteError(OSError):
+    """A file that could not be written, such as on a full disk; ``filename`` is the one that was wanted."""
+
+    # A subclass of OSError with arguments of its own would be turned into one of its builtin kinds.
+    def __init__(self, reason: OSError, target: Path, before: bool, what: str = "file") -> None:
+        kept = f"; the {what} that was there is as it was" if before else ""
+        super().__init__(reason.errno, f"{_cause(reason)}{kept}", str(target))
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary file beside ``path``, which takes its name when the block ends without an error.
 
-    The temporary name keeps the suffix, for libraries that choose the format by it.
+    The temporary name keeps the suffix, for libraries that choose the format by it. A link is followed; a
+    file that is there keeps its permissions. What is no regular file, such as a device or a pipe, and what
+    standard output goes to, is written to and not replaced.
+
+    Raises
+    ------
+    WriteError
+        If the file cannot be written; one that was there before is as it was.
     """
-    target = Path(path)
-    handle, name = tempfile.mkstemp(prefix=".", suffix=target.suffix, dir=target.parent)
+    path = Path(path)
+    stream = _stream(path)
+    if stream is not None:
+        # without a buffer, whose rest would fail once more when it is closed
+        with os.fdopen(stream, "wb", buffering=0) as out, tempfile.TemporaryDirectory() as folder:
+            scratch = Path(folder) / f"out{path.suffix}"
+            scratch.touch()
+            yield scratch
+            with _named(path, scratch, False), scratch.open("rb") as file:
+                while chunk := memoryview(file.read(_CHUNK)):
+                    while chunk:
+                        chunk = chunk[out.write(chunk) :]
+        return
+    target = Path(os.path.realpath(path))
+    before = _status(target)
+    if before is not None and not os.access(target, os.W_OK):
+        raise PermissionError(errno.EACCES, "it may not be written to", str(path))
+    prefix = f".{target.name[:LONGEST_NAME]}-"
+    with _named(path, target, before is not None):
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix[:LONGEST_NAME], dir=target.parent)
     os.close(handle)
     scratch = Path(name)
     try:
-        yield scratch
-        scratch.chmod(0o666 & ~_umask())
-        scratch.replace(target)
+        with _named(path, scratch, before is not None):
+            yield scratch
+            flushed(scratch)
+            scratch.chmod(0o666 & ~umask() if before is None else stat.S_IMODE(before.st_mode))
+            if before is not None and hasattr(os, "chown"):
+                with suppress(OSError):  # only root may give a file to its former owner
+                    os.chown(scratch, before.st_uid, before.st_gid)
+            scratch.replace(target)
     except BaseException:
         scratch.unlink(missing_ok=True)
         raise
 
 
-def _umask() -> int:
+def flushed(path: Path) -> None:
+    """Wait until a file is on the disk: after a power cut a name must not lead to an empty file."""
+    with path.open("rb+") as file:
+        try:
+            os.fsync(file.fileno())
+        except OSError as reason:
+            if reason.errno not in _NO_FLUSH:
+                raise
+
+
+def goes_to_stdout(path: str | os.PathLike[str]) -> bool:
+    """Whether a path leads to what standard output goes to."""
+    there = _status(Path(path))
+    return there is not None and _same(there, 1)
+
+
+def umask() -> int:
+    """Return which permissions new files do not get."""
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def _stream(path: Path) -> int | None:
+    """Return a file descriptor to write to where a path is no file of its own; None for a file."""
+    there = _status(path)
+    if there is None or stat.S_ISDIR(there.st_mode):
+        return None
+    for stream in _STREAMS:
+        # A file that the shell has opened is written on: replaced, later output would go to the former one.
+        if _same(there, stream):
+            return os.dup(stream)
+    return None if stat.S_ISREG(there.st_mode) else os.open(path, os.O_WRONLY)
+
+
+def _same(there: os.stat_result, stream: int) -> bool:
+    try:
+        return os.path.samestat(there, os.fstat(stream))
+    except OSError:  # it is closed
+        return False
+
+
+def _status(path: Path) -> os.stat_result | None:
+    """Return the status of what a path leads to; None where there is nothing."""
+    try:
+        return path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+@contextmanager
+def _named(path: Path, scratch: Path, before: bool) -> Iterator[None]:
+    """Let errors of writing name the file that is wanted, rather than a temporary one or none."""
+    try:
+        yield
+    except WriteError:
+        raise
+    except OSError as reason:
+        # an error of another file, which the block reads, names that
+        other = reason.filename is not None and Path(os.fsdecode(reason.filename)).parent != scratch.parent
+        if other:
+            raise
+        raise WriteError(reason, path, before) from reason
+
+
+def _cause(reason: OSError) -> str:
+    # NumPy says "n requested and m written", with no number of an error
+    return reason.strerror or f"it could not be written whole ({reason})"

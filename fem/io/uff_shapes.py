@@ -135,6 +135,7 @@ def _nodal_values(block: Block, count: int, first: int) -> tuple[NDArray[np.int6
     found = tokens(block, first)
     if found is not None and found.count.size and found.values.size % (1 + count) == 0:
         heads = np.searchsorted(found.start, np.arange(0, found.values.size, 1 + count))
+        heads = np.minimum(heads, found.start.size - 1)
         table = found.values.reshape(-1, 1 + count)
         label = table[:, 0]
         alone = (found.start[heads] == np.arange(len(label)) * (1 + count)) & (found.count[heads] == 1)

@@ -16,18 +16,22 @@ from functools import lru_cache
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
 import fem
 import updating
 from fem.effects import candidate_kinds
+from fem.io.atomic import WriteError, replacing
+from study.locks import Lock, holder
 from study.validation.cases import SETS, Settings, draw_case, kinds_of
 from study.validation.judging import Record, is_known, judge
 from updating.diagnosis import diagnose
 
 CASES_FILE = "cases.jsonl"
+LOCK_FILE = ".lock"
+"""File by which a run keeps others out of its folder, for as long as it lives."""
 
 
 class ValidationError(ValueError):
@@ -136,7 +140,8 @@ def read_records(file: Path, settings: Settings) -> list[Record]:
     text = file.read_text(encoding="utf-8")
     whole = text[: text.rfind("\n") + 1]
     if whole != text:
-        file.write_text(whole, encoding="utf-8")
+        with replacing(file) as scratch:
+            scratch.write_text(whole, encoding="utf-8")
     try:
         lines = [json.loads(line) for line in whole.splitlines()]
     except json.JSONDecodeError as reason:
@@ -178,24 +183,53 @@ def validate(
     Raises
     ------
     ValidationError
-        If the folder holds cases of other settings.
+        If the folder holds cases of other settings, or another run computes in it.
     """
+    with _alone_in(folder):
+        return _validate(settings, tasks, folder, processes, say)
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keep other runs out of a folder; its lock goes with the process, whichever way that ends."""
     folder.mkdir(parents=True, exist_ok=True)
+    lock = Lock.take(folder / LOCK_FILE)
+    if lock is None:
+        who = holder(folder / LOCK_FILE)
+        msg = f"{folder}: another validate computes here ({who}); wait for it, or choose another folder"
+        raise ValidationError(msg)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _validate(
+    settings: Settings, tasks: Sequence[Task], folder: Path, processes: int, say: Say
+) -> list[Record]:
+    """Run and record the cases that are missing, in a folder that no other run uses."""
     file = folder / CASES_FILE
     by_task = {(r["set"], r["index"]): r for r in read_records(file, settings)}
     open_ = [t for t in tasks if t not in by_task]
     begun, done = time.perf_counter(), len(tasks) - len(open_)
     with file.open("a", encoding="utf-8") as out, closing(_records(settings, open_, processes)) as records:
         if not by_task and file.stat().st_size == 0:
-            out.write(json.dumps({"settings": settings.as_dict()}) + "\n")
-            out.flush()
+            _add(file, out, {"settings": settings.as_dict()})
         for n, record in enumerate(records, start=1):
-            out.write(json.dumps(_plain(record), ensure_ascii=False) + "\n")
-            out.flush()
+            _add(file, out, _plain(record))
             by_task[record["set"], record["index"]] = record
             left = (time.perf_counter() - begun) / n * (len(open_) - n)
             say(record, done + n, len(tasks), left)
     return [by_task[t] for t in tasks]
+
+
+def _add(file: Path, out: TextIO, record: Record) -> None:
+    """Add a line to the file of cases."""
+    try:
+        out.write(json.dumps(record, ensure_ascii=False) + "\n")
+        out.flush()
+    except OSError as reason:  # the next run cuts off what was written of the line
+        raise WriteError(reason, file, False) from reason
 
 
 def _records(settings: Settings, tasks: Sequence[Task], processes: int) -> Generator[Record]:

@@ -527,3 +527,20 @@ def test_a_soft_corner_goes_by_either_members_name_but_one_axis():
         "end_release:arm.1.rx": False,  # askew to the post's y and z
         "end_release:arm.1.ry": False,
     }
+
+
+def test_two_runs_in_one_folder_do_not_both_compute(tmp_path):
+    """The lock is held while the other lives, and gone with it however it ends."""
+    code = (
+        "import sys, time; from pathlib import Path; from study.locks import Lock\n"
+        "lock = Lock.take(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / runner.LOCK_FILE)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        words = rf"another validate computes here \(process {other.pid} on"
+        with pytest.raises(runner.ValidationError, match=words):
+            runner.validate(Settings(1, True), (), tmp_path)
+        other.kill()
+    assert runner.validate(Settings(1, True), (), tmp_path) == []
