@@ -102,7 +102,7 @@ def with_damping(text: str, damping: Damping, connections: tuple[np.ndarray, np.
     damping : Damping
         Its modal ratios are written.
     connections : (ndarray, ndarray) or None
-        Frequencies [Hz] and ratios of connections that are damped otherwise.
+        Frequencies [Hz] and ratios of connections that are damped otherwise; None leaves what the text says.
     """
     modal: dict[str, Any] = {"frequency": damping.frequency, "ratio": damping.ratio}
     modal |= {"between": "powers"} if damping.powers else {}
@@ -110,8 +110,7 @@ def with_damping(text: str, damping: Damping, connections: tuple[np.ndarray, np.
     if connections is not None:
         changes["damping", "connections"] = dict(zip(("frequency", "ratio"), connections, strict=True))
     known = places_of(text)
-    own = [("damping", "file"), ("damping", "connections"), ("damping", "modal")]
-    text = without(text, *(p for p in own if p not in changes or p in known.headers))
+    text = without(text, ("damping", "file"), *(p for p in changes if p in known.headers))
     return with_values(text, changes)
 
 

@@ -7,18 +7,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fem.connection_damping import ConnectionDamping
 from fem.effects import candidate_kinds
 from fem.effects.joint_stiffness import JointStiffness
 from fem.frf import FRF, compute_frf
-from fem.model import parameter_values
+from fem.io import read_csv, read_npz, read_uff
+from fem.model import Damping, parameter_values
 from fem.solvers import factorise
 from fem.system import assemble, connection_stiffness, sum_contributions
 from study import StudyError, load_study
+from study.cli import main
 from study.faults import fault_table
 from study.found import found_text
 from study.measured import sensor_rows
+from study.run import fit_problem
 from study.toml import toml_value
-from study.writing import with_effects, with_parameters
+from study.writing import with_damping, with_effects, with_parameters
 from tests.small_frame import STUDY, write_study
 from tests.unit.test_study_effects import JOINTED, candidates, loaded
 from updating.diagnosis import begin
@@ -265,3 +269,54 @@ def test_values_without_a_place_have_a_table(tmp_path):
     assert with_parameters(text, values) == text  # in place the second time
     with pytest.raises(StudyError, match=r"values\.section_shear\.ky:x.*no such parameter"):
         loaded(tmp_path, text.replace('"ky:', '"ky:x').replace('"k:', '"ky:x'))
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "modal = 0.01",
+        "modal = { frequency = [5], ratio = [0.1] } # a guess",
+        "alpha = 1.0\n[damping.modal]\nratio=[0.1]\nfrequency=[1]",
+        "",
+    ],
+)
+def test_damping_takes_the_place_of_what_was_there(tmp_path, table):
+    text = STUDY.replace("[damping]\nmodal = 0.01", f"[damping]\n{table}" if table else "")
+    new = Damping.modal([0.01, 0.02], [10.0, 90.0], powers=True)
+    others = np.array([10.0, 90.0]), np.array([0.03, 0.04])
+    written = with_damping(text, new, others)
+    model = loaded(tmp_path, written).model
+    np.testing.assert_array_equal(
+        model.damping.ratio_at([10.0, 30.0, 90.0]), new.ratio_at([10.0, 30.0, 90.0])
+    )
+    assert model.damping.ratio_at(30.0) == pytest.approx(0.01 * 2 ** (np.log(3) / np.log(9)))
+    (own,) = model.of_kind(ConnectionDamping)
+    np.testing.assert_array_equal(own.ratio, others[1])
+    kept = loaded(tmp_path, with_damping(written, Damping.modal(0.005, 1.0), None)).model
+    assert kept.damping.ratio_at(30.0) == 0.005
+    assert len(kept.of_kind(ConnectionDamping)) == 1
+
+
+def test_labels_of_the_study_are_those_of_the_files(tmp_path, capsys):
+    """What `frf` writes is read by the same study: by labels, also where the numbers are not the mesh's."""
+    labels = {"P": "7X+", "K": "12X-", "T": "3X+", "A": "5Z+"}
+    text = STUDY
+    for name, label in labels.items():
+        text = text.replace(f'name = "{name}"', f'name = "{name}"\nlabel = "{label}"', 1)
+    (tmp_path / "plain.toml").write_text(text, encoding="utf-8")
+    names = [s.name for s in load_study(tmp_path / "plain.toml").sensors]
+    for suffix in ("npz", "uff", "csv"):
+        file = tmp_path / f"m.{suffix}"
+        assert main(["frf", str(tmp_path / "plain.toml"), "--out", str(file)]) == 0
+        capsys.readouterr()
+        frf = {"npz": read_npz, "csv": read_csv}.get(suffix, lambda f: read_uff(f).frf())(file)
+        assert frf.outputs == tuple(labels[n] for n in names)
+        study = loaded(tmp_path, text + f'\n[[measurements]]\nfile = "m.{suffix}"\n')
+        (m,) = study.measurements
+        assert m.frf.outputs == tuple(names)
+        # modal and structural damping differ by 0.4 dB here; a channel at another place by many
+        assert fit_problem(study).nominal().fit_db < 1.0
+        assert not [note for note in study.assumptions if "turned round" in note]
+    points = read_uff(tmp_path / "m.uff").points
+    for s in study.sensors:
+        np.testing.assert_allclose(points.at(int(labels[s.name][:-2])), s.point, atol=1e-6)
