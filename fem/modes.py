@@ -262,9 +262,16 @@ def _lowest(
         shifted = (system.K - shift * system.M).toarray()
         scale = 1 / np.sqrt(shifted.diagonal())
         outer = np.outer(scale, scale)
-        nu, vectors = sla.eigh(
-            outer * system.M.toarray(), outer * shifted, subset_by_index=(n_free - n, n_free - 1)
-        )
+        try:
+            nu, vectors = sla.eigh(
+                outer * system.M.toarray(), outer * shifted, subset_by_index=(n_free - n, n_free - 1)
+            )
+        except np.linalg.LinAlgError as reason:
+            msg = (
+                "the stiffnesses differ by so many orders of magnitude that the modes cannot be computed; "
+                "look for a length, section, modulus or joint stiffness far from the others"
+            )
+            raise ModelError(msg) from reason
         order = np.argsort(-nu)
         order = order[nu[order] > 1e-15 * nu[-1]]
         nu, phi = nu[order], scale[:, None] * vectors[:, order]

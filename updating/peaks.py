@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
 
 from updating.poles import LEAST_ORDERS, Stabilisation
 
@@ -104,6 +103,8 @@ def unexplained_peaks(
         All poles that were tried.
     stabilisation : Stabilisation
     """
+    from scipy.signal import find_peaks  # a second to import, and few need it
+
     size = np.sqrt((np.abs(H) ** 2).mean(axis=0))
     level = 10 * np.log10(np.maximum(mode_indicator(H, size), 1e-300))
     synthesised = 10 * np.log10(np.maximum(mode_indicator(fitted, size), 1e-300))

@@ -133,7 +133,7 @@ def _read_header(file: MshFile) -> None:
     end = file.data.find(b"\n", section.begin, section.end) + 1 or section.end
     words = file.data[section.begin : end].decode("ascii", errors="replace").split()
     where = f"line {section.line + 1}, in $MeshFormat"
-    if len(words) != 3 or words[1] not in ("0", "1") or not words[2].isdigit():
+    if len(words) != 3 or words[1] not in ("0", "1") or words[2] not in ("4", "8"):
         file.refuse(where, f"'{' '.join(words)[:60]}' is not a version, 0 or 1, and a size")
     version, binary = words[0], words[1] == "1"
     if version not in ("2", "2.0", "2.1", "2.2", "4", "4.0", "4.1") or (binary and version in ("4", "4.0")):
