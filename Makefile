@@ -66,7 +66,7 @@ a-frames: $(DEV) $(PEERS_READY)
 	$(IN) python -m tests.independent.table --cases out/a-frames --out out/a-frames-results
 
 solids: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python tests/independent/solids.py out/solids $(NAMES)
+	$(PEERS)/bin/python -m tests.independent.solids out/solids $(NAMES)
 	$(IN) python -m tests.independent.table --cases out/solids --out out/solids-results
 
 extras: $(DEV) requirements-extras.lock
