@@ -28,6 +28,8 @@ NEAR = 0.05
 """A position is right within this fraction of the member's length."""
 GAIN = 0.05
 """A gain is right within this fraction."""
+WORDS = {"joint", "joints", "member", "support", "supports"}
+"""What stands before names of places."""
 DIRECTIONS = {"x", "y", "z", "rx", "ry", "rz"}
 SOFT = {"connection", "joint_stiffness", "support_flexibility"}
 """Kinds that say that a connection gives way, in one direction or in several."""
@@ -88,13 +90,7 @@ class Hidden:
         if len(self.kinds) > 1:  # what weakens a stretch has no plane of its own
             where = where.removesuffix(", bending about local y").removesuffix(", bending about local z")
         names = where.replace(",", " ").split()
-        if found["kind"] not in self.kinds or set(names) - {
-            "joint",
-            "joints",
-            "member",
-            "support",
-            "supports",
-        } != set(self.place):
+        if found["kind"] not in self.kinds or set(names) - WORDS != set(self.place):
             return False
         if self.position is None:
             return True
@@ -126,7 +122,7 @@ class HiddenConnection:
         """Say whether a found effect is at this connection and says nothing of others or other directions."""
         words = set(found["where"].replace(",", " ").split())
         directions = words & DIRECTIONS
-        if self.place not in words:
+        if words - WORDS - DIRECTIONS != {self.place}:
             return False
         if found["kind"] in LOSSY:
             return self.loss_factor is not None and directions <= set(self.stiffness)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, fields
 
 import numpy as np
+import scipy.linalg as la
 
 from tests.independent.bodies import PATCH, coupled, zeta_of
 from tests.independent.casefiles import AXES
@@ -101,19 +102,17 @@ class Bench:
     def turning(self, member, s):
         return Place(member, s, tuple(self.structure.members[member].at(s).tolist()), PATCH)
 
-    def receptances(self, hidden, omega, nuisance=None):
-        """Return FRFs (n_freq, n_sensors, n_excitations) [m/N], with factors of what is uncertain."""
-        nuisance, structure = nuisance or {}, self.structure
+    def coordinates(self, hidden, nuisance):
+        """Return squared frequencies of all parts, and a function from places to motions (n, m) in them."""
         wanted, squares, columns, n = self.places(hidden), [], {}, 0
-        for body in structure.bodies:
+        base = set(self.places(Hidden()))
+        for body in self.structure.bodies:
             mine = [p for p in wanted if p.member in body]
-            base = set(self.places(Hidden()))
-            cuts = () if structure.solid else tuple((p.member, p.s) for p in mine if p not in base)
+            cuts = () if self.structure.solid else tuple((p.member, p.s) for p in mine if p not in base)
             w2, motions = self.part(body, hidden, cuts).reduced(mine)
             columns |= {place: (n, P) for place, P in motions.items()}
             squares.append(w2 * nuisance.get("E", 1.0) / nuisance.get("rho", 1.0))
             n += len(w2)
-        squares = np.concatenate(squares)
 
         def whole(place):
             start, P = columns[place]
@@ -121,6 +120,32 @@ class Bench:
             out[start : start + len(P)] = P / np.sqrt(nuisance.get("rho", 1.0))
             return out
 
+        return np.concatenate(squares), whole
+
+    def frequencies(self, hidden):
+        """Return natural frequencies [Hz] without damping; rotary inertias and dashpots are left out."""
+        squares, whole = self.coordinates(hidden, {})
+        K, M, held = np.diag(squares), np.eye(len(squares)), []
+        for c in self.structure.connections.values():
+            R = self.relative(c, hidden, whole)
+            for i in range(6):
+                if c.held and (c.name, i) not in hidden.stiffness:
+                    held.append(R[:, i] / np.linalg.norm(R[:, i]))  # as a spring it would cost all digits
+                else:
+                    K += hidden.stiffness.get((c.name, i), c.k[i]) * np.outer(R[:, i], R[:, i])
+        for m, s, d, k in hidden.springs:
+            P = whole(Place(m, s))[:, [AXES.index(d)]]
+            K += k * P @ P.T
+        for m, s, mass in hidden.masses:
+            P = whole(Place(m, s))
+            M += mass * P @ P.T
+        B = la.null_space(np.array(held)) if held else np.eye(len(squares))
+        return np.sqrt(np.maximum(la.eigvalsh(B.T @ K @ B, B.T @ M @ B), 0.0)) / (2 * np.pi)
+
+    def receptances(self, hidden, omega, nuisance=None):
+        """Return FRFs (n_freq, n_sensors, n_excitations) [m/N], with factors of what is uncertain."""
+        nuisance, structure = nuisance or {}, self.structure
+        squares, whole = self.coordinates(hidden, nuisance)
         parts = [
             (self.relative(c, hidden, whole), dynamic_stiffness(c, hidden, omega, nuisance.get(c.name, 1.0)))
             for c in structure.connections.values()
@@ -130,7 +155,7 @@ class Bench:
         stated = {s["name"]: self.reading(s, Hidden(), whole) for s in structure.channels}
         inputs = np.array([stated[name] for name in structure.excitations]).T
         zeta = zeta_of(structure.damping, squares) * nuisance.get("damping", 1.0)
-        return coupled(squares, np.zeros(n), zeta, parts, out, inputs, omega)
+        return coupled(squares, np.zeros(len(squares)), zeta, parts, out, inputs, omega)
 
     def relative(self, connection, hidden, whole):
         """Return the relative motion (n, 6) of a connection's sides."""
