@@ -24,7 +24,7 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow fuzz independent a-frames solids extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo test slow fuzz independent a-frames solids foreign extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
@@ -33,6 +33,7 @@ help:
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
 	@echo 'make a-frames    the same of beams of OpenSees, made here; 15 minutes'
 	@echo 'make solids      the same of bars of solid elements, made here; 40 minutes'
+	@echo 'make foreign     fresh cases of other codes, drawn from a seed; SEED=3 CASES=40, STRUCTURES="mast bay" for some'
 	@echo 'make extras      install sectionproperties (sections of any outline) and PARDISO'
 	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
 	@echo 'make peers       install OpenSeesPy, PyNite, sdypy-EMA and scikit-fem beside Dovetail: tests marked peer then run'
@@ -66,8 +67,15 @@ a-frames: $(DEV) $(PEERS_READY)
 	$(IN) python -m tests.independent.table --cases out/a-frames --out out/a-frames-results
 
 solids: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python tests/independent/solids.py out/solids $(NAMES)
+	$(PEERS)/bin/python -m tests.independent.solids out/solids $(NAMES)
 	$(IN) python -m tests.independent.table --cases out/solids --out out/solids-results
+
+# each seed is a set that nobody has looked at; run once, on a program that is not changed for it
+FOREIGN := out/foreign-$(or $(SEED),1)
+foreign: $(DEV) $(PEERS_READY)
+	$(PEERS)/bin/python -m tests.independent.foreign $(FOREIGN) --seed $(or $(SEED),1) \
+		--cases $(or $(CASES),40) $(if $(STRUCTURES),--structures $(STRUCTURES))
+	$(IN) python -m tests.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results
 
 extras: $(DEV) requirements-extras.lock
 	@$(PIP) install --quiet -r requirements-extras.lock

@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 
 from benchmarks.peers.drive_opensees import build, matrices
 from benchmarks.peers.exchange import TIMOSHENKO, PeerFrame
-from tests.independent.solids import AXES, NOTHING, named, with_noise, write_files
+from tests.independent.casefiles import AXES, NOTHING, named, with_noise, write_files
 
 E, NU, RHO = 2.10e11, 0.3, 7850.0
 PIECES = 12

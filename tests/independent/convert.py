@@ -20,6 +20,7 @@ KNOWN = {
     "points",
     "members",
     "joints",
+    "welded",
     "supports",
     "preload",
     "sensors",
@@ -40,6 +41,8 @@ SHAPES = {
     "tube": ("tube", ("d", "t")),
 }
 CONSTANTS = ("A", "Iy", "Iz", "J")
+GROUND = "ground"
+"""What the second side of a joint to the ground is called."""
 NUMBER = r"(\d+(?:\.\d+)?)"
 
 
@@ -99,7 +102,9 @@ def convert(nominal, folder, target):
         m["name"]: only(m, {"name", "end1", "end2", "section"}, f"member {m['name']}")
         for m in nominal["members"]
     }
-    zones = rigid_zones(nominal["joints"], members, [points[s["point"]] for s in supports])
+    zones = rigid_zones(
+        nominal.get("welded", nominal["joints"]), members, [points[s["point"]] for s in supports]
+    )
     parts = [
         block("[study]", name=nominal["case"], description=nominal["structure"]),
         block(f"[materials.{material['name']}]", **{k: v for k, v in material.items() if k != "name"}),
@@ -224,7 +229,9 @@ def joint_block(j, members):
         "member2": j["member2"],
         "position2": j["s2"],
     }
-    for member in (j["member1"], j["member2"]):
+    if j["member2"] == GROUND:
+        del keys["member2"], keys["position2"]
+    for member in (j["member1"], keys.get("member2", j["member1"])):
         if member not in members:
             refuse(f"joint {j['name']}: there is no member {member}")
     keys["location"] = j["location"]

@@ -1,6 +1,7 @@
 """The cases of solid elements: bars vibrate as closed forms say, and a case becomes a study that fits."""
 
 import json
+import os
 import subprocess
 
 import numpy as np
@@ -12,15 +13,13 @@ from tests.conftest import PEERS_PYTHON, ROOT
 from tests.independent.convert import convert
 
 pytestmark = pytest.mark.peer
-SOLIDS = ROOT / "tests" / "independent" / "solids.py"
 
 DRIVER = """
-import json, sys
-sys.path.insert(0, sys.argv[1])
+import json
 import numpy as np
-import solids
-bar = solids.Bar((0.0, 0.0, 0.0), "y", 1.0, 0.03, 0.01)
-solid = solids.bar_alone("B", bar, solids.Hidden())
+from tests.independent import bodies, solids
+bar = bodies.Bar((0.0, 0.0, 0.0), "y", 1.0, 0.03, 0.01)
+solid = bodies.bar_alone("B", bar, solids.Hidden())
 about = np.array([0.0, 0.5, 0.02])
 ends = np.hstack([solid.point("B", 0.0), solid.patch("B", 0.5, about)])
 squares, V = solid.reduced(ends, solids.N_MODES, free=True)
@@ -29,9 +28,9 @@ rigid = np.zeros((len(solid.direction), 3))
 rigid[np.arange(len(rigid)), solid.direction] = 1.0
 turn = np.cross([0.0, 0.0, 1.0], solid.places.T - about)  # about z at the patch's point
 moved = turn[np.arange(len(turn)), solid.direction]
-gate = solids.welded(solids.STRUCTURES["gate"], solids.Hidden())
+gate = bodies.welded(solids.STRUCTURES["gate"], solids.Hidden())
 along_x = (gate.direction == 0).astype(float)
-table = solids.welded(solids.STRUCTURES["table"], solids.Hidden(weaker={"X1": (0.1, 0.14, 0.5)}))
+table = bodies.welded(solids.STRUCTURES["table"], solids.Hidden(weaker={"X1": (0.1, 0.14, 0.5)}))
 feet = len(table.direction) - table.hold(solids.STRUCTURES["table"], set()).shape[1]
 g, friction = -2e-4 - 1e-4j, lambda a: solids.LAWS["friction"](a, 3.0)
 cubic = lambda a: solids.LAWS["cubic"](a, 1e9)
@@ -61,11 +60,16 @@ print(json.dumps({
 """
 
 
+def run(*arguments):
+    """Run the peers' interpreter in the project."""
+    where = {"cwd": ROOT, "env": {**os.environ, "PYTHONPATH": str(ROOT)}}
+    command = [str(PEERS_PYTHON), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=180, **where)
+
+
 @pytest.fixture(scope="module")
 def bar():
-    command = [str(PEERS_PYTHON), "-c", DRIVER, str(SOLIDS.parent)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
-    return json.loads(done.stdout)
+    return json.loads(run("-c", DRIVER).stdout)
 
 
 def test_a_bar_of_solids_has_the_frequencies_of_a_slender_beam(bar):
@@ -112,8 +116,7 @@ def test_welded_bars_are_one_body(bar):
 
 
 def test_a_case_becomes_a_study_whose_model_comes_near(tmp_path):
-    command = [str(PEERS_PYTHON), str(SOLIDS), str(tmp_path), "cross-nothing"]
-    subprocess.run(command, capture_output=True, text=True, check=True, timeout=180)
+    run("-m", "tests.independent.solids", str(tmp_path), "cross-nothing")
     assert json.loads((tmp_path / "truth.json").read_text(encoding="utf-8")).keys() == {"cross-nothing"}
     case, study = tmp_path / "cross-nothing", tmp_path / "study.toml"
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))

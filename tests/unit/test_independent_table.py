@@ -104,6 +104,56 @@ def test_solid_corners_are_right_beside_what_is_hidden():
     assert judged(NONE, result("nothing missing"), True) == table.YES
 
 
+TWO_AXES = {"type": "connection", "location": "joint J", "magnitude": {"k": {"rx": 200.0, "ry": 90.0}}}
+LOSS = {"type": "connection", "location": "joint J", "magnitude": {"k": {"rx": 200.0}, "loss_factor": 0.3}}
+FOOT = {"type": "connection", "location": "support F1", "magnitude": {"k": {"rz": 9e3}}}
+RX, RY, RZ = (effect("joint_stiffness", f"joint J, {d}", stiffness=1.0) for d in ("rx", "ry", "rz"))
+BLOCK = effect("connection", "joint J, rx ry rz", krx=200.0, kry=90.0, krz=3e3)
+DAMPED = effect("joint_structural_damping", "joint J", loss_factor=0.3)
+ELSEWHERE = effect("joint_stiffness", "joint J2, ry", stiffness=1.0)
+
+
+@pytest.mark.parametrize(
+    ("truth", "found", "verdict"),
+    [
+        (TWO_AXES, [RX, RY], table.YES),
+        (TWO_AXES, [BLOCK], table.YES),
+        (TWO_AXES, [RX], table.NO),
+        (TWO_AXES, [RX, ELSEWHERE], table.NO),
+        (TWO_AXES, [RX, RY, RZ], table.PARTLY),
+        (TWO_AXES, [RX, RY, MASS_FOUND], table.PARTLY),
+        (TWO_AXES, [effect("point_mass", "member U", twins=[BLOCK])], table.TWIN),
+        (LOSS, [RX, DAMPED], table.YES),
+        (LOSS, [effect("connection", "joint J, rx", krx=200.0, loss=0.3)], table.YES),
+        (LOSS, [RX], table.NO),
+        (FOOT, [effect("support_flexibility", "support F1, rz", stiffness=9e3)], table.YES),
+        (FOOT, [effect("support_flexibility", "supports F1, F2, rz", stiffness=9e3)], table.NO),
+    ],
+)
+def test_a_connection_is_right_with_all_its_directions_however_they_are_told(truth, found, verdict):
+    assert (
+        table.judge(*table.hidden_effects({"effects": [truth]}, NOMINAL), result("effect", *found)) == verdict
+    )
+
+
+def test_two_connections_are_told_apart():
+    truth = table.hidden_effects({"effects": [TWO_AXES, FOOT]}, NOMINAL)
+    foot = effect("support_flexibility", "support F1, rz", stiffness=9e3)
+    assert table.judge(*truth, result("effect", RX, foot, RY)) == table.YES
+    assert table.judge(*truth, result("effect", RX, RY)) == table.NO
+
+
+@pytest.mark.parametrize(("kind", "found"), [(k, f) for k, (f,) in table.MOVED.items()])
+def test_a_point_of_action_elsewhere_is_right_by_kind_and_place(kind, found):
+    moved = {"type": kind, "location": "joint J", "member": "D", "magnitude": {"along_m": 0.02}}
+    truth = table.hidden_effects({"effects": [moved]}, NOMINAL)
+    assert table.judge(*truth, result("effect", effect(found, "joint J, D", along=0.02))) == table.YES
+    assert table.judge(*truth, result("effect", effect(found, "joint K, E", along=0.02))) == table.NO
+    assert (
+        table.judge(*truth, result("effect", effect("joint_offset", "joint J, x", offset=0.02))) == table.NO
+    )
+
+
 def test_an_unknown_truth_is_an_error():
     with pytest.raises(ValueError, match="'gap' at joint J is not understood"):
         table.hidden_effects({"effects": [{"type": "gap", "location": "joint J", "magnitude": 1}]}, NOMINAL)

@@ -71,6 +71,33 @@ def load(tmp_path, data):
     return load_study(path)
 
 
+def test_a_joint_to_the_ground_and_welds_beside_joints(tmp_path):
+    data = nominal()
+    k = {"kx": 1e6, "ky": 1e6, "kz": 1e6, "krx": 50.0, "kry": 50.0, "krz": 50.0}
+    foot = {"name": "F", "member1": "P", "s1": 0.6, "member2": "ground", "s2": 0.0, "location": [0.6, 0, 0]}
+    data["joints"].append(foot | {"type": data["joints"][0]["type"], "k": k})
+    rect = data["members"][0]["section"]
+    data["members"].append(
+        {
+            "name": "R",
+            "end1": [0.1, 0, 0],
+            "end2": [0.1, 0, 0.3],
+            "section": rect | {"h_direction": [1, 0, 0]},
+        }
+    )
+    data["welded"] = (
+        "all other connections welded (rigid); a rigid end zone of about 5 mm at every member end"
+    )
+    model = load(tmp_path, data).model
+    assert model.effect("F").location.tolist() == [0.6, 0.0, 0.0]
+    text = (tmp_path / "study.toml").read_text(encoding="utf-8")
+    assert text.count("rigid1 = 0.005") == 1  # R meets P; the ends of P and Q meet nothing
+    assert "rigid2" not in text
+    data["joints"][-1]["member2"] = "floor"
+    with pytest.raises(ConversionError, match="joint F: there is no member floor"):
+        convert(data, tmp_path, tmp_path / "study.toml")
+
+
 def test_a_small_case(tmp_path):
     study = load(tmp_path, nominal())
     assert [s.name for s in study.sensors] == ["tip", "9x", "9z"]

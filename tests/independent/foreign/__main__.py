@@ -1,0 +1,68 @@
+"""Make fresh cases of structures that no set had before: python -m tests.independent.foreign OUT --seed 1"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from tests.independent.casefiles import NOTHING, with_noise, write_files
+from tests.independent.foreign.bench import Bench
+from tests.independent.foreign.draw import draw, plans
+from tests.independent.foreign.structure import nominal_of, read
+
+CODES = {"solid": "scikit-fem, quadratic hexahedra", "beam": "OpenSees, Timoshenko beams"}
+
+
+def write(out, bench, plan, seed):
+    """Write a case and return its truth."""
+    name = name_of(seed, plan)
+    rng = np.random.default_rng([seed, plan.number])
+    hidden, things, told = draw(bench, plan, rng)
+    nominal = nominal_of(name, bench.structure, rng)
+    H = with_noise(bench.accelerances(hidden), rng)
+    write_files(out / name, nominal, bench.structure.frequency, H)
+    return {
+        "code": CODES[bench.structure.code],
+        "structure": plan.structure,
+        "sort": plan.sort,
+        "effects": [thing.truth for thing in things] or [NOTHING],
+        "shows": told,
+    }
+
+
+def name_of(seed, plan):
+    """Return the name of a case, which says nothing of what it hides."""
+    return f"{plan.structure}-{seed}-{plan.number:02d}"
+
+
+def main(argv=None):
+    known = read()
+    parser = argparse.ArgumentParser(prog="python -m tests.independent.foreign", description=__doc__)
+    parser.add_argument("out", type=Path, help="folder of the cases")
+    parser.add_argument("--seed", type=int, default=1, help="draws everything (default: %(default)s)")
+    parser.add_argument("--cases", type=int, default=40, help="how many (default: %(default)s)")
+    parser.add_argument("--structures", nargs="+", default=list(known), choices=list(known), metavar="NAME")
+    options = parser.parse_args(argv)
+    options.out.mkdir(parents=True, exist_ok=True)
+    told = options.out / "truth.json"
+    truth = json.loads(told.read_text(encoding="utf-8")) if told.exists() else {}
+    wanted = plans(options.seed, options.cases, options.structures)
+    for structure in options.structures:  # one after another, so that its parts are reduced once
+        bench = Bench(known[structure])
+        for plan in (p for p in wanted if p.structure == structure):
+            name = name_of(options.seed, plan)
+            if name in truth:
+                continue
+            start = time.perf_counter()
+            truth[name] = write(options.out, bench, plan, options.seed)
+            told.write_text(
+                json.dumps(dict(sorted(truth.items())), indent=1, ensure_ascii=False), encoding="utf-8"
+            )
+            sys.stderr.write(f"{name}: {time.perf_counter() - start:.1f} s\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,141 @@
+"""Fresh cases of other codes: the truth agrees with closed forms and a third code; a case is complete."""
+
+import json
+import os
+import subprocess
+
+import numpy as np
+import pytest
+
+from study import load_study
+from study.run import fit_problem
+from tests.conftest import PEERS_PYTHON, ROOT
+from tests.independent.convert import convert
+
+pytestmark = pytest.mark.peer
+
+CANTILEVER = """
+import json
+from dataclasses import replace
+import numpy as np
+from tests.independent.bodies import Bar
+from tests.independent.foreign.bench import Bench, Hidden
+from tests.independent.foreign.structure import connection_of, member_of, read
+tframe = read()["tframe"]
+given = {"start": [0.0, 0.0, 0.0], "axis": "x", "length": 0.6, "b": 0.03, "h": 0.01, "angle": 35.0}
+members = {"A": member_of("A", given, {})}
+clamp = {"F": connection_of("F", {"sides": [["A", 0.0]], "held": True}, members)}
+alone = {"bodies": (("A",),), "members": members, "connections": clamp}
+bar = replace(tframe, sensors=(("A", 0.6, "z"),), excitations=("A1z",), **alone)
+bench = Bench(bar)
+H = bench.receptances(Hidden(), np.array([0.1]))
+print(json.dumps({"f": bench.frequencies(Hidden())[:12].tolist(), "H": float(H[0, 0, 0].real)}))
+"""
+
+MAST = """
+import json
+import numpy as np
+from scipy.linalg import eigvalsh
+from benchmarks.peers.drive_pynite import compute
+from benchmarks.peers.exchange import EULER_BERNOULLI, PeerFrame
+from tests.independent.foreign.bench import Bench, Hidden
+from tests.independent.foreign.parts import constants
+from tests.independent.foreign.structure import E, NU, RHO, read
+mast = read()["mast"]
+bench = Bench(mast)
+(body,) = mast.bodies
+part = bench.part(body)
+n, lines = len(part.points), part.lines
+feet = [part.at[c.sides[0]] for c in mast.supports]
+rows = np.array([constants(mast.members[m].section) for m, *_ in lines])
+fixed = np.zeros((n, 6), dtype=bool)
+fixed[feet] = True
+loads = np.zeros((n, 6))
+force = {s["name"]: s for s in mast.channels}["M22x"]
+loads[part.at[force["member"], force["position"]], 0] = 1.0
+same = {"E": E, "G": E / (2 + 2 * NU), "rho": RHO, "ky": 1.0, "kz": 1.0}
+third = compute(PeerFrame(
+    points=np.array(part.points), lines=np.array([line[2:] for line in lines]),
+    local_z=np.array([mast.members[m].axes[2] for m, *_ in lines]),
+    **{key: np.full(len(lines), value) for key, value in same.items()},
+    **dict(zip(("A", "Iy", "Iz", "J"), rows.T)), fixed=fixed, loads=loads, uniform=np.zeros((len(lines), 3)),
+    released=np.zeros((len(lines), 2, 2), dtype=bool), theory=EULER_BERNOULLI, static=True,
+))
+H = bench.receptances(Hidden(), np.array([0.1]))[0, :, mast.excitations.index("M22x")].real
+places = [(part.at[s["member"], s["position"]], "xyz".index(s["direction"])) for s in mast.channels]
+moved = [third.displacements[place] for place in places]
+mass = Hidden(masses=(("X", 0.25, 0.2),))
+free = ~np.repeat(np.isin(np.arange(n), feet), 6)
+M = part.M.copy()
+for dof in range(6 * part.at["X", 0.25], 6 * part.at["X", 0.25] + 3):
+    M[dof, dof] += 0.2
+direct = np.sqrt(eigvalsh(part.K[np.ix_(free, free)], M[np.ix_(free, free)])[:20]) / (2 * np.pi)
+reduced = bench.frequencies(mass)[:20]
+out = {"H": H, "third": np.array(moved), "reduced": reduced, "direct": direct}
+print(json.dumps({key: value.tolist() for key, value in out.items()}))
+"""
+
+
+def run(*arguments):
+    """Run the peers' interpreter in the project."""
+    where = {"cwd": ROOT, "env": {**os.environ, "PYTHONPATH": str(ROOT)}}
+    command = [str(PEERS_PYTHON), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, **where)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def answer(code):
+    return json.loads(next(line for line in run("-c", code).stdout.splitlines() if line.startswith("{")))
+
+
+def test_a_cantilever_of_solids_agrees_with_its_closed_form():
+    """Blevins, table 8-1: β₁L = 1.8751, β₂L = 4.6941; static L³/(3 E I).
+
+    A clamp holds a section's mean motion, so that the bar is longer by a share of its height; one length must
+    explain the static deflection and both frequencies. Turning the bar changes nothing.
+    """
+    out = answer(CANTILEVER)
+    E, rho, length, b, h = 210e9, 7850.0, 0.6, 0.03, 0.01
+    f = np.array(out["f"])
+    longer = (3 * E * b * h**3 / 12 * out["H"]) ** (1 / 3)
+    assert 0 < longer - length < 0.2 * h
+    for beta in (1.87510407, 4.69409113):
+        expected = beta**2 / (2 * np.pi * longer**2) * np.sqrt(E * h**2 / 12 / rho)
+        assert np.abs(f / expected - 1).min() < 0.001
+
+
+def test_the_mast_agrees_with_a_third_code_and_the_reduction_with_full_matrices():
+    """PyNite has no shear: members of twenty diameters and more bend 1 % more with it."""
+    out = answer(MAST)
+    H, third = np.array(out["H"]), np.array(out["third"])
+    assert np.abs(H - third).max() < 0.01 * np.abs(third).max()
+    np.testing.assert_allclose(out["reduced"], out["direct"], rtol=1e-6)
+
+
+def test_a_case_is_complete_and_its_model_comes_near_the_noise(tmp_path):
+    """Beams of another program, joints off by 10 %, E and ρ by 2 %: fitted, no more than noise is left."""
+    command = ("-m", "tests.independent.foreign", str(tmp_path), "--structures", "cycle", "--cases", "2")
+    run(*command, "--seed", "1")
+    truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
+    (name,) = (k for k, t in truth.items() if t["sort"] == "nothing")
+    case = tmp_path / name
+    nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
+    study = tmp_path / "study.toml"
+    study.write_text(convert(nominal, case, study), encoding="utf-8")
+    problem = fit_problem(load_study(study))
+    assert problem.fit().fit_db < 1.3 * problem.data.noise_db  # 0.42 of 0.43 dB
+    assert abs(nominal["material"]["E"] / 210e9 - 1) <= 0.02
+
+
+def test_a_seed_makes_the_same_files_and_a_stopped_run_goes_on(tmp_path):
+    def made(folder, n):
+        command = ("-m", "tests.independent.foreign", str(folder), "--structures", "mast", "--seed", "3")
+        run(*command, "--cases", str(n))
+        files = (p for p in folder.rglob("*") if p.is_file())
+        return {p.relative_to(folder): p.read_bytes() for p in files}
+
+    once = made(tmp_path / "a", 3)
+    made(tmp_path / "b", 1)
+    assert made(tmp_path / "b", 3) == once
+    assert len(once) == 1 + 3 * 2
