@@ -20,7 +20,7 @@ SHIFT = (2 * np.pi * 150) ** 2
 """Responses are those of K + shift M, which free parts have, too [rad²/s²]."""
 DEPENDENT = 1e-9
 """A column adds nothing where this share of it is left beside the others."""
-PIECES = 8
+PIECES = 12
 """Elements of a member of beams, at least."""
 SHEAR = {"rhs": 0.45, "round": 0.886, "tube": 0.53}
 """Shear coefficients of OpenSees' sections, in both directions [-]."""
