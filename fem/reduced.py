@@ -590,6 +590,7 @@ class ParametricFRF:
         n = len(self._active)
         ends = (outputs, inputs) if projected else (basis.T.T @ outputs, basis.T.T @ inputs)
         self._out, self._in = (X[self._active] for X in ends)
+        self._ends_out = ends[0]
 
         effects = {e.name: e for e in (*reduced.model.effects, *candidates)}
         wanted: dict[str, list[int]] = {}
@@ -1034,6 +1035,24 @@ class LocalChanges:
         modes = self.engine.reduced.basis.T[:, self.engine._active] @ self.state.V
         factors = self.engine._factors(self.state)
         return Fields(_times(modes, self.Xo), _times(modes, self.Xi), self.engine.omega, factors)
+
+    def violations(self) -> tuple[list[tuple[str, str]], NDArray[np.complex128]]:
+        """Return the keys of the constraints that hold, and the outputs' responses to unit violations.
+
+        Shape (n_constraints, n_out, n_freq): the response to the motion that a constraint prescribes, beside
+        nominal stiffness and mass; only their ratio matters for its shape.
+        """
+        engine, basis = self.engine, self.engine.reduced.basis
+        active = engine._active
+        columns = [n for n in range(basis.n_main, basis.T.shape[1]) if n not in active]
+        keys = [basis.keys[n - basis.n_main] for n in columns]
+        total, factors = engine.reduced.base_sum(), engine._factors(self.state)
+        moved = engine._ends_out[columns]
+        out = np.broadcast_to(moved[:, :, None], (*moved.shape, len(engine.omega))).astype(complex)
+        for key in "KM":
+            rows = self.state.V.T @ total[key][np.ix_(active, columns)]
+            out = out - factors[key] * _times(rows.T, self.Xo)
+        return keys, out
 
     def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128]]:
         """Return the receptances with each of some effects added, one at a time.

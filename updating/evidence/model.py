@@ -134,27 +134,32 @@ class Posterior:
 
     def point(self, z: Floats, gradient: bool = True) -> _Point:
         """Return residuals and derivatives at some unknowns."""
-        fun, n_modes = self.function, self.n_modes
-        n_par, n_x = len(fun.variables), len(z) - 2 * n_modes
-        engine, hats, safe, keep = self._engine()
-        values = np.array([v.to_value(xi) for v, xi in zip(fun.variables, z[:n_par], strict=True)])
-        zeta = np.exp(hats @ z[n_par:n_x])
-        errors = self.errors(z)
-        at = engine.modal(values, zeta, errors)
-        H = at.H
+        _, _, safe, keep = self._engine()
+        H, slopes, parts = self.responses(z, gradient)
         r = np.where(keep, log_ratio(H, safe), 0.0) / self.noise
         per = np.where(keep & (H != 0), 1 / (np.where(H != 0, H, 1.0) * self.noise), 0.0)
-        parts = at.parts()
-        rest = (H - parts.sum(axis=0))[None]
-        G = _by_sensor(np.concatenate([parts, rest]) * per)
+        J = None if slopes is None else _by_sensor(slopes * per)
+        return _Point(_by_sensor(r[None])[:, :, 0], J, _by_sensor(parts * per))
+
+    def responses(self, z: Floats, gradient: bool = True) -> tuple[Complexes, Complexes | None, Complexes]:
+        """Return the receptances at some unknowns, their derivatives, and the part that each mode has.
+
+        The last of the parts is that of all modes whose errors are not looked at.
+        """
+        fun, n_par = self.function, len(self.function.variables)
+        n_x = len(z) - 2 * self.n_modes
+        engine, hats, _, _ = self._engine()
+        values = np.array([v.to_value(xi) for v, xi in zip(fun.variables, z[:n_par], strict=True)])
+        zeta = np.exp(hats @ z[n_par:n_x])
+        at = engine.modal(values, zeta, self.errors(z))
+        H, parts = at.H, at.parts()
+        parts = np.concatenate([parts, (H - parts.sum(axis=0))[None]])
         if not gradient:
-            return _Point(_by_sensor(r[None])[:, :, 0], None, G)
+            return H, None, parts
         dH, by_zeta = at.slopes()
-        by_lam, by_kappa = at.error_slopes()
-        slopes = [v.slope(z[k]) * dH[k] for k, v in enumerate(fun.variables)]
+        slopes = np.reshape([v.slope(z[k]) * dH[k] for k, v in enumerate(fun.variables)], (n_par, *H.shape))
         curve = by_unknowns(zeta, hats, by_zeta)
-        J = np.concatenate([np.reshape(slopes, (n_par, *H.shape)), curve, by_lam, by_kappa]) * per
-        return _Point(_by_sensor(r[None])[:, :, 0], _by_sensor(J), G)
+        return H, np.concatenate([slopes, curve, *at.error_slopes()]), parts
 
     def errors(self, z: Floats) -> ModeErrors:
         """Return the modes' errors among the unknowns."""
