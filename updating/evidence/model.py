@@ -21,6 +21,9 @@ DAMPING_SCALE = 0.3
 """The same of the logarithms of the modes' damping ratios [-]."""
 SHAPE_SCALE = 0.05
 """The same of the modes' shapes at the sensors, in parts of what the mode does there [-]."""
+EIGENVALUE_FLOOR, DAMPING_FLOOR, SHAPE_FLOOR = 0.003, 0.2, 0.015
+"""The least of the three scales [-]: better than this frame theory is of no structure, so that what brings
+errors of modes below it is no evidence."""
 NOISE_TAIL = 6.0
 """Degrees of freedom of Student's distribution of the noise: its estimate may be wrong at single lines [-]."""
 MODES_BEYOND = 1.3
@@ -251,7 +254,9 @@ class Posterior:
         amounts = scales.shape * low.amounts((root * point.r)[:, :, None])
         squares = float((np.abs(amounts) ** 2).sum())
         shape = scale_from(squares, 2 * low.certain(), scales.shape, SHAPE_SCALE)
-        return Scales(max(out[0], 1e-5), max(out[1], 1e-3), max(shape, 1e-4))
+        return Scales(
+            max(out[0], EIGENVALUE_FLOOR), max(out[1], DAMPING_FLOOR), max(shape, SHAPE_FLOOR)
+        )
 
     def _evidence(
         self, z: Floats, point: _Point, weights: Floats, scales: Scales
