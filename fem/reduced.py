@@ -590,6 +590,7 @@ class ParametricFRF:
         n = len(self._active)
         ends = (outputs, inputs) if projected else (basis.T.T @ outputs, basis.T.T @ inputs)
         self._out, self._in = (X[self._active] for X in ends)
+        self._ends_out = ends[0]
 
         effects = {e.name: e for e in (*reduced.model.effects, *candidates)}
         wanted: dict[str, list[int]] = {}
@@ -799,13 +800,26 @@ class ParametricFRF:
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
         if not gradient:
             return H, None, None
+        return H, *self._derivatives(values, zeta, state, Xi, alone, state.lam)
+
+    def _derivatives(
+        self,
+        values: NDArray[np.float64],
+        zeta: NDArray[np.float64],
+        state: "_State",
+        Xi: NDArray[np.complex128],
+        alone: Sequence[_Term],
+        damped: NDArray[np.float64],
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return dH by the parameters and by ζ; ``damped`` (r,) is dZ/d(2iζ) of each mode."""
         n_par, connections = len(self.refs), zeta.ndim > 1
         whole, places = self._slope_forces(self._slopes(values, alone), state, Xi)
-        whole[n_par] = 2j * state.lam[:, None, None] * Xi
+        whole[n_par] = 2j * damped[:, None, None] * Xi
         if connections and state.U is not None and state.own is not None:
             whole[n_par + 1] = 2j * _times(state.U @ state.own, _times(state.U.T, Xi))
         moved, Ho = state.read(self._out, _beside(whole), [P for P, _ in places])
-        slopes = np.zeros((n_par + (2 if connections else 1), *H.shape), dtype=complex)
+        shape = (len(self.omega), self._out.shape[1], Xi.shape[1])
+        slopes = np.zeros((n_par + (2 if connections else 1), *shape), dtype=complex)
         for i, product in zip(whole, np.split(moved, len(whole), axis=2), strict=True):
             slopes[i] -= product
         for (_, forces), h in zip(places, Ho, strict=True):
@@ -814,9 +828,9 @@ class ParametricFRF:
                 slopes[i] -= product
         dH, by_zeta = slopes[:n_par], slopes[n_par:]
         if not connections:
-            return H, dH, by_zeta[0]
+            return dH, by_zeta[0]
         by_zeta[0] -= by_zeta[1]  # all but the connections are damped as members
-        return H, dH, by_zeta
+        return dH, by_zeta
 
     def _factors(self, state: "_State") -> dict[str, NDArray[Any]]:
         """Return what K, M, C and D are multiplied by in Z, each (n_freq,)."""
@@ -859,6 +873,25 @@ class ParametricFRF:
                 _add_to(whole, i, _times(P, force))
         return whole, places
 
+    def modal(
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], errors: "ModeErrors"
+    ) -> "ModalResponses":
+        """Solve with errors of the modes: what each of them has in every receptance, and derivatives.
+
+        Parameters
+        ----------
+        values : ndarray (n_par,)
+            Values of the parameters ``refs``.
+        zeta : ndarray (n_freq,) or (2, n_freq)
+            Damping ratio at each line, and that of connections if it is another [-].
+        errors : ModeErrors
+        """
+        values = np.asarray(values, dtype=float)
+        total, alone = self._matrices(values)
+        state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta, alone), errors)
+        Xi, Xo = state.solve(self._in), state.solve(self._out, transposed=True)
+        return ModalResponses(self, values, zeta, state, alone, Xo, Xi, errors)
+
     def local(self, values: NDArray[np.float64], zeta: NDArray[np.float64]) -> "LocalChanges":
         """Solve once, so that many changes at few DOFs can be tried at little cost each.
 
@@ -875,6 +908,96 @@ class ParametricFRF:
         Xo, Xi = state.solve(self._out, transposed=True), state.solve(self._in)
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
         return LocalChanges(self, state, Xo, Xi, H, total, zeta, damped)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeErrors:
+    """What frame theory has wrong of single modes, as λ e^δ and 2ζ e^κ.
+
+    Attributes
+    ----------
+    first : int
+        How many modes come before the first of them, those of a rigid body.
+    eigenvalue, damping : ndarray (n,)
+        δ and κ of the modes from there on, in rising order of their frequencies [-].
+    """
+
+    first: int
+    eigenvalue: NDArray[np.float64]
+    damping: NDArray[np.float64]
+
+    def factor(self, n: int) -> NDArray[np.float64]:
+        """Return by what the eigenvalues of all n modes are multiplied."""
+        return self._of_all(n, self.eigenvalue)
+
+    def damping_factor(self, n: int) -> NDArray[np.float64]:
+        """Return by what the damping ratios of all n modes are multiplied."""
+        return self._of_all(n, self.damping)
+
+    def _of_all(self, n: int, each: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.ones(n)
+        out[self.first : self.first + len(each)] = np.exp(each[: n - self.first])
+        return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModalResponses:
+    """A solved state with errors of modes.
+
+    Attributes
+    ----------
+    Xo, Xi : ndarray (r, n, n_freq)
+        Responses to unit forces at outputs and inputs, in modal coordinates.
+    """
+
+    engine: ParametricFRF
+    values: NDArray[np.float64]
+    zeta: NDArray[np.float64]
+    state: "_State"
+    alone: list[_Term]
+    Xo: NDArray[np.complex128]
+    Xi: NDArray[np.complex128]
+    errors: ModeErrors
+
+    @property
+    def shapes(self) -> NDArray[np.float64]:
+        """Shapes of the modes at the outputs, (r, n_out)."""
+        return self.state.V.T @ self.engine._out
+
+    @property
+    def H(self) -> NDArray[np.complex128]:
+        """Receptances (n_freq, n_out, n_in)."""
+        return np.moveaxis(_times(self.shapes.T, self.Xi), 2, 0)
+
+    def parts(self) -> NDArray[np.complex128]:
+        """Return the part of each mode with an error in the receptances, (n, n_freq, n_out, n_in)."""
+        own = self._own
+        return np.einsum("ro,rif->rfoi", self.shapes[own], self.Xi[own])
+
+    def slopes(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return dH by the parameters, (n_par, …), and by ζ at each line, as :meth:`ParametricFRF.evaluate`.
+
+        That the modes' shapes follow the parameters is left out of what the errors add: it is as small beside
+        the derivative as the errors are beside 1.
+        """
+        damped = self.state.lam * self.errors.damping_factor(len(self.state.lam))
+        return self.engine._derivatives(self.values, self.zeta, self.state, self.Xi, self.alone, damped)
+
+    def error_slopes(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return dH by δ and by κ, each (n, n_freq, n_out, n_in)."""
+        own, state = self._own, self.state
+        lam, ratio = state.lam[own, None], np.atleast_2d(self.zeta)[0]
+        factor = self.errors.damping_factor(len(state.lam))[own, None]
+        loss = 2j * ratio * factor
+        stiffness = state.stiffness - 2j * ratio + loss
+        product = np.einsum("rof,rif->rfoi", self.Xo[own], self.Xi[own])
+        by = [(-lam * X)[:, :, None, None] * product for X in (stiffness, loss)]
+        return by[0], by[1]
+
+    @property
+    def _own(self) -> slice:
+        first = self.errors.first
+        return slice(first, first + len(self.errors.eigenvalue))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -912,6 +1035,24 @@ class LocalChanges:
         modes = self.engine.reduced.basis.T[:, self.engine._active] @ self.state.V
         factors = self.engine._factors(self.state)
         return Fields(_times(modes, self.Xo), _times(modes, self.Xi), self.engine.omega, factors)
+
+    def violations(self) -> tuple[list[tuple[str, str]], NDArray[np.complex128]]:
+        """Return the keys of the constraints that hold, and the outputs' responses to unit violations.
+
+        Shape (n_constraints, n_out, n_freq): the response to the motion that a constraint prescribes, beside
+        nominal stiffness and mass; only their ratio matters for its shape.
+        """
+        engine, basis = self.engine, self.engine.reduced.basis
+        active = engine._active
+        columns = [n for n in range(basis.n_main, basis.T.shape[1]) if n not in active]
+        keys = [basis.keys[n - basis.n_main] for n in columns]
+        total, factors = engine.reduced.base_sum(), engine._factors(self.state)
+        moved = engine._ends_out[columns]
+        out = np.broadcast_to(moved[:, :, None], (*moved.shape, len(engine.omega))).astype(complex)
+        for key in "KM":
+            rows = self.state.V.T @ total[key][np.ix_(active, columns)]
+            out = out - factors[key] * _times(rows.T, self.Xo)
+        return keys, out
 
     def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128]]:
         """Return the receptances with each of some effects added, one at a time.
@@ -1161,6 +1302,7 @@ class _State:
         omega: NDArray[np.float64],
         zeta: NDArray[np.float64],
         damped: NDArray[np.float64] | None,
+        errors: "ModeErrors | None" = None,
     ) -> "_State":
         damping = reduced.model.damping
         zeta, *others = np.atleast_2d(zeta)
@@ -1172,7 +1314,12 @@ class _State:
         mass: NDArray[np.complex128] = (1j * omega * damping.alpha - omega**2).astype(complex)
         # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
         # GEMM.
-        inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
+        if errors is None:
+            inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
+        else:
+            lam = lam * errors.factor(len(lam))
+            more = (errors.damping_factor(len(lam)) - 1)[:, None] * 2j * zeta
+            inverse = (1 / (lam[:, None] * (stiffness + more) + mass))[:, None, :]
         laws, connections = total["laws"], stiffness
         if others and total["connections"].any():
             more = 2j * (others[0] - zeta)
