@@ -1050,7 +1050,7 @@ class LocalChanges:
         moved = engine._ends_out[columns]
         out = np.broadcast_to(moved[:, :, None], (*moved.shape, len(engine.omega))).astype(complex)
         for key in "KM":
-            rows = self.state.V.T @ total[key][np.ix_(active, columns)]
+            rows = self.state.V.T @ total[key][active][:, columns]
             out = out - factors[key] * _times(rows.T, self.Xo)
         return keys, out
 

@@ -1,6 +1,7 @@
 """Gaussian likelihoods with low-rank errors: the algebra, without any mechanics."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ Floats = NDArray[np.float64]
 class LowRank:
     """Complex residuals in groups, each with independent noise and errors of a few shapes.
 
-    r_g = e_g + G_g ρ_g with e ~ N(0, σ²) and ρ ~ N(0, s²) in the real and in the imaginary part: the covariance
-    of a group is C = diag(σ²) + s² G Gᴴ, which is never formed (Woodbury's identity).
+    r_g = e_g + G_g ρ_g with e ~ N(0, σ²) and ρ ~ N(0, s²) in the real and in the imaginary part. The
+    covariance of a group is C = diag(σ²) + s² G Gᴴ, which is never formed (Woodbury's identity).
 
     Attributes
     ----------
@@ -40,7 +41,7 @@ class LowRank:
         """Return C⁻¹ X of columns X (n_groups, m, n), divided by the noise as the shapes are."""
         return X - self.s * (self.G @ self.amounts(X))
 
-    def amounts(self, X: Complexes) -> Complexes:
+    def amounts(self, X: Complexes) -> Any:
         """Return the most probable ρ / s of residuals X (n_groups, m, n), (n_groups, k, n)."""
         return self.s * np.linalg.solve(self.M, self.G.conj().transpose(0, 2, 1) @ X)
 
@@ -60,9 +61,7 @@ class LowRank:
         return self.s**2 * np.einsum("gmk,gkl,gml->gm", self.G, inverse, self.G.conj(), optimize=True).real
 
 
-def log_evidence(
-    log_likelihood: float, deviation: Floats, std: Floats, curvature: Floats
-) -> float:
+def log_evidence(log_likelihood: float, deviation: Floats, std: Floats, curvature: Floats) -> float:
     """Return ln p(data) of a model by Laplace's approximation.
 
     ln p(data | ẑ) - ½ Σ ((ẑ - mean)/std)² - Σ ln std - ½ ln det A, with independent normal priors and A the

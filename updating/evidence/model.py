@@ -1,7 +1,7 @@
 """The probability model: what measured FRFs are, given a model and what frame theory has wrong."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ EIGENVALUE_FLOOR, DAMPING_FLOOR, SHAPE_FLOOR = 0.003, 0.2, 0.015
 """The least of the three scales [-]: better than this frame theory is of no structure, so that what brings
 errors of modes below it is no evidence."""
 NOISE_TAIL = 6.0
-"""Degrees of freedom of Student's distribution of the noise: its estimate may be wrong at single lines [-]."""
+"""Degrees of freedom of Student's distribution of the noise: its estimate may be off at some lines [-]."""
 MODES_BEYOND = 1.3
 """Modes up to this multiple of the highest frequency may be off."""
 MOST_VALUES = 6000
@@ -186,9 +186,13 @@ class Posterior:
 
     def limits(self) -> Floats:
         """Return the bounds of all unknowns, (n, 2)."""
-        return np.vstack([self.function.limits(), np.repeat([[-0.5, 0.5], [-2.0, 2.0]], self.n_modes, axis=0)])
+        return np.vstack(
+            [self.function.limits(), np.repeat([[-0.5, 0.5], [-2.0, 2.0]], self.n_modes, axis=0)]
+        )
 
-    def fit(self, x: Floats, scales: Scales = Scales(), *, max_iterations: int = 12, trace: bool = False) -> Fitted:
+    def fit(
+        self, x: Floats, scales: Scales = Scales(), *, max_iterations: int = 12, trace: bool = False
+    ) -> Fitted:
         """Find the most probable unknowns and scales from a start of the function's unknowns."""
         z = np.concatenate([x, np.zeros(2 * self.n_modes)]) if len(x) == len(self.function.start) else x
         lo, hi = self.limits().T
@@ -200,10 +204,10 @@ class Posterior:
             mean, std = self.all_priors(scales)
             low = _low_rank(point, weights, scales)
             value, g, A = _normal(point, weights, low, z - mean, std)
-            moved = False
+            moved = None
             for _ in range(5):
                 H = A + np.diag(damping * np.diag(A))
-                step = -np.linalg.solve(H, g)
+                step: Any = -np.linalg.solve(H, g)
                 step = step_within(step, H, g, (np.maximum(lo - z, -0.7), np.minimum(hi - z, 0.7)))
                 trial = np.clip(z + step, lo, hi)
                 try:
@@ -214,11 +218,11 @@ class Posterior:
                 # Compared with the same weights and shapes, as otherwise the covariance moves along.
                 after = _value(new, weights, low, trial - mean, std)
                 if np.isfinite(after) and after < value + 1e-9:
-                    moved = True
+                    moved = trial, new
                     break
                 damping = min(10 * damping, 1e6)
-            if moved:
-                z, point, damping = trial, new, max(damping / 10, 1e-7)
+            if moved is not None:
+                (z, point), damping = moved, max(damping / 10, 1e-7)
             low = _low_rank(point, weights, scales)
             weights = _weights(point, weights, low)
             low = _low_rank(point, weights, scales)
@@ -232,8 +236,12 @@ class Posterior:
             old = now[1]
         log_likelihood, evidence, chi2, A = self._evidence(z, point, weights, scales)
         result = self._result(z, A, point)
-        left = float(np.sqrt((np.real(point.r * _by_sensor(self.noise[None])[:, :, 0])[self._kept()] ** 2).mean()))
-        return Fitted(result, self.errors(z), scales, log_likelihood, evidence, chi2, left * 8.685889638, converged)
+        left = float(
+            np.sqrt((np.real(point.r * _by_sensor(self.noise[None])[:, :, 0])[self._kept()] ** 2).mean())
+        )
+        return Fitted(
+            result, self.errors(z), scales, log_likelihood, evidence, chi2, left * 8.685889638, converged
+        )
 
     def _kept(self) -> NDArray[np.bool_]:
         return _by_sensor(self.function.keep[None].astype(float))[:, :, 0] > 0
@@ -254,9 +262,7 @@ class Posterior:
         amounts = scales.shape * low.amounts((root * point.r)[:, :, None])
         squares = float((np.abs(amounts) ** 2).sum())
         shape = scale_from(squares, 2 * low.certain(), scales.shape, SHAPE_SCALE)
-        return Scales(
-            max(out[0], EIGENVALUE_FLOOR), max(out[1], DAMPING_FLOOR), max(shape, SHAPE_FLOOR)
-        )
+        return Scales(max(out[0], EIGENVALUE_FLOOR), max(out[1], DAMPING_FLOOR), max(shape, SHAPE_FLOOR))
 
     def _evidence(
         self, z: Floats, point: _Point, weights: Floats, scales: Scales
@@ -281,12 +287,13 @@ class Posterior:
         from updating.solve import Solution
 
         n = len(self.function.start)
-        covariance = np.linalg.inv(A)[:n, :n]
+        covariance: Any = np.linalg.inv(A)[:n, :n]
         return self.function.result(Solution(z[:n], 0.0, 0.0, covariance, 0, True))
 
 
 FLOOR = 0.003
 """Noise that is left in any case, of the mesh and the basis [-]."""
+
 
 def _low_rank(point: _Point, weights: Floats, scales: Scales) -> LowRank:
     return LowRank.of(np.sqrt(weights)[:, :, None] * point.G, scales.shape)

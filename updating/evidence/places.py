@@ -149,7 +149,9 @@ def _acting(effect: Effect) -> Effect:
     values = [g[p.name] for g in grid if g.get(p.name, p.absent) != p.absent]
     if not values:
         return effect
-    size = [abs(np.log(v / p.absent)) if p.log and 0 < p.absent < np.inf else abs(v - p.absent) for v in values]
+    size = [
+        abs(np.log(v / p.absent)) if p.log and 0 < p.absent < np.inf else abs(v - p.absent) for v in values
+    ]
     return effect.with_values(**{p.name: values[int(np.argmin(size))]})
 
 

@@ -85,7 +85,13 @@ class Scan:
         )
         X = np.ascontiguousarray(every.transpose(1, 3, 2, 0))
         total = np.real(np.tensordot(X.conj(), X, axes=([0, 1, 2], [0, 1, 2])))
-        return cls(problem, X, total, np.ascontiguousarray(weight.transpose(0, 2, 1)), Reach(problem.reduced.model, changes))
+        return cls(
+            problem,
+            X,
+            total,
+            np.ascontiguousarray(weight.transpose(0, 2, 1)),
+            Reach(problem.reduced.model, changes),
+        )
 
     def run(self, places: Sequence[Place], n_pairs: int = 12) -> tuple[Scanned, ...]:
         """Return all places and the pairs of the best connections, the best first."""

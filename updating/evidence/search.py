@@ -111,7 +111,9 @@ class Search:
         finals = [self.refitted(h, full) for h in chosen]
         return max(finals, key=lambda h: h.score, default=None)
 
-    def proposals(self, base: Hypothesis) -> list[tuple[tuple[Effect, ...], list[tuple[dict[str, float], ...]]]]:
+    def proposals(
+        self, base: Hypothesis
+    ) -> list[tuple[tuple[Effect, ...], list[tuple[dict[str, float], ...]]]]:
         """Return effects that may be added, and values to start from."""
         current = base.fitted.result
         ranked = Scan.of(self.problem, current).run(self.places)
@@ -170,7 +172,9 @@ class Search:
         fits = []
         for s in starts:
             try:
-                fits.append(problem.fit(effects, list(s), n_lines=min(n_lines, 50), max_iterations=8, assess=False))
+                fits.append(
+                    problem.fit(effects, list(s), n_lines=min(n_lines, 50), max_iterations=8, assess=False)
+                )
             except (np.linalg.LinAlgError, AssertionError):
                 continue
         best = min(fits, key=lambda r: r.solution.cost)
