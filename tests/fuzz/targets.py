@@ -184,7 +184,7 @@ def _study(path: Path) -> None:
     from fem.checks import check_model
     from study.config import load_study
 
-    # Without the comparison with what was measured: a structure of 20 m, valid at 500 Hz, takes minutes in it.
+    # Without the comparison with what was measured: a valid structure of 20 m takes minutes in it.
     study = load_study(path, needs=())
     check_model(study.model)
 
