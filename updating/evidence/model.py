@@ -12,7 +12,7 @@ from fem.reduced import ModeErrors, ParametricFRF
 from updating.correlation import log_ratio
 from updating.evidence.marginal import LowRank, log_evidence, scale_from
 from updating.evidence.priors import prior_of
-from updating.fit import MODEL_ERROR, FitFunction, FitProblem, FitResult, by_unknowns
+from updating.fit import FitFunction, FitProblem, FitResult, by_unknowns
 from updating.solve import step_within
 
 EIGENVALUE_SCALE = 0.01
@@ -110,8 +110,8 @@ class Posterior:
         std = np.where(data.mask[lines], data.noise[lines], 1.0)
         weight = np.where(data.mask[lines], data.weight[lines], 1.0)
         # The weight holds what readings may have of motion square to them, in parts of MODEL_ERROR.
-        across = np.maximum((MODEL_ERROR / np.maximum(weight, 1e-9)) ** 2 - MODEL_ERROR**2 - std**2, 0.0)
-        noise = np.sqrt(std**2 + across + (FLOOR if problem.form_right else MODEL_ERROR) ** 2)
+        across = np.maximum((0.05 / np.maximum(weight, 1e-9)) ** 2 - 0.05**2 - std**2, 0.0)
+        noise = np.sqrt(std**2 + across + FLOOR**2)
         first = problem.reduced.basis.n_rigid
         lam = problem.reduced.main_modes()[0]
         highest = (2 * np.pi * MODES_BEYOND * problem.data.frequency[-1]) ** 2
