@@ -190,9 +190,7 @@ class Posterior:
             [self.function.limits(), np.repeat([[-0.5, 0.5], [-2.0, 2.0]], self.n_modes, axis=0)]
         )
 
-    def fit(
-        self, x: Floats, scales: Scales = Scales(), *, max_iterations: int = 12, trace: bool = False
-    ) -> Fitted:
+    def fit(self, x: Floats, scales: Scales = Scales(), *, max_iterations: int = 12) -> Fitted:
         """Find the most probable unknowns and scales from a start of the function's unknowns."""
         z = np.concatenate([x, np.zeros(2 * self.n_modes)]) if len(x) == len(self.function.start) else x
         lo, hi = self.limits().T
@@ -228,8 +226,6 @@ class Posterior:
             low = _low_rank(point, weights, scales)
             scales = self._rescaled(z, point, weights, low, scales)
             now = self._evidence(z, point, weights, scales)
-            if trace:
-                print(iteration, moved, f"{value:.1f} ev {now[1]:.1f} chi2 {now[2]:.2f}", scales, flush=True)
             if iteration > 2 and abs(now[1] - old) < 0.5:
                 converged = True
                 break

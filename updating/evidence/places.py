@@ -1,7 +1,7 @@
 """Places of a model: where something may be missing, and how motions and forces there reach the sensors."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -217,6 +217,3 @@ def at_values(effects: Sequence[Effect], values: Sequence[dict[str, float]]) -> 
 def present(effect: Effect) -> dict[str, float]:
     """Return an effect's values, of which none is infinite."""
     return {k: v for k, v in parameter_values(effect).items() if np.isfinite(v)}
-
-
-__all__ = ["Place", "Reach", "at_values", "motions_of", "place_of", "places_of", "present", "replace"]

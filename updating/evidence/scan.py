@@ -5,7 +5,7 @@ motions or forces there: the direct solution of joint identification, line by li
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -132,6 +132,3 @@ class Scan:
             p = np.linalg.solve(N / level + np.eye(len(N)), b / level)
             left = float(total[0, 0] - 2 * p @ b + p @ N @ p)
         return max(left, 1e-12) / n
-
-
-__all__ = ["Scan", "Scanned", "replace"]

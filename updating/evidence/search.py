@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
 from updating.evidence.model import Fitted, Posterior, Scales, lines_for
 from updating.evidence.places import Place, place_of, places_of
-from updating.evidence.scan import Scan, Scanned
+from updating.evidence.scan import Scan
 from updating.fit import FitProblem, FitResult
 from updating.screening import Grid, screen
 
@@ -241,6 +240,3 @@ class Search:
             h = better
             self.say(f"   simpler: {h.score:.1f} {h.name}")
         return h
-
-
-__all__ = ["Hypothesis", "NDArray", "Scanned", "Search"]

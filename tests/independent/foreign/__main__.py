@@ -27,10 +27,18 @@ def write(out, bench, plan, seed):
     return {
         "code": CODES[bench.structure.code],
         "structure": plan.structure,
-        "sort": plan.sort,
+        "sort": sort_of([entry["kind"] for entry in told]),
         "effects": [thing.truth for thing in things] or [NOTHING],
         "shows": told,
     }
+
+
+def sort_of(drawn):
+    """Return the sort of a case by the kinds that were drawn in the end."""
+    soft = [kind in ("soft_axis", "soft_axes") for kind in drawn]
+    if len(drawn) < 2:
+        return "one" if drawn else "nothing"
+    return "connections" if all(soft) else "mixed" if any(soft) and "point_mass" in drawn else "two"
 
 
 def name_of(seed, plan):
