@@ -65,7 +65,7 @@ from study.parts import (
 )
 from study.plausible import implausible, path_of_request
 from study.sensors import Channel, channels_of_labels, read_excitations, read_sensors
-from study.suspicions import suspicions
+from study.suspicions import LazyComparison, suspicions
 from study.table import Source, StudyError, Table, suggest
 from updating.fit import EXPLAINED_LEVEL
 from updating.measurement import Measurement, Sensor, with_sensor_masses
@@ -409,8 +409,9 @@ class _Reader:
             plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
         if "measurements" in self.needs and measurements:
             with top.at():
-                evidence = check_phase(model, measurements, raw, sensors, excitations, self.warnings)
-                self.warnings += suspicions(model, measurements, raw, evidence)
+                comparisons = LazyComparison.of(model, measurements)
+                evidence = check_phase(comparisons, raw, sensors, excitations, self.warnings)
+                self.warnings += suspicions(comparisons, raw, evidence)
         if not supports:
             grounded = [j.name for j in joints if j.point2 is None]
             notes.append(

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from fem.frf import FRFKind
-from fem.model import Model
-from fem.system import assemble
 from study.measured import RawMeasurement
 from study.sensors import Channel
-from study.suspicions import BesideModel, beside_model, kind_beside_model
+from study.suspicions import BesideModel, LazyComparison, kind_beside_model
 from study.table import Table
 from updating.measurement import Measurement
 from updating.phase import (
@@ -27,8 +25,7 @@ _SAME_PLACE = 1e-6
 
 
 def check_phase(
-    model: Model,
-    measurements: Sequence[Measurement],
+    comparisons: Sequence[LazyComparison],
     raw: Sequence[RawMeasurement],
     sensors: Sequence[Channel],
     excitations: Sequence[Channel],
@@ -38,8 +35,8 @@ def check_phase(
 
     Parameters
     ----------
-    model : Model
-    measurements : sequence of Measurement
+    comparisons : sequence of LazyComparison
+        Of the measurements.
     raw : sequence of RawMeasurement
         Their files.
     sensors, excitations : sequence of Channel
@@ -53,20 +50,19 @@ def check_phase(
         For FRFs that certainly belong to e^{-iωt} or to another kind.
     """
     out: list[PhaseEvidence | None] = []
-    for m, r in zip(measurements, raw, strict=True):
+    for c, r in zip(comparisons, raw, strict=True):
+        m = c.measurement
         evidence = phase_evidence(m.frf) if r.check_phase else None
         out.append(evidence)
         if evidence is None:
             continue
-        driven = driven_points(m, _SAME_PLACE * model.mesh.size)
+        driven = driven_points(m, _SAME_PLACE * c.model.mesh.size)
         found = misphased(evidence, driven)
         if not found:
-            suspicions += _weak(model, m, r, evidence)
-            _refuse_reversed(model, m, r, evidence, driven, suspicions)
+            suspicions += _weak(c, r, evidence)
+            _refuse_reversed(c, r, evidence, driven, suspicions)
             continue
-        beside = None
-        if any(f.fault == "quarter turn" for f in found):
-            beside = beside_model(assemble(model, reciprocal=False), model, m)
+        beside = c.beside if any(f.fault == "quarter turn" for f in found) else None
         words = []
         for f in found:
             text = _words(m, f, beside)
@@ -81,7 +77,7 @@ def check_phase(
     return out
 
 
-def _weak(model: Model, m: Measurement, r: RawMeasurement, evidence: PhaseEvidence) -> list[str]:
+def _weak(comparison: LazyComparison, r: RawMeasurement, evidence: PhaseEvidence) -> list[str]:
     """Return a suspicion if FRFs that say too little each for itself run backwards together.
 
     Raises
@@ -92,7 +88,7 @@ def _weak(model: Model, m: Measurement, r: RawMeasurement, evidence: PhaseEviden
     z = evidence.deviations[np.isfinite(evidence.deviations)]
     if not z.size or z.sum() / np.sqrt(z.size) > -ANTICAUSAL_DEVIATIONS:
         return []
-    beside = beside_model(assemble(model, reciprocal=False), model, m)
+    beside = comparison.beside
     found = f"the FRFs of {r.name} seem to belong to e^{{-iωt}}: they ring before the impulse, not after it"
     if beside is not None and float(np.median(beside.dissipation)) < -0.5:
         r.table.refuse(
@@ -104,19 +100,19 @@ def _weak(model: Model, m: Measurement, r: RawMeasurement, evidence: PhaseEviden
 
 
 def _refuse_reversed(
-    model: Model,
-    m: Measurement,
+    comparison: LazyComparison,
     r: RawMeasurement,
     evidence: PhaseEvidence,
     driven: Sequence[tuple[int, int, float]],
     suspicions: list[str],
 ) -> None:
     """Refuse receptance called accelerance or the reverse: their signs differ, which driven points show."""
+    m = comparison.measurement
     sense = {(i, j): s * float(evidence.sense[i, j].real) for i, j, s in driven if evidence.axis[i, j] > 0}
     names = [m.frf.outputs[i] for (i, _), s in sense.items() if s < -QUADRATURE]
     if not names:
         return
-    beside = beside_model(assemble(model, reciprocal=False), model, m) if len(names) == len(sense) else None
+    beside = comparison.beside if len(names) == len(sense) else None
     like = None if beside is None else kind_beside_model(m.frf.kind, beside, evidence)
     if like is not None:
         r.table.refuse(

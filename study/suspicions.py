@@ -4,8 +4,9 @@ Data and model may each be at fault, and nothing here tells which. So these are 
 suspects with the size of their fault. What phase and causality prove is in :mod:`study.conventions`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,18 +92,37 @@ class BesideModel:
         return float(np.nanmedian(np.abs(log - np.nanmedian(log, axis=0))))
 
 
-def beside_model(system: System, model: Model, m: Measurement, axis: float = 1.0) -> BesideModel | None:
-    """Return some lines of a measurement beside the model's; None where there are too few.
+class LazyComparison:
+    """A measurement and the model's FRFs at its lines, which are computed when they are first asked for.
 
     Parameters
     ----------
-    system : System
-        Of the model.
     model : Model
-    m : Measurement
-    axis : float
-        Factor on its frequencies, as if they were in another unit [-].
+    system : callable
+        Returns the assembled model; what several measurements share assembles it once.
+    measurement : Measurement
     """
+
+    def __init__(self, model: Model, system: Callable[[], System], measurement: Measurement) -> None:
+        self.model, self.measurement, self._system = model, measurement, system
+
+    @classmethod
+    def of(cls, model: Model, measurements: Sequence[Measurement]) -> list["LazyComparison"]:
+        """Return those of several measurements, with one assembled model."""
+        system = cache(lambda: assemble(model, reciprocal=False))
+        return [cls(model, system, m) for m in measurements]
+
+    @cached_property
+    def beside(self) -> BesideModel | None:
+        """Some lines of the measurement beside the model's; None where there are too few."""
+        return self.on_axis(1.0)
+
+    def on_axis(self, factor: float) -> BesideModel | None:
+        """Return the same with a factor on the measured frequencies, as if they were in another unit."""
+        return _beside(self._system(), self.model, self.measurement, factor)
+
+
+def _beside(system: System, model: Model, m: Measurement, axis: float) -> BesideModel | None:
     usable = np.flatnonzero(m.frf.frequency > 0)
     if usable.size < _LEAST_LINES:
         return None
@@ -118,8 +138,7 @@ def beside_model(system: System, model: Model, m: Measurement, axis: float = 1.0
 
 
 def suspicions(
-    model: Model,
-    measurements: Sequence[Measurement],
+    comparisons: Sequence[LazyComparison],
     raw: Sequence[RawMeasurement],
     evidence: Sequence[PhaseEvidence | None],
 ) -> list[str]:
@@ -130,37 +149,35 @@ def suspicions(
 
     Parameters
     ----------
-    model : Model
-    measurements : sequence of Measurement
+    comparisons : sequence of LazyComparison
     raw : sequence of RawMeasurement
         Their files.
     evidence : sequence of PhaseEvidence or None
         Of each measurement; a kind that its phases contradict is not suspected.
     """
-    system = assemble(model, reciprocal=False)
     out = []
-    for m, r, e in zip(measurements, raw, evidence, strict=True):
-        beside = beside_model(system, model, m) if r.check_units else None
+    for c, r, e in zip(comparisons, raw, evidence, strict=True):
+        beside = c.beside if r.check_units else None
         if beside is None:
             continue
-        text = _axis_words(system, model, m, beside) or _size_words(m.frf, beside, e)
+        text = _axis_words(c, beside) or _size_words(c.measurement.frf, beside, e)
         if text:
             out.append(f"the FRFs of {r.name} {text}; check_units = false silences this")
     return out
 
 
-def _axis_words(system: System, model: Model, m: Measurement, beside: BesideModel) -> str:
+def _axis_words(comparison: LazyComparison, beside: BesideModel) -> str:
     """Return of which other unit the frequencies look, for one that halves the misfit to the model."""
     if not beside.misfit > POOR_DECADES:
         return ""
     best, name = 0.5 * beside.misfit, ""
     for unit, factor in FREQUENCY_UNITS.items():
-        other = beside_model(system, model, m, factor) if factor != 1 else None
+        other = comparison.on_axis(factor) if factor != 1 else None
         if other is not None and other.misfit < best:
             best, name = other.misfit, unit
     if not name:
         return ""
-    f = m.frf.frequency
+    f = comparison.measurement.frf.frequency
     return (
         f"fit the model better if their frequencies, {f[0]:.4g} to {f[-1]:.4g}, are in {name} (median misfit "
         f"of the amplitudes {20 * best:.2g} dB for {20 * beside.misfit:.2g} dB in Hz): either the file has "
