@@ -16,6 +16,7 @@ from scipy.linalg import eigh
 
 from benchmarks.peers.drive_opensees import build, matrices
 from benchmarks.peers.exchange import TIMOSHENKO, PeerFrame
+from tests.independent.bodies import geometric_stiffness
 from tests.independent.casefiles import AXES, NOTHING, named, with_noise, write_files
 
 E, NU, RHO = 2.10e11, 0.3, 7850.0
@@ -179,20 +180,11 @@ def matrices_of(mesh, hidden):
 
 
 def add_tension(K, mesh, member, force):
-    """Add the geometric stiffness of cubic shapes (Przemieniecki 1968, section 15.2)."""
-    T = np.kron(np.eye(4), axes_of(member))
+    """Add the geometric stiffness of a member under tension."""
     ids, s = mesh.of[member]
     for i, j, h in zip(ids[:-1], ids[1:], np.diff(s) * length_of(member), strict=True):
-        k = force / (30 * h) * np.array(
-            [[36, 3 * h, -36, 3 * h], [3 * h, 4 * h * h, -3 * h, -h * h],
-             [-36, -3 * h, 36, -3 * h], [3 * h, -h * h, -3 * h, 4 * h * h]]
-        )  # fmt: skip
-        local = np.zeros((12, 12))
-        for dofs, turn in (([1, 5, 7, 11], 1), ([2, 4, 8, 10], -1)):
-            sign = np.array([1, turn, 1, turn])
-            local[np.ix_(dofs, dofs)] += sign[:, None] * k * sign
         dofs = np.concatenate([6 * i + np.arange(6), 6 * j + np.arange(6)])
-        K[np.ix_(dofs, dofs)] += T.T @ local @ T
+        K[np.ix_(dofs, dofs)] += geometric_stiffness(axes_of(member), h, force)
 
 
 def free_motions(mesh, hidden, K):

@@ -278,3 +278,17 @@ def zeta_of(damping, squares):
     mean, period = damping
     f = np.sqrt(squares) / (2 * np.pi)
     return mean * (1 + 0.35 * np.sin(2 * np.pi * f / period + 0.7))
+
+
+def geometric_stiffness(axes, h, force):
+    """Return the geometric stiffness (12, 12) of cubic shapes (Przemieniecki 1968, section 15.2)."""
+    k = force / (30 * h) * np.array(
+        [[36, 3 * h, -36, 3 * h], [3 * h, 4 * h * h, -3 * h, -h * h],
+         [-36, -3 * h, 36, -3 * h], [3 * h, -h * h, -3 * h, 4 * h * h]]
+    )  # fmt: skip
+    local = np.zeros((12, 12))
+    for dofs, turn in (([1, 5, 7, 11], 1), ([2, 4, 8, 10], -1)):
+        sign = np.array([1, turn, 1, turn])
+        local[np.ix_(dofs, dofs)] += sign[:, None] * k * sign
+    T = np.kron(np.eye(4), axes)
+    return T.T @ local @ T

@@ -182,7 +182,9 @@ class Beams(Part):
             if m in changes and changes[m].tension:
                 h = float(np.linalg.norm(np.subtract(self.points[j], self.points[i])))
                 dofs = np.concatenate([6 * i + np.arange(6), 6 * j + np.arange(6)])
-                K[np.ix_(dofs, dofs)] += geometric(self.members[m].axes, h, changes[m].tension)
+                K[np.ix_(dofs, dofs)] += bodies.geometric_stiffness(
+                    self.members[m].axes, h, changes[m].tension
+                )
         return K, M
 
     def motion(self, place):
@@ -222,17 +224,3 @@ def constants(section):
             return b * h - c * g, (b * h**3 - c * g**3) / 12, (h * b**3 - g * c**3) / 12, section["J"]
     msg = f"section type '{section['type']}' is not understood; round, tube and rhs are"
     raise ValueError(msg)
-
-
-def geometric(axes, h, force):
-    """Return the geometric stiffness (12, 12) of cubic shapes (Przemieniecki 1968, section 15.2)."""
-    k = force / (30 * h) * np.array(
-        [[36, 3 * h, -36, 3 * h], [3 * h, 4 * h * h, -3 * h, -h * h],
-         [-36, -3 * h, 36, -3 * h], [3 * h, -h * h, -3 * h, 4 * h * h]]
-    )  # fmt: skip
-    local = np.zeros((12, 12))
-    for dofs, turn in (([1, 5, 7, 11], 1), ([2, 4, 8, 10], -1)):
-        sign = np.array([1, turn, 1, turn])
-        local[np.ix_(dofs, dofs)] += sign[:, None] * k * sign
-    T = np.kron(np.eye(4), axes)
-    return T.T @ local @ T
