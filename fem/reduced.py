@@ -740,6 +740,14 @@ class ParametricFRF:
             self._add(total, alone[-1], 1.0)
         return total, alone
 
+    def _state(
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], errors: "ModeErrors | None" = None
+    ) -> tuple["_State", dict[str, Any], list[_Term]]:
+        """Return the state at some values, and what :meth:`_matrices` gives there."""
+        total, alone = self._matrices(values)
+        damped = self._damped_range(zeta, alone)
+        return _State.of(self.reduced, total, self.omega, zeta, damped, errors), total, alone
+
     def _slopes(self, values: NDArray[np.float64], alone: Sequence[_Term]) -> list[tuple[int, _Term]]:
         """Return the derivatives of the matrices; ``alone`` is what :meth:`_matrices` gave there."""
         slopes = [(i, term) for i, _, term in self._linear]
@@ -793,8 +801,7 @@ class ParametricFRF:
         values = np.asarray(values, dtype=float)
         at = values.tobytes() + zeta.tobytes()
         if self._last is None or self._last[0] != at:
-            total, alone = self._matrices(values)
-            state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta, alone))
+            state, _, alone = self._state(values, zeta)
             self._last = (at, state, state.solve(self._in), alone)
         _, state, Xi, alone = self._last
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
@@ -887,8 +894,7 @@ class ParametricFRF:
         errors : ModeErrors
         """
         values = np.asarray(values, dtype=float)
-        total, alone = self._matrices(values)
-        state = _State.of(self.reduced, total, self.omega, zeta, self._damped_range(zeta, alone), errors)
+        state, _, alone = self._state(values, zeta, errors)
         Xi, Xo = state.solve(self._in), state.solve(self._out, transposed=True)
         return ModalResponses(self, values, zeta, state, alone, Xo, Xi, errors)
 
@@ -902,9 +908,8 @@ class ParametricFRF:
         zeta : ndarray (n_freq,) or (2, n_freq)
             Damping ratio at each line, and that of connections if it is another [-].
         """
-        total, terms = self._matrices(np.asarray(values, dtype=float))
+        state, total, terms = self._state(np.asarray(values, dtype=float), zeta)
         damped = self._damped_range(zeta, terms)
-        state = _State.of(self.reduced, total, self.omega, zeta, damped)
         Xo, Xi = state.solve(self._out, transposed=True), state.solve(self._in)
         H = np.moveaxis(_times((state.V.T @ self._out).T, Xi), 2, 0)
         return LocalChanges(self, state, Xo, Xi, H, total, zeta, damped)

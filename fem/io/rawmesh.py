@@ -55,10 +55,6 @@ class RawMesh:
     point_numbers: Sequence[int] | NDArray[np.int64] | None = None
     line_numbers: Sequence[int] | NDArray[np.int64] | None = None
 
-    def add_to_set(self, name: str, line: int) -> None:
-        """Put a line into a set that is a list."""
-        self.sets.setdefault(name, []).append(line)
-
     def point(self, row: int) -> str:
         """Return what a message calls a point."""
         return f"point {row + 1}" if self.point_numbers is None else f"node {int(self.point_numbers[row])}"

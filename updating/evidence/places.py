@@ -209,11 +209,6 @@ def _strongest(A: Complexes) -> Complexes:
     return np.linalg.svd(A / np.maximum(size, 1e-300), full_matrices=False)[0][..., :MOST_SHAPES]
 
 
-def at_values(effects: Sequence[Effect], values: Sequence[dict[str, float]]) -> tuple[Effect, ...]:
-    """Return effects at other values."""
-    return tuple(e.with_values(**v) for e, v in zip(effects, values, strict=True))
-
-
 def present(effect: Effect) -> dict[str, float]:
     """Return an effect's values, of which none is infinite."""
     return {k: v for k, v in parameter_values(effect).items() if np.isfinite(v)}
