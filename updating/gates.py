@@ -240,9 +240,11 @@ def phase_check(measurement: Measurement) -> Check:
         words = {"conjugate": "conjugated", "quarter turn": "a quarter turn off"}
         parts = [f"{', '.join(w.names) or 'all FRFs'} {words[w.fault]}" for w in wrong]
         return Check("phase", FAILED, f"not e^{{+iωt}} or not {frf.kind}: {'; '.join(parts)}")
-    least = float(np.exp(np.nanmin(np.where(evidence.direction > 0, evidence.log_ratio, np.nan))))
+    least = float(np.nanmin(np.where(evidence.direction > 0, evidence.log_ratio, np.nan)))
+    more_db = 10 * np.log10(np.e) * least  # of energies, whose natural logarithm it is
     found = (
-        f"{known} of {every} FRFs ring after the impulse, with {least:.2g} or more times the energy before it"
+        f"{known} of {every} FRFs ring after the impulse, with at least {more_db:.0f} dB more energy than "
+        "before it"
     )
     return Check("phase", PASSED, found)
 
