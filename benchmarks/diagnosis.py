@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from dovetail import load_study
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.modes import solve_modes
 from fem.effects.stiffness_loss import StiffnessLoss
-from fem.frf import FRF
 from fem.model import Damping
-from fem.modes import solve_modes
-from study import load_study
-from updating.diagnosis import Diagnosis, diagnose, propose
-from updating.measurement import Measurement, Sensor
-from updating.parameters import Nuisance
+from updating.diagnosis.diagnose import Diagnosis, diagnose, propose
+from updating.inference.parameters import Nuisance
+from updating.measurement.measurement import Measurement, Sensor
 
 STUDY = Path(__file__).parents[1] / "examples" / "cross-beam" / "study.toml"
 

@@ -14,9 +14,9 @@ import numpy as np
 from benchmarks.engine import cross_beam
 from benchmarks.lattice import lattice
 from fem import Joint, assemble
-from fem.frf import compute_frf, dof_vectors, frf_blocks
-from fem.modes import solve_modes
-from fem.reduced import ParametricFRF, reduce_model
+from fem.analysis.frf import compute_frf, dof_vectors, frf_blocks
+from fem.analysis.modes import solve_modes
+from fem.reduction.reduced import ParametricFRF, reduce_model
 
 
 def seconds(call: Callable[[], object], repeat: int = 1) -> float:

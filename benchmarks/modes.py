@@ -22,9 +22,9 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
-from fem.lanczos import lowest_eigenpairs
-from fem.modes import solve_modes
-from fem.solvers import factorise, one_thread
+from fem.analysis.modes import solve_modes
+from fem.linalg.lanczos import lowest_eigenpairs
+from fem.linalg.solvers import factorise, one_thread
 
 
 def block_of_cells(nx: int, ny: int, nz: int) -> Model:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fem.io import read_frf
-from updating.modal_identification import damping_matrix, identify_modes
+from updating.modal.identification import damping_matrix, identify_modes
 from viz.modal import plot_stabilisation, plot_synthesis
 from viz.style import save
 

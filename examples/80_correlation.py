@@ -7,8 +7,8 @@ import numpy as np
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Modes, Section, Support, assemble, solve_modes
 from updating.correlation import comac, compare_modes, ecomac, eliminate_coordinates
-from updating.geometry_matching import match_geometry
-from updating.pretest import plan_pretest
+from updating.measurement.matching import match_geometry
+from updating.measurement.pretest import plan_pretest
 from viz.correlation import plot_coordinates, plot_mode_pairs
 from viz.curves import save
 

@@ -7,7 +7,7 @@ import numpy as np
 
 import fem
 from fem.effects import MemberStiffness
-from updating.update import update
+from updating.inference.update import update
 
 names = ["left", "right", "beam"]
 points = [[0, 0, 0], [0, 0, 0.5], [0.6, 0, 0], [0.6, 0, 0.5]]  # m

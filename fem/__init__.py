@@ -14,14 +14,28 @@ units, frequencies in Hz, e^{+iωt}; axes and signs are in `docs/conventions.md`
     modes                 solve_modes, solve_complex_modes, compute_participation, compute_energies
     frequency responses   compute_frf, frf_blocks, compute_base_frf
     derivatives           differentiate_modes, differentiate_frf
-    fewer coordinates     `fem.reduction` (Guyan, dynamic, IRS, SEREP, Craig-Bampton), `fem.expansion`
+    fewer coordinates     `fem.reduction`: condensation (Guyan, dynamic, IRS, SEREP, Craig-Bampton),
+    expansion,
+                          and the reduced model with exact derivatives
     checks                check_mesh, check_model
 """
 
-from fem.base_excitation import compute_base_frf
-from fem.buckling import BucklingModes, solve_buckling
+from fem.analysis.base_excitation import compute_base_frf
+from fem.analysis.buckling import BucklingModes, solve_buckling
+from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
+from fem.analysis.frf import FRF, Accuracy, FRFError, FRFKind, compute_frf, frf_blocks
+from fem.analysis.modes import MechanismError, Modes, UnstableError, solve_modes
+from fem.analysis.participation import Energies, Participation, compute_energies, compute_participation
+from fem.analysis.statics import (
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    MemberForce,
+    StaticSolution,
+    prestressed,
+    solve_static,
+)
 from fem.checks import Fault, check_mesh, check_model
-from fem.complex_modes import ComplexModes, solve_complex_modes
 from fem.effects import (
     AddedMass,
     Attachment,
@@ -36,25 +50,13 @@ from fem.effects import (
     TabulatedStiffness,
     Viscoelastic,
 )
-from fem.expansion import Expansion
-from fem.frf import FRF, Accuracy, FRFError, FRFKind, compute_frf, frf_blocks
 from fem.matrices import Matrices
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Constraint, Contribution, Damping, Effect, Model, ModelError, Parameter
-from fem.modes import MechanismError, Modes, UnstableError, solve_modes
-from fem.participation import Energies, Participation, compute_energies, compute_participation
 from fem.properties import Material, PropertyError, Section
-from fem.reduction import Reduction
+from fem.reduction.condensation import Reduction
+from fem.reduction.expansion import Expansion
 from fem.sensitivity import FRFSensitivity, ModeSensitivity, differentiate_frf, differentiate_modes
-from fem.statics import (
-    InitialStrain,
-    LineLoad,
-    LoadCase,
-    MemberForce,
-    StaticSolution,
-    prestressed,
-    solve_static,
-)
 from fem.system import System, assemble, reassemble
 
 __all__ = [

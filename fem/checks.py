@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from fem.effects.frame import Frame
+from fem.analysis.modes import MechanismError, solve_modes
+from fem.elements.frame import Frame
 from fem.mesh import Mesh, merge_names
 from fem.model import Model, ModelError
-from fem.modes import MechanismError, solve_modes
 from fem.plausibility import suspicions
 from fem.system import assemble
 

@@ -11,12 +11,12 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import ArrayLike, NDArray
 
-from fem.frf import FRF, FRFError, FRFKind, Selection, dof_vectors
+from fem.analysis.frf import FRF, FRFError, FRFKind, Selection, dof_vectors
+from fem.analysis.modes import Eigenpairs, Modes, solve_eigenpairs
+from fem.analysis.receptance import LOCAL_DAMPING, locals_of
+from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.model import Array, Contribution, Law, Model, ModelError, ParameterRef, parameter_values
-from fem.modes import Eigenpairs, Modes, solve_eigenpairs
-from fem.receptance import LOCAL_DAMPING, locals_of
-from fem.reduced import ParametricFRF, reduce_model
-from fem.solvers import SingularMatrixError, factorise
+from fem.reduction.reduced import ParametricFRF, reduce_model
 from fem.system import System, refuse_unsymmetric
 
 LOCAL_FORCES = 48
@@ -257,7 +257,7 @@ def differentiate_modes(
         combinations, or all DOFs, for which each parameter costs as much as several solutions of the modes.
         None leaves shapes out.
     pairs : Eigenpairs, optional
-        Modes already computed by :func:`fem.modes.solve_eigenpairs`, a few more than ``n``.
+        Modes already computed by :func:`fem.analysis.modes.solve_eigenpairs`, a few more than ``n``.
     close : float
         Relative difference of ω² below which modes form a set [-].
     tolerance : float
@@ -353,7 +353,7 @@ def differentiate_frf(
     H_o and H_i are the responses of the elements that change to forces at the outputs and at the inputs.
     ``"direct"`` factorises Z(ω) at every line and is exact to rounding. ``"reduced"`` projects once on modes
     up to 2.5 times the highest frequency and six block-Krylov vectors of each output and input
-    (:class:`fem.reduced.ParametricFRF`), and of the forces of parameters that touch few DOFs, up to
+    (:class:`fem.reduction.reduced.ParametricFRF`), and of the forces of parameters that touch few DOFs, up to
     `LOCAL_FORCES` of them. Elsewhere H_o and H_i err by (1/2.5)¹² = 2e-5 of what higher modes contribute at
     the highest frequency, and, where damping is not proportional, by the loss factor of that.
 

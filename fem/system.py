@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fem.effects.frame import Frame
+from fem.elements.frame import Frame
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Constraint, Contribution, Law, Model, ModelError
 
@@ -88,9 +88,9 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
     ----------
     model : Model
     reciprocal : bool
-        False allows effects whose C is not symmetric, such as rotors. Then :func:`fem.frf.compute_frf` by
-        the direct method, and undamped modes, which do not see C, are right; what else takes a system relies
-        on symmetry.
+        False allows effects whose C is not symmetric, such as rotors. Then
+        :func:`fem.analysis.frf.compute_frf` by the direct method, and undamped modes, which do not see C, are
+        right; what else takes a system relies on symmetry.
 
     Raises
     ------

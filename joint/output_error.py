@@ -31,7 +31,7 @@ from joint.uncertainty import (
     stated_covariance,
     weakest_combinations,
 )
-from updating.noise import relative_noise
+from updating.measurement.noise import relative_noise
 
 _CHUNK = 1 << 18
 """Complex numbers of the Jacobian that are held at a time."""

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem.model import DIRECTIONS, Model
-from fem.reduced import ParametricFRF, reduce_model
+from fem.reduction.reduced import ParametricFRF, reduce_model
 from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy
 from joint.interface import CoordinateSet, Interface, SubstructureFRF, partition_frf, stack_substructures
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.model import Model, ModelError
-from fem.reduced import ParametricFRF, ReducedModel
+from fem.reduction.reduced import ParametricFRF, ReducedModel
 from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy, solve_lines
 from joint.interface import Interface, SubstructureFRF
 from joint.parts import Blocks
-from updating.parameters import DampingCurve, Nuisance
+from updating.inference.parameters import DampingCurve, Nuisance
 
 
 @dataclass(frozen=True, slots=True, eq=False)

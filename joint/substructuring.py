@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from fem.frf import FRF, FRFKind
+from fem.analysis.frf import FRF, FRFKind
 from joint._checks import ComplexArray, FloatArray, IntArray, check_same_lines, frozen_copy, solve_lines
 
 _SINGULAR = 1e13

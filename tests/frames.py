@@ -3,12 +3,12 @@
 import numpy as np
 
 from fem.effects.added_mass import AddedMass
-from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.superelement import Attachment, Superelement
 from fem.effects.support import Support
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
+from fem.elements.frame import Frame, MemberProperties
 from fem.io.matrices import matrices_of
 from fem.laws import FractionalZener
 from fem.mesh import Mesh

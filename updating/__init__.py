@@ -12,27 +12,15 @@ Correlation works on bare arrays: `mac`, `comac`, `ecomac`, `orthogonality`, `pa
 the other steps have pages of their own beside it.
 """
 
-from updating.complexity import (
+from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
+from updating.correlation.complexity import (
     mean_phase,
     mean_phase_deviation,
     modal_complexity_factor,
     modal_phase_collinearity,
     real_shapes,
 )
-from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
-from updating.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis, diagnose, propose
-from updating.exchange import (
-    frf_from_labelled,
-    labelled_from_frf,
-    labelled_from_modes,
-    modes_from_labelled,
-    sensors_from_table,
-    table_from_sensors,
-)
-from updating.faults import Fault, confirm_faults, find_faults, settle_faults
-from updating.findings import EffectParameter, Finding, Ranked, Step
-from updating.fit import FitProblem, FitResult
-from updating.frf_correlation import (
+from updating.correlation.frf_correlation import (
     BandError,
     band_error,
     cross_signature_assurance,
@@ -40,28 +28,8 @@ from updating.frf_correlation import (
     fdac,
     signature_assurance,
 )
-from updating.frf_estimation import EstimatedFRF, EstimationError, estimate_frf, estimate_roving, split_hits
-from updating.gates import Check, Gates, Homogeneity, Reciprocity, check_gates
-from updating.geometry_matching import (
-    GeometryMatch,
-    GeometryMatchError,
-    align_points,
-    match_geometry,
-    match_members,
-)
-from updating.localisation import Localisation, locate
-from updating.measurement import Measurement, MeasurementError, Sensor, place_sensors, with_sensor_masses
-from updating.modal_identification import Candidate, IdentifiedModes, damping_matrix, identify_modes
-from updating.noise import noise_from_coherence, noise_from_repeats, relative_noise
-from updating.pairing import ModePair, pair_modes, track_modes
-from updating.parameters import Nuisance
-from updating.poles import IdentificationError, Stabilisation
-from updating.preparation import build_problem
-from updating.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
-from updating.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
-from updating.residuals import frf_data, mode_data
-from updating.sampling import MissingExtraError, Samples
-from updating.shape_correlation import (
+from updating.correlation.pairing import ModePair, pair_modes, track_modes
+from updating.correlation.shape_correlation import (
     auto_mac,
     comac,
     cross_orthogonality,
@@ -73,8 +41,52 @@ from updating.shape_correlation import (
     principal_angles,
     subspace_mac,
 )
-from updating.unknowns import Unknown
-from updating.update import Ending, Settings, Updated, UpdatedParameter, UpdateStep, update
+from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis, diagnose, propose
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
+from updating.diagnosis.localisation import Localisation, locate
+from updating.inference.fit import FitProblem, FitResult
+from updating.inference.parameters import Nuisance
+from updating.inference.preparation import build_problem
+from updating.inference.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
+from updating.inference.residuals import frf_data, mode_data
+from updating.inference.sampling import MissingExtraError, Samples
+from updating.inference.unknowns import Unknown
+from updating.inference.update import Ending, Settings, Updated, UpdatedParameter, UpdateStep, update
+from updating.measurement.frf_estimation import (
+    EstimatedFRF,
+    EstimationError,
+    estimate_frf,
+    estimate_roving,
+    split_hits,
+)
+from updating.measurement.matching import (
+    GeometryMatch,
+    GeometryMatchError,
+    align_points,
+    match_geometry,
+    match_members,
+)
+from updating.measurement.measurement import (
+    Measurement,
+    MeasurementError,
+    Sensor,
+    place_sensors,
+    with_sensor_masses,
+)
+from updating.measurement.noise import noise_from_coherence, noise_from_repeats, relative_noise
+from updating.measurement.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
+from updating.measurement.tables import (
+    frf_from_labelled,
+    labelled_from_frf,
+    labelled_from_modes,
+    modes_from_labelled,
+    sensors_from_table,
+    table_from_sensors,
+)
+from updating.modal.identification import Candidate, IdentifiedModes, damping_matrix, identify_modes
+from updating.modal.poles import IdentificationError, Stabilisation
+from updating.quality.faults import Fault, confirm_faults, find_faults, settle_faults
+from updating.quality.gates import Check, Gates, Homogeneity, Reciprocity, check_gates
 
 __all__ = [
     "EFFECT",

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.mesh import Mesh
 from fem.model import Model
-from updating.frf_correlation import BandError
-from updating.geometry_matching import GeometryMatch
-from updating.pairing import ModeComparison
-from updating.pretest import PretestPlan
+from updating.correlation.frf_correlation import BandError
+from updating.correlation.pairing import ModeComparison
+from updating.measurement.matching import GeometryMatch
+from updating.measurement.pretest import PretestPlan
 from viz import style
 from viz.curves import legend_above, plot_misfit_matrix
 from viz.shapes import view_axes

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
-from fem.frf import FRF
+from fem.analysis.frf import FRF
 from viz import style
 from viz.layout import shorten
 from viz.style import figure_png, save

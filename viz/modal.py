@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from fem.frf import FRF
-from updating.modal_identification import IdentifiedModes
+from fem.analysis.frf import FRF
+from updating.modal.identification import IdentifiedModes
 from viz import style
 from viz.curves import legend_above, plot_frf
 

@@ -22,13 +22,13 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from fem.analysis.modes import Modes
 from fem.checks import Fault
-from fem.effects.frame import Frame, MemberProperties
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.modes import Modes
 from fem.properties import Material, Section
-from updating.measurement import Sensor
+from updating.measurement.measurement import Sensor
 from viz import style
 from viz.layout import in_order, merge_names, place_labels, shorten
 from viz.shapes import (

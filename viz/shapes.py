@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.effects.frame import Frame
+from fem.elements.frame import Frame
 from fem.model import Model
 
 Floats = NDArray[np.float64]

@@ -18,11 +18,11 @@ from fem import FRF, Damping, Frame, Material, MemberProperties, Mesh, Model, Se
 from fem.io import read_frf
 from fem.model import DIRECTIONS
 from joint import JointFit, ModelParts, Uncertain, fit_joint, relative_coordinates, relative_form
-from updating.fit import FitProblem, FitResult
-from updating.measurement import Measurement, Sensor
-from updating.noise import relative_noise
-from updating.parameters import Nuisance
-from updating.preparation import build_problem
+from updating.inference.fit import FitProblem, FitResult
+from updating.inference.parameters import Nuisance
+from updating.inference.preparation import build_problem
+from updating.measurement.measurement import Measurement, Sensor
+from updating.measurement.noise import relative_noise
 from viz.curves import plot_frf
 from viz.joints import plot_stiffness_entries
 from viz.style import save

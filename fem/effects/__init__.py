@@ -8,7 +8,6 @@ import importlib
 import pkgutil
 
 from fem.effects.added_mass import AddedMass, PointMass
-from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint, PointPair
 from fem.effects.joint_damping import JointStructuralDamping, JointViscousDamping
 from fem.effects.joint_stiffness import JointStiffness
@@ -21,6 +20,7 @@ from fem.effects.superelement import Attachment, Superelement
 from fem.effects.support import Support
 from fem.effects.support_flexibility import SupportFlexibility
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
+from fem.elements.frame import Frame, MemberProperties
 from fem.model import Effect
 
 __all__ = [

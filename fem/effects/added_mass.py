@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
+from fem.elements.frame import Frame
 from fem.model import (
     Contribution,
     Effect,

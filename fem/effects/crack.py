@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
 from fem.effects.places import (
     OnMember,
     bending_stiffness,
@@ -18,6 +17,7 @@ from fem.effects.places import (
     sheared_frame,
     welded_ends,
 )
+from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
 _WORDS = {"rx": "torsion", "ry": "bending about local y", "rz": "bending about local z"}
@@ -118,7 +118,7 @@ class EndRelease(OnMember):
     """A rotational flexibility where a member's end is welded to others in the model: a soft weld, a hinge.
 
     The same as a spring of 1/compliance at the member's end (``spring1``, ``spring2`` in
-    :class:`~fem.effects.frame.MemberProperties`). A ``crack`` near the member's end is its twin.
+    :class:`~fem.elements.frame.MemberProperties`). A ``crack`` near the member's end is its twin.
 
     Attributes
     ----------

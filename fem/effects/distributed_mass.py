@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
 from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
+from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, refuse_negative
 
 

@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair, joint_unit
 from fem.effects.places import OnPoint, fastening_places, held_directions, typical_stiffness
 from fem.effects.support import Support
+from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter
 
 TOGETHER = 5e-3

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
 from fem.effects.places import AtPoint, typical_mass, typical_stiffness
+from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of, refuse_negative
 
 

@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.effects.frame import Frame
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint, frame_of, parameters_of
+from fem.elements.frame import Frame
 from fem.model import (
     DIRECTIONS,
     Array,

@@ -7,9 +7,9 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair, Spread
 from fem.effects.places import frame_of, is_bar, section_extent
+from fem.elements.frame import Frame
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Contribution, Model, Parameter, ParameterRef, lever_matrix
 

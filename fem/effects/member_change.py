@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame, member_contribution, nominal
+from fem.elements.frame import Frame, member_contribution, nominal
 from fem.model import Contribution, Effect, Model, Parameter, parameter_values
 
 

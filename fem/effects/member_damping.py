@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from fem.effects.frame import Frame, member_contribution
 from fem.effects.places import OnMember, frame_of, material_of
+from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 

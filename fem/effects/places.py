@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.added_mass import AddedMass
-from fem.effects.frame import Frame
 from fem.effects.joint import Joint, PointPair
 from fem.effects.section_shear import SectionShear
 from fem.effects.superelement import Superelement
+from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Effect, Model, ModelError, ParameterRef, dofs_of
 
 

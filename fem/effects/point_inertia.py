@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
 from fem.effects.places import OnMember, frame_of, member_mass
+from fem.elements.frame import Frame
 from fem.model import Contribution, Model, Parameter, refuse_negative
 
 

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
-from fem.effects.geometric_stiffness import SectionForces, sample, stress_stiffness
 from fem.effects.places import stiffness_of_sprung
+from fem.elements.frame import Frame
+from fem.elements.geometric_stiffness import SectionForces, sample, stress_stiffness
 from fem.mesh import Mesh
 from fem.model import (
     Contribution,
@@ -50,7 +50,7 @@ class LeverForces:
 class Prestress(Effect):
     """Section forces along members, times one load factor, with their geometric stiffness.
 
-    See `fem.effects.geometric_stiffness` for its terms. The forces are functions of arc length, so that they
+    See `fem.elements.geometric_stiffness` for its terms. The forces are functions of arc length, so that they
     are the same on any mesh.
 
     Attributes

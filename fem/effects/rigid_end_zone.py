@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
 from fem.effects.joint import PointPair
 from fem.effects.places import elements_of, is_bar, member_ends, n_lines_at, sheared_frame
+from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.added_mass import AddedMass
-from fem.effects.frame import Frame
 from fem.effects.joint import Joint
 from fem.effects.places import (
     AtPoint,
@@ -18,6 +17,7 @@ from fem.effects.places import (
     typical_length,
     typical_mass,
 )
+from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Contribution, Model, Parameter, dofs_of, skew
 
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame
+from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _ALIKE = 1e-6

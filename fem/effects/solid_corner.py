@@ -7,8 +7,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.frame import Frame, begun
 from fem.effects.places import elements_of, frame_of, is_bar, section_extent, sheared_frame
+from fem.elements.frame import Frame, begun
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01

@@ -11,11 +11,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fem.lanczos import lowest_eigenpairs
+from fem.linalg.lanczos import lowest_eigenpairs
+from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.matrices import Matrices, MatricesError
 from fem.mesh import Mesh
 from fem.model import Contribution, Effect, Model, ModelError, Parameter, dofs_of, lever_matrix
-from fem.solvers import Factor, SingularMatrixError, factorise
 
 TIES = ("rigid", "average")
 

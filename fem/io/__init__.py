@@ -4,7 +4,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fem.frf import FRF, FRFKind
+from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.modes import Modes
 from fem.io.abaqus import read_node_sets
 from fem.io.arrays import TableError, read_csv, read_npz, read_npz_modes, write_csv, write_npz
 from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
@@ -13,7 +14,6 @@ from fem.io.meshfile import read_mesh, write_mesh
 from fem.io.uff import UffFile, read_uff, write_uff
 from fem.io.uff_format import UffError, label_of, parse_label
 from fem.matrices import Matrices, MatricesError
-from fem.modes import Modes
 
 __all__ = [
     "Matrices",

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.frf import FRF, FRFError, FRFKind
+from fem.analysis.frf import FRF, FRFError, FRFKind
+from fem.analysis.modes import Modes
 from fem.io.atomic import replacing
-from fem.modes import Modes
 
 _CELL = re.compile(r"(re|im)\((.+)/([^/]+)\)")
 _DELIMITERS = (";", "\t", ",", " ")

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.effects.frame import Frame
+from fem.analysis.modes import Modes
+from fem.elements.frame import Frame
 from fem.io.arrays import write_npz
 from fem.io.atomic import replacing
 from fem.io.meshfile import member_arrays, quiet, write_mesh
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Model, ModelError
-from fem.modes import Modes
 
 _VTK = (".vtu", ".vtk")
 _UNIVERSAL = (".uff", ".unv")

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from fem.frf import FRF, FRFKind
+from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.modes import Modes
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.io.uff_elements import Elements, Group
 from fem.io.uff_format import UffError, label_of, parse_label, split_blocks
@@ -20,7 +21,6 @@ from fem.io.uff_reader import FileReader
 from fem.io.uff_types import Element, Function, Header, Points, TraceLine, Units
 from fem.io.uff_write import write_uff
 from fem.mesh import Mesh
-from fem.modes import Modes
 
 __all__ = [
     "Element",

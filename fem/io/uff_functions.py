@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.frf import FRF, FRFError, FRFKind
+from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.io.uff_format import Block, UffError, label_of, parse_label
 from fem.io.uff_nodes import Nodes
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of

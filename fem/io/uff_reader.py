@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fem.frf import FRFKind
+from fem.analysis.frf import FRFKind
 from fem.io.uff_elements import GROUP_COLUMNS, HEADS, Elements, Group, elements_of, groups_of, trace_line_of
 from fem.io.uff_format import Block, UffError
 from fem.io.uff_functions import FRF_TYPE, Record, frf_groups, frf_refusal, function_of, turned_records

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.analysis.modes import Modes
 from fem.io.uff_format import Block, UffError, label_of
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole
 from fem.io.uff_types import Units
-from fem.modes import Modes
 
 _DISPLACEMENTS = (0, 1, 8, 11, 12)
 """Result types that are motions: unknown, general, displacement, velocity, acceleration."""

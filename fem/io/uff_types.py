@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.frf import FRFKind
+from fem.analysis.frf import FRFKind
 from fem.io.uff_format import UffError
 
 _KINDS = {8: FRFKind.RECEPTANCE, 11: FRFKind.MOBILITY, 12: FRFKind.ACCELERANCE}

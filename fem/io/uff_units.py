@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fem.frf import FRFKind
+from fem.analysis.frf import FRFKind
 from fem.io.uff_format import Block, parse_label
 from fem.io.uff_numbers import real, text_at, whole
 from fem.io.uff_types import Function, Units

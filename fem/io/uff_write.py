@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.frf import FRF, FRFKind
+from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.modes import Modes
 from fem.io.atomic import replacing
 from fem.io.uff_format import UffError, label_of, parse_label
 from fem.mesh import Mesh
-from fem.modes import Modes
 
 if TYPE_CHECKING:
     from fem.io.uff_types import Function, Header, Points, TraceLine

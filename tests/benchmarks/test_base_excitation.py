@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fem.base_excitation import compute_base_frf
+from fem.analysis.base_excitation import compute_base_frf
+from fem.analysis.frf import FRFError, compute_frf
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic
-from fem.frf import FRFError, compute_frf
 from fem.laws import Zener
 from fem.model import Damping, ModelError, lever_matrix
 from fem.properties import Material

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from fem.analysis.frf import compute_frf
+from fem.analysis.modes import solve_modes
 from fem.effects.added_mass import AddedMass
-from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
 from fem.effects.preload import Preload
-from fem.frf import compute_frf
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model, lever_matrix
-from fem.modes import solve_modes
 from fem.properties import Material, Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix, planar

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from fem.buckling import solve_buckling
-from fem.effects.frame import Frame, MemberProperties
+from fem.analysis.buckling import solve_buckling
+from fem.analysis.modes import DENSE_LIMIT, solve_modes
+from fem.analysis.statics import LoadCase, prestressed, solve_static
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model, ModelError
-from fem.modes import DENSE_LIMIT, solve_modes
 from fem.properties import Section
-from fem.statics import LoadCase, prestressed, solve_static
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, fix
 from tests.frames import planar as held_in_plane

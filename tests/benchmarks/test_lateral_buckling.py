@@ -10,15 +10,15 @@ import pytest
 import scipy.linalg as sla
 from scipy.optimize import brentq
 
-from fem.buckling import solve_buckling
+from fem.analysis.buckling import solve_buckling
+from fem.analysis.statics import LineLoad, LoadCase
 from fem.effects.added_mass import AddedMass
-from fem.effects.frame import Frame, MemberProperties
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import RigidLink
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Model
 from fem.properties import Material, Section
-from fem.statics import LineLoad, LoadCase
 from tests.frames import STEEL, beam, fix
 
 STRIP = Section.rectangle(0.002, 0.06)

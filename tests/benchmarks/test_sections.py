@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.effects.frame import Frame, MemberProperties
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.outlines import integrate
 from fem.properties import Material, PropertyError, Section
-from fem.sections import OPTIONS, SHAPES, shear_flexibility_of_rectangle
-from fem.walls import wall_constants
+from fem.sections.outlines import integrate
+from fem.sections.shapes import OPTIONS, SHAPES, shear_flexibility_of_rectangle
+from fem.sections.walls import wall_constants
 
 ENDS = {
     "rectangle": ({"b": 0.05, "h": 0.1}, {"b": 0.03, "h": 0.04}),

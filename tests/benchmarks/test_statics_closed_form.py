@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from fem.effects.frame import Frame, MemberProperties
+from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
 from fem.effects.joint import Joint
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model
 from fem.properties import Section
-from fem.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix
 

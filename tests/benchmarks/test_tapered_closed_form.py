@@ -10,14 +10,14 @@ import pytest
 from scipy import special
 from scipy.optimize import brentq
 
-from fem.effects.frame import Frame, MemberProperties
+from dovetail.file.geometry import refine
+from fem.analysis.modes import solve_modes
+from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.modes import solve_modes
 from fem.properties import Section
-from fem.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
 from fem.system import assemble
-from study.geometry import refine
 from tests.frames import STEEL, beam, fix, planar
 
 L, D = 0.5, 0.02

@@ -11,11 +11,11 @@ import pytest
 from scipy.stats import norm
 
 import fem
+from dovetail.file.config import load_study
+from dovetail.update import update_study
 from fem.io import read_uff
-from study.config import load_study
-from study.update import update_study
-from updating.modal_identification import identify_modes
-from updating.update import Ending, update
+from updating.inference.update import Ending, update
+from updating.modal.identification import identify_modes
 
 FOLDER = Path(__file__).parents[2] / "examples" / "joint-study"
 TRUE = {"frame E:steel": 210e9, "frame rho:steel": 7850.0}

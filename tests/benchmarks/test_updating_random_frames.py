@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom, norm
 
 from tests.random_frames import NOISE, RATIO, random_frame
-from updating.update import Ending, Settings, update
+from updating.inference.update import Ending, Settings, update
 
 FRAMES = {"loss factor": range(12), "modal": range(12, 18)}
 """Seeds by the truth's damping: the form that the engine has between resonances, or the model's own."""

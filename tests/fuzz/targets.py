@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fem.frf import FRF
+from fem.analysis.frf import FRF
+from fem.analysis.modes import Modes
 from fem.io import (
     read_calculix,
     read_csv,
@@ -21,7 +22,6 @@ from fem.io import (
     write_uff,
 )
 from fem.mesh import Mesh
-from fem.modes import Modes
 from tests.fuzz import decks
 from tests.fuzz.worker import Target
 
@@ -174,15 +174,15 @@ def _calculix(suffix: str) -> Callable[[Path], object]:
 
 def _study_seeds(folder: Path) -> list[bytes]:
     """Return small studies, and the template with its measurement beside."""
-    from study.template import write_template
+    from dovetail.file.template import write_template
 
     write_template(folder)
     return [*(text.encode() for text in decks.STUDY), (folder / "study.toml").read_bytes()]
 
 
 def _study(path: Path) -> None:
+    from dovetail.file.config import load_study
     from fem.checks import check_model
-    from study.config import load_study
 
     # Without the comparison with what was measured: a valid structure of 20 m takes minutes in it.
     study = load_study(path, needs=())

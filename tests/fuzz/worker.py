@@ -15,7 +15,7 @@ from typing import Any
 
 from tests.fuzz.mutation import mutated
 
-OURS = ("fem", "updating", "joint", "viz", "study")
+OURS = ("fem", "updating", "joint", "viz", "dovetail")
 """Packages whose ValueErrors are answers."""
 
 MOST_SECONDS = 10.0

@@ -396,12 +396,13 @@ def investigate(case, out):
     folder.mkdir(parents=True, exist_ok=True)
     study = folder / "study.toml"
     study.write_text(convert(nominal, case, study), encoding="utf-8")
-    command = [sys.executable, "-m", "study", "run", str(study), "--out", str(folder / "result"), "--quiet"]
+    out = folder / "result"
+    command = [sys.executable, "-m", "dovetail", "run", str(study), "--out", str(out), "--quiet"]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         return done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"exit code {done.returncode}"
-    return json.loads((folder / "result" / "result.json").read_text(encoding="utf-8"))
+    return json.loads((out / "result.json").read_text(encoding="utf-8"))
 
 
 def row(case, result, truth):

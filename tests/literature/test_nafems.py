@@ -8,11 +8,11 @@ rest is predicted or explained.
 import numpy as np
 import pytest
 
+from fem.analysis.modes import solve_modes
 from fem.effects.added_mass import AddedMass
-from fem.effects.frame import Frame, MemberProperties
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.modes import solve_modes
 from fem.properties import Material, Section
 from fem.system import assemble
 from tests.benchmarks.test_beams_closed_form import timoshenko_pinned

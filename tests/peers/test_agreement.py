@@ -24,7 +24,7 @@ from benchmarks.peers.exchange import (
     run,
     with_changes,
 )
-from fem.modes import solve_modes
+from fem.analysis.modes import solve_modes
 from fem.system import assemble, sum_contributions
 from tests.peers.frames import EPS, blocks, forces_of_uniform_loads, magnitudes, random_frame, single_member
 

@@ -7,8 +7,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from study import load_study
-from study.run import fit_problem
+from dovetail import load_study
+from dovetail.pipeline import fit_problem
 from tests.conftest import PEERS_PYTHON, ROOT
 from tests.independent.convert import convert
 

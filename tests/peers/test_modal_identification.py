@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.modal_identification import FREQUENCY, RATIO, measured, sdypy
-from updating.modal_identification import identify_modes
+from updating.modal.identification import identify_modes
 
 pytestmark = pytest.mark.peer
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fem.effects.frame import Frame, MemberProperties
+from fem.analysis.frf import compute_frf
+from fem.analysis.modes import solve_modes
 from fem.effects.joint import Joint
 from fem.effects.support import Support
-from fem.frf import compute_frf
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Constraint, Damping, Model, lever_matrix
-from fem.modes import solve_modes
 from fem.properties import Section
 from fem.system import assemble, null_space
 from joint.interface import Interface, coordinates_of, partition_frf, stack_substructures

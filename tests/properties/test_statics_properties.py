@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
 from fem.model import DIRECTIONS
-from fem.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
 from fem.system import assemble
 from tests.frames import beam, fix, portal
 

@@ -1,0 +1,379 @@
+"""What the commands write: folders whole or not at all, JSON, progress; never over what they read."""
+
+import json
+import os
+import shutil
+import stat
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.disk.exchange import exchanged
+from dovetail.disk.locks import Lock
+from dovetail.file.paths import InputFile
+from fem.io.atomic import LONGEST_NAME, WriteError, flushed, replacing, umask
+
+MARK = ".dovetail"
+"""File that tells a folder of ours from others."""
+
+_OWNER, _NEW, _OLD = "owner", "new", "old"
+"""What the temporary folder beside a result holds: its process's lock, the new result, the former one."""
+
+
+class OutputError(ValueError):
+    """A place where nothing can be written without destroying something."""
+
+
+# Folders ----------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def result_folder(path: Path, force: bool = False) -> Iterator[Path]:
+    """Give a temporary folder near ``path``, which takes its place when the block ends without an error.
+
+    A folder that an earlier run made is replaced: where the system can exchange two names, there is a whole
+    result under this name at every moment; elsewhere (not Linux, some network drives) there is none for the
+    time between two renamings, and the next run puts the former one back if a process ended there. A folder
+    with other files is refused, or with ``force`` kept: what is new goes into it, file by file, and replaces
+    files of the same names. What killed processes have left beside it is removed.
+
+    Raises
+    ------
+    OutputError
+        If ``path`` is a file, or a folder with files that are not ours.
+    WriteError
+        If the disk is full, for example; a folder that was there is as it was.
+    """
+    if path.exists() and not path.is_dir():
+        msg = f"{path} is a file; give a folder to write into"
+        raise OutputError(msg)
+    target = Path(os.path.realpath(path))
+    _tidy(target)
+    ours = is_ours(target)
+    if not ours and not force:
+        msg = (
+            f"{path} holds files that are not results of dovetail; choose another folder, or "
+            "give --force to write into it"
+        )
+        raise OutputError(msg)
+    with _errors_named(path, target, target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name[:LONGEST_NAME]}-", dir=target.parent))
+    lock = _owned(scratch)
+    new = scratch / _NEW
+    try:
+        with _errors_named(path, new, target):
+            new.mkdir()
+            new.chmod(stat.S_IMODE(target.stat().st_mode) if target.is_dir() else 0o777 & ~umask())
+            yield new
+            (new / MARK).write_text(
+                "This folder is written by dovetail and replaced as a whole.\n", encoding="utf-8"
+            )
+            for file in _files(new):
+                flushed(new / file)
+            if not ours or _must_stay(target):
+                _fill(target, new, alone=ours)
+            else:
+                _put(new, target, scratch / _OLD)
+    finally:
+        _remove(scratch, lock)
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a folder may be replaced as a whole: it is not there, is empty or an earlier result."""
+    return not path.exists() or (path / MARK).is_file() or not any(path.iterdir())
+
+
+def _owned(scratch: Path) -> Lock | None:
+    """Lock a temporary folder for this process; the lock has its name only once it is held."""
+    if os.name == "nt":  # which renames no open file
+        return Lock.take(scratch / _OWNER)
+    lock = Lock.take(scratch / f"{_OWNER}.new")
+    (scratch / f"{_OWNER}.new").rename(scratch / _OWNER)
+    return lock
+
+
+def _tidy(target: Path) -> None:
+    """Remove what processes that have ended left beside a result; put a former result back if it is gone."""
+    if not target.parent.is_dir():
+        return
+    for scratch in target.parent.glob(f".{_escaped(target.name[:LONGEST_NAME])}-*"):
+        if not (scratch / _OWNER).is_file():
+            continue
+        with suppress(OSError):
+            lock = Lock.take(scratch / _OWNER)
+            if lock is not None:
+                if (scratch / _OLD).is_dir() and not target.exists():
+                    (scratch / _OLD).rename(target)
+                _remove(scratch, lock)
+
+
+def _escaped(name: str) -> str:
+    return "".join(f"[{c}]" if c in "*?[" else c for c in name)
+
+
+def _remove(scratch: Path, lock: Lock | None) -> None:
+    """Remove a temporary folder, its lock last: what is left of it by a crash is still known as one."""
+    for name in (_NEW, _OLD):
+        shutil.rmtree(scratch / name, ignore_errors=True)
+    if lock is not None:
+        lock.release()
+    shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _must_stay(target: Path) -> bool:
+    """Whether a folder can only be filled, not exchanged: a shell is in it, or it is a file system's root."""
+    here = Path(os.path.realpath(os.curdir))
+    return target.is_dir() and (here == target or target in here.parents or os.path.ismount(target))
+
+
+def _put(new: Path, target: Path, old: Path) -> None:
+    """Give a finished folder its name; what had it is left as ``new`` or ``old``."""
+    if not target.exists():
+        new.rename(target)
+        return
+    if exchanged(new, target):
+        return
+    target.rename(old)
+    try:
+        new.rename(target)
+    except OSError:
+        old.rename(target)
+        raise
+
+
+def _fill(target: Path, new: Path, *, alone: bool) -> None:
+    """Copy finished files into a folder one by one, each whole; if ``alone``, remove the others."""
+    files = _files(new)
+    for file in files:
+        if alone or file != Path(MARK):
+            (target / file).parent.mkdir(parents=True, exist_ok=True)
+            with replacing(target / file) as scratch:
+                shutil.copyfile(new / file, scratch)
+    for file in set(_files(target)) - set(files) if alone else ():
+        (target / file).unlink()
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(p.relative_to(folder) for p in folder.rglob("*") if p.is_file())
+
+
+@contextmanager
+def _errors_named(path: Path, scratch: Path, target: Path) -> Iterator[None]:
+    """Let errors of writing below ``scratch`` name the file below ``path`` that is wanted."""
+    try:
+        yield
+    except OSError as reason:
+        inside = _below(scratch, reason.filename)
+        if inside is None and reason.filename is not None:
+            raise  # of another file, that was read for example
+        raise WriteError(reason, path / (inside or ""), target.exists(), "folder") from reason
+
+
+def _below(folder: Path, name: Any) -> Path | None:
+    """Return where a file is below a folder; None for others."""
+    if not isinstance(name, str | bytes | os.PathLike):
+        return None
+    file = Path(os.fsdecode(name))
+    return file.relative_to(folder) if file.is_relative_to(folder) else None
+
+
+# What must not be written over ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A file or a folder that a command is to write.
+
+    Attributes
+    ----------
+    option : str
+        How the user has named it, such as ``--json``.
+    path : Path or None
+        None or ``-`` for none.
+    names : tuple of str
+        Of a folder, the files and folders that will be in it; none for a file.
+    """
+
+    option: str
+    path: Path | None
+    names: tuple[str, ...] = ()
+
+    @property
+    def given(self) -> bool:
+        """Whether it is a place in the file system."""
+        return self.path is not None and str(self.path) != "-"
+
+
+def check_outputs(inputs: Iterable[InputFile], *outputs: Output) -> None:
+    """Refuse outputs that cannot be written, or would take the place of an input or of one another.
+
+    To be called before anything is computed. Files are the same if the file system says so, whatever they are
+    called: links of both kinds and other spellings count.
+
+    Raises
+    ------
+    OutputError
+        For the first of them; it names option, file and what the file is.
+    """
+    given = [o for o in outputs if o.given]
+    check_writable(*(o.path for o in given if not o.names))
+    for k, output in enumerate(given):
+        for other in given[:k]:
+            _refuse_same(output, other)
+    known = tuple(inputs)
+    for output in given:
+        for file in known:
+            if output.names:
+                _refuse_within(output, file)
+            elif output.path is not None and _same_file(output.path, file.path):
+                msg = (
+                    f"{output.option} {output.path} is {file.what}, which would be overwritten; "
+                    "give another file"
+                )
+                raise OutputError(msg)
+
+
+def _refuse_same(one: Output, two: Output) -> None:
+    """Refuse two outputs at one place."""
+    a, b = (Path(os.path.realpath(o.path or "")) for o in (one, two))
+    folder, file = (a, b) if one.names else (b, a)
+    names = one.names or two.names
+    if _is_stream(a):
+        return  # a device or a pipe takes one after the other
+    inside = bool(names) and folder in file.parents and file.relative_to(folder).parts[0] in names
+    if a == b or _same_file(a, b) or inside:
+        msg = f"{one.option} {one.path} and {two.option} {two.path} are one place; give two"
+        raise OutputError(msg)
+
+
+def _refuse_within(output: Output, file: InputFile) -> None:
+    """Refuse a folder whose replacement, or whose new files, would take an input away."""
+    assert output.path is not None
+    folder, inside = Path(os.path.realpath(output.path)), Path(os.path.realpath(file.path))
+    if folder in inside.parents and is_ours(folder):
+        msg = (
+            f"{output.option} {output.path} holds {inside.relative_to(folder)}, {file.what}, and would be "
+            "replaced as a whole; give another folder"
+        )
+        raise OutputError(msg)
+    for name in output.names:
+        place = output.path / name
+        if _same_file(place, file.path) or Path(os.path.realpath(place)) in inside.parents:
+            msg = f"{output.option} {output.path} would overwrite {name}, {file.what}; give another folder"
+            raise OutputError(msg)
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether a path leads to a device or a pipe."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _same_file(one: Path, two: Path) -> bool:
+    """Whether two paths lead to one file that is there."""
+    try:
+        return os.path.samefile(one, two)
+    except OSError:
+        return False
+
+
+def check_writable(*paths: Path | None) -> None:
+    """Refuse files that cannot be written, before anything is computed for them.
+
+    Raises
+    ------
+    OutputError
+        For the first whose folder is not there, that is a folder, or that is protected.
+    """
+    for path in paths:
+        if path is None or str(path) == "-":
+            continue
+        if not path.parent.is_dir():
+            msg = f"{path}: there is no folder {path.parent} to write it into"
+            raise OutputError(msg)
+        if path.is_dir():
+            msg = f"{path} is a folder; give a file"
+            raise OutputError(msg)
+        if path.exists() and not os.access(path, os.W_OK):
+            msg = f"{path} may not be written to; give another file, or change its permissions"
+            raise OutputError(msg)
+        if not path.exists() and not os.access(path.parent, os.W_OK):
+            msg = f"{path}: the folder {path.parent} may not be written to; give another one"
+            raise OutputError(msg)
+
+
+def write_json(path: Path | None, data: Any) -> None:
+    """Write data as JSON to a file, whole or not at all; to standard output for ``-``; nowhere for None."""
+    if path is None:
+        return
+    text = json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if str(path) == "-":
+        sys.stdout.write(text)
+        return
+    check_writable(path)
+    with replacing(path) as scratch:
+        scratch.write_text(text, encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    """Turn arrays, tuples and NumPy numbers into what JSON knows; numbers that are not finite into null."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple | set):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, complex):
+        return {"re": _plain(value.real), "im": _plain(value.imag)}
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+class Progress:
+    """A progress bar on a terminal; nothing where the output is piped or quiet is asked for.
+
+    Call it with what is being done, and with how much of how much where that is known.
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._show = not quiet and sys.stderr.isatty()
+        self._bar: Any = None
+
+    def __call__(self, text: str, done: float = 0, total: float | None = None) -> None:
+        """Show a step."""
+        if not self._show:
+            return
+        from tqdm import tqdm
+
+        if self._bar is None:
+            self._bar = tqdm(
+                file=sys.stderr,
+                leave=False,
+                dynamic_ncols=True,
+                bar_format="{desc} {bar:30} {percentage:3.0f} % {elapsed}",
+            )
+        self._bar.set_description_str(text, refresh=False)
+        self._bar.total = total or 1
+        self._bar.n = min(done, self._bar.total)
+        self._bar.refresh()
+
+    def close(self) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None

@@ -1,0 +1,1 @@
+"""The study file: reading it, and writing it with other values."""

@@ -1,0 +1,211 @@
+"""Whether measured FRFs belong to e^{+iωt} and have the phase of their kind; refused with the remedy."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dovetail.file.measured import RawMeasurement
+from dovetail.file.sensors import Channel
+from dovetail.file.suspicions import BesideModel, LazyComparison, kind_beside_model
+from dovetail.file.table import Table
+from fem.analysis.frf import FRFKind
+from updating.measurement.measurement import Measurement
+from updating.quality.phase import (
+    ANTICAUSAL_DEVIATIONS,
+    QUADRATURE,
+    Misphased,
+    PhaseEvidence,
+    driven_points,
+    misphased,
+    phase_evidence,
+)
+
+_SAME_PLACE = 1e-6
+"""Distance of a force from a sensor at its place, relative to the mesh's size."""
+
+
+def check_phase(
+    comparisons: Sequence[LazyComparison],
+    raw: Sequence[RawMeasurement],
+    sensors: Sequence[Channel],
+    excitations: Sequence[Channel],
+    suspicions: list[str],
+) -> list[PhaseEvidence | None]:
+    """Return what phases say of each measurement; None where the study does not want it.
+
+    Parameters
+    ----------
+    comparisons : sequence of LazyComparison
+        Of the measurements.
+    raw : sequence of RawMeasurement
+        Their files.
+    sensors, excitations : sequence of Channel
+        Those of the study.
+    suspicions : list of str
+        Gets what is not certain.
+
+    Raises
+    ------
+    StudyError
+        For FRFs that certainly belong to e^{-iωt} or to another kind.
+    """
+    out: list[PhaseEvidence | None] = []
+    for c, r in zip(comparisons, raw, strict=True):
+        m = c.measurement
+        evidence = phase_evidence(m.frf) if r.check_phase else None
+        out.append(evidence)
+        if evidence is None:
+            continue
+        driven = driven_points(m, _SAME_PLACE * c.model.mesh.size)
+        found = misphased(evidence, driven)
+        if not found:
+            suspicions += _weak(c, r, evidence)
+            _refuse_reversed(c, r, evidence, driven, suspicions)
+            continue
+        beside = c.beside if any(f.fault == "quarter turn" for f in found) else None
+        words = []
+        for f in found:
+            text = _words(m, f, beside)
+            if f.of == "FRF" or not _supported(m, f, beside):
+                suspicions.append(f"the FRFs {_whose(f)} {r.name} {text}; check them")
+            else:
+                words.append((f, f"the FRFs {_whose(f)} {r.name} {text}"))
+        if words:
+            first = words[0][0]
+            table, key = _place(r, first, {"sensor": sensors, "excitation": excitations})
+            table.refuse(key, f"{'; '.join(t for _, t in words)}, or check_phase = false if they are right")
+    return out
+
+
+def _weak(comparison: LazyComparison, r: RawMeasurement, evidence: PhaseEvidence) -> list[str]:
+    """Return a suspicion if FRFs that say too little each for itself run backwards together.
+
+    Raises
+    ------
+    StudyError
+        If the model says so as well.
+    """
+    z = evidence.deviations[np.isfinite(evidence.deviations)]
+    if not z.size or z.sum() / np.sqrt(z.size) > -ANTICAUSAL_DEVIATIONS:
+        return []
+    beside = comparison.beside
+    found = f"the FRFs of {r.name} seem to belong to e^{{-iωt}}: they ring before the impulse, not after it"
+    if beside is not None and float(np.median(beside.dissipation)) < -0.5:
+        r.table.refuse(
+            "file",
+            f"{found}, and beside the model's their imaginary parts have the other sign; give conjugate = "
+            "true in [[measurements]], or check_phase = false if they are right",
+        )
+    return [f"{found}, though too little to be sure; compare conjugate = true in [[measurements]]"]
+
+
+def _refuse_reversed(
+    comparison: LazyComparison,
+    r: RawMeasurement,
+    evidence: PhaseEvidence,
+    driven: Sequence[tuple[int, int, float]],
+    suspicions: list[str],
+) -> None:
+    """Refuse receptance called accelerance or the reverse: their signs differ, which driven points show."""
+    m = comparison.measurement
+    sense = {(i, j): s * float(evidence.sense[i, j].real) for i, j, s in driven if evidence.axis[i, j] > 0}
+    names = [m.frf.outputs[i] for (i, _), s in sense.items() if s < -QUADRATURE]
+    if not names:
+        return
+    beside = comparison.beside if len(names) == len(sense) else None
+    like = None if beside is None else kind_beside_model(m.frf.kind, beside, evidence)
+    if like is not None:
+        r.table.refuse(
+            "kind" if "kind" in r.table.values else "file",
+            f"the FRFs of {r.name} are called {m.frf.kind}; their sign where force and sensor share a place, "
+            f'{names[0]}, and their size beside the model\'s are those of {like}; give kind = "{like}", or '
+            "check_phase = false if they are right",
+        )
+    suspicions.append(
+        f"in {r.name} the structure gives power to the force at {', '.join(dict.fromkeys(names))}, where "
+        "force and sensor share a place: one of the two points the other way than the study says"
+    )
+
+
+def _whose(f: Misphased) -> str:
+    what = {"sensor": "of the sensor", "excitation": "of the force", "FRF": ""}.get(f.of, "")
+    names = ", ".join(f.names[:6]) + (" …" if len(f.names) > 6 else "")
+    many = "s" if what and len(f.names) > 1 else ""
+    return f"{what}{many} {names} in".lstrip() if f.names else "of"
+
+
+def _place(r: RawMeasurement, f: Misphased, channels: dict[str, Sequence[Channel]]) -> tuple[Table, str]:
+    table = next((c.table for c in channels.get(f.of, ()) if c.sensor.name == f.names[0]), None)
+    return (r.table, "file") if table is None else (table, "")
+
+
+def _table(f: Misphased) -> str:
+    """Return where the remedy goes."""
+    return {
+        "all": "in [[measurements]]",
+        "sensor": "in its [[sensors]]",
+        "excitation": "in its [[excitations]]",
+    }.get(f.of, "")
+
+
+def _words(m: Measurement, f: Misphased, beside: BesideModel | None) -> str:
+    """Return what is found and what to do."""
+    if f.fault == "conjugate":
+        found = (
+            f"belong to e^{{-iωt}}: they ring before the impulse, with {float(f'{f.size:.2g}'):g} times the "
+            "energy that follows it"
+        )
+        return f"{found}; give conjugate = true {_table(f)}" if _table(f) else found
+    turn, options = _turn_remedies(m, f, beside)
+    factor = {1: "i times", -1: "-i times", 0: "i or -i times"}[turn]
+    found = (
+        f"are {factor} what {m.frf.kind} is, or another kind: their phase at and between resonances is a "
+        "quarter turn off"
+    )
+    return f"{found}; give {' or '.join(options)} {_table(f)}" if _table(f) else found
+
+
+def _part(m: Measurement, f: Misphased, beside: BesideModel) -> np.ndarray:
+    """Return the ratios (n, k) of the FRFs of a group."""
+    rows = [i for i, n in enumerate(m.frf.outputs) if f.of != "sensor" or n in f.names]
+    columns = [j for j, n in enumerate(m.frf.inputs) if f.of != "excitation" or n in f.names]
+    return beside.ratio[:, rows][:, :, columns].reshape(len(beside.frequency), -1)
+
+
+def _supported(m: Measurement, f: Misphased, beside: BesideModel | None) -> bool:
+    """Return whether the model does not contradict a quarter turn."""
+    if f.fault == "conjugate" or beside is None:
+        return True
+    ratio = _part(m, f, beside)
+    ratio = ratio[np.isfinite(ratio) & (ratio != 0)]
+    return not ratio.size or float(((ratio / np.abs(ratio)) ** 2).real.mean()) < 0
+
+
+def _turn_remedies(m: Measurement, f: Misphased, beside: BesideModel | None) -> tuple[int, list[str]]:
+    """Return the sense of a quarter turn, and keys that undo it: a kind, a phase, or both if undecided."""
+    turn, by_kind = f.turn, None
+    if beside is not None:
+        ratio = _part(m, f, beside)
+        seen = np.isfinite(ratio) & (ratio != 0)
+        if not turn and seen.any():
+            turn = int(np.sign((ratio[seen] / np.abs(ratio[seen])).imag.mean()))
+        by_kind = _power(beside.frequency, np.abs(np.where(seen, ratio, np.nan)), turn)
+    turns = (turn,) if turn else (1, -1)
+    kinds = [k for k in FRFKind if k.derivatives - m.frf.kind.derivatives in turns]
+    # The factor between two kinds is iω: as large as ω beside the model, where i alone is 1.
+    by_phase = [f"phase = {-90 * t}" for t in turns]
+    of_kind = [f'kind = "{k}"' for k in kinds] if f.of != "excitation" else []
+    if by_kind is None:
+        return turn, [*of_kind, *by_phase]
+    return turn, (of_kind if by_kind else by_phase) or by_phase
+
+
+def _power(frequency: np.ndarray, size: np.ndarray, turn: int) -> bool | None:
+    """Return whether ω lies between measured and computed FRFs, not 1; None where nothing says it."""
+    seen = np.isfinite(size).mean(axis=1) > 0.5
+    if seen.sum() < 8 or not turn:
+        return None
+    with np.errstate(divide="ignore"):
+        y = np.nanmedian(np.log10(size[seen]), axis=1)
+    other = y - turn * np.log10(2 * np.pi * frequency[seen])
+    return abs(float(np.median(other))) < abs(float(np.median(y)))

@@ -1,0 +1,383 @@
+"""The mesh of a study: from a file, or from points and members written into the study."""
+
+import os
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.table import Table, as_vector, suggest
+from fem.elements.frame import Frame, MemberProperties
+from fem.io import read_mesh
+from fem.mesh import Mesh, MeshError, MeshWarning, merge_names
+from fem.model import Model
+from fem.plausibility import Suspicion, si_number, suspicions
+from fem.properties import Section
+
+TOUCH = 1e-6
+"""Points nearer than this part of the structure's size are one place."""
+
+MOST_ELEMENTS = 30_000
+"""Elements of a mesh, unless the study allows more: modes of so many take some seconds and 0.6 GB."""
+
+PER_BENDING_WAVE = 12
+"""Elements per shortest bending wave: too stiff by (2π/12)⁴/1440 = 5e-5 in frequency there."""
+
+PER_OTHER_WAVE = 32
+"""Elements per shortest axial or torsional wave, whose error is (2π/32)²/24 = 1.6e-3."""
+
+SHEAR_ERROR = 5e-4
+"""Relative error of a frequency that the shear of bending waves, or axes that turn, may have [-]."""
+
+
+class TooManyElementsError(MeshError):
+    """A study whose mesh would have more elements than are made.
+
+    Attributes
+    ----------
+    member : str
+        The member that asks for the most.
+    key : str
+        What asks: ``"elements"``, ``"element_size"``, or ``"waves"`` where their length does.
+    suspicions : tuple of Suspicion
+        What is implausible of the members, where waves ask.
+    """
+
+    def __init__(self, message: str, member: str, key: str, suspicions: tuple[Suspicion, ...] = ()) -> None:
+        super().__init__(message)
+        self.member, self.key, self.suspicions = member, key, suspicions
+
+
+@dataclass(slots=True)
+class Geometry:
+    """The mesh as far as it has been built, and the names of places on it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    places : dict of str to ndarray (3,)
+        Coordinates of the study's named points [m].
+    """
+
+    mesh: Mesh
+    places: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    def coordinates(self, table: Table, key: str = "point") -> NDArray[np.float64]:
+        """Return the coordinates of a place given as name, coordinates or ``{member, position}``."""
+        value = table.get(key)
+        if isinstance(value, str):
+            if value in self.mesh.point_names:
+                return self.mesh.points[self.mesh.point_names[value]]
+            if value in self.places:
+                return self.places[value]
+            table.refuse(
+                key,
+                f"there is no point '{value}'; {suggest(value, {**self.places, **self.mesh.point_names})}",
+            )
+        if isinstance(value, dict):
+            return self.on_member(table.table(key))
+        return as_vector(table, key, value, 3, "m")
+
+    def on_member(
+        self, table: Table, member: str = "member", position: str = "position"
+    ) -> NDArray[np.float64]:
+        """Return the coordinates of a place on a member; a table of its own is finished."""
+        name = self.member(table, member)
+        s = self.position(table, position, name)
+        if table.values.keys() <= {member, position}:
+            table.finish()
+        with table.at(position):
+            return self.mesh.point_at(self.mesh.locate(name, s))
+
+    def member(self, table: Table, key: str = "member") -> str:
+        """Return the name of one member."""
+        name = table.text(key)
+        members = self.mesh.groups.get(name, (name,))
+        if len(members) != 1 or members[0] not in self.mesh.members:
+            if len(members) > 1:
+                table.refuse(key, f"'{name}' is the group of {merge_names(members)}; name one of them")
+            table.refuse(key, f"there is no member '{name}'; {suggest(name, self.mesh.members)}")
+        return members[0]
+
+    def position(self, table: Table, key: str, member: str) -> float:
+        """Return an arc length along a member [m]."""
+        length = self.mesh.member_length(member)
+        value = table.get(key)
+        words = {"start": 0.0, "middle": length / 2, "end": length}
+        if isinstance(value, str):
+            if value not in words:
+                table.refuse(key, f"'{value}' is not allowed; a number [m], start, middle or end is needed")
+            return words[value]
+        s = table.number(key, least=0.0, unit="m")
+        if s > length * (1 + TOUCH):
+            table.refuse(key, f"{s:g} m is beyond the end of member '{member}', which is {length:g} m long")
+        return min(s, length)
+
+    def point(self, table: Table, key: str = "point") -> int:
+        """Return the index of a point of the mesh at a place, putting one there if needed."""
+        value = table.get(key)
+        if isinstance(value, str) and value in self.mesh.point_names:
+            return self.mesh.point_names[value]
+        if isinstance(value, dict):
+            inner = table.table(key)
+            name = self.member(inner)
+            return self.point_on(name, self.position(inner, "position", name))
+        xyz = self.coordinates(table, key)
+        near, distance = self.mesh.nearest_point(xyz)
+        if distance <= TOUCH * self.mesh.size:
+            return near
+        member, s, distance = self.mesh.nearest_on_members(xyz)
+        if distance > TOUCH * self.mesh.size:
+            table.refuse(
+                key,
+                f"{value!r} is not on the structure: it is {distance:.3g} m from the nearest "
+                f"member, '{member}', "
+                f"at {s:.4g} m along it",
+            )
+        return self.point_on(member, s)
+
+    def point_on(self, member: str, position: float) -> int:
+        """Return the index of a point of the mesh at a position on a member, putting one there if needed."""
+        self.mesh = self.mesh.with_point_on(member, position)
+        s = self.mesh.member_positions(member)
+        return int(self.mesh.member_points(member)[np.argmin(np.abs(s - position))])
+
+
+def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
+    """Read ``[mesh]``, ``[points]`` and the ends of ``[members]``."""
+    mesh, points, members = top.table("mesh"), top.table("points"), top.table("members")
+    file = mesh.text("file", "")
+    scale = mesh.number("scale", 1.0, above=0.0)
+    tolerance = mesh.number("merge_tolerance", None, least=0.0, unit="m")
+    connect = mesh.flag("connect", True)
+    if file:
+        if points.values:
+            points.refuse(
+                "", "points and members have no ends of their own where [mesh] gives a file; leave one out"
+            )
+        path = folder / file
+        if not path.is_file():
+            mesh.refuse("file", f"there is no file '{os.fspath(path)}'")
+        with mesh.at("file"), warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            read = read_mesh(path, scale=scale, merge_tolerance=tolerance, sets=mesh.text("sets", None))
+        notes.extend(str(w.message) for w in caught if w.category is not MeshWarning)  # the mesh keeps those
+        return Geometry(read)
+    for key in ("scale", "merge_tolerance", "sets"):
+        if key in mesh:
+            mesh.refuse(key, "it belongs to a mesh file, and [mesh] gives no file")
+    places = {key: points.vector(key) for key in points.values}
+    if not members.values:
+        top.refuse(
+            "", "there is no structure: give [mesh] file, or [points] and [members.NAME] with from and to"
+        )
+    return Geometry(_inline_mesh(members, places, connect, notes), places)
+
+
+def _inline_mesh(
+    members: Table, places: dict[str, NDArray[np.float64]], connect: bool, notes: list[str]
+) -> Mesh:
+    ends: list[NDArray[np.float64]] = []
+    names: dict[str, int] = {}
+    pairs: dict[str, tuple[int, int]] = {}
+
+    def end(table: Table, key: str) -> int:
+        value = table.get(key)
+        if isinstance(value, str):
+            if value not in places:
+                table.refuse(key, f"there is no point '{value}'; {suggest(value, places)}")
+            if value not in names:
+                names[value] = len(ends)
+                ends.append(places[value])
+            return names[value]
+        xyz = as_vector(table, key, value, 3, "m")
+        for k, other in enumerate(ends):
+            if k not in names.values() and np.linalg.norm(other - xyz) <= 1e-9 * (1 + np.abs(xyz).max()):
+                return k
+        ends.append(xyz)
+        return len(ends) - 1
+
+    for name, table in members.named():
+        pairs[name] = (end(table, "from"), end(table, "to"))
+    xyz = np.array(ends)
+    size = float(np.ptp(xyz, axis=0).max())
+    for name, (a, b) in pairs.items():
+        if np.linalg.norm(xyz[b] - xyz[a]) <= max(TOUCH * size, 1e-12):
+            members.refuse(name, f"the member has no length: both ends are at {xyz[a].tolist()} m")
+    lines: list[tuple[int, int]] = []
+    sets: dict[str, list[int]] = {}
+    welds: dict[str, list[str]] = {}
+    for name, (a, b) in pairs.items():
+        between = _ends_on(xyz, a, b, TOUCH * size) if connect else []
+        for k in between:
+            welds.setdefault(name, []).extend(other for other, pair in pairs.items() if k in pair)
+        chain = [a, *between, b]
+        sets[name] = list(range(len(lines), len(lines) + len(chain) - 1))
+        lines += list(pairwise(chain))
+    if welds:
+        words = "; ".join(f"{', '.join(dict.fromkeys(others))} on {name}" for name, others in welds.items())
+        notes.append(f"members that end on another are welded to it there: {words}")
+    with members.at():
+        return Mesh.from_lines(xyz, lines, sets, names)
+
+
+def _ends_on(xyz: NDArray[np.float64], a: int, b: int, tolerance: float) -> list[int]:
+    """Return the points inside a member, in order along it."""
+    t = xyz[b] - xyz[a]
+    length = float(np.linalg.norm(t))
+    s = (xyz - xyz[a]) @ t / length
+    distance = np.linalg.norm(xyz - xyz[a] - np.outer(s, t / length), axis=1)
+    inside = np.flatnonzero((distance <= tolerance) & (s > tolerance) & (s < length - tolerance))
+    return [int(k) for k in inside[np.argsort(s[inside])] if k not in (a, b)]
+
+
+def refine(
+    mesh: Mesh,
+    properties: dict[str, MemberProperties],
+    max_frequency: float,
+    size: float | None,
+    by_member: dict[str, tuple[float | None, int | None]],
+    at_least: int = 4,
+    most: int = MOST_ELEMENTS,
+) -> tuple[Mesh, NDArray[np.float64]]:
+    """Return the mesh with elements short enough, and the lengths aimed at, member by member.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    properties : dict of str to MemberProperties
+        By member.
+    max_frequency : float
+        Highest frequency of interest [Hz].
+    size : float, optional
+        Element size of all members [m]; by wavelength unless given.
+    by_member : dict of str to (float or None, int or None)
+        Element size [m] or count of single members.
+    at_least : int
+        Fewest elements of a member.
+    most : int
+        Most elements in all; the mesh's own lines are never too many.
+
+    Raises
+    ------
+    TooManyElementsError
+        If there would be more; the message names the member that asks for the most, and why it does.
+    """
+    length = mesh.lengths()
+    pieces = np.ones(mesh.n_lines)
+    sizes: dict[str, tuple[float, str]] = {}
+    for name, rows in mesh.members.items():
+        p, total = properties[name], float(length[rows].sum())
+        h, key = _aimed_size(p, total, max_frequency, size, by_member.get(name, (None, None)), at_least)
+        sizes[name] = (h, key)
+        n = np.maximum(1, np.ceil(length[rows] / h - 1e-6))
+        for zone, k in ((p.rigid1, 0), (p.rigid2, -1)):
+            if zone > 0:  # the zone must fit into the element at its end, with as much flexible length again
+                n[k] = max(1, min(n[k], int(length[rows[k]] / (2 * zone))))
+        pieces[rows] = n
+    if not pieces.sum() <= max(most, mesh.n_lines):
+        raise _too_many(mesh, pieces, properties, sizes, max_frequency, most)
+    return mesh.split(pieces), np.array([h for h, _ in sizes.values()])
+
+
+def _aimed_size(
+    p: MemberProperties,
+    total: float,
+    max_frequency: float,
+    size: float | None,
+    own: tuple[float | None, int | None],
+    at_least: int,
+) -> tuple[float, str]:
+    """Return the element size of a member, and what asks for it: a key of the study, or waves."""
+    own_size, count = own
+    if count is not None:
+        return total / count, "elements"
+    if own_size is not None:
+        return own_size, "element_size of the member"
+    if p.theory == "bar" and p.pretension == 0:  # between its elements it would be a mechanism
+        return total, "elements"
+    if size is not None:
+        return size, "element_size"
+    return min(element_size(p, max_frequency), total / least_elements(p, at_least)), "waves"
+
+
+def _too_many(
+    mesh: Mesh,
+    pieces: NDArray[np.float64],
+    properties: dict[str, MemberProperties],
+    sizes: dict[str, tuple[float, str]],
+    max_frequency: float,
+    most: int,
+) -> TooManyElementsError:
+    """Return the error that names the member that asks for the most elements, and why it does."""
+    name = max(sizes, key=lambda each: float(pieces[mesh.members[each]].sum()))
+    (h, key), p = sizes[name], properties[name]
+    text = (
+        f"the mesh would have {pieces.sum():.4g} elements, and at most {most} are made ([mesh] "
+        f"max_elements): member '{name}' asks for the most, {pieces[mesh.members[name]].sum():.4g} of "
+        f"{1e3 * h:.3g} mm"
+    )
+    if key != "waves":
+        return TooManyElementsError(f"{text}, by {key}; give larger elements, or allow more", name, key)
+    m, s = p.material, p.section
+    odd = suspicions(Model(mesh, (Frame(members=properties),)))
+    what = (
+        f"for waves at {max_frequency:g} Hz with E = {si_number(m.E)} Pa, rho = {si_number(m.rho)} kg/m³, "
+        f"A = {s.A:.3g} m², Iy = {s.Iy:.3g}, Iz = {s.Iz:.3g} and J = {s.J:.3g} m⁴"
+    )
+    found = "; ".join(each.message for each in odd) or "look at these values"
+    text = f"{text}, {what}; {found}; or lower the frequency range, give element_size, or allow more"
+    return TooManyElementsError(text, name, key, odd)
+
+
+def element_size(p: MemberProperties, frequency: float) -> float:
+    """Return an element size by the shortest waves of a member at a frequency [m].
+
+    Bending: λ = 2π/k, k⁴ = ρA ω²/EI, of an Euler-Bernoulli beam; where shear takes the part φ/(1 + φ) of the
+    slope, φ = EI k²/kGA, elements are too stiff by (kh)²/24 of that. Torsion and tension: λ = c/f; a bar
+    under tension is a string. Of a taper, the end with the shorter waves.
+    """
+    ends = (p.section,) if p.section2 is None else (p.section, p.section2)
+    return min(_size_of_section(p, s, frequency) for s in ends)
+
+
+def _size_of_section(p: MemberProperties, s: Section, frequency: float) -> float:
+    m, omega = p.material, 2 * np.pi * frequency
+    if p.theory == "bar":
+        strain = min(max(p.pretension, 0.0) / (m.E * s.A), 1.0) or 1.0
+        return float(np.sqrt(strain * m.E / m.rho) / frequency / PER_OTHER_WAVE)
+    sizes = [np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency / PER_OTHER_WAVE]
+    for I, k in ((s.Iy, s.kz), (s.Iz, s.ky)):
+        wave = (m.rho * s.A * omega**2 / (m.E * I)) ** 0.25
+        sizes.append(2 * np.pi / wave / PER_BENDING_WAVE)
+        phi = m.E * I * wave**2 / (k * m.G * s.A) if k > 0 and p.theory == "timoshenko" else 0.0
+        if phi > 0:
+            sizes.append(np.sqrt(24 * SHEAR_ERROR * (1 + phi) / phi) / wave)
+    return float(min(sizes))
+
+
+def least_elements(p: MemberProperties, at_least: int) -> int:
+    """Return the fewest elements of a member: under a taper more, as waves at its thin end are shorter.
+
+    Wave numbers of bending go with the root of the radius of gyration. Principal axes that turn by Δα along
+    the member are straight in each element, which errs by (Δα/n)² I₁/I₂ / 24 in a frequency.
+    """
+    if p.section2 is None:
+        return at_least
+    radii = [[s.Iy / s.A, s.Iz / s.A] for s in (p.section, p.section2)]
+    ratio = np.max(np.max(radii, axis=0) / np.min(radii, axis=0)) ** 0.25
+    turn = abs(p.section2.angle - p.section.angle)
+    uneven = max(max(s.Iy, s.Iz) / min(s.Iy, s.Iz) for s in (p.section, p.section2))
+    turning = turn * np.sqrt(uneven / (24 * SHEAR_ERROR))
+    return int(np.ceil(max(at_least * ratio, turning) - 1e-9))
+
+
+def describe_sizes(sizes: Sequence[float] | NDArray[Any]) -> str:
+    """Return a range of sizes in words."""
+    low, high = float(np.min(sizes)), float(np.max(sizes))
+    return f"{1e3 * low:.3g} mm" if high <= 1.01 * low else f"{1e3 * low:.3g} to {1e3 * high:.3g} mm"

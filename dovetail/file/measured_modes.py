@@ -1,0 +1,348 @@
+"""Measured modes of a study, their identification, and updates: [modes], [identification], [update]."""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.file.sensors import Channel, Nodes
+from dovetail.file.table import Table, suggest
+from fem.analysis.modes import Modes
+from fem.effects import candidate_kinds
+from fem.io import UFF_SUFFIXES, read_modes, read_uff
+from fem.model import Effect, Model, ParameterRef
+from updating.inference.unknowns import Unknown, scaled_unknowns
+from updating.inference.update import Settings
+from updating.measurement.measurement import Sensor
+from updating.modal.identification import LARGEST_MPD, LEAST_MPC
+
+TARGETS: tuple[str, ...] = ("frf", "modes", "frequencies")
+"""What a model may be updated to: FRFs, natural frequencies with shapes, natural frequencies alone."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredModes:
+    """Natural frequencies, and shapes where there are any, at sensors of the study.
+
+    Attributes
+    ----------
+    modes : Modes
+        Rows of the shapes by the names of the sensors; no rows where frequencies alone are known.
+    sensors : tuple of Sensor
+    frequency_std : ndarray (n_modes,)
+        Relative standard deviations of the frequencies [-].
+    shape_std : ndarray (n_modes,)
+        Standard deviations of a component, relative to the root mean square of the shape [-].
+    name : str
+        Where they come from.
+    """
+
+    modes: Modes
+    sensors: tuple[Sensor, ...]
+    frequency_std: np.ndarray
+    shape_std: np.ndarray
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeLimits:
+    """How complex the shapes of identified modes may be.
+
+    Attributes
+    ----------
+    least_mpc : float
+        Smallest modal phase collinearity, 0 to 1 [-].
+    largest_mpd : float
+        Largest mean phase deviation, 0 to 90 [degrees].
+    """
+
+    least_mpc: float = LEAST_MPC
+    largest_mpd: float = LARGEST_MPD
+
+
+def read_shape_limits(top: Table) -> ShapeLimits:
+    """Read ``[identification]``."""
+    t = top.table("identification")
+    limits = ShapeLimits(
+        t.number("least_mpc", LEAST_MPC, least=0.0), t.number("largest_mpd", LARGEST_MPD, least=0.0)
+    )
+    for key, value, most in (("least_mpc", limits.least_mpc, 1), ("largest_mpd", limits.largest_mpd, 90)):
+        if value > most:
+            t.refuse(key, f"it is {value:g}; 0 to {most} is allowed")
+    t.finish()
+    return limits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UpdatePlan:
+    """What to update, and to what.
+
+    Attributes
+    ----------
+    to : tuple of str
+        Some of ``TARGETS``; empty for what the study has.
+    unknowns : tuple of Unknown
+    model_error, amplitude_error : float
+        What even the right parameters miss, relative [-].
+    damping : bool
+        Whether damping ratios are updated to FRFs.
+    settings : Settings
+    effects : tuple of Effect
+        Candidates that parameters are of and the model has not; they join it for the update.
+    """
+
+    to: tuple[str, ...] = ()
+    unknowns: tuple[Unknown, ...] = ()
+    model_error: float = 1e-3
+    amplitude_error: float = 0.01
+    damping: bool = True
+    settings: Settings = Settings()  # noqa: RUF009 - frozen
+    effects: tuple[Effect, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawModes:
+    """Modes as their file has them, with the coordinates of its nodes [m]."""
+
+    table: Table
+    modes: Modes
+    nodes: Nodes
+    name: str
+
+
+def read_raw_modes(top: Table, folder: Path, notes: list[str]) -> RawModes | None:
+    """Read ``[modes]``: the modes of a file, or frequencies alone."""
+    t = top.table("modes")
+    stds = [t.number(key, None, above=0) for key in ("frequency_std", "shape_std")]
+    frequency = t.vector("frequency", None, None, "Hz")
+    file = t.text("file", None)
+    t.finish()
+    if not t.values:
+        return None
+    if (file is None) == (frequency is None):
+        t.refuse("", "give either file, with frequencies and shapes, or frequency, a list [Hz]")
+    if frequency is not None:
+        if not frequency.size or (frequency <= 0).any():
+            t.refuse("frequency", f"{frequency.tolist()} is not allowed; positive numbers [Hz] are needed")
+        if stds[1] is not None:
+            t.refuse("shape_std", "there are no shapes beside frequency; give file")
+        f = np.sort(frequency)
+        return RawModes(t, Modes(f, np.zeros((0, f.size))), {}, "frequencies of the study")
+    path = folder / file
+    if not path.is_file():
+        t.refuse("file", f"there is no file '{path}'")
+    nodes: dict[int, np.ndarray] = {}
+    with t.at("file"), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        modes = read_modes(path)
+        if path.suffix.lower() in UFF_SUFFIXES:
+            points = read_uff(path).points
+            if points is not None:
+                nodes = {int(k): xyz for k, xyz in zip(points.labels, points.coordinates, strict=True)}
+    notes.extend(dict.fromkeys(str(w.message) for w in caught))
+    if not modes.labels:
+        t.refuse("file", "its shapes have no labels, so that nothing says which row is which sensor")
+    return RawModes(t, modes, nodes, Path(file).name)
+
+
+def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
+    """Return measured modes at the sensors whose channels they have.
+
+    Raises
+    ------
+    StudyError
+        If shapes belong to no sensor, or to one alone.
+    """
+    if raw is None:
+        return None
+    t, modes = raw.table, raw.modes
+    elastic = modes.frequency > 0
+    modes = Modes(
+        modes.frequency[elastic], modes.shapes[:, elastic],
+        None if modes.zeta is None else modes.zeta[elastic], modes.labels,
+    )  # fmt: skip
+    n = modes.n_modes
+    f_std, s_std = (
+        np.full(n, t.number(key, default)) for key, default in (("frequency_std", 1e-3), ("shape_std", 0.03))
+    )
+    if not modes.labels:
+        return MeasuredModes(modes, (), f_std, s_std, raw.name)
+    if not n:
+        t.refuse("file", "it has no mode above 0 Hz")
+    found = [(c.sensor, got) for c in sensors if (got := c.find(modes.labels)) is not None]
+    if len(found) < 2:
+        t.refuse(
+            "file",
+            f"its shapes' rows ({', '.join(modes.labels[:8])}{' …' if len(modes.labels) > 8 else ''}) belong "
+            f"to {len(found)} sensor(s) of the study; two or more are needed: give sensors a label or a node",
+        )
+    used = {label for _, (label, _) in found}
+    rest = [x for x in modes.labels if x not in used]
+    if rest:
+        notes.append(
+            f"{raw.name}: the rows {', '.join(rest[:8])}{' …' if len(rest) > 8 else ''} of the shapes belong "
+            "to no sensor and are not used"
+        )
+    rows = [modes.labels.index(label) for _, (label, _) in found]
+    signs = np.array([sign for _, (_, sign) in found])
+    at = tuple(sensor for sensor, _ in found)
+    shapes = modes.shapes[rows] * signs[:, None]
+    if (still := np.flatnonzero(~shapes.any(axis=0))).size:
+        k = int(still[0])
+        t.refuse(
+            "file",
+            f"the shape of mode {k + 1}, at {modes.frequency[k]:.6g} Hz, is zero at every sensor, "
+            f"{', '.join(label for _, (label, _) in found[:8])}{' …' if len(found) > 8 else ''}; leave the "
+            "mode out",
+        )
+    names = tuple(s.name for s in at)
+    return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name)
+
+
+def read_plan(
+    top: Table,
+    model: Model,
+    has: Mapping[str, bool],
+    default: Sequence[Unknown],
+    candidates: Callable[[str], tuple[Effect, ...]],
+) -> UpdatePlan:
+    """Read ``[update]``.
+
+    Parameters
+    ----------
+    top : Table
+    model : Model
+    has : mapping of str to bool
+        Which of ``TARGETS`` the study has data for.
+    default : sequence of Unknown
+        What is updated unless the study says it.
+    candidates : callable
+        Return the candidates of a kind of effect.
+    """
+    t = top.table("update")
+    to = t.texts("to", ())
+    for word in to:
+        if word not in TARGETS:
+            t.refuse("to", f"'{word}' is not allowed; {suggest(word, TARGETS)}")
+        if not has[word]:
+            need = (
+                "[[measurements]]" if word == "frf" else "[modes] or [[measurements]] to identify them from"
+            )
+            t.refuse("to", f"the study has no data for '{word}'; it needs {need}")
+    if "modes" in to and "frequencies" in to:
+        t.refuse("to", "'modes' holds the frequencies; leave 'frequencies' out")
+    errors = [t.number("model_error", 1e-3, least=0), t.number("amplitude_error", 0.01, least=0)]
+    damping = t.flag("damping", True)
+    with t.at():
+        settings = Settings(
+            n_starts=t.whole("starts", 1, most=1000),
+            select=t.text("select", "", ("pivoting", "forward")),
+            regularisation=t.text("regularisation", "", ("tikhonov",)),
+            n_samples=t.whole("samples", 0, least=0, most=1_000_000),
+            contradicted=t.number("contradicted", 10.0, above=0),
+        )
+    unknowns: list[Unknown] = []
+    seen: dict[ParameterRef, int] = {}
+    more: dict[str, Effect] = {}
+    for k, one in enumerate(t.tables("parameters")):
+        found, effects = _unknowns(one, model.with_effect(*more.values()), candidates)
+        more |= {e.name: e for e in effects}
+        for ref in (ref for unknown in found for ref in unknown.refs):
+            if ref in seen:
+                one.refuse(
+                    "parameter", f"'{ref[1]}' of '{ref[0]}' is updated by parameter {seen[ref]} already"
+                )
+            seen[ref] = k + 1
+        unknowns += found
+    t.finish()
+    return UpdatePlan(
+        tuple(to), tuple(unknowns) or tuple(default), errors[0], errors[1], damping, settings,
+        tuple(more.values()),
+    )  # fmt: skip
+
+
+def _unknowns(
+    t: Table, model: Model, candidates: Callable[[str], tuple[Effect, ...]]
+) -> tuple[list[Unknown], list[Effect]]:
+    """Read one of ``[[update.parameters]]``; return also the candidates that the model has to gain."""
+    effects = _effects(t, model, candidates)
+    first = effects[0]
+    known = [p.name for p in first.parameters()]
+    words = t.get("parameter", known[0] if len(known) == 1 else None)
+    words = [words] if isinstance(words, str) else words
+    if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
+        t.refuse(
+            "parameter",
+            f"a parameter's name, or a list of names that move together, is needed; '{first.name}' has "
+            f"{', '.join(known)}",
+        )
+    for effect in effects:
+        have = [p.name for p in effect.parameters()]
+        for word in words:
+            if word not in have:
+                t.refuse("parameter", f"'{effect.name}' has no parameter '{word}'; {suggest(word, have)}")
+    std, mean, start, lower, upper = (
+        t.number(key, None) for key in ("std", "mean", "start", "lower", "upper")
+    )
+    each, name = t.flag("each", False), t.text("name", "")
+    t.finish()
+    if each and name:
+        t.refuse("name", "with each = true the parameters have the names of their effects; leave name out")
+    there = {e.name for e in model.effects}
+    new = [e for e in effects if e.name not in there]
+    if start is not None:  # what is rigid or nothing when absent begins elsewhere
+        new = [e.with_values(**dict.fromkeys(words, start)) for e in new]
+    refs = [tuple((e.name, w) for w in words) for e in effects]
+    unknowns = [
+        Unknown(
+            r, std=std, mean=mean, start=start, lower=lower, upper=upper,
+            name=name or " ".join(r[0]).removeprefix("known "),
+        )
+        for r in (refs if each else [tuple(ref for r in refs for ref in r)])
+    ]  # fmt: skip
+    with t.at("parameter"):
+        scaled_unknowns(model.with_effect(*new), unknowns)
+    return unknowns, new
+
+
+def _effects(t: Table, model: Model, candidates: Callable[[str], tuple[Effect, ...]]) -> list[Effect]:
+    """Return the effects that ``effect`` names: of the model, or candidates, called as in ``[[effects]]``."""
+    words = t.get("effect")
+    words = [words] if isinstance(words, str) else words
+    if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
+        t.refuse("effect", "the name of an effect, or a list of names, is needed")
+    names = {e.name: e for e in model.effects if e.parameters()}
+    out: dict[str, Effect] = {}
+    for word in words:
+        kind, _, where = word.partition(":")
+        if word in names:
+            found = [names[word]]
+        elif kind in candidate_kinds() and where:
+            proposed = {e.name: replace(e, name=f"known {e.name}") for e in candidates(kind)}
+            members = [f"{kind}:{m}" for m in model.mesh.groups.get(where, ())]
+            wanted = [n for n in proposed if fnmatchcase(n, word) or n == word or n in members]
+            if not wanted:
+                near = get_close_matches(word, proposed, 3, 0.3) or list(proposed)[:3]
+                t.refuse(
+                    "effect",
+                    f"the model has no candidate '{word}'"
+                    + (f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"),
+                )
+            found = [names.get(f"known {n}", proposed[n]) for n in wanted]
+        elif where and kind not in candidate_kinds():
+            t.refuse("effect", f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}")
+        else:
+            t.refuse(
+                "effect",
+                f"there is no effect '{word}' with parameters; {suggest(word, list(names))}, or a candidate "
+                "such as member_stiffness:MEMBER",
+            )
+        for effect in found:
+            if effect.name in out:
+                t.refuse("effect", f"'{effect.name}' is named twice")
+            out[effect.name] = effect
+    return list(out.values())

@@ -1,0 +1,358 @@
+"""Materials, sections, members, supports and masses of a study."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.file.geometry import Geometry
+from dovetail.file.table import Table, suggest
+from fem.connection_damping import ConnectionDamping
+from fem.effects.added_mass import AddedMass
+from fem.effects.support import Support
+from fem.elements.frame import MASSES, THEORIES, MemberProperties, local_axes
+from fem.io import read_modes
+from fem.mesh import Mesh
+from fem.model import DIRECTIONS, Damping
+from fem.properties import Material, Section
+from fem.sections.shapes import OPTIONS, SHAPES
+
+
+def read_materials(top: Table) -> dict[str, Material]:
+    """Read ``[materials.NAME]``."""
+    out = {}
+    for name, t in top.table("materials").named():
+        with t.at():
+            out[name] = Material(
+                name,
+                t.number("E", above=0, unit="Pa"),
+                t.number("rho", above=0, unit="kg/m³"),
+                t.number("nu", 0.3),
+                t.number("loss_factor", 0.0, least=0),
+            )
+        t.finish()
+    return out
+
+
+def read_sections(top: Table) -> dict[str, Section]:
+    """Read ``[sections.NAME]``."""
+    return {name: read_section(t, name) for name, t in top.table("sections").named()}
+
+
+def read_section(t: Table, label: str = "") -> Section:
+    """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz, which go before it."""
+    shape = t.text("shape", "", (*SHAPES, "polygon"))
+    constants = ("A", "Iy", "Iz", "J")
+    if not shape:
+        if not any(key in t for key in constants):
+            t.refuse(
+                "", f"the section has neither a shape ({', '.join(SHAPES)}, polygon) nor A, Iy, Iz and J"
+            )
+        values: dict[str, Any] = {key: _constant(t, key) for key in constants}
+        with t.at():
+            section = Section(
+                **values, ky=t.number("ky", 0.0, least=0), kz=t.number("kz", 0.0, least=0), label=label
+            )
+        t.finish()
+        return section
+    if shape == "polygon":
+        section = _polygon(t, label)
+    else:
+        sizes: dict[str, float] = {
+            key: t.whole(key, least=3) if key == "n" else t.number(key, above=0, unit="m")
+            for key in SHAPES[shape]
+        }
+        for key in OPTIONS.get(shape, ()):
+            if key in t:
+                sizes[key] = t.number(key) if key == "nu" else t.number(key, least=0, unit="m")
+        with t.at():
+            section = Section.of_shape(shape, **sizes)
+    own = {key: _constant(t, key) for key in constants if key in t}
+    own |= {key: t.number(key, least=0) for key in ("ky", "kz") if key in t}
+    if own and shape != "polygon":
+        with t.at():
+            section = replace(
+                section,
+                **own,
+                Ip=0.0,
+                shape="",
+                dimensions={},
+                label=f"{section.label}, {', '.join(own)} as given",
+                estimated_k=section.estimated_k and not {"ky", "kz"} & set(own),
+            )
+    t.finish()
+    return section
+
+
+def _polygon(t: Table, label: str) -> Section:
+    """Read an outline with holes: J, ky and kz as given, or by finite elements where J is not."""
+    outlines = [t.get("outer"), *t.get("holes", [])]
+    for key in ("A", "Iy", "Iz"):
+        if key in t:
+            t.refuse(key, "the polygon has it already; leave it out, or leave out the shape")
+    with t.at("outer"):
+        try:
+            outer, *holes = (np.array(outline, dtype=float) for outline in outlines)
+        except (ValueError, TypeError):
+            t.refuse(
+                "outer", "a list of corners [y, z] is needed, and a list of such lists for the holes [m]"
+            )
+        if "J" in t:
+            ky, kz = t.number("ky", 0.0, least=0), t.number("kz", 0.0, least=0)
+            return Section.polygon(outer, holes, J=_constant(t, "J"), ky=ky, kz=kz, label=label or "polygon")
+        if "ky" in t or "kz" in t:
+            t.refuse("", "the polygon has ky or kz but no J; give J too, or none of them")
+        return Section.arbitrary(outer, holes, nu=t.number("nu", 0.0), label=label or "arbitrary section")
+
+
+def _constant(t: Table, key: str) -> float:
+    return t.number(key, above=0, unit="m²" if key == "A" else "m⁴")
+
+
+def note_shear_centres(members: Mapping[str, MemberProperties]) -> list[str]:
+    """Return a note on each section whose shear centre is not its centroid: the elements take it to be."""
+    out: dict[str, str] = {}
+    for name, member in members.items():
+        y, z = member.section.shear_centre
+        if np.hypot(y, z) > 0.01 * np.sqrt(member.section.A):
+            out.setdefault(
+                member.section.label,
+                f"section {member.section.label} (member '{name}' …) has its shear centre "
+                f"{np.hypot(y, z):.3g} m from its centroid; it is taken to twist about the centroid, so that "
+                "bending and torsion are not coupled",
+            )
+    return list(out.values())
+
+
+@dataclass(slots=True)
+class MemberTables:
+    """Where the properties of a member may stand: its own table, that of its group, ``[defaults]``."""
+
+    tables: list[Table]
+    own: Table
+
+    def holder(self, key: str) -> Table | None:
+        """Return the first table that has a key."""
+        found = [t for t in self.tables if key in t]
+        return found[0] if found else None
+
+
+def read_members(
+    top: Table, mesh: Mesh, inline: bool, materials: Mapping[str, Material], sections: Mapping[str, Section]
+) -> tuple[dict[str, MemberProperties], dict[str, tuple[float | None, int | None]]]:
+    """Read the properties of every member of the mesh, and the element sizes and counts that some have."""
+    members, defaults = top.table("members"), top.table("defaults")
+    tables = dict(members.named())
+    for name, table in tables.items():
+        if inline:
+            for end in ("from", "to"):
+                table.get(end)
+        elif name not in mesh.members and name not in mesh.groups:
+            known = [*mesh.members, *mesh.groups]
+            members.refuse(name, f"the mesh has no member or group '{name}'; {suggest(name, known)}")
+    out, sizes = {}, {}
+    for name in mesh.members:
+        own = tables.get(name, members)
+        groups = [tables[g] for g, names in mesh.groups.items() if name in names and g in tables]
+        chain = MemberTables([*([tables[name]] if name in tables else []), *groups, defaults], own)
+        out[name] = _properties(chain, name, materials, sections)
+        points = mesh.points[mesh.lines[mesh.members[name]]]
+        holder = chain.holder("orientation") or own
+        with holder.at("orientation"):
+            local_axes(points[:, 1] - points[:, 0], out[name].orientation, name)
+        zones, length = out[name].rigid1 + out[name].rigid2, mesh.member_length(name)
+        if zones >= 0.999 * length:
+            own.refuse(
+                "",
+                f"the rigid end zones of member '{name}' are {zones:g} m long together; it has {length:g} m",
+            )
+        sizes[name] = _element_size(chain)
+    for table in (*tables.values(), defaults):
+        table.finish()
+    return out, sizes
+
+
+def _properties(
+    chain: MemberTables, name: str, materials: Mapping[str, Material], sections: Mapping[str, Section]
+) -> MemberProperties:
+    def read(key: str, how: Any, default: Any) -> Any:
+        holder = chain.holder(key)
+        return default if holder is None else how(holder)
+
+    material = read("material", lambda t: _named(t, "material", materials), None)
+    if material is None:
+        if len(materials) != 1:
+            chain.own.refuse(
+                "",
+                f"member '{name}' has no material; give it one, or one to [defaults]; "
+                f"{suggest('', materials)}",
+            )
+        (material,) = materials.values()
+    section = read("section", lambda t: _section(t, "section", sections), None)
+    if section is None:
+        if len(sections) != 1:
+            chain.own.refuse(
+                "",
+                f"member '{name}' has no section; give it one, or one to [defaults]; {suggest('', sections)}",
+            )
+        (section,) = sections.values()
+    zero = np.zeros(3)
+    orientation = read("orientation", lambda t: t.direction("orientation"), None)
+    with chain.own.at():
+        return MemberProperties(
+            material,
+            section,
+            orientation,
+            read("offset1", lambda t: t.vector("offset1"), zero),
+            read("offset2", lambda t: t.vector("offset2"), zero),
+            read("rigid1", lambda t: t.number("rigid1", least=0, unit="m"), 0.0),
+            read("rigid2", lambda t: t.number("rigid2", least=0, unit="m"), 0.0),
+            read("theory", lambda t: t.text("theory", choices=THEORIES), "timoshenko"),
+            section2=read("section2", lambda t: _section(t, "section2", sections), None),
+            mass=read("mass", lambda t: t.text("mass", choices=MASSES), "consistent"),
+            release1=read("release1", lambda t: t.directions("release1"), ()),
+            release2=read("release2", lambda t: t.directions("release2"), ()),
+            spring1=read("spring1", lambda t: _springs(t, "spring1"), {}),
+            spring2=read("spring2", lambda t: _springs(t, "spring2"), {}),
+            pretension=read("pretension", lambda t: t.number("pretension", unit="N"), 0.0),
+        )
+
+
+def _springs(t: Table, key: str) -> dict[str, float]:
+    """Read ``{ ry = 2e4 }``: stiffness of an end's connection in local directions."""
+    inner = t.table(key)
+    units = {d: "N·m/rad" if d.startswith("r") else "N/m" for d in DIRECTIONS}
+    springs = {d: inner.number(d, least=0, unit=units[d]) for d in DIRECTIONS if d in inner}
+    inner.finish()
+    return springs
+
+
+def _named(t: Table, key: str, known: Mapping[str, Any], what: str = "") -> Any:
+    name = t.text(key)
+    if name not in known:
+        t.refuse(key, f"there is no {what or key} '{name}'; {suggest(name, known)}")
+    return known[name]
+
+
+def _section(t: Table, key: str, sections: Mapping[str, Section]) -> Section:
+    if isinstance(t.values[key], dict):
+        return read_section(t.table(key))
+    return _named(t, key, sections, "section")
+
+
+def _element_size(chain: MemberTables) -> tuple[float | None, int | None]:
+    size, count = chain.holder("element_size"), chain.holder("elements")
+    return (
+        None if size is None else size.number("element_size", above=0, unit="m"),
+        None if count is None else count.whole("elements"),
+    )
+
+
+def read_supports(top: Table, geometry: Geometry) -> tuple[Support, ...]:
+    """Read ``[[supports]]``."""
+    out: list[Support] = []
+    for t in top.tables("supports"):
+        point = geometry.point(t)
+        value = t.get("point")
+        name = t.text("name", value if isinstance(value, str) else f"support{len(out) + 1}")
+        fixed = t.directions("fixed", "all")
+        if not fixed:
+            t.refuse(
+                "fixed", "no direction is held; name some of x y z rx ry rz, all, translations, rotations"
+            )
+        t.finish()
+        out.append(Support(name=name, point=point, fixed=fixed))
+    return tuple(out)
+
+
+def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
+    """Read ``[[masses]]``."""
+    out: list[AddedMass] = []
+    for t in top.tables("masses"):
+        value = t.get("point")
+        name = t.text("name", f"mass at {value}" if isinstance(value, str) else f"mass{len(out) + 1}")
+        inertia = np.zeros((3, 3))
+        if "inertia" in t:
+            rows = t.get("inertia")
+            inertia = (
+                t.matrix("inertia", 3) if isinstance(rows, list) else t.number("inertia", least=0) * np.eye(3)
+            )
+            if np.linalg.eigvalsh((inertia + inertia.T) / 2)[0] < 0 or not np.allclose(inertia, inertia.T):
+                t.refuse(
+                    "inertia", "the tensor must be symmetric and have no negative principal value [kg·m²]"
+                )
+        mass = AddedMass(
+            name=name,
+            point=geometry.point(t),
+            mass=t.number("mass", least=0, unit="kg"),
+            inertia=inertia,
+            arm=t.vector("arm", np.zeros(3)),
+        )
+        t.finish()
+        out.append(mass)
+    return tuple(out)
+
+
+def read_damping(top: Table, folder: Path, notes: list[str]) -> tuple[Damping, tuple[ConnectionDamping, ...]]:
+    """Read ``[damping]``; a file of modes gives their ratios over frequency.
+
+    Beside the structure's damping there is that of connections, if they are damped otherwise.
+    """
+    t = top.table("damping")
+    if not t.values:
+        for key in ("modal", "file", "alpha", "beta", "loss_factor", "connections"):
+            t.get(key, None)
+        notes.append("no damping is given: a modal damping ratio of 0.5 % is assumed for all modes")
+        return Damping.modal(0.005), ()
+    ratio, frequency, powers = np.zeros(1), np.zeros(1), False
+    if "modal" in t and "file" in t:
+        t.refuse("file", "give either modal, ratios, or file, with modes that have them")
+    if "file" in t:
+        frequency, ratio = _ratios_of_file(t, folder)
+    elif "modal" in t and isinstance(t.get("modal"), dict):
+        inner = t.table("modal")
+        ratio, frequency = (
+            inner.vector("ratio", size=None, unit="-"),
+            inner.vector("frequency", size=None, unit="Hz"),
+        )
+        powers = inner.text("between", "lines", ("lines", "powers")) == "powers"
+        inner.finish()
+    elif "modal" in t:
+        ratio = np.array([t.number("modal", least=0)])
+    with t.at("file" if "file" in t else "modal"):
+        modal = Damping.modal(ratio, frequency, powers=powers)
+    others: tuple[ConnectionDamping, ...] = ()
+    if "connections" in t:
+        inner = t.table("connections")
+        own = [inner.vector(key, size=None, unit=unit) for key, unit in (("frequency", "Hz"), ("ratio", "-"))]
+        inner.finish()
+        with t.at("connections"):
+            Damping.modal(own[1], own[0], powers=True)  # says what is wrong with them
+        others = (ConnectionDamping(frequency=own[0], ratio=own[1]),)
+    damping = Damping(
+        modal.frequency,
+        modal.ratio,
+        t.number("alpha", 0.0, least=0, unit="1/s"),
+        t.number("beta", 0.0, least=0, unit="s"),
+        t.number("loss_factor", 0.0, least=0),
+        powers,
+    )
+    t.finish()
+    return damping, others
+
+
+def _ratios_of_file(t: Table, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and damping ratios of the modes in a file, for instance identified ones."""
+    path = folder / t.text("file")
+    if not path.is_file():
+        t.refuse("file", f"there is no file '{path}'")
+    with t.at("file"):
+        modes = read_modes(path)
+    if modes.zeta is None or not (modes.frequency > 0).any():
+        t.refuse("file", f"{path.name} has no damping ratios of modes above 0 Hz")
+    rising = np.argsort(modes.frequency, kind="stable")
+    f, zeta = modes.frequency[rising], modes.zeta[rising]
+    f, first = np.unique(f[f > 0], return_index=True)  # of equal frequencies, the first
+    return f, zeta[len(zeta) - (modes.frequency > 0).sum() :][first]

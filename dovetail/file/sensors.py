@@ -1,0 +1,281 @@
+"""Sensors and excitations of a study, and the channels of the measured files that belong to them."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.geometry import TOUCH, Geometry
+from dovetail.file.table import Table, suggest
+from fem.analysis.frf import FRFKind
+from fem.io.uff import UffError, label_of, parse_label
+from updating.measurement.measurement import Sensor, place_sensors
+
+Nodes = Mapping[int, NDArray[np.float64]]
+"""Coordinates of the nodes of the measured files [m]."""
+
+Attempt = Callable[[], AbstractContextManager[None]]
+"""Context in which a part of the study is read that a command may do without."""
+
+
+@dataclass(frozen=True, slots=True)
+class Convention:
+    """How FRFs of a file are brought to e^{+iωt} and to their kind.
+
+    Attributes
+    ----------
+    conjugate : bool
+        The file has them for e^{-iωt}.
+    phase : float
+        Added to their phase [deg].
+    kind : FRFKind or None
+        Of a sensor that measures another kind than the file states; None for the file's.
+    """
+
+    conjugate: bool = False
+    phase: float = 0.0
+    kind: FRFKind | None = None
+
+
+def read_convention(t: Table, own_kind: bool = False) -> Convention:
+    """Read ``conjugate``, ``phase`` and, of a sensor, ``kind``."""
+    kind = t.text("kind", None, [str(k) for k in FRFKind]) if own_kind else None
+    return Convention(
+        t.flag("conjugate", False),
+        t.number("phase", 0.0, unit="deg"),
+        None if kind is None else FRFKind(kind),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """A sensor or an excitation, and how its channel may be called in the files.
+
+    Attributes
+    ----------
+    sensor : Sensor
+    table : Table
+        Where it stands in the study.
+    label : str
+        Its name in the files, where the study gives it.
+    node : int or None
+        Its node in the files.
+    near : tuple of int
+        Nodes of the files at its place, where the study names none: for hints alone, as a test's axes need
+        not be the model's.
+    convention : Convention
+        Of its FRFs beside the others'.
+    """
+
+    sensor: Sensor
+    table: Table
+    label: str = ""
+    node: int | None = None
+    near: tuple[int, ...] = ()
+    convention: Convention = Convention()
+
+    @property
+    def written(self) -> str:
+        """Its label in files that are written: what the study says of it, or nothing."""
+        axis = np.flatnonzero(np.abs(self.sensor.direction) > 1 - 1e-9)
+        if self.label or self.node is None or not axis.size:
+            return self.label
+        return label_of(self.node, int(np.sign(self.sensor.direction[axis[0]])) * (int(axis[0]) + 1))
+
+    def find(self, labels: Sequence[str]) -> tuple[str, float] | None:
+        """Return its label among those of a file, and the sign that turns the reading into its direction."""
+        if self.label in labels:
+            return self.label, 1.0
+        if self.sensor.name in labels:
+            return self.sensor.name, 1.0
+        axis = np.flatnonzero(np.abs(self.sensor.direction) > 1 - 1e-9)
+        if self.label or self.node is None or not axis.size:
+            return None
+        d = int(axis[0]) + 1
+        sense = float(np.sign(self.sensor.direction[axis[0]]))
+        at = self.near if self.node is None else (self.node,)
+        found = [
+            (label, sign * sense)
+            for n in at
+            for sign in (1, -1)
+            if (label := label_of(n, sign * d)) in labels
+        ]
+        # of several nodes at its place none is certainly its own
+        return found[0] if found and (self.node is not None or len(found) == 1) else None
+
+
+def read_sensors(
+    top: Table, geometry: Geometry, nodes: Nodes, notes: list[str], attempt: Attempt
+) -> list[Channel]:
+    """Read ``[[sensors]]``, putting points of the mesh where they sit."""
+    out: list[Channel] = []
+    seen: set[str] = set()
+    for t in top.tables("sensors"):
+        with attempt():
+            found = list(_sensors_of(t, geometry, nodes, notes, own_kind=True))
+            t.finish()
+            for channel in found:
+                if channel.sensor.name in seen:
+                    t.refuse(
+                        "name" if "name" in t.values else "",
+                        f"two sensors have the name '{channel.sensor.name}'; names must differ",
+                    )
+                seen.add(channel.sensor.name)
+            out += found
+    return out
+
+
+def _sensors_of(
+    t: Table, geometry: Geometry, nodes: Nodes, notes: list[str], own_kind: bool = False
+) -> Iterator[Channel]:
+    sign = t.number("sign", 1.0)
+    if abs(sign) != 1:
+        t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
+    mass = t.number("mass", 0.0, least=0, unit="kg")
+    gain = t.number("gain", 1.0, above=0)
+    convention = read_convention(t, own_kind)
+    if "directions" in t:
+        for key in ("name", "label", "direction"):
+            if key in t:
+                t.refuse(
+                    key,
+                    f"one {key} does not fit several directions; leave it out, or write [[sensors]] for each",
+                )
+        words = list(t.text("directions").replace(" ", "").replace(",", ""))
+        places = list(_places(t, geometry, nodes))
+    else:
+        words = [t.get("direction")]
+        places = list(_places(t, geometry, nodes, many=False))
+    for word_of_place, xyz, member, node in places:
+        for k, word in enumerate(words):
+            direction = sign * t.direction("directions" if "directions" in t else "direction", word)
+            name = t.text("name", f"{word_of_place}{word if isinstance(word, str) else ''}")
+            if not name:
+                t.refuse("", "the sensor needs a name, for its place has none")
+            own = mass if k == 0 else 0.0  # one body with several channels
+            sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, gain, own), notes)
+            near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
+            yield Channel(sensor, t, t.text("label", ""), node, near, convention)
+
+
+def _nodes_at(point: NDArray[np.float64], nodes: Nodes, geometry: Geometry) -> tuple[int, ...]:
+    """Return the nodes of the files at a place."""
+    reach = TOUCH * geometry.mesh.size
+    return tuple(n for n, xyz in nodes.items() if np.abs(xyz - point).max() <= reach)
+
+
+def _places(
+    t: Table, geometry: Geometry, nodes: Nodes, many: bool = True
+) -> Iterator[tuple[str, NDArray[np.float64], str | None, int | None]]:
+    """Return name, coordinates, member and node of each place in a table."""
+    if many and ("points" in t or "nodes" in t):
+        key = "points" if "points" in t else "nodes"
+        values = t.get(key)
+        if not isinstance(values, list) or not values:
+            t.refuse(key, "a list is needed")
+        names = t.texts("names", None)
+        if names is not None and len(names) != len(values):
+            t.refuse("names", f"{len(names)} names are given for {len(values)} {key}")
+        for i, value in enumerate(values):
+            inner = Table(t.source, (*t.path, key, i), {key[:-1]: value})
+            for word, xyz, member, node in _places(inner, geometry, nodes, many=False):
+                yield names[i] if names else word, xyz, member, node
+        return
+    node = t.whole("node", None)
+    if "point" in t:
+        value = t.get("point")
+        member = geometry.member(t.table("point")) if isinstance(value, dict) else None
+        yield (value if isinstance(value, str) else str(node or "")), geometry.coordinates(t), member, node
+    elif "member" in t:
+        member = geometry.member(t)
+        yield str(node or ""), geometry.on_member(t), member, node
+    elif node is not None:
+        if node not in nodes:
+            held = f"have {len(nodes)} nodes" if nodes else "have no coordinates of nodes"
+            t.refuse(
+                "node",
+                f"there is no node {node} in the measured files, which {held}; give point, or "
+                "member and position",
+            )
+        yield str(node), nodes[node], None, node
+    else:
+        t.refuse(
+            "", "a place is missing: give point, or member and position, or node (a number of the UFF file)"
+        )
+
+
+def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> Sensor:
+    """Put a point of the mesh where a sensor sits, and the sensor on the member's axis."""
+    with t.at():
+        geometry.mesh = place_sensors(geometry.mesh, (sensor,))
+    if sensor.member is not None:  # a member's own point where several meet or lie close
+        s = [
+            float(np.linalg.norm(geometry.mesh.points[p] - sensor.point))
+            for p in geometry.mesh.member_points(sensor.member)
+        ]
+        near = int(geometry.mesh.member_points(sensor.member)[int(np.argmin(s))])
+        distance = min(s)
+    else:
+        near, distance = geometry.mesh.nearest_point(sensor.point)
+    if distance > TOUCH * geometry.mesh.size:
+        notes.append(f"sensor {sensor.name} is {1e3 * distance:.3g} mm off the axis and taken to sit on it")
+    return replace(sensor, point=geometry.mesh.points[near])
+
+
+def read_excitations(
+    top: Table,
+    geometry: Geometry,
+    sensors: Sequence[Channel],
+    nodes: Nodes,
+    notes: list[str],
+    attempt: Attempt,
+) -> list[Channel]:
+    """Read ``[[excitations]]``."""
+    by_name = {c.sensor.name: c for c in sensors}
+    out: list[Channel] = []
+    for t in top.tables("excitations"):
+        with attempt():
+            if "sensor" in t:
+                name = t.text("sensor")
+                if name not in by_name:
+                    t.refuse("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
+                at, label = by_name[name], t.text("label", by_name[name].label)
+                found = [Channel(at.sensor, t, label, at.node, at.near, read_convention(t))]
+            else:
+                found = list(_sensors_of(t, geometry, nodes, notes))
+            t.finish()
+            names = [c.sensor.name for c in (*out, *found)]
+            if len(set(names)) < len(names):
+                t.refuse("", f"two excitations have the name '{names[-1]}'; names must differ")
+            out += found
+    return out
+
+
+def channels_of_labels(
+    top: Table, labels: Sequence[str], geometry: Geometry, nodes: Nodes, what: str, notes: list[str]
+) -> list[Channel]:
+    """Make sensors of a universal file's own labels and nodes.
+
+    Raises
+    ------
+    StudyError
+        If a label is not that of a node, or the node has no coordinates.
+    """
+    out = []
+    for label in labels:
+        try:
+            node, d = parse_label(label)
+        except UffError:
+            node, d = -1, 0
+        if node not in nodes or not 1 <= abs(d) <= 3:
+            top.refuse(
+                "",
+                f"there is no [[{what}]], and the channel '{label}' of the measured files does "
+                f"not say where it is; give [[{what}]]",
+            )
+        direction = np.sign(d) * np.eye(3)[abs(d) - 1]
+        sensor = _placed(top, geometry, Sensor(label, nodes[node], direction), notes)
+        out.append(Channel(sensor, top, label, node))
+    return out

@@ -1,0 +1,268 @@
+"""What looks wrong in measured FRFs beside the model's: their unit, their kind, their frequency axis.
+
+Data and model may each be at fault, and nothing here tells which. So these are warnings that give both
+suspects with the size of their fault. What phase and causality prove is in :mod:`dovetail.file.conventions`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.measured import FREQUENCY_UNITS, G0, RawMeasurement, sensor_rows
+from fem.analysis.frf import FRF, FRFKind, compute_frf
+from fem.model import Model
+from fem.system import System, assemble
+from updating.measurement.measurement import Measurement
+from updating.quality.phase import PhaseEvidence
+
+SUSPECTS: tuple[tuple[float, str], ...] = (
+    (1 / G0, "in g/N where (m/s²)/N is meant"),
+    (G0, "multiplied by 9.81 once too often"),
+    (1e3, "in mm where m is meant, (mm/s²)/N"),
+    (1e-3, "in kN for N or km for m, a thousand times too small"),
+    (1e6, "in µm where m is meant"),
+    (1e3 / G0, "in g/kN where (m/s²)/N is meant"),
+    (1e-3 / G0, "in g/N, divided by a thousand"),
+    (4.44822, "per pound-force where N is meant"),
+    (4.44822 / G0, "in g/lbf where (m/s²)/N is meant"),
+    (39.3701, "in inches where m is meant"),
+    (39.3701 * 4.44822, "in inches per pound-force where m/N is meant"),
+)
+"""Measured over computed, and what may have happened to the data."""
+
+LARGE_FACTOR = 2.5
+"""Ratio of measured to computed FRFs beyond which a word is said [-]."""
+SUSPECT_FACTOR = 1.5
+"""A unit is named if it explains the ratio up to this factor [-]."""
+POOR_DECADES = 0.15
+"""Median misfit of the amplitudes, levels aside, above which other frequency axes are tried (3 dB)."""
+
+_MOVES = 1e-4
+"""Share of the largest FRF's size below which one of the model does not tell a unit."""
+_MOST_LINES = 240
+_LEAST_LINES = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BesideModel:
+    """Some lines of measured FRFs beside the model's.
+
+    Attributes
+    ----------
+    frequency : ndarray (n,)
+        [Hz].
+    ratio : ndarray of complex (n, n_out, n_in)
+        Measured over computed; NaN where the model does not move [-].
+    computed : ndarray of complex (n, n_out, n_in)
+        The model's FRFs.
+    """
+
+    frequency: NDArray[np.float64]
+    ratio: NDArray[np.complex128]
+    computed: NDArray[np.complex128]
+
+    @property
+    def dissipation(self) -> NDArray[np.float64]:
+        """Correlation of the imaginary parts, in the sense in which the real parts agree, (n_out, n_in) [-].
+
+        Of FRFs that are a multiple of the model's 1, and of their conjugates -1.
+        """
+        a, b = self.computed, np.where(np.isfinite(self.ratio), self.ratio, 0) * self.computed
+        real, imag = ((x * y).sum(axis=0) for x, y in ((a.real, b.real), (a.imag, b.imag)))
+        size = np.sqrt((a.imag**2).sum(axis=0) * (b.imag**2).sum(axis=0))
+        return np.sign(real) * imag / np.where(size > 0, size, 1.0)
+
+    @property
+    def log(self) -> NDArray[np.float64]:
+        """Decimal logarithm of the ratio's size; NaN for none or zero, (n, n_out, n_in)."""
+        size = np.abs(self.ratio)
+        return np.log10(np.where(size > 0, size, np.nan))
+
+    @property
+    def misfit(self) -> float:
+        """Median distance of the logarithms from their channel's median [decades]."""
+        log = self.log
+        seen = np.isfinite(log).mean(axis=0) > 0.5
+        if not seen.any():
+            return float("nan")
+        log = log[:, seen]
+        return float(np.nanmedian(np.abs(log - np.nanmedian(log, axis=0))))
+
+
+class LazyComparison:
+    """A measurement and the model's FRFs at its lines, which are computed when they are first asked for.
+
+    Parameters
+    ----------
+    model : Model
+    system : callable
+        Returns the assembled model; what several measurements share assembles it once.
+    measurement : Measurement
+    """
+
+    def __init__(self, model: Model, system: Callable[[], System], measurement: Measurement) -> None:
+        self.model, self.measurement, self._system = model, measurement, system
+
+    @classmethod
+    def of(cls, model: Model, measurements: Sequence[Measurement]) -> list["LazyComparison"]:
+        """Return those of several measurements, with one assembled model."""
+        system = cache(lambda: assemble(model, reciprocal=False))
+        return [cls(model, system, m) for m in measurements]
+
+    @cached_property
+    def beside(self) -> BesideModel | None:
+        """Some lines of the measurement beside the model's; None where there are too few."""
+        return self.on_axis(1.0)
+
+    def on_axis(self, factor: float) -> BesideModel | None:
+        """Return the same with a factor on the measured frequencies, as if they were in another unit."""
+        return _beside(self._system(), self.model, self.measurement, factor)
+
+
+def _beside(system: System, model: Model, m: Measurement, axis: float) -> BesideModel | None:
+    usable = np.flatnonzero(m.frf.frequency > 0)
+    if usable.size < _LEAST_LINES:
+        return None
+    pick = usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, _MOST_LINES)).astype(int))]
+    frequency = axis * m.frf.frequency[pick]
+    rows, columns = (sensor_rows(model, part) for part in (m.sensors, m.excitations))
+    H = compute_frf(system, frequency, rows, columns, m.frf.kind).H
+    # What only rounding moves in the model, as across the plane of a plane frame, has no ratio.
+    size = np.median(np.abs(H), axis=0)
+    there = (H != 0) & (size > _MOVES * size.max())
+    ratio = np.where(there, m.frf.H[pick] / np.where(there, H, 1.0), complex("nan"))
+    return BesideModel(frequency, ratio, H)
+
+
+def suspicions(
+    comparisons: Sequence[LazyComparison],
+    raw: Sequence[RawMeasurement],
+    evidence: Sequence[PhaseEvidence | None],
+) -> list[str]:
+    """Return what looks wrong in the order of magnitude and the frequencies of measured FRFs, in sentences.
+
+    The median over channels of |measured| / |computed|, a line at a time, hardly depends on where resonances
+    are. Its size tells another unit, its slope over frequency another kind of FRF.
+
+    Parameters
+    ----------
+    comparisons : sequence of LazyComparison
+    raw : sequence of RawMeasurement
+        Their files.
+    evidence : sequence of PhaseEvidence or None
+        Of each measurement; a kind that its phases contradict is not suspected.
+    """
+    out = []
+    for c, r, e in zip(comparisons, raw, evidence, strict=True):
+        beside = c.beside if r.check_units else None
+        if beside is None:
+            continue
+        text = _axis_words(c, beside) or _size_words(c.measurement.frf, beside, e)
+        if text:
+            out.append(f"the FRFs of {r.name} {text}; check_units = false silences this")
+    return out
+
+
+def _axis_words(comparison: LazyComparison, beside: BesideModel) -> str:
+    """Return of which other unit the frequencies look, for one that halves the misfit to the model."""
+    if not beside.misfit > POOR_DECADES:
+        return ""
+    best, name = 0.5 * beside.misfit, ""
+    for unit, factor in FREQUENCY_UNITS.items():
+        other = comparison.on_axis(factor) if factor != 1 else None
+        if other is not None and other.misfit < best:
+            best, name = other.misfit, unit
+    if not name:
+        return ""
+    f = comparison.measurement.frf.frequency
+    return (
+        f"fit the model better if their frequencies, {f[0]:.4g} to {f[-1]:.4g}, are in {name} (median misfit "
+        f"of the amplitudes {20 * best:.2g} dB for {20 * beside.misfit:.2g} dB in Hz): either the file has "
+        f'another unit, which frequency_unit = "{name}" converts, or the model\'s natural frequencies are '
+        "off by as much"
+    )
+
+
+def _medians(beside: BesideModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return decimal logarithms of frequencies and of measured over computed, the median over channels."""
+    log = beside.log.reshape(beside.frequency.size, -1)
+    log = log[:, np.isfinite(log).mean(axis=0) > 0.5]
+    some = np.isfinite(log).any(axis=1)
+    if some.sum() < _LEAST_LINES:
+        return np.zeros(0), np.zeros(0)
+    return np.log10(beside.frequency[some]), np.nanmedian(log[some], axis=1)
+
+
+def _size_words(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -> str:
+    """Return what the size of measured over computed FRFs looks like; nothing where it is about 1."""
+    x, y = _medians(beside)
+    if not x.size:
+        return ""
+    level, _ = _centre(y)
+    factor = 10**level
+    like = kind_beside_model(frf.kind, beside, evidence)
+    if like is not None:
+        return (
+            f"are called {frf.kind}, and beside the model's they look like {like}, {factor:.3g} times the "
+            f'model\'s in the median: either kind = "{like}" is right, or the model is far too stiff at one '
+            "end of the band and too soft at the other"
+        )
+    if abs(level) < np.log10(LARGE_FACTOR):
+        return ""
+    distance, suspect, words = min((abs(level - np.log10(f)), f, words) for f, words in SUSPECTS)
+    data = "their unit is wrong"
+    if distance < np.log10(SUSPECT_FACTOR):
+        data = f"they are {words} (scale = {1 / suspect:.6g} sets that right)"
+    off = f"{max(factor, 1 / factor):.3g} times too {'light and soft' if factor < 1 else 'heavy and stiff'}"
+    return (
+        f"are {factor:.3g} times the model's (median over {x.size} lines): either {data}, or the model is as "
+        f"if {off}; look at its sections, densities, masses, joints and damping"
+    )
+
+
+def kind_beside_model(kind: FRFKind, beside: BesideModel, evidence: PhaseEvidence | None) -> FRFKind | None:
+    """Return the kind that FRFs look like beside the model's, None for their own.
+
+    Parameters
+    ----------
+    kind : FRFKind
+        What they are called.
+    beside : BesideModel
+    evidence : PhaseEvidence or None
+        A kind whose phase it contradicts is left out.
+    """
+    x, y = _medians(beside)
+    if not x.size:
+        return None
+    level, spread = _centre(y)
+    slope = _slope(x, y)
+    right = evidence is not None and bool((evidence.axis > 0).any())
+    for like in FRFKind:
+        power = like.derivatives - kind.derivatives
+        if power == 0 or (power % 2 and right):  # iω would turn phases that are right
+            continue
+        # (iω)^power lies between what the data are called and what they look like
+        other, other_spread = _centre(y - power * np.log10(2 * np.pi * 10**x))
+        by_slope = abs(slope - power) < 0.4 and abs(other) < 1.3
+        by_size = abs(level) > np.log10(LARGE_FACTOR) and abs(other) < np.log10(1.6)
+        if by_slope or (by_size and other_spread < 0.9 * spread):
+            return like
+    return None
+
+
+def _centre(y: NDArray[np.float64]) -> tuple[float, float]:
+    """Return median and median absolute deviation."""
+    centre = float(np.median(y))
+    return centre, float(np.median(np.abs(y - centre)))
+
+
+def _slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """Return the median slope between points far apart (Theil and Sen); 0 over less than half a decade."""
+    if np.ptp(x) <= 0.5:
+        return 0.0
+    i, j = np.triu_indices(x.size, 1)
+    far = np.abs(x[i] - x[j]) > 0.25 * np.ptp(x)
+    return float(np.median((y[i] - y[j])[far] / (x[i] - x[j])[far]))

@@ -1,0 +1,248 @@
+"""Reading the tables of a study file, with file, line and key in every error."""
+
+import difflib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.lines import Path
+from fem.model import direction_vector, directions_from
+
+MOST = 2**63 - 1
+"""Largest whole number that is read."""
+
+MISSING: Any = object()
+"""Default of a key that must be given."""
+
+
+class StudyError(ValueError):
+    """A study file that cannot be what the user meant; the message names file, line and key."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A study file's name and where its keys stand."""
+
+    file: str
+    lines: dict[Path, int]
+
+    def place(self, path: Path) -> str:
+        """Return ``file, line, key`` of a path; of the table around it where it is not in the file."""
+        known = path
+        while known and known not in self.lines:
+            known = known[:-1]
+        line = f", line {self.lines[known]}" if known else ""
+        key = ""
+        for part in path:
+            key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else part
+        return f"{self.file}{line}{', ' + key if key else ''}"
+
+    def error(self, path: Path, text: str) -> StudyError:
+        """Return an error at a path."""
+        return StudyError(f"{self.place(path)}: {text}")
+
+
+@dataclass(slots=True)
+class Table:
+    """One table of the file; every key that is read is ticked off, the rest are errors."""
+
+    source: Source
+    path: Path
+    values: dict[str, Any]
+    _known: set[str] = field(default_factory=set)
+
+    def __contains__(self, key: str) -> bool:
+        self._known.add(key)
+        return key in self.values
+
+    def error(self, key: str, text: str) -> StudyError:
+        """Return an error at a key, or at the table for an empty key."""
+        return self.source.error((*self.path, key) if key else self.path, text)
+
+    def refuse(self, key: str, text: str) -> NoReturn:
+        """Raise an error at a key, or at the table for an empty key."""
+        raise self.error(key, text)
+
+    @contextmanager
+    def at(self, key: str = "") -> Iterator[None]:
+        """Give the place of a key to errors of the layers below."""
+        try:
+            yield
+        except StudyError:
+            raise
+        except ValueError as reason:
+            raise self.error(key, str(reason)) from reason
+
+    def finish(self) -> None:
+        """Refuse keys that nothing has read.
+
+        Raises
+        ------
+        StudyError
+            For the first of them, with the nearest known one.
+        """
+        for key in self.values:
+            if key not in self._known:
+                close = difflib.get_close_matches(key, self._known, 1, 0.6)
+                hint = f"did you mean '{close[0]}'? " if close else ""
+                self.refuse(key, f"unknown key; {hint}allowed are {', '.join(sorted(self._known))}")
+
+    def get(self, key: str, default: Any = MISSING) -> Any:
+        """Return a value as it is."""
+        self._known.add(key)
+        if key in self.values:
+            return self.values[key]
+        if default is MISSING:
+            self.refuse("", f"'{key}' is missing")
+        return default
+
+    def number(
+        self,
+        key: str,
+        default: Any = MISSING,
+        *,
+        above: float | None = None,
+        least: float | None = None,
+        unit: str = "",
+    ) -> float:
+        """Return a finite number, above or at least a bound."""
+        value = self.get(key, default)
+        if value is default and default is not MISSING:
+            return value
+        words = f"a number {f'above {above:g}' if above is not None else ''}"
+        words = f"a number of at least {least:g}" if least is not None else words.strip()
+        words = {"a number above 0": "a positive number"}.get(words, words) + (f" [{unit}]" if unit else "")
+        ok = _is_number(value) and (above is None or value > above) and (least is None or value >= least)
+        if not ok:
+            self.refuse(key, f"{_shown(value)} is not allowed; {words} is needed")
+        return float(value)
+
+    def whole(self, key: str, default: Any = MISSING, least: int = 1, most: int = MOST) -> int:
+        """Return a whole number, at least and at most a bound."""
+        value = self.get(key, default)
+        if value is default and default is not MISSING:
+            return value
+        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+            bounds = f"of at least {least}" if most == MOST else f"from {least} to {most}"
+            self.refuse(key, f"{_shown(value)} is not allowed; a whole number {bounds} is needed")
+        return value
+
+    def text(self, key: str, default: Any = MISSING, choices: Sequence[str] = ()) -> str:
+        """Return a text, one of some if there are choices."""
+        value = self.get(key, default)
+        if value is default and default is not MISSING:
+            return value
+        if not isinstance(value, str) or not value.strip():
+            self.refuse(key, f"{_shown(value)} is not allowed; a text is needed")
+        if choices and value not in choices:
+            self.refuse(key, f"{_shown(value)} is not allowed; {suggest(value, choices)}")
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        """Return true or false."""
+        value = self.get(key, default)
+        if not isinstance(value, bool):
+            self.refuse(key, f"{_shown(value)} is not allowed; true or false is needed")
+        return value
+
+    def vector(self, key: str, default: Any = MISSING, size: int | None = 3, unit: str = "m") -> Any:
+        """Return a list of finite numbers as an array."""
+        value = self.get(key, default)
+        if value is default and default is not MISSING:
+            return value
+        return as_vector(self, key, value, size, unit)
+
+    def texts(self, key: str, default: Any = MISSING) -> Any:
+        """Return a list of texts, or the words of one text, as a tuple."""
+        value = self.get(key, default)
+        if value is default and default is not MISSING:
+            return value
+        if isinstance(value, str):
+            value = value.replace(",", " ").split()
+        if not isinstance(value, list) or not all(isinstance(v, str) for v in value) or not value:
+            self.refuse(key, f"{_shown(value)} is not allowed; a list of texts is needed")
+        return tuple(value)
+
+    def direction(self, key: str, value: Any = MISSING) -> NDArray[np.float64]:
+        """Return a unit vector from ``"x"``, ``"-z"`` or three numbers, of the key or as given."""
+        value = self.get(key) if value is MISSING else value
+        if not isinstance(value, str):
+            value = as_vector(self, key, value, 3, "-")
+        with self.at(key):
+            return direction_vector(value)
+
+    def directions(self, key: str, default: Any = MISSING) -> tuple[str, ...]:
+        """Return some of x y z rx ry rz, from ``"all"``, ``"x ry"`` or a list."""
+        value = self.get(key, default)
+        if not isinstance(value, str | list):
+            self.refuse(
+                key,
+                f"{_shown(value)} is not allowed; all, translations, rotations or "
+                "some of x y z rx ry rz are needed",
+            )
+        with self.at(key):
+            return directions_from(value, key)
+
+    def matrix(self, key: str, size: int = 6) -> NDArray[np.float64]:
+        """Return a square matrix from rows or from its diagonal."""
+        value = self.get(key)
+        try:
+            array = np.array(value, dtype=float)
+        except (ValueError, TypeError):
+            array = np.zeros(0)
+        if array.shape == (size,):
+            array = np.diag(array)
+        if array.shape != (size, size) or not np.isfinite(array).all():
+            self.refuse(
+                key, f"{size} rows of {size} numbers, or the {size} numbers of a diagonal, are needed"
+            )
+        return array
+
+    def table(self, key: str) -> "Table":
+        """Return a table, empty where there is none."""
+        value = self.get(key, {})
+        if not isinstance(value, dict):
+            self.refuse(key, f"{_shown(value)} is not allowed; a table, [{key}], is needed")
+        return Table(self.source, (*self.path, key), value)
+
+    def tables(self, key: str) -> list["Table"]:
+        """Return an array of tables."""
+        value = self.get(key, [])
+        if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
+            self.refuse(key, f"an array of tables is needed: write [[{key}]] over each")
+        return [Table(self.source, (*self.path, key, i), v) for i, v in enumerate(value)]
+
+    def named(self) -> Iterator[tuple[str, "Table"]]:
+        """Return the tables in a table of tables, such as ``[materials.steel]``, by name."""
+        for key in self.values:
+            yield key, self.table(key)
+
+
+def as_vector(table: Table, key: str, value: Any, size: int | None, unit: str) -> NDArray[np.float64]:
+    """Return a list of finite numbers as an array."""
+    if not isinstance(value, list) or not all(_is_number(v) for v in value) or (size and len(value) != size):
+        table.refuse(key, f"{_shown(value)} is not allowed; {size or 'some'} numbers [{unit}] are needed")
+    return np.array(value, dtype=float)
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """Return what is allowed instead of a word, the nearest first."""
+    known = list(known)
+    close = difflib.get_close_matches(word, known, 1, 0.6)
+    listed = ", ".join(known[:20]) + (f" and {len(known) - 20} more" if len(known) > 20 else "")
+    return (f"did you mean '{close[0]}'? " if close else "") + f"allowed are {listed or 'none'}"
+
+
+def _is_number(value: Any) -> bool:
+    # no quantity in SI units is larger or smaller; powers of sizes must not overflow
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and (value == 0 or 1e-30 <= abs(value) <= 1e30)
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,142 @@
+"""TOML texts with other values in them: comments, order and spelling of all else stay."""
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from dovetail.file.lines import Path, places_of
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def toml_value(value: Any) -> str:
+    """Return a value as TOML writes it: texts escaped, numbers such that the same are read again."""
+    if isinstance(value, str):
+        # JSON leaves DEL as it is, which TOML does not allow
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if isinstance(value, int | np.integer):
+        return str(int(value))
+    if isinstance(value, float | np.floating):
+        return repr(float(value))
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{toml_key(str(k))} = {toml_value(v)}" for k, v in value.items())
+        return f"{{ {inner} }}" if inner else "{}"
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    return str(value)  # dates and times
+
+
+def toml_key(key: str) -> str:
+    """Return a key as TOML writes it, in quotes where it needs them."""
+    return key if _BARE.fullmatch(key) else toml_value(key)
+
+
+def toml_comment(text: str) -> str:
+    """Return a text as a comment, whatever characters are in it."""
+    clean = "".join(c if c == "\t" or c.isprintable() else " " for c in text)
+    return f"# {clean}"
+
+
+def toml_table(header: str, values: Mapping[str, Any]) -> str:
+    """Return a table with its header, such as ``[[effects]]``, a key on each line."""
+    return "\n".join([header, *(f"{toml_key(k)} = {toml_value(v)}" for k, v in values.items())]) + "\n"
+
+
+def with_values(text: str, changes: Mapping[Path, Any]) -> str:
+    """Return a TOML text with other values at some places.
+
+    What is there is replaced; a key that is not is put first into its table, which is made if need be. Where
+    the text writes the table in a way that has no room for a key (dotted keys), a ValueError says so.
+
+    Parameters
+    ----------
+    text : str
+        Valid TOML.
+    changes : mapping of Path to value
+
+    Raises
+    ------
+    ValueError
+        If a place cannot be written to.
+    """
+    places = places_of(text)
+    splices: list[tuple[int, int, str]] = []
+    more: dict[Path, dict[str, Any]] = {}
+    for path, value in changes.items():
+        if path in places.values:
+            splices.append((*places.values[path], toml_value(value)))
+        else:
+            more.setdefault(path[:-1], {})[str(path[-1])] = value
+    end = ""
+    for table, values in more.items():
+        if table in places.headers:
+            at = places.headers[table][1]
+            lines = "".join(f"\n{toml_key(k)} = {toml_value(v)}" for k, v in values.items())
+            line_end = text.find("\n", at)
+            at = len(text) if line_end < 0 else line_end - (text[line_end - 1] == "\r")
+            splices.append((at, at, lines))
+        elif table in places.values and text[places.values[table][0]] == "{":
+            first, last = places.values[table]
+            inner = ", ".join(f"{toml_key(k)} = {toml_value(v)}" for k, v in values.items())
+            empty = not text[first + 1 : last - 1].strip()
+            splices.append((first + 1, first + 1, f" {inner} " if empty else f" {inner},"))
+        elif len(table) == 1 and table[0] not in tomllib.loads(text):
+            end += "\n" + toml_table(f"[{toml_key(str(table[0]))}]", values)
+        else:
+            msg = f"{'.'.join(map(str, table))} is written so that no key can be added to it"
+            raise ValueError(msg)
+    for first, last, new in sorted(splices, key=lambda s: s[:2], reverse=True):
+        text = text[:first] + new + text[last:]
+    return text.rstrip("\n") + "\n" + end if end else text
+
+
+def without(text: str, *paths: Path) -> str:
+    """Return a TOML text in which some keys, and tables of their own, have become comments.
+
+    Keys within an inline table are taken out of it instead.
+    """
+    for path in paths:
+        places = places_of(text)
+        if path in places.pairs:
+            first, last = places.pairs[path]
+            start, stop = _whole_lines(text, first, last)
+            if start is None:
+                text = _cut(text, first, last)
+                continue
+        elif path in places.headers:
+            first = places.headers[path][0]
+            later = [a for p, (a, _) in places.headers.items() if a > first and p[: len(path)] != path]
+            start, stop = first, min(later, default=len(text))
+            stop = start + len(text[start:stop].rstrip())
+        else:
+            continue
+        block = text[start:stop].splitlines()
+        text = text[:start] + "\n".join(f"# {line}" for line in block) + text[stop:]
+    return text
+
+
+def _whole_lines(text: str, first: int, last: int) -> tuple[int | None, int]:
+    """Return the lines that a pair alone is on; None for a pair inside an inline table."""
+    start = text.rfind("\n", 0, first) + 1
+    stop = text.find("\n", last)
+    stop = len(text) if stop < 0 else stop
+    rest = text[last:stop].strip()
+    alone = not text[start:first].strip() and (not rest or rest.startswith("#"))
+    return (start if alone else None), stop
+
+
+def _cut(text: str, first: int, last: int) -> str:
+    """Return a text without a pair of an inline table, and without the comma that it had."""
+    before, after = text[:first], text[last:]
+    if after.lstrip().startswith(","):
+        return before + after.lstrip()[1:].lstrip()
+    stripped = before.rstrip()
+    return (stripped[:-1].rstrip() if stripped.endswith(",") else before) + after

@@ -1,0 +1,166 @@
+"""A study's text with other values of its model: parameters, damping, found effects, faults, element sizes.
+
+The one way in which a study is written, by ``run``, ``update`` and ``identify-joint``: values are put where
+the text has them, comments and order stay, and what has no place gets a table of its own.
+"""
+
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from dovetail.file.effects import effect_table
+from dovetail.file.lines import Path, Places, places_of
+from dovetail.file.toml import toml_key, toml_table, with_values, without
+from fem.effects.joint_stiffness import JointStiffness
+from fem.model import DIRECTIONS, Damping, Effect, Model, ParameterRef, parameter_values
+
+Tree = Mapping[str, Any]
+
+
+def with_parameters(text: str, values: Mapping[ParameterRef, float]) -> str:
+    """Return a study's text with other values of parameters, by effect and parameter.
+
+    Where the text has a place for a value it is put there; the others are put into ``[values]``.
+    """
+    tree, places = tomllib.loads(text), places_of(text)
+    changes: dict[Path, Any] = {}
+    rest: dict[str, dict[str, float]] = {}
+    for (effect, name), value in values.items():
+        spots = _spots(effect, name, tree, places)
+        if spots:
+            changes |= dict.fromkeys(spots, value)
+        else:
+            rest.setdefault(effect, {})[name] = value
+    text = with_values(text, changes)
+    for effect, own in rest.items():
+        here = tree.get("values", {}).get(effect)
+        if here is None:
+            text = text.rstrip("\n") + "\n\n" + toml_table(f"[values.{toml_key(effect)}]", own)
+        else:
+            text = with_values(text, {("values", effect, k): v for k, v in own.items()})
+    return text
+
+
+def rebased_values(model: Model, effects: Iterable[Effect]) -> dict[ParameterRef, float]:
+    """Return the parameters of a model's effects that change when its present values become nominal ones."""
+    out = {}
+    for effect in effects:
+        if effect.rebased(model) is not effect:
+            new = parameter_values(effect.rebased(model))
+            out |= {(effect.name, name): float(value) for name, value in new.items()}
+    return out
+
+
+def _spots(effect: str, name: str, tree: Tree, places: Places) -> list[Path]:
+    """Return where the text has a parameter's value; none if it has no place for it."""
+    known = places.values
+    if ("values", effect, name) in known:
+        return [("values", effect, name)]
+    if effect == "frame" and ":" in name:
+        key, material = name.split(":", 1)
+        return [p for p in [("materials", material, key)] if p in known]
+    for i, one in enumerate(_tables(tree, "effects")):
+        if effect == one.get("name", f"known {one.get('candidate', '')}"):
+            return [("effects", i, name)]  # also where it is left at its default
+    for kind in ("joints", "masses", "viscoelastic"):
+        for i, one in enumerate(_tables(tree, kind)):
+            if _own_name(kind, i, one) == effect:
+                spots: list[Path] = [(kind, i, name), (kind, i, "k", name)]
+                if name[:1] == "k" and name[1:] in DIRECTIONS:
+                    d = DIRECTIONS.index(name[1:])
+                    spots += [(kind, i, "K", d, d), (kind, i, "K", d)]
+                return [p for p in spots if p in known][:1]
+    for i, one in enumerate(_tables(tree, "sensors")):
+        alone = "directions" not in one and effect == f"mass of sensor {one.get('name', '')}"
+        if alone and ("sensors", i, name) in known:
+            return [("sensors", i, name)]
+    return []
+
+
+def _tables(tree: Tree, key: str) -> list[Any]:
+    return tree.get(key, [])
+
+
+def _own_name(kind: str, i: int, one: Mapping[str, Any]) -> str:
+    """Return what a joint, a mass or an element is called."""
+    if "name" in one:
+        return one["name"]
+    if kind != "masses":
+        return f"{kind[:-1]}{i + 1}"
+    point = one.get("point")
+    return f"mass at {point}" if isinstance(point, str) else f"mass{i + 1}"
+
+
+def with_damping(text: str, damping: Damping, connections: tuple[np.ndarray, np.ndarray] | None) -> str:
+    """Return a study's text with other modal damping ratios; Rayleigh damping and loss factors stay.
+
+    Parameters
+    ----------
+    text : str
+    damping : Damping
+        Its modal ratios are written.
+    connections : (ndarray, ndarray) or None
+        Frequencies [Hz] and ratios of connections that are damped otherwise; None leaves what the text says.
+    """
+    modal: dict[str, Any] = {"frequency": damping.frequency, "ratio": damping.ratio}
+    modal |= {"between": "powers"} if damping.powers else {}
+    changes: dict[Path, Any] = {("damping", "modal"): modal}
+    if connections is not None:
+        changes["damping", "connections"] = dict(zip(("frequency", "ratio"), connections, strict=True))
+    known = places_of(text)
+    text = without(text, ("damping", "file"), *(p for p in changes if p in known.headers))
+    return with_values(text, changes)
+
+
+def with_effects(text: str, effects: Sequence[Effect]) -> str:
+    """Return a study's text with effects that were found, as ``[[effects]]``.
+
+    One that gives a known effect of the text another value changes that.
+    """
+    for effect in effects:
+        candidate = effect.name.removeprefix("known ")
+        entries = _tables(tomllib.loads(text), "effects")
+        names = [e.get("name", f"known {e['candidate']}") for e in entries]
+        same = [i for i, e in enumerate(entries) if e["candidate"] == candidate]
+        instead = [names.index(name) for name, _ in effect.replaces() if name in names]
+        if isinstance(effect, JointStiffness) and instead and set(instead) <= set(same):
+            text = with_values(text, {("effects", instead[0], "stiffness"): float(effect.stiffness)})
+            continue
+        name = f"known {candidate}"
+        number = 2
+        while name in names:
+            name, number = f"known {candidate} ({number})", number + 1
+        table = effect_table(effect, candidate, "" if name == f"known {candidate}" else name)
+        text = text.rstrip("\n") + "\n\n" + table
+    return text
+
+
+def with_element_sizes(text: str, sizes: Mapping[str, float]) -> str:
+    """Return a study's text with the sizes of elements that it leaves open [m].
+
+    So the mesh stays when moduli and densities change, by which sizes are chosen otherwise.
+
+    Parameters
+    ----------
+    text : str
+    sizes : mapping of str to float
+        By member.
+    """
+    if not sizes:
+        return text
+    if len(set(sizes.values())) == 1:
+        return with_values(text, {("mesh", "element_size"): next(iter(sizes.values()))})
+    places = places_of(text)
+    changes: dict[Path, Any] = {}
+    for member, size in sizes.items():
+        if ("members", member) in places.headers or ("members", member) in places.values:
+            changes["members", member, "element_size"] = size
+        else:
+            text = (
+                text.rstrip("\n")
+                + "\n\n"
+                + toml_table(f"[members.{toml_key(member)}]", {"element_size": size})
+            )
+    return with_values(text, changes)

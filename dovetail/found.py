@@ -1,0 +1,90 @@
+"""``found.toml``: the study with the model that a run reports, ready to be compared, run and updated."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.faults import fault_table
+from dovetail.file.paths import with_paths
+from dovetail.file.toml import toml_comment, with_values
+from dovetail.file.writing import (
+    rebased_values,
+    with_damping,
+    with_effects,
+    with_element_sizes,
+    with_parameters,
+)
+from dovetail.result import FRFS, RunResult
+from fem.connection_damping import ConnectionDamping
+from fem.effects.joint_patch import JointPatch
+from fem.model import Damping, ParameterRef
+from updating.diagnosis.diagnose import Diagnosis
+
+DENSE = 64
+"""Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""
+
+
+def found_text(result: RunResult, folder: Path) -> str:
+    """Return the study with the reported model in it, as a file in a folder.
+
+    It has the fitted values of uncertain parameters and of the damping, the effects and the patches of
+    joints that were found, the faults of the measurement, and the choice of values that were compared, so
+    that its nominal error is the last one of the report.
+
+    Parameters
+    ----------
+    result : RunResult
+    folder : Path
+        Where the text will lie, beside the FRFs of the run.
+    """
+    study, d = result.study, result.diagnosis
+    text = with_paths(study.text, study.path.parent, folder).rstrip("\n") + "\n\n"
+    text += toml_comment(f"{study.path.name} with what dovetail has found in it, and with its fitted values")
+    text = with_element_sizes(text, study.chosen_sizes)
+    text = with_parameters(text, fitted_values(result))
+    text = with_damping(text, *fitted_damping(d))
+    if study.measurements:
+        text = with_values(text, {("measurements", 0, "compared"): FRFS})
+    effects = [*patches(result), *(f.effect for f in d.findings)]
+    text = with_effects(text, [e.rebased(d.model) for e in effects])
+    tables = [fault_table(f) for f in d.faults]
+    return "\n\n".join(part.strip("\n") for part in (text, *tables)) + "\n"
+
+
+def fitted_values(result: RunResult) -> dict[ParameterRef, float]:
+    """Return the values of the fit that parameters of the study's own model have."""
+    own = result.study.model.values()
+    fit = result.diagnosis.steps[-1].result
+    values = {ref: float(v) for ref, v in fit.values.items() if ref in own}
+    return values | rebased_values(result.diagnosis.model, result.study.model.effects)
+
+
+def fitted_damping(d: Diagnosis) -> tuple[Damping, tuple[NDArray[np.float64], NDArray[np.float64]] | None]:
+    """Return the fitted damping, and frequencies and ratios of connections where there are any.
+
+    Both are powers of frequency between the frequencies where they are given.
+    """
+    curve, zeta = d.problem.damping, d.steps[-1].result.zeta
+    f = d.problem.data.frequency
+    nominal = d.model.damping
+    breaks = [curve.knots, f[[0, -1]]]
+    if np.ptp(nominal.ratio):
+        given = nominal.frequency[nominal.frequency > 0]
+        breaks.append(given)
+        if not nominal.powers and given.size > 1:
+            breaks += [np.geomspace(a, b, DENSE) for a, b in pairwise(given)]
+    breaks += [np.asarray(e.frequency) for e in d.model.of_kind(ConnectionDamping)]
+    at: Any = np.unique(np.concatenate(breaks))
+    at = at[(at >= f[0]) & (at <= f[-1])]
+    members, *others = np.atleast_2d(curve.ratio(at, zeta))
+    connected = others and any(e.connection for e in d.model.effects)
+    return Damping.modal(members, at, powers=True), (at, others[0]) if connected else None
+
+
+def patches(result: RunResult) -> tuple[JointPatch, ...]:
+    """Return the joints' patches that the fitted model has and the study has not, with its values."""
+    known, model = {e.name for e in result.study.model.effects}, result.diagnosis.model
+    return tuple(e.fitted_in(model) for e in model.of_kind(JointPatch) if e.name not in known)

@@ -1,0 +1,201 @@
+"""The whole loop: load, compare, diagnose, locate, draw, write. The place to begin reading."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.disk.output import Output, check_outputs, result_folder, write_json
+from dovetail.file.config import Study
+from dovetail.file.paths import input_files
+from dovetail.file.table import StudyError
+from dovetail.found import found_text
+from dovetail.modal import modes_of, pair_modes
+from dovetail.result import (
+    FOUND,
+    FRFS,
+    JSON,
+    NAMES,
+    PICTURES,
+    REPORT,
+    RunResult,
+    frf_arrays,
+    result_dict,
+    uncertain_parameters,
+)
+from fem.io.atomic import replacing
+from updating.correlation import compare, rms_db
+from updating.diagnosis.diagnose import Diagnosis, begin, diagnose
+from updating.diagnosis.localisation import locate
+from updating.inference.fit import FitProblem
+from updating.inference.preparation import N_LINES, prepared_like
+from updating.measurement.measurement import Measurement
+from updating.quality.faults import corrected
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the fraction done, 0 to 1."""
+
+N_BANDS = 8
+"""Bands of the comparison."""
+
+
+def run(study: Study, out: Path, progress: Progress | None = None, *, force: bool = False) -> RunResult:
+    """Find what a study's model lacks, and write a report.
+
+    ``out`` gets ``report.html``, ``result.json``, ``frf.npz``, ``pictures/`` and ``found.toml``, the study
+    with the reported model in it, all of them or none.
+
+    Parameters
+    ----------
+    study : Study
+    out : Path
+        Folder that is new, empty, or of an earlier run.
+    progress : callable, optional
+        Called with a text and the fraction done.
+    force : bool
+        Whether to write into a folder that holds other files.
+
+    Raises
+    ------
+    StudyError
+        If the study has no measurement.
+    OutputError
+        If ``out`` holds something else.
+    """
+    say = progress or (lambda text, done: None)
+    measured(study)
+    check_outputs(input_files(study.path), Output("out", out, NAMES))
+    with result_folder(out, force) as scratch:
+        result = analyse(study, out, _part(say, 0.0, 0.85))
+        write(result, scratch, _part(say, 0.85, 1.0))
+    return result
+
+
+def analyse(study: Study, folder: Path, say: Progress) -> RunResult:
+    """Compare, diagnose and locate; nothing is drawn or written."""
+    begun = time.perf_counter()
+    diagnosis = diagnose_study(study, say)
+    say("comparing", 1.0)
+    problem, steps = diagnosis.problem, diagnosis.steps
+    frf = problem.measured
+    comparisons = tuple(compare(frf, diagnosis.frf(k), N_BANDS, problem.data.mask) for k in range(len(steps)))
+    nominal, _, fitted = modes_of(diagnosis)
+    return RunResult(
+        study,
+        diagnosis,
+        comparisons,
+        held_out_errors(study, diagnosis),
+        locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
+        pair_modes(nominal, fitted),
+        uncertain_parameters(diagnosis),
+        diagnosis.notes,
+        datetime.now().astimezone(),
+        time.perf_counter() - begun,
+        folder,
+    )
+
+
+def write(result: RunResult, folder: Path, say: Progress) -> None:
+    """Write pictures, FRFs, ``result.json`` and the report into a folder."""
+    from dovetail.report.pictures import draw_all
+    from dovetail.report.report import write_report
+
+    album = draw_all(result, folder / PICTURES, say)
+    arrays: dict[str, Any] = frf_arrays(result.diagnosis)
+    with replacing(folder / FRFS) as scratch, scratch.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    write_json(folder / JSON, result_dict(result))
+    write_report(result, album, folder / REPORT)
+    with replacing(folder / FOUND) as scratch:
+        # the folder's own name: files that the text names are found from there, not from where it is made
+        scratch.write_bytes(found_text(result, result.folder).encode())
+
+
+def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
+    """Diagnose with what the study says about uncertainty, band and candidates."""
+    fitted = [without_held_out(study, m) for m in measured(study)]
+    return diagnose(
+        study.model,
+        fitted,
+        study.nuisances,
+        damping_std=study.damping_std,
+        band=study.band,
+        kinds=study.kinds,
+        exclude=study.exclude,
+        n_lines=study.n_lines or N_LINES,
+        model_error=study.model_error,
+        n_simulated=study.n_simulated,
+        progress=say,
+    )
+
+
+def fit_problem(study: Study) -> FitProblem:
+    """Return the reduced model and the prepared data of a study's first measurement, as a run begins with."""
+    return begin(
+        study.model,
+        without_held_out(study, measured(study)[0]),
+        study.nuisances,
+        damping_std=study.damping_std,
+        band=study.band,
+        n_lines=study.n_lines or N_LINES,
+        model_error=study.model_error,
+    )
+
+
+def measured(study: Study) -> tuple[Measurement, ...]:
+    """Return the measurements of a study.
+
+    Raises
+    ------
+    StudyError
+        If it has none, or holds all of its excitations or sensors out.
+    """
+    if not study.measurements:
+        msg = f"{study.path}: it has no [[measurements]]; there is nothing to compare the model with"
+        raise StudyError(msg)
+    frf = study.measurements[0].frf
+    for what, names, every in (
+        ("excitation", study.held_out, frf.inputs),
+        ("sensor", study.held_out_sensors, frf.outputs),
+    ):
+        if names and set(names) >= set(every):
+            msg = f"{study.path}: [fit] held_out names every measured {what}; leave at least one for the fit"
+            raise StudyError(msg)
+    return study.measurements
+
+
+def without_held_out(study: Study, measurement: Measurement) -> Measurement:
+    """Return a measurement without the excitations and sensors that are kept from the fit."""
+    frf = measurement.frf
+    outputs = [name for name in frf.outputs if name not in study.held_out_sensors]
+    inputs = [name for name in frf.inputs if name not in study.held_out]
+    if len(outputs) == len(frf.outputs) and len(inputs) == len(frf.inputs):
+        return measurement
+    return measurement.with_frf(frf.select(outputs, inputs))
+
+
+def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
+    """Return, for each excitation and sensor that no fit has seen, the error of each step [dB].
+
+    A sensor is compared for the excitations of the fit, an excitation at the sensors of the fit.
+    """
+    whole = study.measurements[0]
+    fitted = without_held_out(study, whole).frf
+    parts = {f"excitation {n}": (fitted.outputs, [n]) for n in study.held_out if n in whole.frf.inputs}
+    sensors = [n for n in study.held_out_sensors if n in whole.frf.outputs]
+    parts |= {f"sensor {n}": ([n], fitted.inputs) for n in sensors}
+    out = {}
+    for label, (outputs, inputs) in parts.items():
+        kept = whole.with_frf(whole.frf.select(outputs, inputs))
+        data = prepared_like(d.problem, kept, study.band)
+        problem = replace(d.problem, data=corrected(data, d.faults))
+        out[label] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
+    return out
+
+
+def _part(say: Progress, start: float, end: float) -> Progress:
+    return lambda text, done: say(text, start + (end - start) * done)

@@ -1,0 +1,1 @@
+"""The report of a run: words, pictures and one HTML page."""

@@ -1,0 +1,447 @@
+"""The pictures of a run, as files; one that cannot be drawn is left out and named."""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.modal import ModePair, modes_of, most_changed, pair_modes
+from dovetail.report import words
+from dovetail.result import RunResult
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING
+from updating.diagnosis.findings import Ranked
+from viz import curves, style
+from viz.offscreen import NO_OPENGL, can_draw, why_not
+from viz.style import save
+
+N_MODES = 4
+"""Mode shapes that are drawn."""
+DPI = 130
+"""Resolution of the curves [1/inch]."""
+TELLING = 0.1
+"""Members are coloured by their share of the misfit if one of them has at least this."""
+MANY = 40
+"""With more sensors than this, the heat map shows the worst of them only."""
+
+_NAMES = re.compile(r" \([^()]* … [^()]*\)")
+
+Say = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture: its file, what a reader who cannot see it should know, and its caption."""
+
+    file: Path
+    alt: str
+    caption: str
+
+
+@dataclass(slots=True)
+class Album:
+    """The pictures of a report by name, and what could not be drawn.
+
+    Attributes
+    ----------
+    folder : Path
+    pictures : dict of str to Picture
+    failures : list of str
+        Sentences.
+    """
+
+    folder: Path
+    pictures: dict[str, Picture] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
+
+    def __getitem__(self, name: str) -> Picture | None:
+        return self.pictures.get(name)
+
+    def starting(self, prefix: str) -> list[Picture]:
+        """Return the pictures whose names begin so, in the order in which they were drawn."""
+        return [p for name, p in self.pictures.items() if name.startswith(prefix)]
+
+    def add(
+        self, name: str, draw: Callable[[Path], Any], alt: str, caption: str = "", suffix: str = ".png"
+    ) -> None:
+        """Draw a picture into the folder."""
+        file = self.folder / f"{name}{suffix}"
+        try:
+            draw(file)
+        except Exception as reason:
+            file.unlink(missing_ok=True)
+            self.failures.append(
+                f"The picture {file.name} could not be drawn ({type(reason).__name__}: {reason})."
+            )
+            return
+        self.pictures[name] = Picture(file, alt, caption)
+
+
+def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
+    """Draw everything that a report shows.
+
+    Parameters
+    ----------
+    result : RunResult
+    folder : Path
+        Where to; made if it is not there.
+    say : callable
+        Progress: a text and the fraction done.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    album = Album(folder)
+    say("drawing curves", 0.0)
+    _draw_errors(result, album)
+    _draw_frfs(result, album)
+    say("drawing the structure", 0.3)
+    if can_draw():
+        _draw_structure(result, album)
+        _draw_modes(result, album, say)
+    else:
+        album.failures.append(
+            f"Pictures of the structure and of its modes are missing: {why_not() or NO_OPENGL}."
+        )
+    return album
+
+
+def _draw_errors(result: RunResult, album: Album) -> None:
+    d = result.diagnosis
+    steps = [
+        (words.step_label(s.label), s.fit_db, s.held_out_db if np.isfinite(s.held_out_db) else None)
+        for s in d.steps
+    ]
+    album.add(
+        "staircase",
+        lambda p: _save_staircase(steps, d.noise_floor_db, p),
+        "Error after each step: "
+        + "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
+        + f"; noise floor {d.noise_floor_db:.2f} dB.",
+        "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
+        "lines held out from it. The grey floor is measurement noise and mesh error.",
+    )
+    top = _misfit_limit(result)
+    for name, step, what in _misfit_steps(result):
+        c = result.comparisons[step]
+        values, order = c.by_band(), np.arange(len(c.outputs))
+        if len(order) > MANY:
+            order = np.argsort(-np.nan_to_num(c.by_sensor()), kind="stable")[:MANY]
+        edges = np.round(c.bands) if c.bands[-1] - c.bands[0] > 20 * len(c.bands) else c.bands
+        bands = list(pairwise(edges))
+        album.add(
+            f"misfit-bands-{name}",
+            lambda p, v=values[order], o=[c.outputs[i] for i in order], b=bands: save(
+                curves.plot_misfit_matrix(v, o, b, "error [dB]", (0.0, top)), p, DPI
+            ),
+            f"Heat map of the error of each sensor in {len(bands)} frequency bands, {what}.",
+            f"Error of each sensor in each band, {what}"
+            + (f"; the {MANY} worst of {len(c.outputs)} sensors." if len(c.outputs) > MANY else "."),
+        )
+    for k, ranked in enumerate(d.rounds):
+        _draw_ranking(result, k, ranked, album)
+    for k, tried in enumerate(d.tried):
+        gain, what = (tried.gain, words.chance_subject(tried, d)) if tried.effect else (None, "")
+        album.add(
+            f"chance-{k + 1}",
+            lambda p, t=tried, g=gain, w=what: save(
+                curves.plot_chance(t.gains, g, f"measured, {w}" if w else ""), p, DPI
+            ),
+            words.chance_text(tried, d),
+            "By how much the best of all candidates lowers the residual level in measurements that the "
+            "fitted model without an effect would have given, each dot one of them"
+            + (", and by how much the effect does in the measurement." if what else "."),
+        )
+
+
+def _save_staircase(steps: Sequence[tuple[str, float, float | None]], floor_db: float, path: Path) -> None:
+    figure = curves.plot_staircase(steps, floor_db, ylabel="error of the amplitude [dB]")
+    low, high = figure.axes[0].get_ylim()
+    figure.axes[0].set_ylim(low, high + 0.17 * (high - low))  # room for the legend over the last step
+    save(figure, path, DPI)
+
+
+def _misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
+    """Return name, step and description of the states whose misfit is shown."""
+    steps = result.diagnosis.steps
+    out = [("fitted", min(1, len(steps) - 1), "once the uncertain parameters are fitted")]
+    if len(steps) > 2:
+        out.append(("final", len(steps) - 1, "with what was found"))
+    return out
+
+
+def _misfit_limit(result: RunResult) -> float:
+    """Return one end of the colours for all misfit pictures, so that they can be compared [dB]."""
+    return float(max(np.nanmax(result.comparisons[k].by_band()) for _, k, _ in _misfit_steps(result)))
+
+
+def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Album) -> None:
+    d = result.diagnosis
+    if not ranked:
+        return
+    labels = _distinct([_NAMES.sub("", words.ranked_label(r)) for r in ranked])
+    by_name = dict(zip([r.name for r in ranked], labels, strict=True))
+    found = d.findings[k] if k < len(d.findings) else None
+    baseline = d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER
+    twins = {by_name[t.name] for t in found.twins if t.name in by_name} if found else set()
+    accepted = by_name.get(found.effect.name) if found else None
+    levels = [r.level * DB_PER_NEPER for r in ranked]
+    outcome = f"{accepted} is accepted" if accepted else "none of them is accepted"
+    limit, how = "to be accepted", "The best must reach the dotted line to be accepted."
+    if not found and ranked[0].level < ranked[0].asked:
+        limit = "asked of the level"
+        how = "What lies below the dotted line is within tolerance, uncertain, or worse on held-out lines."
+    if found and not found.strain and ranked[0].level > ranked[0].asked:
+        limit = "asked of the level alone"
+        how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
+
+    def draw(path: Path) -> None:
+        figure = curves.plot_ranking(
+            labels,
+            levels,
+            baseline,
+            twins=twins,
+            accepted=accepted,
+            xlabel="residual level, amplitude and phase [dB]",
+        )
+        _mark_limit(figure.axes[0], ranked[0].asked * DB_PER_NEPER, limit)
+        save(figure, path, DPI)
+
+    album.add(
+        f"ranking-{k + 1}",
+        draw,
+        f"Round {k + 1}: residual level that each of {len(ranked)} candidates leaves; {outcome}.",
+        f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
+        "uncertain "
+        f"parameters; {outcome}. {how}",
+    )
+
+
+def _mark_limit(ax: Any, limit: float, text: str) -> None:
+    """Draw the level that a candidate must reach to be accepted by it."""
+    low, high = ax.get_xlim()
+    ax.set_xlim(min(low, limit - 0.06 * (high - min(low, limit))), high)
+    ax.axvline(limit, color=style.EFFECT, linewidth=1, linestyle=":", zorder=1)
+    ax.annotate(
+        text, (limit, 1), xycoords=("data", "axes fraction"), xytext=(0, 1),
+        textcoords="offset points", fontsize=7.5, color=style.EFFECT, ha="left", va="bottom",
+    )  # fmt: skip
+
+
+def _distinct(labels: list[str]) -> list[str]:
+    seen: dict[str, int] = {}
+    out = []
+    for label in labels:
+        seen[label] = seen.get(label, 0) + 1
+        out.append(label if seen[label] == 1 else f"{label} ({seen[label]})")
+    return out
+
+
+def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
+    """Return the bands of lines that no fit has seen [Hz]."""
+    data = result.diagnosis.problem.data
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], data.held_out.astype(int), [0]])))
+    f = data.frequency
+    return [(float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
+    """Return FRFs worth a look and why: most gained, drive points, worst in the end."""
+    n_steps = len(result.comparisons)
+    first, last = result.comparisons[1 if n_steps > 2 else 0], result.comparisons[n_steps - 1]
+    before, after = (np.sqrt(_mean(c.log_ratio.real**2)) * DB_PER_NEPER for c in (first, last))
+    pairs = [
+        (o, i) for o in range(len(last.outputs)) for i in range(len(last.inputs)) if np.isfinite(after[o, i])
+    ]
+    gained = sorted(pairs, key=lambda p: after[p] - before[p])
+    by_input = {p[1]: p for p in reversed(gained)}
+    drive = [p for p in pairs if last.outputs[p[0]] == last.inputs[p[1]]]
+    worst = sorted(pairs, key=lambda p: -after[p])
+    chosen: dict[tuple[int, int], str] = {}
+    for which, why in (
+        ([*sorted(by_input.values(), key=gained.index), *gained][: n - 3], "most gained"),
+        (drive[:2], "drive point"),
+        (worst[:1], "worst in the end"),
+        (gained, ""),
+    ):
+        for p in which:
+            if len(chosen) < n and p not in chosen:
+                chosen[p] = f"{why}, " if why else ""
+    return [
+        (last.outputs[o], last.inputs[i], f"{why}{before[o, i]:.1f} → {after[o, i]:.1f} dB")
+        for (o, i), why in chosen.items()
+    ]
+
+
+def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean over the first axis without NaN, NaN where there is nothing else."""
+    known = np.isfinite(values)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    count = known.sum(axis=0)
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+
+
+def _draw_frfs(result: RunResult, album: Album) -> None:
+    d = result.diagnosis
+    measured = d.measured
+    names = {0: "nominal", 1: "fitted"}
+    steps = [0, 1, len(d.steps) - 1] if len(d.steps) > 2 else list(range(len(d.steps)))
+    what = "with the effects" if len(d.findings) > 1 else "with the effect"
+    models = {names.get(k, what): d.frf(k) for k in steps}
+    held = held_out_bands(result)
+    spread = d.deviation(steps[-1])
+    bands = None if spread is None else {names.get(steps[-1], what): spread}
+    shaded = "shaded, what the standard deviations of the last one's parameters allow (95 %)."
+    sigma = np.abs(measured.H) * np.broadcast_to(d.problem.data.noise, measured.H.shape)
+    chosen = telling_pairs(result)
+    for start in range(0, len(chosen), 2):
+        part = chosen[start : start + 2]
+        listed = " and ".join(f"{o} / {i} ({why})" for o, i, why in part)
+        album.add(
+            f"frf-{start // 2 + 1}",
+            lambda p, part=part: save(
+                curves.plot_frf(
+                    measured, models, [(o, i) for o, i, _ in part], held_out=held, deviations=bands
+                ),
+                p,
+                DPI,
+            ),
+            f"Amplitude and phase of the FRFs {listed}, measured and computed ({', '.join(models)})"
+            + ("." if bands is None else f"; {shaded}"),
+            f"Response / force: {listed}.",
+        )
+    for k, finding in enumerate(d.findings):
+        against = finding.rival or (finding.twins[0] if finding.twins else None)
+        if against is None or not finding.decisive or k >= len(d.rounds):
+            continue
+        rival = words.ranked_label(against)
+        both = {"with the effect": d.rounds[k][0].result, rival: against.result}
+        drawn = {label: d.problem.frf(fit) for label, fit in both.items()}
+        pairs = list(dict.fromkeys((piece.output, piece.input) for piece in finding.decisive))[:2]
+        listed = " and ".join(f"{o} / {i}" for o, i in pairs)
+        album.add(
+            f"decides-{k + 1}",
+            lambda p, drawn=drawn, pairs=pairs: save(
+                curves.plot_frf(measured, drawn, pairs, held_out=held), p, DPI
+            ),
+            f"The FRFs {listed}, measured, with the effect and with its rival {rival}.",
+            f"The FRFs that decide: {listed}, with the effect and with {rival}, both fitted.",
+        )
+    album.add(
+        "frf-error",
+        lambda p: save(
+            curves.plot_frf_error(
+                measured, models, floor=sigma, held_out=held, smooth=max(1, measured.n_freq // 150)
+            ),
+            p,
+            DPI,
+        ),
+        "Relative error of all FRFs together over frequency, for " + ", ".join(models) + ".",
+        "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response "
+        "itself.",
+    )
+
+
+def _draw_structure(result: RunResult, album: Album) -> None:
+    from viz import render
+
+    d, study = result.diagnosis, result.study
+    m = d.problem.data.measurement
+    places: dict[tuple[float, ...], list[str]] = {}
+    for finding in d.findings:
+        for xyz in finding.effect.locations(study.model)[:6]:
+            places.setdefault(tuple(np.round(xyz, 9)), []).append(finding.effect.kind.replace("_", " "))
+    for fault in d.faults:
+        group = m.sensors if fault.kind.startswith("sensor") else m.excitations
+        sensor = next(s for s in group if s.name == fault.sensor)
+        word = f"gain {fault.value:.2f}" if fault.kind.endswith("gain") else words.FAULT_NAMES[fault.kind]
+        places.setdefault(tuple(np.round(sensor.point, 9)), []).append(f"{fault.sensor}: {word}")
+    marks = [(np.array(xyz), " and ".join(dict.fromkeys(names))) for xyz, names in places.items()]
+    seen = f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
+    album.add(
+        "structure",
+        lambda p: render.render_model(study.model, p, m.sensors, m.excitations, marks),
+        f"The structure with {len(m.sensors)} sensors and {len(m.excitations)} excitation(s){seen}.",
+        f"The model with sections, {len(m.sensors)} sensors and {len(m.excitations)} excitation(s){seen}.",
+    )
+    points, directions = (np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction"))
+    before = result.comparisons[_misfit_steps(result)[0][1]].by_sensor()
+    good = result.diagnosis.verdict in (NOTHING, FAULT)
+    limits = (0.0 if good else float(np.nanmin(before)), float(np.nanmax(before)))
+    shares = dict(result.localisation.members) if result.localisation else {}
+    for name, step, what in _misfit_steps(result):
+        db = result.comparisons[step].by_sensor()
+        known = np.isfinite(db)
+        members = shares if name == "fitted" and max(shares.values(), default=0.0) >= TELLING else None
+        album.add(
+            f"misfit-{name}",
+            lambda p, db=db, known=known, members=members: render.render_misfit(
+                study.model,
+                points[known],
+                directions[known],
+                db[known],
+                [s.name for s, k in zip(m.sensors, known, strict=True) if k],
+                p,
+                members=members,
+                label="error [dB]",
+                members_label="share of the misfit [-]",
+                limits=limits,
+            ),
+            f"The structure with its sensors coloured by their error, {what}.",
+            f"Error of each sensor on the structure, {what}"
+            + ("; members by the share of it that a small change would explain." if members else "."),
+        )
+
+
+def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
+    from viz import render
+
+    _, without, fitted = modes_of(result.diagnosis)
+    model = result.diagnosis.model
+    elastic = range(fitted.n_rigid, fitted.n_modes)
+    for k in elastic[:N_MODES]:
+        say("drawing mode shapes", 0.5 + 0.1 * (k - fitted.n_rigid))
+        title = mode_heading(
+            k, fitted.n_rigid, fitted.frequency[k], None if fitted.zeta is None else fitted.zeta[k]
+        )
+        album.add(
+            f"mode-{k - fitted.n_rigid + 1}",
+            lambda p, k=k, title=title: render.render_mode(model, fitted, k, p, title=title),
+            f"Shape of elastic mode {k - fitted.n_rigid + 1} of the fitted model at "
+            f"{fitted.frequency[k]:.4g} Hz.",
+            title,
+        )
+    if result.diagnosis.verdict != EFFECT:
+        return
+    pair = most_changed(pair_modes(without, fitted))
+    if pair is None:
+        return
+    say("drawing the mode that changed most", 0.9)
+    k = pair.index
+    title = mode_heading(k, fitted.n_rigid, pair.fitted, pair.fitted_zeta)
+    album.add(
+        "mode-changed",
+        lambda p: render.animate_mode(model, fitted, k, p, title=title),
+        f"Animated shape of the mode that the effect changes most, at {pair.fitted:.4g} Hz.",
+        f"The mode that the effect changes most: {_moved(pair)}.",
+        ".gif",
+    )
+
+
+def mode_heading(k: int, n_rigid: int, frequency: float, zeta: float | None) -> str:
+    """Return the heading of an elastic mode, counted from 1 without rigid-body modes."""
+    text = f"Elastic mode {k - n_rigid + 1}: {frequency:.4g} Hz"
+    if frequency < 0:
+        return f"{text}, a motion that grows"
+    return text if zeta is None else f"{text}, damping {100 * zeta:.2g} %"
+
+
+def _moved(pair: ModePair) -> str:
+    return (
+        f"{pair.nominal:.4g} Hz and {100 * pair.nominal_zeta:.2g} % damping without it, {pair.fitted:.4g} "
+        "Hz and "
+        f"{100 * pair.fitted_zeta:.2g} % with it"
+    )

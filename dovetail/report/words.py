@@ -1,0 +1,443 @@
+"""What a diagnosis says, in words: names, numbers with their uncertainty, and the verdict."""
+
+import math
+import re
+from collections.abc import Sequence
+
+from dovetail.result import RunResult
+from fem.model import Parameter
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.acceptance import score
+from updating.diagnosis.bootstrap import Bootstrap
+from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
+from updating.diagnosis.separation import Decisive, Proposal
+from updating.inference.fit import FitProblem
+from updating.quality.faults import Fault
+
+FAR = 2.5
+"""An uncertain parameter that moved by this many prior standard deviations is pointed out."""
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+_DIRECTION = re.compile(r", (r?)([xyz])$")
+_MANY = re.compile(r"\b(supports|joints|members) ([^,]+(?:, [^,]+){2,}), (?!about|along)([^,]+)")
+
+
+def place(where: str) -> str:
+    """Return a place with its direction spelt out (``joint J, rx``: joint J, about x) and long lists cut."""
+    where = _DIRECTION.sub(lambda m: f", {'about' if m[1] else 'along'} {m[2]}", where)
+    return _MANY.sub(lambda m: f"{m[2].count(',') + 2} {m[1]} ({m[2].partition(',')[0]} … {m[3]})", where)
+
+
+def effect_label(kind: str, where: str) -> str:
+    """Return an effect in words, such as ``joint stiffness: joint J, about x``."""
+    return f"{kind.replace('_', ' ')}: {place(where)}"
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits, an en dash where there is none."""
+    if not math.isfinite(value):
+        return "rigid" if value == math.inf else "–"
+    size = abs(value)
+    if value and not 1e-3 <= size < 1e5:
+        mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+        return f"{mantissa}·10{_superscript(int(exponent))}".replace("-", "−")
+    decimals = max(0, digits - 1 - (math.floor(math.log10(size)) if value else 0))
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def _superscript(exponent: int) -> str:
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def with_unit(value: float, unit: str, std: float = math.nan, like: float | None = None) -> str:
+    """Return a value with its standard deviation, as many digits as that leaves, and its unit.
+
+    Newtons and pascals get a prefix where the value is large; that of ``like`` if it is given.
+    """
+    if not math.isfinite(value):
+        return number(value)
+    factor, prefix = 1.0, ""
+    if unit[:1] == "N" or unit == "Pa":
+        size = abs(value if like is None else like)
+        factor, prefix = next(((f, p) for f, p in _PREFIXES if size >= f), (1.0, ""))
+    after = f"\u00a0{prefix}{unit}" if unit != "-" else ""
+    value, std = value / factor, std / factor
+    if not math.isfinite(std) or std <= 0:
+        return number(value) + after
+    decimals = 1 - math.floor(math.log10(std))
+    if not -3 <= decimals <= 6:
+        return f"{number(value)} ± {number(std, 2)}{after}"
+    rounded, spread = round(value, decimals), round(std, decimals)
+    if not rounded and value > 0 and unit[:1] == "N":  # a stiffness of 0 would be none
+        return f"{number(value, 2)} ± {number(std, 2)}{after}"
+    shown = max(decimals, 0)
+    return f"{rounded:.{shown}f} ± {spread:.{shown}f}{after}".replace("-", "−")
+
+
+def fitted_text(p: EffectParameter) -> str:
+    """Return a fitted value with its standard deviation, or that it is at its bound, where it has none."""
+    if p.at_bound:
+        return f"{with_unit(p.value, p.unit)} (at its bound)"
+    return with_unit(p.value, p.unit, p.std)
+
+
+def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:
+    """Return ``stiffness 147 ± 10 N·m/rad instead of 2980 N·m/rad``, the last where the model has a value."""
+    text = f"{p.name.replace('_', ' ')} {fitted_text(p)}"
+    if of is None or of.absent in (0, p.value):
+        return text
+    if not math.isfinite(of.absent):
+        return f"{text} instead of rigid"
+    return f"{text} instead of {with_unit(of.absent, p.unit, like=near(of.absent, p.value))}"
+
+
+def near(value: float, other: float) -> float | None:
+    """Return ``other`` if it is near enough to share a unit's prefix with ``value``."""
+    return other if 1e-4 < abs(value / other if other else 0.0) < 1e4 else None
+
+
+def parameters_text(parameters: Sequence[EffectParameter]) -> str:
+    """Return parameters with their values, on one line."""
+    return ", ".join(parameter_text(p) for p in parameters)
+
+
+def finding_text(finding: Finding) -> str:
+    """Return an effect with its values beside the model's, on one line."""
+    known = {p.name: p for p in finding.effect.parameters()}
+    values = ", ".join(parameter_text(p, known.get(p.name)) for p in finding.parameters)
+    return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
+
+
+FAULT_NAMES = {
+    "sensor_sign": "wrong sign",
+    "sensor_gain": "wrong gain",
+    "sensor_delay": "delay",
+    "sensor_swap": "swapped labels",
+    "sensor_tilt": "tilt",
+    "sensor_position": "wrong place",
+    "excitation_sign": "force with wrong sign",
+    "excitation_gain": "force with wrong gain",
+    "excitation_delay": "force with delay",
+}
+"""Kinds of faults in words."""
+
+
+def fault_value(fault: Fault) -> str:
+    """Return a fault's value with its unit: angles in degrees, delays in µs."""
+    if fault.kind == "sensor_swap":
+        return f"with {fault.other}"
+    if fault.unit == "rad":
+        return with_unit(math.degrees(fault.value), "°", math.degrees(fault.std))
+    if fault.unit == "s":
+        return with_unit(1e6 * fault.value, "µs", 1e6 * fault.std)
+    if fault.unit == "m":
+        return with_unit(1e3 * fault.value, "mm", 1e3 * fault.std)
+    return with_unit(fault.value, fault.unit, fault.std)
+
+
+def fault_text(fault: Fault) -> str:
+    """Return a fault of a sensor or a force in words."""
+    name, value = fault.sensor, fault_value(fault)
+    return {
+        "sensor_sign": f"{name} reads with the opposite sign",
+        "sensor_gain": f"{name} reads {value} times the motion",
+        "sensor_delay": f"{name} reads {value} late",
+        "sensor_swap": f"{name} and {fault.other} have each other's labels",
+        "sensor_tilt": f"{name} is tilted by {value}",
+        "sensor_position": f"{name} sits {value} along {fault.other} from its stated place",
+        "excitation_sign": f"the force at {name} has the opposite sign",
+        "excitation_gain": f"the force at {name} is recorded {value} times as large as it is",
+        "excitation_delay": f"the force at {name} is recorded {value} late",
+    }[fault.kind]
+
+
+def fault_remedy(fault: Fault) -> str:
+    """Return what to do about a fault."""
+    return {
+        "sensor_sign": "turn its direction round in the study, or set its sign to −1",
+        "sensor_gain": f"check its calibration: divide its readings by {number(fault.value)}",
+        "sensor_delay": "check its filter and channel: take the delay off its phase",
+        "sensor_swap": "exchange the two labels",
+        "sensor_tilt": "set its direction in the study to what it really is",
+        "sensor_position": "set its place in the study to where it really is; it was left out",
+        "excitation_sign": "turn its direction round in the study, or set its sign to −1",
+        "excitation_gain": f"check its calibration: multiply its FRFs by {number(fault.value)}",
+        "excitation_delay": "check its filter and channel: take the delay off the phase of its FRFs",
+    }[fault.kind]
+
+
+def ranked_label(r: Ranked) -> str:
+    """Return a candidate in words."""
+    return effect_label(r.kind, r.where)
+
+
+def headline(result: RunResult) -> str:
+    """Return the verdict in plain sentences."""
+    d = result.diagnosis
+    faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
+    if d.verdict == EFFECT:
+        told = " ".join(map(sentence, d.findings))
+        if d.steps[-1].level > d.limit:
+            told += " That explains the misfit only in part."
+        return f"{told} Besides, {faults}." if faults else told
+    if d.verdict == NOTHING and not d.more_than_noise:
+        return "The model lacks nothing that these data can show."
+    if d.verdict == NOTHING:
+        return "The model lacks nothing that stands out from what beams leave of any structure."
+    if d.verdict == FAULT:
+        return f"The measurement is at fault, not the model: {faults}."
+    if d.verdict == UNEXPLAINED:
+        return "The model does not fit the data, and no effect known to the program explains why."
+    return d.verdict
+
+
+def sentence(finding: Finding) -> str:
+    """Return what a finding says about the structure, in a plain sentence."""
+    where = place(finding.effect.where)
+    thing, comma, direction = where.rpartition(", ")
+    thing, direction = (thing, direction) if comma else (where, "")
+    member, _, at = where.partition(" at ")
+    change = _change(finding)
+    stiffer, heavier = ("stiffer", "heavier") if change > 0 else ("softer", "lighter")
+    several = "supports" in thing or "joints" in thing
+    give, are = ("give", "are") if several else ("gives", "is")
+    text = {
+        "joint_stiffness": f"{thing} {are} {stiffer} {direction} than in the model",
+        "joint_viscous_damping": f"{thing} has a damper {direction} that the model lacks",
+        "joint_structural_damping": f"{thing} dissipates more than in the model",
+        "member_density": f"{where} is {heavier} than in the model",
+        "member_stiffness": f"{where} is {stiffer} than in the model",
+        "joint_patch": f"{thing} {'act' if several else 'acts'} over an area",
+        "solid_corner": "the structure has solid corners, whose size centre lines leave out",
+        "point_mass": f"{member} carries a mass at {at} that the model lacks",
+        "preload": f"{where} is under {'tension' if change > 0 else 'compression'} that the model lacks",
+        "stiffness_loss": f"{member} has lost stiffness at {at}",
+        "support_flexibility": f"{thing} {give} way {direction}, which the model takes to be rigid",
+    }.get(finding.effect.kind, f"the model lacks {effect_label(finding.effect.kind, finding.effect.where)}")
+    n = len(finding.twins)
+    if n:
+        others = "another effect" if n == 1 else f"one of {n} others"
+        text += f", or it is {others} that these data cannot tell from it"
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _change(finding: Finding) -> float:
+    """Return how the first parameter differs from its value in the model."""
+    first = finding.parameters[0]
+    absent = next((p.absent for p in finding.effect.parameters() if p.name == first.name), 0.0)
+    return first.value - absent
+
+
+def step_label(label: str) -> str:
+    """Return the label of a step with the added effect's direction spelt out, behind a plus sign."""
+    added = label.removesuffix(" added")
+    return f"+ {place(added)}" if added != label else label
+
+
+def decisive_text(piece: Decisive) -> str:
+    """Return a piece of the data that decides, in words."""
+    return (
+        f"{piece.output} / {piece.input} from {piece.band[0]:.4g} to {piece.band[1]:.4g} Hz: "
+        f"{piece.first_db:.2f} dB against {piece.second_db:.2f} dB"
+    )
+
+
+def evidence_text(evidence: float) -> str:
+    """Return an expected log likelihood ratio as odds."""
+    if evidence < 1:
+        return "hardly any"
+    odds = evidence / math.log(10)
+    return f"{math.exp(evidence):.0f} to 1" if odds < 4 else f"10{_superscript(int(min(odds, 99)))} to 1"
+
+
+def proposal_text(proposal: Proposal) -> str:
+    """Return a measurement that would separate twins, in words."""
+    what = {
+        "sensor": "a sensor on ", "excitation": "a force on ", "band": "",
+    }[proposal.kind]  # fmt: skip
+    return f"{what}{proposal.where}"
+
+
+def ratio(before: float, after: float) -> float:
+    """Return by what factor an error fell; NaN where it cannot be said."""
+    return before / after if after > 0 and math.isfinite(before) else math.nan
+
+
+def confidence(result: RunResult) -> list[str]:
+    """Return how sure the verdict is, in a few sentences."""
+    d = result.diagnosis
+    steps: Sequence[Step] = d.steps
+    base, last = steps[min(1, len(steps) - 1)], steps[-1]
+    if d.findings:
+        out = [
+            f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to "
+            f"{last.fit_db:.2f} dB on the lines of the fit (factor "
+            f"{ratio(base.fit_db, last.fit_db):.1f}), and from "
+            f"{base.held_out_db:.2f} to {last.held_out_db:.2f} dB on lines that no fit has seen (factor "
+            f"{ratio(base.held_out_db, last.held_out_db):.1f})."
+        ]
+    else:
+        out = [
+            f"With the uncertain parameters fitted the error is {last.fit_db:.2f} dB on the lines of the "
+            "fit and "
+            f"{last.held_out_db:.2f} dB on lines that no fit has seen; the nominal model had "
+            f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
+        ]
+    for label, (first, *_, end) in result.held_out_channels.items():
+        said = f"{first:.2f} dB nominal, {end:.2f} dB in the end"
+        nothing = "nothing of them can be compared"
+        out.append(f"FRFs of the {label}, which no fit has seen: {said if math.isfinite(end) else nothing}.")
+    out.append(
+        f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
+        f"{d.discretisation_db:.2f} dB error of the mesh. What is left is "
+        f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
+    )
+    if far := [
+        f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in result.uncertain if abs(u.moved) >= FAR
+    ]:
+        out.append(
+            "Beware of uncertain parameters far from nominal, in prior standard deviations: "
+            f"{', '.join(far)}. "
+            "They may stand in for something else that the model has wrong."
+        )
+    for finding, ranked in zip(d.findings, d.rounds, strict=False):
+        if finding.strain:
+            out.append(
+                "What is uncertain in the model explains the data as well, but only "
+                f"{abs(finding.strain):.1f} standard deviations from its nominal value: either the effect is "
+                "there, or the study's tolerance is too small."
+            )
+            continue
+        if finding.without:
+            what = effect_label(finding.effect.kind, finding.effect.where)
+            out.append(
+                f"Without {what}, the best fit of all else leaves {finding.without.fit_db:.2f} dB, on lines "
+                f"held out {finding.without.held_out_db:.2f} dB."
+            )
+            continue
+        out.append(_rivals(d.problem, finding, ranked, len(d.findings) > 1))
+    out += [chance_text(tried, d) for tried in d.tried]
+    best = best_of(d.rounds)
+    if best and not d.findings:
+        out.append(
+            f"The best of {len(d.rounds[-1])} candidates, {ranked_label(best)}, would leave "
+            f"{best.fit_db:.2f} dB, on "
+            f"held-out lines {best.held_out_db:.2f} dB: too little to call it an effect."
+        )
+    return out
+
+
+def chance_subject(tried: Bootstrap, d: Diagnosis) -> str:
+    """Return the effect that was tried against chance, in words."""
+    known = {e.name: e for e in d.candidates}
+    e = known.get(tried.effect)
+    return effect_label(e.kind, e.where) if e else tried.effect
+
+
+def chance_text(tried: Bootstrap, d: Diagnosis) -> str:
+    """Return what simulated measurements without an effect gave, in two sentences."""
+    n, most = len(tried.gains), max(tried.gains)
+    if not tried.effect:
+        low, high = (DB_PER_NEPER * f(tried.levels) for f in (min, max))
+        missing = "nothing else missing" if d.findings else "nothing missing"
+        return (
+            f"In {n} measurements simulated with {missing} the fit leaves {low:.2g} to {high:.2g} dB, "
+            f"here {d.steps[-1].level * DB_PER_NEPER:.2g}; the best candidate divides that by {most:.3f} "
+            "at most."
+        )
+    subject = chance_subject(tried, d)
+    if tried.believed:
+        outcome = f"Chance alone does as much in at most {100 * tried.chance:.2g} % of cases."
+    else:
+        outcome = "It is no more than chance can do, and was dropped."
+    return (
+        f"In {n} measurements simulated without {subject}, by the fitted model on a finer mesh and with the "
+        f"noise of the measurement, the best of all candidates divides the residual level by {most:.3f} at "
+        f"most; here it divides it by {tried.gain:.3f}. {outcome}"
+    )
+
+
+def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
+    """Return the best candidate of the last round."""
+    return rounds[-1][0] if rounds and rounds[-1] else None
+
+
+def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
+    """Return the best candidate that is neither the effect nor one of its twins."""
+    same = {finding.effect.name, *(t.name for t in finding.twins)}
+    return next((r for r in ranked if r.refined and r.name not in same), None)
+
+
+MORE_LIKELY = (
+    "; the data are more likely with it, as each band has an error level of its own, and lines that no fit "
+    "has seen count as well."
+)
+
+
+def _rivals(problem: FitProblem, finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
+    subject = effect_label(finding.effect.kind, finding.effect.where) if name_it else "It"
+    if finding.twins:
+        listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
+            " …" if len(finding.twins) > 4 else ""
+        )
+        text = f"{subject} cannot be told by these data from {listed}."
+    else:
+        text = f"{subject} has no twin: no other candidate explains the data nearly as well."
+    rival = rival_of(finding, ranked)
+    own = next((r for r in ranked if r.name == finding.effect.name), None)
+    if rival and own:
+        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB"
+        likely = score(problem, own.result, 0) < score(problem, rival.result, 0)
+        told = rival.fit_db < own.fit_db and likely and not finding.effect.amplitude_dependent
+        text += MORE_LIKELY if told else "."
+    return text
+
+
+def advice(result: RunResult) -> list[str]:
+    """Return what would help where the misfit stays unexplained."""
+    out = [*_worst_sensors(result), *_best_places(result)]
+    bound = [u.words for u in result.uncertain if u.at_bound]
+    if bound:
+        out.append(
+            f"These uncertain parameters end at their bounds: {', '.join(bound)}. Their nominal values or "
+            "standard "
+            "deviations may be wrong."
+        )
+    if result.study.kinds is not None or result.study.exclude:
+        out.append("The study leaves some kinds of candidates out; let the program try them all.")
+    return [
+        *out,
+        "Check geometry, sections, supports and joints of the model against the structure: candidates change "
+        "stiffness, mass and damping where the model has something, not dimensions.",
+        "Sensors on both sides of joints and near supports, and a second excitation in another "
+        "direction, tell more "
+        "candidates apart.",
+        "Measure at two force levels: a difference shows that the structure is not linear, which no "
+        "candidate can "
+        "explain.",
+    ]
+
+
+def _worst_sensors(result: RunResult, n: int = 3) -> list[str]:
+    where = result.localisation
+    if where is None:
+        return []
+    known = [
+        (db, name) for db, name in zip(where.by_sensor_db, where.sensors, strict=True) if math.isfinite(db)
+    ]
+    worst = ", ".join(f"{name} ({db:.1f} dB)" for db, name in sorted(known, reverse=True)[:n])
+    return [
+        f"Look at the sensors that fit worst: {worst}. Check their place, direction, cable and calibration."
+    ]
+
+
+def _best_places(result: RunResult, n: int = 3, least: float = 0.05) -> list[str]:
+    where = result.localisation
+    if where is None:
+        return []
+    shares = [
+        *((s, f"member {m}") for m, s in where.members.items()),
+        *((s, place(p)) for p, s in where.places),
+    ]
+    best = [f"{name} ({100 * s:.0f}\u00a0%)" for s, name in sorted(shares, reverse=True)[:n] if s >= least]
+    return [f"A small change would explain most of the misfit here: {', '.join(best)}."] if best else []

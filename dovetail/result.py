@@ -1,0 +1,340 @@
+"""What a run found: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.config import Study
+from dovetail.modal import ModePair
+from updating.correlation import Comparison
+from updating.diagnosis.diagnose import Diagnosis
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
+from updating.diagnosis.localisation import Localisation
+from updating.inference.parameters import DampingCurve
+from updating.quality.faults import Fault
+
+SCHEMA = "dovetail-result/1"
+REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
+FOUND = "found.toml"
+NAMES = (REPORT, JSON, FRFS, PICTURES, FOUND)
+"""What the folder of a run holds."""
+CONNECTIONS_LEVEL = "damping of connections over that of members"
+"""How the report calls how much more connections are damped."""
+CONNECTIONS_POWER = "its power of frequency"
+"""How it calls the power of the frequency that their damping goes with."""
+
+
+_QUANTITIES = {
+    "rho": "density", "k": "shear coefficients",
+    "ky": "shear coefficient along y", "kz": "shear coefficient along z",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertain:
+    """An uncertain parameter before and after the fit.
+
+    Attributes
+    ----------
+    name : str
+        ``effect.parameter``, or the damping at a frequency.
+    unit : str
+    nominal, fitted : float
+        ``fitted`` is NaN where a found effect took its place.
+    prior_std, std : float
+        Standard deviations before and after.
+    at_bound : bool
+        True if the fit ended at the edge of what was allowed.
+    """
+
+    name: str
+    unit: str
+    nominal: float
+    fitted: float
+    prior_std: float
+    std: float
+    at_bound: bool
+
+    @property
+    def moved(self) -> float:
+        """Return how far the fit went from nominal, in prior standard deviations; NaN if it did not vary."""
+        return (self.fitted - self.nominal) / self.prior_std if self.prior_std > 0 else np.nan
+
+    @property
+    def words(self) -> str:
+        """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
+        effect, _, parameter = self.name.partition(".")
+        if not parameter or " " in effect:
+            return self.name
+        key, _, of = parameter.partition(":")
+        return f"{_QUANTITIES.get(key, key) if of else key} of {of or effect}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunResult:
+    """Everything that a run found.
+
+    Attributes
+    ----------
+    study : Study
+    diagnosis : Diagnosis
+    comparisons : tuple of Comparison
+        For each step of the diagnosis, on all lines.
+    held_out_channels : mapping of str to tuple of float
+        For ``excitation NAME`` and ``sensor NAME`` that no fit has seen, the error of each step [dB].
+    localisation : Localisation or None
+        Where the model fails once its uncertain parameters are fitted.
+    modes : tuple of ModePair
+        Natural frequencies and damping before and after.
+    uncertain : tuple of Uncertain
+    notes : tuple of str
+    finished : datetime
+    seconds : float
+    folder : Path
+        Where the files are.
+    """
+
+    study: Study
+    diagnosis: Diagnosis
+    comparisons: tuple[Comparison, ...]
+    held_out_channels: Mapping[str, tuple[float, ...]]
+    localisation: Localisation | None
+    modes: tuple[ModePair, ...]
+    uncertain: tuple[Uncertain, ...]
+    notes: tuple[str, ...]
+    finished: datetime
+    seconds: float
+    folder: Path
+
+    @property
+    def report(self) -> Path:
+        """The report."""
+        return self.folder / REPORT
+
+    @property
+    def json(self) -> Path:
+        """The result for programs."""
+        return self.folder / JSON
+
+
+def least_frac(c: Comparison) -> NDArray[np.float64]:
+    """Return the least FRAC of each sensor over the FRFs that count, (n_out,), NaN where there is none."""
+    known = np.isfinite(c.error_db).any(axis=0)
+    least = np.where(known, c.frac, np.inf).min(axis=1)
+    return np.where(np.isfinite(least), least, np.nan)
+
+
+def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
+    """Return the uncertain parameters before and after the last fit."""
+    problem, final = d.problem, d.steps[-1].result
+    out = []
+    there = {e.name for e in d.model.effects}
+    for n in problem.nuisances:
+        if n.effect not in there:  # corners that were in the model before the verdict was "unexplained"
+            continue
+        (p,) = (p for p in problem.reduced.model.effect(n.effect).parameters() if p.name == n.parameter)
+        ref = (n.effect, n.parameter)
+        fitted = final.values.get(ref, np.nan)
+        moved = (
+            np.log(fitted / p.value) if p.log and fitted > 0 else (fitted - p.value) / (abs(p.value) or 1.0)
+        )
+        at_bound = bool(np.isfinite(moved) and abs(moved) > 3.9 * n.std)
+        out.append(
+            Uncertain(
+                f"{n.effect}.{n.parameter}",
+                p.unit,
+                float(p.value),
+                float(fitted),
+                float(n.std * (abs(p.value) or 1.0)),
+                float(final.std.get(ref, np.nan)),
+                at_bound,
+            )
+        )
+    curve = problem.damping
+    first = len(final.values)
+    n = len(curve.start)
+    sd = np.sqrt(np.maximum(np.diag(final.covariance), 0.0))[first : first + n]
+    sd = sd if len(sd) == n else np.full(n, np.nan)
+    names = [f"damping ratio at {f:.4g} Hz" for f in curve.knots]
+    if any(e.connection for e in d.model.effects):
+        names += [CONNECTIONS_LEVEL, CONNECTIONS_POWER]
+    for name, nominal, fitted, s in zip(names, curve.start, final.zeta, sd, strict=False):
+        moved = float(np.log(fitted / nominal))
+        known = nominal, fitted, nominal * curve.std, fitted * np.sinh(s)
+        if name == CONNECTIONS_POWER:  # its unknown is e to it
+            known = 0.0, moved, curve.std, s
+        before, after, prior, std = map(float, known)
+        out.append(Uncertain(name, "-", before, after, prior, std, abs(moved) > 3.9 * curve.std))
+    return tuple(out)
+
+
+def program_version() -> str:
+    """Return the version of the program."""
+    try:
+        return metadata.version("dovetail")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def fault_dict(f: Fault) -> dict[str, Any]:
+    """Return a fault in plain types."""
+    plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
+    return plain | ({"other": f.other} if f.other else {})
+
+
+def _damping(curve: DampingCurve, unknowns: NDArray[np.float64]) -> dict[str, Any]:
+    members, *connections = np.atleast_2d(curve.ratio(curve.knots, unknowns))
+    own = {"connections_ratio": connections[0]} if connections else {}
+    return {"frequency_Hz": curve.knots, "ratio": members, **own}
+
+
+def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
+    """Return a diagnosis in plain types: verdict, effects, faults, errors, ranking."""
+    return {
+        "verdict": d.verdict,
+        "reason": d.reason,
+        "effects": [_finding(f) for f in d.findings],
+        "faults": [fault_dict(f) for f in d.faults],
+        "error_db": [_step(s) for s in d.steps],
+        "noise_floor_db": d.noise_floor_db,
+        "noise_db": d.noise_db,
+        "discretisation_db": d.discretisation_db,
+        "basis_db": d.basis_db,
+        "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
+        "tried_against_chance": [{**asdict(t), "chance": t.chance} for t in d.tried],
+        "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
+    }
+
+
+def result_dict(result: RunResult) -> dict[str, Any]:
+    """Return a result in plain types, as in ``result.json``; see docs/result.md."""
+    d, study = result.diagnosis, result.study
+    last = d.steps[-1].result
+    return {
+        "schema": SCHEMA,
+        "version": program_version(),
+        "study": study.name,
+        "finished": result.finished.isoformat(timespec="seconds"),
+        "seconds": result.seconds,
+        **diagnosis_dict(d),
+        "held_out_channels": [
+            {"channel": name, "error_db": db} for name, db in result.held_out_channels.items()
+        ],
+        "uncertain": [
+            asdict(u) for u in result.uncertain
+        ],
+        "model": {
+            "values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()},
+            "damping": _damping(d.problem.damping, last.zeta),
+        },
+        "modes": [
+            {
+                "nominal_Hz": m.nominal, "fitted_Hz": m.fitted, "nominal_damping": m.nominal_zeta,
+                "fitted_damping": m.fitted_zeta, "mac": m.mac,
+            }
+            for m in result.modes
+        ],
+        "misfit": localisation_dict(result.localisation) if result.localisation else None,
+        "assumptions": list(study.assumptions),
+        "mesh_notes": list(study.model.mesh.notes),
+        "notes": list(result.notes),
+        "warnings": list(study.warnings),
+    }  # fmt: skip
+
+
+def localisation_dict(where: Localisation) -> dict[str, Any]:
+    """Return a localisation in plain types."""
+    return {
+        "sensors": [
+            {"sensor": s, "error_db": db, "by_band_db": row}
+            for s, db, row in zip(where.sensors, where.by_sensor_db, where.by_band_db, strict=True)
+        ],
+        "inputs": [
+            {"input": s, "error_db": db} for s, db in zip(where.inputs, where.by_input_db, strict=True)
+        ],
+        "bands_Hz": where.bands,
+        "members": [{"member": m, "share": share} for m, share in where.members.items()],
+        "places": [{"place": p, "share": share} for p, share in where.places],
+        "note": where.note,
+    }
+
+
+def comparison_dict(c: Comparison) -> dict[str, Any]:
+    """Return a comparison in plain types."""
+    return {
+        "error_db": c.total_db,
+        "bands_Hz": c.bands,
+        "sensors": [
+            {"sensor": s, "error_db": db, "by_band_db": row, "frac": fracs}
+            for s, db, row, fracs in zip(c.outputs, c.by_sensor(), c.by_band(), c.frac, strict=True)
+        ],
+        "inputs": list(c.inputs),
+    }
+
+
+def frf_arrays(d: Diagnosis) -> dict[str, NDArray[Any]]:
+    """Return the arrays of ``frf.npz``: measured FRFs and those of each step."""
+    measured, data = d.measured, d.problem.data
+    return {
+        "frequency": measured.frequency,
+        "H": measured.H,
+        "kind": np.array(str(measured.kind)),
+        "outputs": np.array(measured.outputs, dtype=str),
+        "inputs": np.array(measured.inputs, dtype=str),
+        "steps": np.array([s.label for s in d.steps], dtype=str),
+        "H_model": np.stack([d.frf(k).as_kind(measured.kind).H for k in range(len(d.steps))]),
+        "deviation": _deviation(d),
+        "compared": np.broadcast_to(data.mask, measured.H.shape),
+        "held_out": data.held_out,
+        "noise": np.broadcast_to(data.noise, measured.H.shape),
+    }
+
+
+def _deviation(d: Diagnosis) -> NDArray[np.float64]:
+    spread = d.deviation(len(d.steps) - 1)
+    return np.full(d.measured.H.shape, np.nan) if spread is None else spread
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    return {
+        "kind": f.effect.kind,
+        "where": f.effect.where,
+        "name": f.effect.name,
+        "parameters": [_parameter(p) for p in f.parameters],
+        "twins": [_ranked(t) for t in f.twins],
+        "rival": _ranked(f.rival) if f.rival else None,
+        "decisive": [asdict(d) for d in f.decisive],
+        "next_measurements": [
+            {"twin": t.name, "proposals": [asdict(p) for p in proposals]}
+            for t, proposals in zip(f.twins, f.proposals, strict=False)
+        ],
+    }
+
+
+def _ranked(r: Ranked) -> dict[str, Any]:
+    return {
+        "kind": r.kind,
+        "where": r.where,
+        "name": r.name,
+        "parameters": [_parameter(p) for p in r.parameters],
+        "level": r.level,
+        "fit_db": r.fit_db,
+        "held_out_db": r.held_out_db,
+        "similarity": r.similarity,
+        "refined": r.refined,
+    }
+
+
+def _parameter(p: EffectParameter) -> dict[str, Any]:
+    std = None if p.at_bound else p.std
+    return {"name": p.name, "value": p.value, "unit": p.unit, "std": std, "at_bound": p.at_bound}
+
+
+def _step(s: Step) -> dict[str, Any]:
+    return {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level}

@@ -1,0 +1,421 @@
+"""Cases: a model as an analyst has it, a measurement of a truth that differs from it, and what is hidden."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.validation.frames import (
+    FAMILIES,
+    SMALL,
+    Draft,
+    Generator,
+    build_model,
+    draw_draft,
+    n_elements,
+    perturbed,
+    sensors_of,
+)
+from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, Hidden, draw_hidden
+from dovetail.validation.truth import TrueFrame
+from fem.analysis.frf import FRF
+from fem.model import DIRECTIONS, Model
+from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.inference.parameters import Nuisance
+from updating.measurement.measurement import Measurement
+
+SETS = ("single", "null", "withheld", "weak", "two", "faults")
+"""Sets of cases: one effect; nothing; one whose kind the search may not use; one ten times weaker; two; a
+fault of a sensor."""
+
+SETTINGS_VERSION = 4
+"""Raised whenever the same seed gives other cases than before."""
+
+
+_STEP = 1e-6
+"""Relative step of the derivatives with respect to uncertain parameters."""
+
+
+_WEAK = 0.02
+"""Change of the FRFs up to which an effect counts as weak [nepers]."""
+
+
+FAULT_SEEN = 0.1
+"""Change of what a sensor reads from which its fault can be found, root mean square [nepers]."""
+
+
+class CaseError(ValueError):
+    """A case that cannot be drawn or does not exist."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What cases are drawn from.
+
+    Attributes
+    ----------
+    seed : int
+    small : bool
+        Two members, few modes and lines, to try things out.
+    material, joint, section : float
+        Half widths of uniform relative deviations of the truth from the model [-].
+    damping : float
+        Largest factor between the truth's damping and the model's.
+    noise : (float, float)
+        Least and largest relative noise of an FRF [-].
+    noise_floor : float
+        Noise in parts of an excitation's largest FRF value [-].
+    visible_db : (float, float)
+        Least and largest change of the FRFs that a hidden effect makes beyond what uncertain parameters can
+        imitate [dB].
+    weaker : float
+        Factor by which the amplitudes of the set "weak" are smaller.
+    version : int
+    """
+
+    seed: int
+    small: bool = False
+    material: float = 0.03
+    joint: float = 0.15
+    section: float = 0.0
+    damping: float = 2.0
+    noise: tuple[float, float] = (0.01, 0.03)
+    noise_floor: float = 3e-5
+    visible_db: tuple[float, float] = (1.5, 4.0)
+    weaker: float = 10.0
+    version: int = SETTINGS_VERSION
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values for a file."""
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Implant:
+    """A hidden effect with its strength.
+
+    Attributes
+    ----------
+    hidden : Hidden
+    amplitude : float
+    visible_db : float
+        Change of the FRFs beyond what uncertain parameters can imitate [dB].
+    """
+
+    hidden: Hidden
+    amplitude: float
+    visible_db: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A case.
+
+    Attributes
+    ----------
+    set, index : str, int
+    draft : Draft
+    implants : tuple of Implant
+    exact : ndarray (n_freq, n_out, n_in)
+        Accelerances without noise [(m/s²)/N].
+    noise : float
+        Relative noise [-].
+    model : Model
+    measurement : Measurement
+    nuisances : tuple of Nuisance
+    exclude : tuple of str
+        Kinds that the search may not use.
+    """
+
+    set: str
+    index: int
+    draft: Draft
+    implants: tuple[Implant, ...]
+    exact: NDArray[np.complex128]
+    noise: float
+    model: Model
+    measurement: Measurement
+    nuisances: tuple[Nuisance, ...]
+    exclude: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Set and index, as ``single:12``."""
+        return f"{self.set}:{self.index}"
+
+
+def generator(settings: Settings, set_name: str, *key: int) -> Generator:
+    """Return the random numbers of a case: a child of the seed, whatever else is drawn."""
+    return np.random.default_rng(
+        np.random.SeedSequence(settings.seed, spawn_key=(SETS.index(set_name), *key))
+    )
+
+
+def kinds_of(settings: Settings, set_name: str, index: int) -> tuple[str, ...]:
+    """Return what a case hides: all kinds come once in each round, in an order that the seed shuffles."""
+    if set_name == "null":
+        return ()
+    pool = FAULTS if set_name == "faults" else EFFECTS
+    size = 2 if set_name == "two" else 1
+    out: list[str] = []
+    for k in range(size):
+        turn, place = divmod(index, len(pool))
+        order = generator(settings, set_name, 2**31 + turn, k).permutation(len(pool))
+        out.append(pool[int(order[place])])
+    return tuple(out)
+
+
+def draw_case(settings: Settings, set_name: str, index: int) -> Case:
+    """Draw a case by itself.
+
+    Raises
+    ------
+    CaseError
+        If the set does not exist, or no frame can hold what is to be hidden.
+    """
+    if set_name not in SETS:
+        msg = f"there is no set '{set_name}'; there are {', '.join(SETS)}"
+        raise CaseError(msg)
+    kinds = kinds_of(settings, set_name, index)
+    rng = generator(settings, set_name, index)
+    families = SMALL if settings.small else tuple(FAMILIES)
+    for _ in range(40):
+        draft = draw_draft(rng, str(rng.choice(families)), settings.small)
+        truth = perturbed(rng, draft, settings.material, settings.joint, settings.section, settings.damping)
+        implants = _implants(rng, settings, draft, truth, kinds)
+        if implants is None:
+            continue
+        if set_name == "weak":
+            implants = tuple(
+                replace(i, amplitude=i.amplitude / settings.weaker, visible_db=np.nan) for i in implants
+            )
+        return _measured(rng, settings, set_name, index, draft, truth, implants)
+    msg = f"no frame of 40 shows {' and '.join(kinds)} well enough (set {set_name}, case {index})"
+    raise CaseError(msg)
+
+
+def _implants(
+    rng: Generator, settings: Settings, draft: Draft, truth: TrueFrame, kinds: Sequence[str]
+) -> tuple[Implant, ...] | None:
+    """Find a place and a strength for each kind, or None if the frame has none."""
+    if not kinds:
+        return ()
+    scale = _Scale(draft, truth, settings.noise_floor, 40 if settings.small else 100)
+    out = []
+    for kind in kinds:
+        low, high = np.log(settings.visible_db)
+        wanted = float(np.exp(rng.uniform(low, high)))
+        for _ in range(6):
+            hidden = draw_hidden(rng, kind, draft, truth)
+            if hidden is None:
+                return None
+            implant = (
+                _drawn_fault(rng, scale, hidden) if KINDS[kind].fault else _strength(scale, hidden, wanted)
+            )
+            if implant is not None and not _clash(implant.hidden, out):
+                out.append(implant)
+                break
+        else:
+            return None
+    return tuple(out)
+
+
+def _drawn_fault(rng: Generator, scale: "_Scale", hidden: Hidden) -> Implant | None:
+    """Draw a fault's size; None where nobody could find it.
+
+    That is for a sensor that hears nothing, and for a fault that hardly changes what it reads, such as a
+    wrong place along a member that moves lengthways there.
+    """
+    if not all(scale.hears(name) for name in hidden.place.sensors):
+        return None
+    size = float(rng.uniform(*hidden.bounds))
+    return Implant(hidden, size, np.nan) if scale.misreads(hidden, size) else None
+
+
+def _clash(hidden: Hidden, others: Sequence[Implant]) -> bool:
+    """Two effects on one member's field, one joint or one support would overwrite each other."""
+    mine = hidden.place
+    return any(
+        (mine.member is not None and mine.member == o.hidden.place.member)
+        or (mine.joint is not None and mine.joint == o.hidden.place.joint)
+        or (mine.support is not None and mine.support == o.hidden.place.support)
+        for o in others
+    )
+
+
+class _Scale:
+    """Measures how far an effect changes the FRFs beyond what uncertain parameters can imitate.
+
+    Only the exact frame is used. d = ln(H_with / H_without) at some lines, without FRFs near the noise
+    floor; the derivatives of ln H with respect to E and ρ of each material, all damping, and each elastic
+    stiffness of the joints are projected out of d; the root mean square of what is left, amplitude and phase
+    together, counts in dB. A linear projection does not move resonances back that have gone farther than
+    their width, so that :meth:`slope` gives what a weak effect does, in proportion, as a second estimate.
+    """
+
+    def __init__(self, draft: Draft, truth: TrueFrame, noise_floor: float, n_lines: int = 100) -> None:
+        self._draft, self._truth = draft, truth
+        f = draft.frequency
+        self._f = f[np.unique(np.linspace(0, f.size - 1, min(n_lines, f.size)).astype(int))]
+        self._base = self._frf(truth)
+        acceleration = np.abs(self._base) * (self._f**2)[:, None, None]
+        self._heard = acceleration > 30 * noise_floor * acceleration.max(axis=(0, 1))
+        columns = [self._log_change(frame) / _STEP for frame in _varied(draft, truth, _STEP)]
+        self._basis = np.linalg.qr(np.stack(columns, axis=1))[0]
+
+    def _frf(self, frame: TrueFrame) -> NDArray[np.complex128]:
+        return frame.frf(self._f, self._draft.sensors, self._draft.drives)
+
+    def _log_change(self, frame: TrueFrame) -> NDArray[np.float64]:
+        d = log_ratio(self._frf(frame), self._base)[self._heard]
+        return np.concatenate([d.real, d.imag])
+
+    def hears(self, sensor: str) -> bool:
+        """Whether a sensor reads more than noise on most lines, from one excitation at least."""
+        row = [s.name for s in self._draft.sensors].index(sensor)
+        return bool((self._heard[:, row].mean(axis=0) > 0.5).any())
+
+    def misreads(self, hidden: Hidden, size: float) -> bool:
+        """Whether a fault changes what its sensors read by ``FAULT_SEEN``, root mean square."""
+        sensors = self._draft.sensors
+        wrong = hidden.readings(sensors, size) if hidden.readings is not None else sensors
+        H = self._truth.frf(self._f, wrong, self._draft.drives)
+        H = hidden.data(self._f, H, size) if hidden.data is not None else H
+        rows = [i for i, s in enumerate(sensors) if s.name in hidden.place.sensors]
+        d = np.abs(log_ratio(H, self._base))[:, rows][self._heard[:, rows]]
+        return bool(np.sqrt((d**2).mean()) >= FAULT_SEEN)
+
+    def visible_db(self, frame: TrueFrame) -> float:
+        """Return the change that is left [dB]."""
+        d = self._log_change(frame)
+        d = d - self._basis @ (self._basis.T @ d)
+        return float(DB_PER_NEPER * np.sqrt((d**2).sum() / (d.size / 2)))
+
+    def of(self, hidden: Hidden, amplitude: float) -> float:
+        """Return the change by an effect at an amplitude [dB]."""
+        return self.visible_db(hidden.change(self._truth, amplitude))
+
+    def slope(self, hidden: Hidden) -> float:
+        """Return the change by a weak effect, in proportion to its amplitude [dB]."""
+        a = hidden.bounds[0]
+        for _ in range(12):
+            d = self._log_change(hidden.change(self._truth, a))
+            if np.sqrt((d**2).sum() / (d.size / 2)) < _WEAK:
+                break
+            a /= 4
+        return self.of(hidden, a) / a
+
+
+def _varied(draft: Draft, truth: TrueFrame, step: float) -> list[TrueFrame]:
+    out = []
+    for material in dict.fromkeys(draft.materials.values()):
+        for key in ("E", "rho"):
+            members = {
+                n: replace(m, **{key: getattr(m, key) * (1 + step)}) if draft.materials[n] == material else m
+                for n, m in truth.members.items()
+            }
+            out.append(replace(truth, members=members))
+    more = {n: replace(m, loss=m.loss * (1 + step)) for n, m in truth.members.items()}
+    out.append(replace(truth, members=more))
+    out.append(replace(truth, alpha=truth.alpha * (1 + step)))
+    out.append(replace(truth, beta=truth.beta * (1 + step)))
+    for j in truth.joints:
+        for d in range(6):
+            if not j.rigid[d]:
+                K = j.K.copy()
+                K[d, d] *= 1 + step
+                out.append(truth.with_joint(j.name, K=K))
+    return out
+
+
+def _strength(scale: _Scale, hidden: Hidden, wanted: float) -> Implant | None:
+    """Raise the amplitude until the change is as wanted; None if even the largest stays below the least."""
+    low, high = hidden.bounds
+    slope = scale.slope(hidden)
+    grid = np.geomspace(low, high, 9)
+    before = None
+    for a in grid:
+        change = min(slope * float(a), scale.of(hidden, float(a)))
+        if change >= wanted:
+            break
+        before = float(a)
+    else:
+        return None
+    if before is None:
+        return None
+    upper = float(a)
+    for _ in range(4):
+        middle = float(np.sqrt(before * upper))
+        between = min(slope * middle, scale.of(hidden, middle))
+        if between >= wanted:
+            upper, change = middle, between
+        else:
+            before = middle
+    return Implant(hidden, upper, change)
+
+
+def _measured(
+    rng: Generator,
+    settings: Settings,
+    set_name: str,
+    index: int,
+    draft: Draft,
+    truth: TrueFrame,
+    implants: tuple[Implant, ...],
+) -> Case:
+    sensors = draft.sensors
+    for i in implants:
+        truth = i.hidden.change(truth, i.amplitude)
+        if i.hidden.readings is not None:
+            sensors = i.hidden.readings(sensors, i.amplitude)
+    f = draft.frequency
+    exact = truth.frf(f, sensors, draft.drives) * (-((2 * np.pi * f) ** 2))[:, None, None]
+    for i in implants:
+        if i.hidden.data is not None:
+            exact = i.hidden.data(f, exact, i.amplitude)
+    relative = float(rng.uniform(*settings.noise))
+    g = rng.standard_normal((4, *exact.shape)) / np.sqrt(2)
+    peak = np.abs(exact).max(axis=(0, 1))
+    H = exact * (1 + relative * (g[0] + 1j * g[1])) + settings.noise_floor * peak * (g[2] + 1j * g[3])
+    frf = FRF.from_arrays(
+        f, H, "accelerance", [s.name for s in draft.sensors], [d.name for d in draft.drives]
+    )
+    measurement = Measurement(
+        frf, sensors_of(draft.frame, draft.sensors), sensors_of(draft.frame, draft.drives)
+    )
+    model = build_model(draft.frame, draft.materials, draft.sensors, n_elements(draft.frame))
+    exclude = (
+        tuple(k for i in implants for k in KINDS[i.hidden.kind].found_as) if set_name == "withheld" else ()
+    )
+    return Case(
+        set_name,
+        index,
+        draft,
+        implants,
+        exact,
+        relative,
+        model,
+        measurement,
+        _nuisances(settings, draft),
+        exclude,
+    )
+
+
+def _nuisances(settings: Settings, draft: Draft) -> tuple[Nuisance, ...]:
+    """Return what the analyst calls uncertain; a uniform half width w has the standard deviation w/√3."""
+    # The section's width and height scale together: bending sees their square in E/ρ.
+    material = float(np.hypot(settings.material, 2 * settings.section) / np.sqrt(3))
+    out = [
+        Nuisance("frame", f"{key}:{name}", round(material, 4))
+        for name in dict.fromkeys(draft.materials.values())
+        for key in ("E", "rho")
+    ]
+    for j in draft.frame.joints:
+        out += [
+            Nuisance(j.name, f"k{d}", round(settings.joint / np.sqrt(3), 4))
+            for d, rigid in zip(DIRECTIONS, j.rigid, strict=True)
+            if not rigid
+        ]
+    return tuple(out)

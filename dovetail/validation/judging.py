@@ -1,0 +1,300 @@
+"""Whether a diagnosis is right: what was hidden against what was said."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from dovetail.validation.cases import Case, Implant
+from dovetail.validation.hidden import KINDS, Place
+from fem.effects import candidate_kinds
+from fem.effects.places import frame_of
+from fem.effects.side_spring import SideSpring
+from fem.model import Effect, Model
+from updating.correlation import log_ratio, rms_db
+from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, Diagnosis, propose
+from updating.diagnosis.findings import Finding
+from updating.quality.faults import Fault
+
+FLOOR = 1.3
+"""An effect has explained the data if the error that is left is within this factor of the floor."""
+
+_PARALLEL = np.cos(np.radians(5))
+
+FAULT_KINDS = ("sensor_gain", "sensor_sign", "sensor_delay", "sensor_swap", "sensor_tilt", "sensor_position")
+"""What faults a diagnosis is asked for."""
+
+Record = dict[str, Any]
+
+
+def known_kinds() -> tuple[str, ...]:
+    """Return the kinds of candidates and of faults that the program can name."""
+    return (*candidate_kinds(), *FAULT_KINDS)
+
+
+def is_known(kind: str) -> bool:
+    """Whether the program has a candidate, or a fault, that is the right answer to a kind."""
+    return any(k in known_kinds() for k in KINDS[kind].found_as)
+
+
+def same_place(effect: Effect, model: Model, place: Place) -> bool:
+    """Whether an effect sits where something was hidden: joint, support, direction, member or point."""
+    for want, one, several in (
+        (place.joint, "joint", "joints"),
+        (place.support, "support", "supports"),
+    ):
+        if want is not None:
+            have = getattr(effect, several, None) or (getattr(effect, one, None),)
+            if tuple(have) != (want,):
+                return False
+    direction = getattr(effect, "direction", None)
+    if place.direction is not None and isinstance(direction, str):
+        if isinstance(effect, SideSpring):  # along an axis of the section, where the place has a global one
+            line = model.mesh.locate(effect.member, float(effect.position)).line
+            axes = frame_of(model).rotations(model.mesh, [line])[0]
+            along = axes["xyz".index(direction), "xyz".index(place.direction)]
+            if abs(along) < _PARALLEL:
+                return False
+        elif direction.lstrip("+-") != place.direction:
+            return False
+    if place.turns and (getattr(effect, "member", None), direction) not in place.turns:
+        return False
+    pair = (getattr(effect, "first", None), getattr(effect, "second", None))
+    if place.pair and set(pair) != set(place.pair):
+        return False
+    if place.of_member:
+        ends = getattr(effect, "ends", ())
+        if {m for m, _ in ends} | {getattr(effect, "member", place.member)} != {place.member}:
+            return False
+    if place.xyz is not None:
+        marks = effect.locations(model)
+        return bool(len(marks) and (np.linalg.norm(marks - place.xyz, axis=1) <= place.tolerance).any())
+    if place.member is not None:
+        have = getattr(effect, "members", None) or (getattr(effect, "member", None),)
+        return tuple(have) == (place.member,)
+    return True
+
+
+def _matches(effect: Effect | None, model: Model, implant: Implant) -> bool:
+    right = KINDS[implant.hidden.kind].found_as
+    return effect is not None and effect.kind in right and same_place(effect, model, implant.hidden.place)
+
+
+def judge(case: Case, diagnosis: Diagnosis) -> Record:
+    """Return everything about a case that a table or a reader needs, as plain values.
+
+    Parameters
+    ----------
+    case : Case
+    diagnosis : Diagnosis
+        Of its model and measurement.
+
+    Returns
+    -------
+    dict
+        ``outcome`` is one of
+
+        - right: all that was hidden is found, and nothing else; nothing missing, where nothing was hidden;
+          unexplained, where the true kind was withheld
+        - beside: all that was hidden is found, and something else
+        - part: one of two effects is found, and nothing else
+        - twin: another effect came first, with the right one among its twins; for a withheld kind,
+          another effect that explains the data down to ``FLOOR`` times the floor
+        - wrong: an effect that was not hidden (a false alarm where nothing was)
+        - unexplained, not noticed, fault: what the verdict said instead
+
+        ``first`` and ``in_three`` tell whether the right effect and place lead the first round's ranking,
+        or are among its first three, accepted or not. ``nearest`` is the candidate of the last round that
+        came nearest to being accepted, with the level that it had to reach over the one it reached.
+    """
+    model = diagnosis.model
+    proposed = {e.name: e for e in propose(case.model, test=case.measurement)}
+
+    def effect_of(ranked: Any) -> Effect | None:
+        effect = proposed.get(ranked.name)
+        if effect is None:
+            return None
+        return effect.with_values(**{p.name: p.value for p in ranked.parameters})
+
+    def hits(finding: Finding) -> list[Implant]:
+        return [i for i in case.implants if _matches(finding.effect, model, i)]
+
+    hit = [hits(f) for f in diagnosis.findings]
+    found = [i for i in case.implants if any(i in h for h in hit)]
+    false = [f for f, h in zip(diagnosis.findings, hit, strict=True) if not h]
+    ranked = diagnosis.rounds[0] if diagnosis.rounds else ()
+    first_three = [effect_of(r) for r in ranked[:3]]
+    first = bool(hit and hit[0]) or any(_matches(e, model, i) for e in first_three[:1] for i in case.implants)
+    in_three = first or any(_matches(e, model, i) for e in first_three for i in case.implants)
+    twins = [effect_of(t) for f in diagnosis.findings[:1] for t in f.twins]
+    twin = any(_matches(e, model, i) for e in twins for i in case.implants)
+    floor = _floor(case, diagnosis)
+    after = float([s.fit_db for s in diagnosis.steps][-1])
+    if case.set == "faults":
+        outcome = _fault_outcome(case, diagnosis)
+    else:
+        outcome = _outcome(case, diagnosis, found, bool(false), twin, after <= FLOOR * floor)
+    return {
+        "case": case.name,
+        "set": case.set,
+        "index": case.index,
+        "family": case.draft.family,
+        "modes": case.draft.n_modes,
+        "lines": len(case.draft.frequency),
+        "sensors": len(case.draft.sensors),
+        "drives": len(case.draft.drives),
+        "elements": case.model.mesh.n_lines,
+        "noise": case.noise,
+        "hidden": [_implant(i) for i in case.implants],
+        "known": all(is_known(i.hidden.kind) for i in case.implants),
+        "verdict": diagnosis.verdict,
+        "reason": diagnosis.reason,
+        "found": [_finding(f) for f in diagnosis.findings],
+        "faults": [{"kind": f.kind, "sensor": f.sensor, "value": f.value} for f in diagnosis.faults],
+        "ranked": [f"{r.kind} at {r.where}" for r in ranked[:3]],
+        "candidates": len(ranked),
+        "nearest": _nearest(diagnosis),
+        "outcome": outcome,
+        "first": first,
+        "in_three": in_three,
+        "errors": [
+            e
+            for f, i in _paired(case, diagnosis.findings, hit)
+            for e in parameter_errors(case, i, f.parameters)
+        ],
+        "db": {
+            "nominal": diagnosis.steps[0].fit_db,
+            "fitted": diagnosis.steps[1].fit_db if len(diagnosis.steps) > 1 else after,
+            "after": after,
+            "held_out": [s.held_out_db for s in diagnosis.steps][-1],
+            "floor": floor,
+            "discretisation": diagnosis.discretisation_db,
+            "basis": diagnosis.basis_db,
+        },
+        "seconds": diagnosis.seconds,
+    }
+
+
+def _nearest(d: Diagnosis) -> Record | None:
+    refined = [r for r in (d.rounds[-1] if d.rounds else ()) if r.refined]
+    if not refined:
+        return None
+    best = max(refined, key=lambda r: r.asked / r.level)
+    return {"kind": best.kind, "where": best.where, "reached": best.asked / best.level}
+
+
+def _outcome(
+    case: Case, d: Diagnosis, found: Sequence[Implant], false: bool, twin: bool, explained: bool
+) -> str:
+    if case.set == "null":
+        if d.findings or d.faults:
+            return "wrong"
+        return "right" if d.verdict == NOTHING else "unexplained"
+    if d.verdict == EFFECT:
+        if case.set == "withheld":
+            return "twin" if explained else "wrong"
+        if len(found) == len(case.implants):
+            return "beside" if false or d.faults else "right"
+        if found and not false:
+            return "part"
+        return "twin" if twin else "wrong"
+    if d.verdict == FAULT:
+        return "fault"
+    if d.verdict == NOTHING:
+        return "not noticed"
+    return "right" if case.set == "withheld" else "unexplained"
+
+
+def _fault_outcome(case: Case, d: Diagnosis) -> str:
+    (implant,) = case.implants
+    sensors = implant.hidden.place.sensors
+    right = KINDS[implant.hidden.kind].found_as
+    named = [f for f in d.faults if any(s in _names(f) for s in sensors)]
+    others = [f for f in d.faults if f not in named]
+    covered = {s for f in named if f.kind in right for s in _names(f)}
+    if set(sensors) <= covered:
+        return "beside" if d.findings or others else "right"
+    if named and not others and not d.findings:
+        return "twin"  # the right sensor, another fault
+    if d.findings or d.faults:
+        return "wrong"
+    return "not noticed" if d.verdict == NOTHING else "unexplained"
+
+
+def _names(fault: Fault) -> set[str]:
+    return {fault.sensor, getattr(fault, "other", "")}
+
+
+def _floor(case: Case, d: Diagnosis) -> float:
+    """Return the amplitude's error that noise and mesh leave to a right model [dB]."""
+    mask = d.problem.data.mask
+    frf = case.measurement.frf
+    noise = log_ratio(frf.H, case.exact)
+    if mask.shape == noise.shape:
+        noise = np.where(mask, noise, complex("nan"))
+    return float(np.hypot(rms_db(noise), d.discretisation_db))
+
+
+def _paired(
+    case: Case, findings: Sequence[Finding], hit: Sequence[Sequence[Implant]]
+) -> list[tuple[Finding, Implant]]:
+    """Return each finding with the implant that it is compared with, so that all errors together are least.
+
+    Two implants of one kind may both be what a finding names, where they are near each other.
+    """
+    cost = np.full((len(findings), len(case.implants)), np.inf)
+    for k, (f, matched) in enumerate(zip(findings, hit, strict=True)):
+        for n, i in enumerate(case.implants):
+            if i in matched:
+                cost[k, n] = sum(e["error"] for e in parameter_errors(case, i, f.parameters))
+    large = 1.0 + 2 * cost[np.isfinite(cost)].sum()
+    pairs = linear_sum_assignment(np.where(np.isfinite(cost), cost, large))
+    return [(findings[k], case.implants[n]) for k, n in zip(*pairs, strict=True) if np.isfinite(cost[k, n])]
+
+
+def parameter_errors(case: Case, implant: Implant, parameters: Sequence[Any]) -> list[Record]:
+    """Compare the parameters of a found effect with the truth, where both have one of the same name.
+
+    The error is relative; that of a position is in parts of the member's length.
+    """
+    truth = implant.hidden.values(implant.amplitude)
+    out = []
+    for p in parameters:
+        if p.name not in truth:
+            continue
+        scale = abs(truth[p.name])
+        if p.name == "position" and implant.hidden.place.member is not None:
+            scale = case.draft.frame.members[implant.hidden.place.member].length
+        difference = float(p.value - truth[p.name])
+        out.append(
+            {
+                "kind": implant.hidden.kind,
+                "parameter": p.name,
+                "truth": truth[p.name],
+                "value": float(p.value),
+                "std": float(p.std),
+                "error": abs(difference) / scale,
+                "covered": bool(abs(difference) <= 1.96 * p.std),
+            }
+        )
+    return out
+
+
+def _implant(i: Implant) -> Record:
+    return {
+        "kind": i.hidden.kind,
+        "where": i.hidden.place.words,
+        "amplitude": i.amplitude,
+        "visible_db": None if np.isnan(i.visible_db) else i.visible_db,
+        "values": i.hidden.values(i.amplitude),
+    }
+
+
+def _finding(f: Finding) -> Record:
+    return {
+        "kind": f.effect.kind,
+        "where": f.effect.where,
+        "parameters": [{"name": p.name, "value": float(p.value), "std": float(p.std)} for p in f.parameters],
+        "twins": [f"{t.kind} at {t.where}" for t in f.twins],
+    }

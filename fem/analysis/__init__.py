@@ -1,0 +1,1 @@
+"""Analyses of an assembled system: statics, modes, frequency responses, buckling and derivatives."""

@@ -1,0 +1,164 @@
+"""Linear buckling: by which factor may a static load grow before a structure gives way.
+
+(K + λ K_G) φ = 0 with K_G the geometric stiffness of the load's section forces. Linear means that these grow
+with the load and that the structure hardly moves before it buckles.
+"""
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from fem.analysis.buckling_limits import limits
+from fem.analysis.modes import DENSE_LIMIT
+from fem.analysis.statics import StaticSolution, factor_held, prestressed, solve_static
+from fem.model import Model, ModelError
+from fem.system import System, assemble, sum_contributions
+
+SIGNS = ("positive", "negative", "both")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BucklingModes:
+    """Load factors and buckling shapes.
+
+    Attributes
+    ----------
+    factors : ndarray (n,)
+        λ: the load times λ makes the structure buckle; the smallest in size come first [-].
+    shapes : ndarray (n_dof, n)
+        φ, with a largest displacement of 1, rotations in rad per that.
+    model : Model
+        With the geometric stiffness at λ = 1, the effect ``"prestress"``.
+    """
+
+    factors: NDArray[np.float64]
+    shapes: NDArray[np.float64]
+    model: Model
+
+    def loaded(self, factor: float) -> Model:
+        """Return the model under the load times a factor: its modes reach 0 Hz at a load factor."""
+        return self.model.with_values({("prestress", "factor"): factor})
+
+
+def solve_buckling(
+    model: Model | System,
+    loads: StaticSolution | Any,
+    n: int = 5,
+    *,
+    case: int | str = 0,
+    sign: str = "positive",
+) -> BucklingModes:
+    """Compute load factors and buckling shapes.
+
+    -K_G φ = μ K φ with μ = 1/λ, so that the factors nearest to 0 are the largest eigenvalues. A factor that
+    comes several times is found as often. Loads keep their directions; moments at points are semitangential
+    (see :func:`fem.analysis.statics.prestressed`).
+
+    Warns where something that is left out may change the lowest factor by more than 1 %: a shear centre off
+    the centroid, warping stiffness, displacements before buckling, reduced parts.
+
+    Parameters
+    ----------
+    model : Model or System
+    loads : StaticSolution, or what `solve_static` takes
+        The load that grows.
+    n : int
+        Number of factors.
+    case : int or str
+        Load case of it.
+    sign : str
+        ``"positive"`` for the load as it is, ``"negative"`` for the opposite, or ``"both"``.
+
+    Returns
+    -------
+    BucklingModes
+        Fewer than n, or none, where the load pulls more than it pushes.
+
+    Raises
+    ------
+    ModelError
+        For a structure that is not held, a load without section forces that act on its motions, or an
+        unknown sign.
+    """
+    if sign not in SIGNS:
+        msg = f"the sign is '{sign}'; allowed are {', '.join(SIGNS)}"
+        raise ModelError(msg)
+    if n < 1:
+        msg = f"{n} load factors are asked for; at least 1 is needed"
+        raise ModelError(msg)
+    system = model if isinstance(model, System) else assemble(model)
+    solution = loads if isinstance(loads, StaticSolution) else solve_static(system, loads)
+    loaded = prestressed(system.model, solution, case)
+    full = sum_contributions(loaded.effect("prestress").contribute(loaded), loaded.n_dof)[0]
+    K_G = sp.csc_array(system.Q.T @ full @ system.Q)
+    if not K_G.count_nonzero():
+        msg = "the load gives no member a section force that works on a motion it can make: nothing buckles"
+        raise ModelError(msg)
+    mu, vectors = _largest(system, -K_G, n, sign)
+    shapes = np.asarray(system.Q @ vectors)
+    points = shapes[: 6 * loaded.mesh.n_points].reshape(loaded.mesh.n_points, 6, len(mu))
+    moved = abs(points[:, :3]).max(axis=(0, 1))
+    modes = BucklingModes(1 / mu, shapes / np.maximum(moved, 1e-300), loaded)
+    if mu.size:
+        column = solution.case(case) if isinstance(case, str) else case
+        for message in limits(loaded, solution, column, float(modes.factors[0]), modes.shapes[:, 0]):
+            warnings.warn(message, stacklevel=2)
+    return modes
+
+
+def _largest(
+    system: System, A: sp.csc_array, n: int, sign: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the eigenvalues of A x = μ K x of a sign that are largest in size, and their vectors."""
+    factor = factor_held(system)
+    n_free = system.n_free
+    if n_free <= DENSE_LIMIT or 2 * n > n_free // 3:
+        K = system.K.toarray()
+        scale = 1 / np.sqrt(K.diagonal())
+        outer = np.outer(scale, scale)
+        mu, vectors = sla.eigh(outer * A.toarray(), outer * K)
+        return _sorted(mu, scale[:, None] * vectors, n, sign)
+    which = {"positive": "LA", "negative": "SA", "both": "LM"}[sign]
+    random = np.random.default_rng(0)
+    mu, vectors = np.zeros(0), np.zeros((n_free, 0))
+    while True:
+        # Lanczos sees one of each set of equal factors. With those found taken out, ask again for the rest.
+        taken = np.asarray(system.K @ vectors)
+
+        def deflated(
+            x: NDArray[np.float64], taken: NDArray[np.float64] = taken, mu: NDArray[np.float64] = mu
+        ) -> NDArray[np.float64]:
+            return A @ x - taken @ (mu * (taken.T @ x))
+
+        more, found = eigsh(
+            LinearOperator(A.shape, matvec=deflated, dtype=float),
+            k=n if not mu.size else min(n, 2),
+            M=system.K,
+            Minv=LinearOperator(A.shape, matvec=factor.solve, dtype=float),
+            which=which,
+            v0=random.standard_normal(n_free),
+            tol=1e-12,
+        )
+        more, found = _sorted(more, found, n_free, sign)
+        known = _sorted(mu, vectors, n, sign)[0]
+        if not more.size or (known.size == n and abs(more[0]) < abs(known[-1]) * (1 - 1e-9)):
+            return _sorted(mu, vectors, n, sign)
+        mu, vectors = np.concatenate([mu, more]), np.hstack([vectors, found])
+
+
+def _sorted(
+    mu: NDArray[np.float64], vectors: NDArray[np.float64], n: int, sign: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the n largest in size that have the sign and are more than rounding."""
+    if not mu.size:
+        return mu, vectors
+    wanted = {"positive": mu > 0, "negative": mu < 0, "both": mu != 0}[sign]
+    order = np.argsort(-abs(mu), kind="stable")
+    order = order[wanted[order] & (abs(mu[order]) > 1e-10 * abs(mu).max())][:n]
+    return mu[order], vectors[:, order]

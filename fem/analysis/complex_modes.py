@@ -1,0 +1,470 @@
+"""Complex modes of systems whose damping is not proportional: (K̂ + sĈ + s²M) x = 0, time dependence e^{st}.
+
+K̂ = K (1 + iη) + iD with the structure's loss factor η, Ĉ = C + αM + βK and what gives modal ratios. The
+problem is projected on a basis of real modes, solved there, and its residual in the whole system, brought
+back by the shifted stiffness, makes the basis larger until every pole's residual is small (Davidson's
+method). Elements that depend on frequency have their stiffness at each mode's own damped frequency.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.csgraph import connected_components
+
+from fem.analysis.frf import FRF, FRFError, FRFKind, Selection, dof_vectors
+from fem.analysis.modes import Eigenpairs, Modes, rigid_body_motions, solve_eigenpairs
+from fem.analysis.receptance import locals_of
+from fem.linalg.solvers import Factor, factorise
+from fem.model import Model, ModelError
+from fem.system import System, law_change, refuse_unsymmetric
+
+DENSE_LIMIT = 120
+"""Systems of at most this many coordinates are solved as they are, unless an element has a law."""
+
+TOLERANCE = 1e-8
+"""Residual of a pole, relative; the error of s is of its square."""
+
+_LAW_ROUNDS = 60
+_MATCH = 1e-9
+_EQUAL = 1e-7
+"""Relative distance below which poles count as equal."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComplexModes:
+    """Poles and complex shapes, the slowest first; rigid-body modes apart.
+
+    Shapes have modal A = xᵀ(2sM + Ĉ)x = 2i Im(s), so that those of light or proportional damping are the real
+    ones with φᵀMφ = 1; overdamped ones, whose poles are real, have |modal A| = 2|s| and are real where K̂ is.
+    Poles at 0, of a body that drifts in dampers, have xᵀMx = 1.
+
+    Attributes
+    ----------
+    poles : ndarray of complex (n_modes,)
+        s, with Im s ≥ 0 [rad/s].
+    shapes : ndarray of complex (n_dof, n_modes)
+        x [1/√kg, rad/(m √kg)].
+    modal_a : ndarray of complex (n_modes,)
+        xᵀ(2sM + Ĉ)x [rad/s].
+    residual : ndarray (n_modes,)
+        ‖Z(s)x‖ in the norm of the flexibility, relative to ‖x‖ in that of the stiffness [-].
+    partners : ndarray of complex (n_partners,)
+        Poles with Im s < 0: the conjugates where K̂ is real [rad/s].
+    partner_shapes : ndarray of complex (n_dof, n_partners)
+    partner_a : ndarray of complex (n_partners,)
+    rigid : ndarray (n_dof, n_rigid)
+        Rigid-body motions that nothing resists or damps, φᵀMφ = I; s = 0 twice, which has no modal A.
+    converged : bool
+        Whether all residuals are below `TOLERANCE`.
+    model : Model
+    """
+
+    poles: NDArray[np.complex128]
+    shapes: NDArray[np.complex128]
+    modal_a: NDArray[np.complex128]
+    residual: NDArray[np.float64]
+    partners: NDArray[np.complex128]
+    partner_shapes: NDArray[np.complex128]
+    partner_a: NDArray[np.complex128]
+    rigid: NDArray[np.float64]
+    converged: bool
+    model: Model
+
+    @property
+    def n_modes(self) -> int:
+        """Number of modes, without rigid-body ones."""
+        return self.poles.size
+
+    @property
+    def modal_b(self) -> NDArray[np.complex128]:
+        """Modal B = -s · modal A, shape (n_modes,) [rad²/s²]."""
+        return -self.poles * self.modal_a
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """|s|/2π, shape (n_modes,) [Hz]."""
+        return np.abs(self.poles) / (2 * np.pi)
+
+    @property
+    def damped_frequency(self) -> NDArray[np.float64]:
+        """Im s/2π, shape (n_modes,); 0 for overdamped modes [Hz]."""
+        return np.imag(self.poles) / (2 * np.pi)
+
+    @property
+    def zeta(self) -> NDArray[np.float64]:
+        """Damping ratio -Re s/|s|, shape (n_modes,) [-]."""
+        return -np.real(self.poles) / np.maximum(np.abs(self.poles), 1e-300)
+
+    @property
+    def overdamped(self) -> NDArray[np.bool_]:
+        """Whether a pole is real, so that its mode creeps and does not oscillate, shape (n_modes,)."""
+        return np.imag(self.poles) == 0
+
+    def as_modes(self) -> Modes:
+        """Return rigid-body and oscillating modes for pictures, MAC and files."""
+        keep = ~self.overdamped
+        shapes = np.hstack([self.rigid.astype(complex), self.shapes[:, keep]])
+        none = np.zeros(self.rigid.shape[1])
+        return Modes(
+            np.concatenate([none, self.frequency[keep]]),
+            shapes,
+            np.concatenate([none, self.zeta[keep]]),
+            n_rigid=self.rigid.shape[1],
+        )
+
+    def frf(
+        self,
+        frequency: ArrayLike,
+        outputs: Selection,
+        inputs: Selection,
+        kind: FRFKind | str = FRFKind.ACCELERANCE,
+    ) -> FRF:
+        """Superpose the modes: H = Σ x xᵀ / (a (iω - s)) of poles and partners, -φφᵀ/ω² of rigid ones.
+
+        It lacks the modes that were not asked for.
+
+        Raises
+        ------
+        FRFError
+            For elements that depend on frequency, whose modes do not superpose, and 0 Hz of a free structure.
+        """
+        if any(c.law is not None for c in self.model.contributions()):
+            msg = "modes of elements that depend on frequency do not superpose; use compute_frf"
+            raise FRFError(msg)
+        lines = np.array(frequency, dtype=float, ndmin=1)
+        out, out_labels = dof_vectors(self.model, outputs)
+        inn, in_labels = dof_vectors(self.model, inputs)
+        omega = 2 * np.pi * lines[:, None]
+        if self.rigid.shape[1] and (lines == 0).any():
+            msg = "the receptance is infinite at 0 Hz: nothing holds the structure"
+            raise FRFError(msg)
+        H = np.zeros((lines.size, out.shape[1], inn.shape[1]), dtype=complex)
+        for poles, x, a in (
+            (self.poles, self.shapes, self.modal_a),
+            (self.partners, self.partner_shapes, self.partner_a),
+        ):
+            H += np.einsum(
+                "or,fr,ri->foi", out.T @ x, 1 / (a * (1j * omega - poles)), x.T @ inn, optimize=True
+            )
+        if self.rigid.shape[1]:
+            H += -((out.T @ self.rigid) @ (self.rigid.T @ inn)) / omega[:, :, None] ** 2
+        return FRF.from_arrays(lines, H, FRFKind.RECEPTANCE, out_labels, in_labels).as_kind(kind)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """The quadratic problem on the independent coordinates, and what measures its residuals."""
+
+    system: System
+    K: Any
+    C: Any
+    ratios: NDArray[np.float64]  # (n_free, k): modal ratios add ratios ratiosᵀ to C
+    factor: Factor  # of G = K - σM
+    G: Any
+    rigid: NDArray[np.float64]  # (n_free, n_rigid), M-orthonormal
+    real: bool
+    scale: float  # of the first elastic mode [rad/s]
+
+    def stiffness(self, s: complex) -> Any:
+        """Return K̂ with laws at the damped frequency of s."""
+        K = self.K
+        for law, X in self.system.laws:
+            K = K + law_change(law, np.array([abs(np.imag(s))]))[0] * X
+        return K
+
+    def damped(self, X: NDArray[Any]) -> NDArray[Any]:
+        return self.C @ X + self.ratios @ (self.ratios.T @ X)
+
+    def residual(self, s: complex, x: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], float]:
+        """Return G⁻¹ Z(s) x and its size relative to x, both in the norm of G."""
+        z = self.stiffness(s) @ x + s * self.damped(x) + s**2 * (self.system.M @ x)
+        z = z - (self.system.M @ self.rigid) @ (self.rigid.T @ z)
+        w = self.factor.solve(np.column_stack([np.real(z), np.imag(z)]))
+        size = np.sqrt(max(float(np.vdot(w, np.column_stack([np.real(z), np.imag(z)]))), 0.0))
+        return w[:, 0] + 1j * w[:, 1], size / np.sqrt(float(np.real(np.vdot(x, self.G @ x))))
+
+    def modal_a(self, s: complex, x: NDArray[np.complex128]) -> complex:
+        return complex(x @ (2 * s * (self.system.M @ x) + self.damped(x)))
+
+
+def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
+    """Compute the n modes of smallest |s| with all damping of a model.
+
+    Parameters
+    ----------
+    system : System
+    n : int
+        Number of modes beside rigid-body ones; overdamped ones count.
+
+    Returns
+    -------
+    ComplexModes
+        With residuals, and whether they are below 1e-8.
+
+    Raises
+    ------
+    ModelError
+        For n below 1, for mechanisms, and for effects that are not reciprocal.
+    UnstableError
+        For a structure with a motion of negative stiffness.
+    """
+    if n < 1:
+        msg = f"{n} modes are asked for; at least 1 is needed"
+        raise ModelError(msg)
+    refuse_unsymmetric(system.model)
+    all_rigid = system.rigid.shape[1]
+    pairs = solve_eigenpairs(system, min(system.n_free, all_rigid + n + max(10, n // 2)))
+    problem = _problem(system, pairs)
+    V = _start(problem, pairs)
+    while True:
+        upper, lower = _projected(problem, V, n)
+        found, new, worst = [], [], []
+        for s, y in (*upper, *lower):
+            x = V @ y
+            w, size = problem.residual(s, x)
+            found.append((s, x))
+            worst.append(size)
+            if size > TOLERANCE:
+                new += [np.real(w), np.imag(w)]
+        if not new or V.shape[1] >= system.n_free - problem.rigid.shape[1]:
+            break
+        grown = _grown(problem, V, np.column_stack(new))
+        if grown.shape[1] == V.shape[1] or V.shape[1] > 30 * (n + 10):
+            break
+        V = grown
+    return _result(problem, found, np.array(worst), len(upper))
+
+
+def _problem(system: System, pairs: Eigenpairs) -> _Problem:
+    damping = system.model.damping
+    D = system.D + damping.loss_factor * system.K
+    K = system.K + 1j * D if D.nnz and abs(D).max() > 0 else system.K
+    C = sp.csc_array(system.C + damping.alpha * system.M + damping.beta * system.K)
+    omega = np.sqrt(pairs.eigenvalues)
+    zeta = damping.ratio_at(omega / (2 * np.pi))
+    # 2ζω on each real mode: C gains MΦ diag(2ζω) ΦᵀM
+    ratios = np.zeros((system.n_free, 0))
+    if zeta.any():
+        ratios = np.asarray(system.M @ pairs.vectors) * np.sqrt(2 * zeta * omega)
+    shift = -0.1 * float(pairs.eigenvalues[pairs.n_rigid]) if len(omega) > pairs.n_rigid else pairs.shift
+    shift = min(shift, -1e-8 * abs(pairs.shift))
+    G = sp.csc_array(system.K - shift * system.M)
+    rigid = rigid_body_motions(system)
+    if rigid.shape[1]:
+        # a rigid motion that a damper resists is a mode like others
+        resisted = np.asarray(abs(C - damping.beta * system.K) @ abs(rigid))
+        force = np.abs(C @ rigid - damping.beta * (system.K @ rigid))
+        slack = 1e-9 * np.maximum(resisted.max(), 1e-300)
+        if (force > slack).any():
+            _, sv, Vt = np.linalg.svd(np.asarray(C @ rigid), full_matrices=True)
+            rank = int((sv > 1e-9 * sv.max()).sum())
+            rigid = rigid @ Vt[rank:].T
+    real = not np.iscomplexobj(K) and not system.laws
+    return _Problem(system, K, C, ratios, factorise(G), G, rigid, real, np.sqrt(10 * abs(shift)))
+
+
+def _start(problem: _Problem, pairs: Eigenpairs) -> NDArray[np.float64]:
+    """Return real modes and the responses to the forces of local dampers, or everything of a small system.
+
+    Without these responses a mode that creeps in one damper would hide behind faster ones of the basis.
+    """
+    n = problem.system.n_free
+    whole = np.zeros((n, 0))
+    if n <= DENSE_LIMIT and not problem.system.laws:
+        return _grown(problem, whole, np.eye(n) / np.sqrt(problem.G.diagonal()))
+    V = _grown(problem, whole, pairs.vectors)
+    forces = locals_of(problem.system).U.toarray()
+    for _ in range(2):
+        if forces.shape[1]:
+            response = problem.factor.solve(forces)
+            V = _grown(problem, V, response)
+            forces = np.asarray(problem.system.M @ response)
+    return V
+
+
+def _grown(problem: _Problem, V: NDArray[np.float64], new: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return V with new vectors, G-orthonormal and M-orthogonal to rigid-body modes."""
+    M, G, R = problem.system.M, problem.G, problem.rigid
+
+    def size(X: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, G @ X), 0.0))
+
+    for _ in range(2):
+        new = new / np.maximum(size(new), 1e-300)
+        new = new - R @ (R.T @ (M @ new))
+        new = new - V @ (V.T @ (G @ new))
+    kept = size(new) > 1e-12
+    new = new[:, kept] / size(new[:, kept])
+    values, vectors = np.linalg.eigh(new.T @ (G @ new))
+    keep = values > 1e-12 * max(float(values.max(initial=0.0)), 1e-300)
+    new = new @ (vectors[:, keep] / np.sqrt(values[keep]))
+    new = new - V @ (V.T @ (G @ new))
+    if not new.shape[1]:
+        return V
+    L = np.linalg.cholesky(new.T @ (G @ new))
+    return np.hstack([V, np.linalg.solve(L, new.T).T])
+
+
+Root = tuple[complex, NDArray[np.complex128]]
+
+
+def _projected(problem: _Problem, V: NDArray[np.float64], n: int) -> tuple[list[Root], list[Root]]:
+    """Return the n slowest roots on a basis with Im s ≥ 0, and their partners below."""
+    M, K, C = V.T @ (problem.system.M @ V), V.T @ (problem.K @ V), V.T @ problem.damped(V)
+    laws = [(law, V.T @ (X @ V)) for law, X in problem.system.laws]
+    s, Y = _roots(K, C, M, laws, 0.0)
+    upper, lower = _split(s)
+    if laws:
+        # more than n, as laws may change the order
+        roots = [_with_laws(K, C, M, laws, (complex(s[k]), Y[:, k])) for k in upper[: n + max(4, n // 2)]]
+        return sorted(_different(roots, M), key=lambda root: abs(root[0]))[:n], []
+    if problem.real:
+        lower = lower[:0]
+    elif upper.size > n:
+        lower = lower[np.abs(s[lower]) <= 1.01 * np.abs(s[upper[n - 1]])]
+    upper, lower = ([(complex(s[k]), Y[:, k]) for k in part] for part in (upper[:n], lower))
+    return upper, lower
+
+
+def _roots(
+    K: NDArray[Any],
+    C: NDArray[Any],
+    M: NDArray[Any],
+    laws: list[tuple[Any, NDArray[np.float64]]],
+    omega: float,
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return all finite roots of (K + sC + s²M) y = 0 and their vectors.
+
+    With s = σ + 1/μ, σ > 0 no root: (μ²P₀ + μP₁ + M) y = 0, P₀ = K + σC + σ²M, P₁ = C + 2σM. μ = 0 are the
+    infinite roots of directions without mass.
+    """
+    for law, X in laws:
+        K = K + law_change(law, np.array([omega]))[0] * X
+    m = len(K)
+    size = float(np.trace(M)) / m
+    shift = 0.3 / np.sqrt(max(size, 1e-300))  # in G's norm K is 1, and M about 1/ω²
+    P0, P1 = K + shift * C + shift**2 * M, C + 2 * shift * M
+    top = -np.linalg.solve(P0, np.hstack([P1, M / shift]))
+    # companion matrix of shift·μ, so that both halves of the vectors are of one size
+    A = np.block([[top[:, :m] * shift, top[:, m:] * shift**3], [np.eye(m), np.zeros((m, m))]])
+    mu, vectors = np.linalg.eig(A)
+    finite = np.abs(mu) > 1e-13 * np.abs(mu).max()
+    s = (shift + shift / mu[finite]).astype(complex)
+    s.imag[np.abs(s.imag) < 1e-8 * np.abs(s) + 1e-10 * shift] = 0.0  # real but for rounding
+    Y = vectors[:m, finite].astype(complex)
+    return s, Y / np.linalg.norm(Y, axis=0)
+
+
+def _split(s: NDArray[np.complex128]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the roots with Im s ≥ 0 and those below, the slowest first."""
+    order = np.argsort(np.abs(s), kind="stable")
+    above = s.imag >= 0
+    return order[above[order]], order[~above[order]]
+
+
+def _with_laws(
+    K: NDArray[Any],
+    C: NDArray[Any],
+    M: NDArray[Any],
+    laws: list[tuple[Any, NDArray[np.float64]]],
+    root: Root,
+) -> Root:
+    """Iterate a root until the laws are those of its own damped frequency."""
+    s, y = root
+    for _ in range(_LAW_ROUNDS):
+        values, Y = _roots(K, C, M, laws, abs(s.imag))
+        above = np.flatnonzero(values.imag >= 0)
+        # the same mode: most alike by mass, not farther than it must be
+        like = np.abs(Y[:, above].conj().T @ (M @ y)) ** 2
+        like /= np.maximum(np.real(np.einsum("ij,ij->j", Y[:, above].conj(), M @ Y[:, above])), 1e-300)
+        best = above[int(np.argmax(like / (1 + np.abs(values[above] - s) / abs(s))))]
+        done = abs(values[best] - s) < 1e-12 * abs(s)
+        s, y = complex(values[best]), Y[:, best]
+        if done:
+            break
+    return s, y
+
+
+def _different(roots: list[Root], M: NDArray[Any]) -> list[Root]:
+    """Return roots without those that came twice."""
+    out: list[Root] = []
+    for s, y in roots:
+        mass = np.sqrt(np.real(np.vdot(y, M @ y)))
+        twice = any(
+            abs(s - t) < _MATCH * abs(s)
+            and abs(np.vdot(y, M @ z)) > 0.99 * mass * np.sqrt(np.real(np.vdot(z, M @ z)))
+            for t, z in out
+        )
+        if not twice:
+            out.append((s, y))
+    return out
+
+
+def _separated(problem: _Problem, roots: list[Root]) -> list[Root]:
+    """Return roots whose vectors are orthogonal in modal A also where poles are equal.
+
+    With A_jk = x_jᵀ (2sM + Ĉ) x_k of a set of equal poles, X A^(-1/2) has the unit matrix.
+    """
+    s = np.array([root[0] for root in roots])
+    if not s.size:
+        return []
+    near = np.abs(s[:, None] - s) < _EQUAL * np.maximum(np.abs(s), problem.scale)[:, None]
+    n_sets, label = connected_components(sp.csr_array(near), directed=False)
+    out = list(roots)
+    for k in range(n_sets):
+        members = np.flatnonzero(label == k)
+        if members.size == 1:
+            continue
+        X = np.column_stack([roots[i][1] for i in members])
+        A = X.T @ (2 * s[members].mean() * (problem.system.M @ X) + problem.damped(X))
+        values, T = np.linalg.eig((A + A.T) / 2)
+        X = X @ (T @ np.diag(1 / np.sqrt(values.astype(complex))) @ np.linalg.inv(T))
+        for i, x in zip(members, X.T, strict=True):
+            out[i] = (roots[i][0], x)
+    return out
+
+
+def _result(
+    problem: _Problem, found: list[Root], residual: NDArray[np.float64], n_upper: int
+) -> ComplexModes:
+    Q = problem.system.Q
+
+    def scaled(roots: list[Root]) -> tuple[Any, Any, Any]:
+        poles, shapes, modal = [], [], []
+        for s, x in _separated(problem, roots):
+            a = problem.modal_a(s, x)
+            wanted = complex(2j * s.imag if s.imag else 2 * abs(s) * (1.0 if np.real(a) >= 0 else -1.0))
+            if abs(wanted) < 1e-9 * abs(a) / abs(x @ (problem.system.M @ x)):
+                wanted = a / (x @ (problem.system.M @ x))  # it drifts: s = 0
+            x = np.sqrt(wanted / a + 0j) * x
+            if np.real(x[np.argmax(np.abs(x))]) < 0:
+                x = -x
+            poles.append(s)
+            shapes.append(x)
+            modal.append(wanted)
+        columns = np.column_stack(shapes) if shapes else np.zeros((Q.shape[1], 0), dtype=complex)
+        return np.array(poles, dtype=complex), np.asarray(Q @ columns), np.array(modal, dtype=complex)
+
+    poles, shapes, modal = scaled(found[:n_upper])
+    if problem.real or problem.system.laws:
+        below = poles.imag > 0
+        partners, partner_shapes, partner_a = (
+            np.conj(X) for X in (poles[below], shapes[:, below], modal[below])
+        )
+    else:
+        partners, partner_shapes, partner_a = scaled(found[n_upper:])
+    return ComplexModes(
+        poles=poles,
+        shapes=shapes,
+        modal_a=modal,
+        residual=residual[:n_upper],
+        partners=partners,
+        partner_shapes=partner_shapes,
+        partner_a=partner_a,
+        rigid=np.asarray(Q @ problem.rigid),
+        converged=bool((residual <= TOLERANCE).all()),
+        model=problem.system.model,
+    )

@@ -1,0 +1,637 @@
+"""Frequency response functions: one type for measured and computed data, and how a system gives them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from fem.analysis.basis import Complement, complement, extended
+from fem.analysis.modes import solve_eigenpairs
+from fem.analysis.receptance import (
+    Locals,
+    Superposition,
+    locals_of,
+    modes_below,
+    nearly_static,
+    receptance,
+    receptance_blocks,
+    response_sizes,
+    sharpened,
+    static_residual,
+    superpose,
+)
+from fem.linalg.solvers import SingularMatrixError, factorise
+from fem.model import DIRECTIONS, Model, ModelError
+from fem.system import System, refuse_motionless
+
+Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
+"""DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
+
+METHODS = ("auto", "modal", "reduced", "direct")
+"""What ``compute_frf`` may be asked for."""
+
+_MARGIN = 1.25
+"""Modes are taken up to this multiple of the highest frequency."""
+
+_STEPS = 12
+"""Blocks of Krylov vectors that are tried before a wider range of modes."""
+
+_RESERVE = 0.5
+"""The bound is brought below this part of the tolerance at the lines that are watched."""
+
+_WIDE_STEPS = 6
+"""Blocks of Krylov vectors where no bound is known."""
+
+_SMALL_LEVEL = 1e-3
+"""FRFs smaller than this part of what their places could give (zero by symmetry) are judged against it."""
+
+
+class FRFKind(StrEnum):
+    """Response per unit force: displacement, velocity or acceleration."""
+
+    RECEPTANCE = "receptance"
+    MOBILITY = "mobility"
+    ACCELERANCE = "accelerance"
+
+    @property
+    def derivatives(self) -> int:
+        """Number of time derivatives of the displacement: 0, 1 or 2."""
+        return ("receptance", "mobility", "accelerance").index(self.value)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of a translational FRF."""
+        return {"receptance": "m/N", "mobility": "(m/s)/N", "accelerance": "(m/s²)/N"}[self.value]
+
+
+class FRFError(ValueError):
+    """Frequency response data that cannot be used; the message says what was found and what is allowed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Accuracy:
+    """How FRFs were computed, and how far from the model's they are at most.
+
+    Attributes
+    ----------
+    method : str
+        ``"modal"``, ``"reduced"`` or ``"direct"``.
+    n_modes, n_vectors : int
+        Number of modes, and of all vectors, modes included; 0 for ``"direct"``.
+    bound : ndarray (n_freq, n_out, n_in) or None
+        A bound of the error of each value, but for rounding [unit of the FRF]. None where none is known: for
+        direct solutions, which have rounding alone, and with damping of whole members.
+    worst : float
+        The largest bound of an FRF relative to its peak over all lines of the computation [-]; NaN if
+        unknown.
+    tolerance : float
+        What was asked for [-].
+    """
+
+    method: str
+    n_modes: int
+    n_vectors: int
+    bound: NDArray[np.float64] | None
+    worst: float
+    tolerance: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether the error is known to be below the tolerance."""
+        return self.worst <= self.tolerance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FRF:
+    """Frequency response functions with labels; time dependence e^{+iωt}.
+
+    Attributes
+    ----------
+    frequency : ndarray (n_freq,)
+        Strictly increasing frequencies [Hz].
+    H : ndarray of complex (n_freq, n_out, n_in)
+        Response ``outputs[i]`` to a unit force at ``inputs[j]`` [SI unit of ``kind``].
+    kind : FRFKind
+        Receptance, mobility or accelerance.
+    outputs, inputs : tuple of str
+        Labels of the responses and of the forces, such as ``"U1z"`` or ``"12Z+"``.
+    accuracy : Accuracy or None
+        For computed data: the method, and a bound of the error.
+    """
+
+    frequency: NDArray[np.float64]
+    H: NDArray[np.complex128]
+    kind: FRFKind
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    accuracy: Accuracy | None = None
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frequency: ArrayLike,
+        H: ArrayLike,
+        kind: FRFKind | str = FRFKind.ACCELERANCE,
+        outputs: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
+    ) -> "FRF":
+        """Build an FRF from bare arrays, checking them.
+
+        ``H`` (n_freq, n_out) has the responses to one force, ``H`` (n_freq,) one response to one force.
+
+        Raises
+        ------
+        FRFError
+            For shapes that do not fit, frequencies that do not increase or are negative, values that are not
+            finite, labels given twice, or an unknown kind.
+        """
+        try:
+            kind = FRFKind(kind)
+        except ValueError:
+            msg = f"the FRF kind is '{kind}'; allowed are {', '.join(FRFKind)}"
+            raise FRFError(msg) from None
+        if np.iscomplexobj(frequency):
+            msg = f"the frequencies, of shape {np.shape(frequency)}, are complex; are they the FRFs?"
+            raise FRFError(msg)
+        frequency = np.array(frequency, dtype=float, ndmin=1)
+        H = np.array(H, dtype=complex)
+        if not 1 <= H.ndim <= 3 or H.shape[0] != frequency.size or frequency.ndim != 1:
+            msg = (
+                f"H has shape {H.shape} for {frequency.size} frequencies; (n_freq, n_out, n_in) is expected, "
+                "(n_freq, n_out) for one force, or (n_freq,) for one response to one force"
+            )
+            raise FRFError(msg)
+        H = H.reshape(*H.shape, *(1,) * (3 - H.ndim))
+        outputs = tuple(outputs) if outputs is not None else tuple(f"out{i + 1}" for i in range(H.shape[1]))
+        inputs = tuple(inputs) if inputs is not None else tuple(f"in{i + 1}" for i in range(H.shape[2]))
+        for word, names, n in (("output", outputs, H.shape[1]), ("input", inputs, H.shape[2])):
+            if len(names) != n:
+                msg = f"{len(names)} {word} labels are given for {n} {word}s"
+                raise FRFError(msg)
+            if len(set(names)) != n:
+                twice = next(name for name in names if names.count(name) > 1)
+                msg = f"the {word} label '{twice}' occurs twice; labels must differ"
+                raise FRFError(msg)
+        if not np.isfinite(frequency).all() or (frequency < 0).any():
+            msg = "frequencies must be finite and not negative [Hz]"
+            raise FRFError(msg)
+        if (np.diff(frequency) <= 0).any():
+            k = int(np.flatnonzero(np.diff(frequency) <= 0)[0])
+            msg = (
+                f"frequencies must increase strictly; line {k + 1} has {frequency[k + 1]:g} Hz "
+                f"after {frequency[k]:g} Hz"
+            )
+            raise FRFError(msg)
+        if not np.isfinite(H).all():
+            k, i, j = (int(v) for v in np.argwhere(~np.isfinite(H))[0])
+            n = int((~np.isfinite(H)).sum())
+            msg = (
+                f"{n} FRF value(s) are not finite numbers, the first at {frequency[k]:g} Hz, "
+                f"response '{outputs[i]}', force '{inputs[j]}'"
+            )
+            raise FRFError(msg)
+        frequency.flags.writeable = False
+        H.flags.writeable = False
+        return cls(frequency, H, kind, outputs, inputs)
+
+    @property
+    def n_freq(self) -> int:
+        """Number of frequency lines."""
+        return self.frequency.size
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        """Angular frequencies, shape (n_freq,) [rad/s]."""
+        return 2 * np.pi * self.frequency
+
+    def as_kind(self, kind: FRFKind | str) -> "FRF":
+        """Convert between receptance, mobility and accelerance by powers of iω.
+
+        Raises
+        ------
+        FRFError
+            If integration is asked for data with a line at 0 Hz, where it does not exist.
+        """
+        kind = FRFKind(kind)
+        power = kind.derivatives - self.kind.derivatives
+        if power == 0:
+            return self
+        if power < 0 and self.frequency[0] == 0:
+            msg = (
+                f"a line at 0 Hz cannot be converted from {self.kind} to {kind}; "
+                "leave it out with select(band=…)"
+            )
+            raise FRFError(msg)
+        accuracy = self.accuracy
+        if accuracy is not None and accuracy.bound is not None:
+            accuracy = replace(accuracy, bound=accuracy.bound * self.omega[:, None, None] ** power)
+        H = self.H * (1j * self.omega[:, None, None]) ** power
+        return replace(self, H=H, kind=kind, accuracy=accuracy)
+
+    def select(
+        self,
+        outputs: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
+        band: tuple[float, float] | None = None,
+        lines: ArrayLike | None = None,
+    ) -> "FRF":
+        """Return some of the responses, forces and lines, in the order asked for.
+
+        Parameters
+        ----------
+        outputs, inputs : sequence of str, optional
+            Labels to keep.
+        band : (float, float), optional
+            Lowest and highest frequency to keep [Hz].
+        lines : array_like of int or bool, optional
+            Lines to keep, as an index of ``frequency``; taken before ``band``.
+
+        Raises
+        ------
+        FRFError
+            For a label that is not there or a band without a line.
+        """
+
+        def index(word: str, have: tuple[str, ...], want: Sequence[str] | None) -> list[int]:
+            if want is None:
+                return list(range(len(have)))
+            for name in want:
+                if name not in have:
+                    msg = f"there is no {word} '{name}'; the data have {', '.join(have)}"
+                    raise FRFError(msg)
+            return [have.index(name) for name in want]
+
+        i, j = index("output", self.outputs, outputs), index("input", self.inputs, inputs)
+        keep = np.arange(self.n_freq) if lines is None else np.arange(self.n_freq)[np.asarray(lines)]
+        if band is not None:
+            keep = keep[(self.frequency[keep] >= band[0]) & (self.frequency[keep] <= band[1])]
+            if not keep.size:
+                msg = (
+                    f"no line lies in the band {band[0]:g} to {band[1]:g} Hz; the data cover "
+                    f"{self.frequency[0]:g} to {self.frequency[-1]:g} Hz"
+                )
+                raise FRFError(msg)
+        accuracy = self.accuracy
+        if accuracy is not None and accuracy.bound is not None:
+            accuracy = replace(accuracy, bound=accuracy.bound[keep][:, i][:, :, j])
+        return FRF(
+            self.frequency[keep],
+            self.H[keep][:, i][:, :, j],
+            self.kind,
+            tuple(self.outputs[k] for k in i),
+            tuple(self.inputs[k] for k in j),
+            accuracy,
+        )
+
+
+def compute_frf(
+    system: System,
+    frequency: ArrayLike,
+    outputs: Selection,
+    inputs: Selection,
+    kind: FRFKind | str = FRFKind.ACCELERANCE,
+    method: str = "auto",
+    *,
+    tolerance: float = 1e-5,
+    n_modes: int | None = None,
+) -> FRF:
+    """Compute frequency response functions.
+
+    - ``"reduced"`` projects the system on its modes up to 1.25 times the highest frequency and on
+      block-Krylov vectors of each input and of each motion that a local damper resists, as many as it takes
+      until a bound of the error meets the tolerance.
+    - ``"modal"`` superposes modes and adds the static flexibility of the others.
+    - ``"direct"`` factorises Z(ω) at every line; it takes all damping but modal ratios.
+      Only it takes matrices that are not symmetric; a modal ratio ζ is then the loss factor 2ζ at each line.
+    - ``"auto"`` is ``"reduced"``, or ``"direct"`` for one or two lines of a large system and for a small
+      system of which the bound does not meet the tolerance.
+
+    What was done and the bound are in ``accuracy`` of the result.
+
+    Parameters
+    ----------
+    system : System
+    frequency : array_like (n_freq,)
+        Frequencies [Hz].
+    outputs, inputs : selection
+        DOF numbers, (point, direction) pairs such as ``(3, "z")``, or rows of combinations (n, n_dof).
+    kind : FRFKind or str
+        Receptance, mobility or accelerance.
+    method : str
+        ``"auto"``, ``"modal"``, ``"reduced"`` or ``"direct"``.
+    tolerance : float
+        Error to be met, relative to the peak of each FRF over the lines [-].
+    n_modes : int, optional
+        Number of modes of ``"modal"``; those up to 1.25 times the highest frequency unless given.
+
+    Returns
+    -------
+    FRF
+        ``H`` has shape (n_freq, n_out, n_in).
+
+    Raises
+    ------
+    FRFError
+        For an unknown method, frequencies that cannot be used, 0 Hz on a free structure, or modal ratios
+        with ``"direct"``.
+    """
+    if method not in METHODS:
+        msg = f"the FRF method is '{method}'; allowed are {', '.join(METHODS)}"
+        raise FRFError(msg)
+    task, out_labels, in_labels = _task(system, frequency, outputs, inputs, kind, tolerance)
+    if not system.reciprocal:
+        if method not in ("auto", "direct"):
+            msg = (
+                f"the FRF method '{method}' needs symmetric matrices, and an effect of the model has others; "
+                "allowed are auto and direct"
+            )
+            raise FRFError(msg)
+        method = "direct"
+    # Where Z is symmetric so is H: forces and responses may change places.
+    swap = system.reciprocal and task.inputs.shape[1] > task.outputs.shape[1]
+    solved = replace(task, inputs=task.outputs, outputs=task.inputs) if swap else task
+    H, accuracy = _solved(solved, method, n_modes)
+    bound = accuracy.bound
+    if swap:
+        H = np.swapaxes(H, 1, 2)
+        bound = None if bound is None else np.swapaxes(bound, 1, 2)
+    _check_finite(task, H, task.frequency)
+    frf = FRF.from_arrays(task.frequency, H, FRFKind.RECEPTANCE, out_labels, in_labels)
+    return replace(frf, accuracy=replace(accuracy, bound=bound)).as_kind(kind)
+
+
+def frf_blocks(
+    system: System,
+    frequency: ArrayLike,
+    outputs: Selection,
+    inputs: Selection,
+    kind: FRFKind | str = FRFKind.ACCELERANCE,
+    *,
+    tolerance: float = 1e-5,
+    out: NDArray[Any] | None = None,
+) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
+    """Compute many FRFs a few lines at a time, for those that do not fit into memory together.
+
+    The method is ``"reduced"`` of :func:`compute_frf`.
+
+    Parameters
+    ----------
+    system : System
+    frequency, outputs, inputs, kind, tolerance
+        As for :func:`compute_frf`.
+    out : array of complex (n_freq, n_out, n_in), optional
+        Filled as the blocks come; a ``numpy.memmap`` for example.
+
+    Yields
+    ------
+    lines : slice
+        Lines of the block.
+    H : ndarray (n_lines, n_out, n_in)
+        Their FRFs: a part of ``out``, or without it an array that the next block overwrites.
+
+    Raises
+    ------
+    FRFError
+        As :func:`compute_frf`, and for an array of another shape or type.
+    """
+    if not system.reciprocal:
+        msg = "blocks of FRFs need symmetric matrices, and an effect of the model has others; use compute_frf"
+        raise FRFError(msg)
+    task, _, _ = _task(system, frequency, outputs, inputs, kind, tolerance)
+    shape = (task.frequency.size, task.outputs.shape[1], task.inputs.shape[1])
+    if out is not None and (out.shape != shape or out.dtype != complex):
+        msg = f"the array for the FRFs is {out.dtype} {out.shape}; complex128 {shape} is needed"
+        raise FRFError(msg)
+    s = _reduced(task, locals_of(system))
+    symmetric = shape[1] == shape[2] and bool((s.same == np.arange(shape[1])).all())
+    for lines, H in receptance_blocks(s, task.omega, task.kind.derivatives, symmetric, out):
+        _check_finite(task, H, task.frequency[lines])
+        yield lines, H
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """What is to be computed: forces and responses as sparse columns on the independent coordinates."""
+
+    system: System
+    frequency: NDArray[np.float64]
+    inputs: Any
+    outputs: Any
+    kind: FRFKind
+    tolerance: float
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        return 2 * np.pi * self.frequency
+
+    @property
+    def highest(self) -> float:
+        return max(float(self.frequency.max()), 1.0)
+
+    @property
+    def few(self) -> bool:
+        """Whether factorising at each line costs less than modes and vectors."""
+        return self.frequency.size <= 2 and self.system.n_free > 1000
+
+    @property
+    def small(self) -> bool:
+        """Whether factorising at each line costs little enough to be a last resort."""
+        return self.frequency.size * self.system.n_free <= 400_000
+
+    def sample(self, eigenvalues: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return lines at which the bound is watched: next to the modes, the last ones, and some between."""
+        n = self.frequency.size
+        order = np.argsort(self.omega)
+        near = np.searchsorted(self.omega[order], np.sqrt(eigenvalues[eigenvalues > 0]))
+        some = np.linspace(0, n - 1, min(n, 12)).astype(int)
+        return order[np.unique(np.clip(np.concatenate([near - 1, near, some]), 0, n - 1))]
+
+    def worst(
+        self,
+        s: Superposition,
+        omega: NDArray[np.float64],
+        H: NDArray[np.complex128],
+        bound: NDArray[np.float64] | None,
+    ) -> float:
+        """Return the largest bound of an FRF relative to its peak."""
+        if bound is None:
+            return np.nan
+        power = omega[:, None, None] ** self.kind.derivatives
+        peak, error = (np.abs(H) * power).max(axis=0), (bound * power).max(axis=0)
+        level = _SMALL_LEVEL * _possible(s, omega, self.kind.derivatives)
+        return float((error / np.maximum(np.maximum(peak, level), 1e-300)).max(initial=0.0))
+
+
+def _task(
+    system: System,
+    frequency: ArrayLike,
+    outputs: Selection,
+    inputs: Selection,
+    kind: FRFKind | str,
+    tolerance: float,
+) -> tuple[_Task, tuple[str, ...], tuple[str, ...]]:
+    """Return what is asked for, checked, and the labels of outputs and inputs."""
+    refuse_motionless(system)
+    out, out_labels = dof_columns(system.model, outputs)
+    inn, in_labels = dof_columns(system.model, inputs)
+    lines = np.array(frequency, dtype=float, ndmin=1)
+    if not lines.size or not np.isfinite(lines).all() or (lines < 0).any():
+        msg = "frequencies must be finite and not negative, and there must be one [Hz]"
+        raise FRFError(msg)
+    q_out, q_in = sp.csc_array(system.Q.T @ out), sp.csc_array(system.Q.T @ inn)
+    return _Task(system, lines, q_in, q_out, FRFKind(kind), tolerance), out_labels, in_labels
+
+
+def _check_finite(task: _Task, H: NDArray[np.complex128], frequency: NDArray[np.float64]) -> None:
+    # Rounding and local dampers may hold a free structure that nothing holds.
+    free = (frequency == 0).any() and task.system.rigid.shape[1] > 0
+    if free or not np.isfinite(H).all():
+        msg = "the receptance is infinite at a line: 0 Hz on a free structure, or an undamped resonance"
+        raise FRFError(msg)
+
+
+def _possible(s: Superposition, omega: NDArray[np.float64], derivatives: int) -> NDArray[np.float64]:
+    """Return how large FRFs between these places could be, (n_out, n_in): Schwarz, with 0.1 % of damping."""
+    parts = omega[:, None] ** 2 * s.mass + s.stiffness
+    size = np.maximum(np.abs(s.stiffness - omega[:, None] ** 2 * s.mass), 1e-3 * parts)
+    weight = omega[:, None] ** derivatives / np.maximum(size, 1e-300)
+    out, inn = (np.sqrt(weight @ X**2).max(axis=0) for X in (s.responses, s.loads[:, : s.n_in]))
+    return out[:, None] * inn
+
+
+def _solved(task: _Task, method: str, n_modes: int | None) -> tuple[NDArray[np.complex128], Accuracy]:
+    ratios = task.system.model.damping.ratio.any()
+    if method == "direct" or (method == "auto" and task.few and not ratios):
+        return _direct(task), Accuracy("direct", 0, 0, None, 0.0, task.tolerance)
+    local = locals_of(task.system)
+    s = _modal(task, local, n_modes) if method == "modal" else _reduced(task, local)
+    H, bound = receptance(s, task.omega)
+    worst = task.worst(s, task.omega, H, bound)
+    if method == "auto" and worst > task.tolerance and task.small and not ratios:
+        return _direct(task), Accuracy("direct", 0, 0, None, 0.0, task.tolerance)
+    kind = "modal" if method == "modal" or s.n_vectors == s.n_modes else "reduced"
+    return H, Accuracy(kind, s.n_modes, s.n_vectors, bound, worst, task.tolerance)
+
+
+def _modal(task: _Task, local: Locals, n_modes: int | None) -> Superposition:
+    system = task.system
+    if n_modes is None:
+        pairs, cut = modes_below(system, _MARGIN * task.highest)
+    else:
+        pairs = sharpened(system, solve_eigenpairs(system, n_modes, unstable=True))
+        cut = np.inf if n_modes >= system.n_free else float(pairs.eigenvalues[-1])
+        if cut <= 0:
+            msg = (
+                f"{n_modes} modes are asked for, and none of them oscillates: besides {pairs.n_rigid} of a "
+                "rigid body at least one is needed"
+            )
+            raise FRFError(msg)
+    loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
+    s = superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, None)
+    return static_residual(system, pairs, s, loads, task.outputs)
+
+
+def _reduced(task: _Task, local: Locals) -> Superposition:
+    """Return modes and as many Krylov vectors as the tolerance takes."""
+    system = task.system
+    loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
+    pairs, cut = modes_below(system, _MARGIN * task.highest)
+    pairs = nearly_static(system, pairs, cut)
+    sizes = response_sizes(system, pairs, task.outputs) if cut < np.inf else np.zeros(task.outputs.shape[1])
+
+    def on(more: Complement | None) -> Superposition:
+        return superpose(system, pairs, cut, local, task.inputs, task.outputs, loads, more, sizes)
+
+    if cut == np.inf or not loads.shape[1]:
+        return on(None)
+    more = complement(system, pairs, loads)
+    if local.wide:
+        for _ in range(_WIDE_STEPS - 1):
+            more = extended(system, pairs, more, loads)
+        return on(more)
+    omega = task.omega[task.sample(pairs.eigenvalues)]
+    x = (omega[-1] ** 2 - pairs.shift) / (cut - pairs.shift)
+    rate = (1 - np.sqrt(1 - x)) / (1 + np.sqrt(1 - x))
+    s, worst, step = on(more), np.inf, 1
+    while True:
+        # The bound falls by about this rate at each step (that of Lanczos' method), or faster.
+        missing = np.log(worst / (_RESERVE * task.tolerance)) / -np.log(rate) if worst < np.inf else 2
+        target = min(step + max(1, int(0.8 * missing)), _STEPS)
+        while step < target and not more.complete:
+            more, step = extended(system, pairs, more, loads), step + 1
+        s, previous = on(more), worst
+        worst = task.worst(s, omega, *receptance(s, omega))
+        done = worst <= _RESERVE * task.tolerance or more.complete or step == _STEPS
+        if done or worst > 0.5 * previous:
+            return s
+
+
+def dof_vectors(model: Model, selection: Selection) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Return a selection as columns (n_dof, n), and labels such as ``"3Z+"``.
+
+    Raises
+    ------
+    ModelError
+        For a point or a direction that the model does not have.
+    """
+    columns, labels = dof_columns(model, selection)
+    return columns.toarray(), labels
+
+
+def dof_columns(model: Model, selection: Selection) -> tuple[Any, tuple[str, ...]]:
+    """Return what :func:`dof_vectors` does, as sparse columns (n_dof, n)."""
+    if isinstance(selection, np.ndarray) and selection.ndim == 2:
+        if selection.shape[1] != model.n_dof:
+            msg = f"the selection has {selection.shape[1]} columns; the model has {model.n_dof} DOFs"
+            raise ModelError(msg)
+        rows = sp.csc_array(selection.T.astype(float))
+        return rows, tuple(f"row{i + 1}" for i in range(len(selection)))
+    dofs, labels = [], []
+    for item in selection:
+        if isinstance(item, tuple):
+            point, direction = item
+            if direction not in DIRECTIONS:
+                msg = f"'{direction}' is not a direction; allowed are {', '.join(DIRECTIONS)}"
+                raise ModelError(msg)
+            dof = 6 * int(point) + DIRECTIONS.index(direction)
+        else:
+            dof = int(item)
+        if not 0 <= dof < model.n_dof:
+            msg = (
+                f"DOF {dof} (point {dof // 6}) is not in the mesh, which has "
+                f"{model.mesh.n_points} points, counted from 0"
+            )
+            raise ModelError(msg)
+        dofs.append(dof)
+        labels.append(f"{dof // 6}{('X', 'Y', 'Z', 'RX', 'RY', 'RZ')[dof % 6]}+")
+    n = len(dofs)
+    columns = sp.coo_array((np.ones(n), (np.array(dofs, dtype=int), np.arange(n))), shape=(model.n_dof, n))
+    return columns.tocsc(), tuple(labels)
+
+
+def _direct(task: _Task) -> NDArray[np.complex128]:
+    """Return receptances (n_freq, n_out, n_in) by one factorisation for each line."""
+    system = task.system
+    damping = system.model.damping
+    if system.reciprocal and damping.ratio.any():
+        msg = (
+            "the direct method needs damping matrices; modal damping ratios have none (use method='reduced')"
+        )
+        raise FRFError(msg)
+    bi = task.inputs.toarray().astype(complex)
+    backend = None if system.reciprocal else "superlu"  # the one that does not rely on symmetry
+    H = np.empty((task.frequency.size, task.outputs.shape[1], bi.shape[1]), dtype=complex)
+    ratio = damping.ratio_at(task.frequency)
+    for k, omega in enumerate(task.omega):
+        Z = system.dynamic_stiffness(omega)
+        if ratio[k]:
+            Z = sp.csc_array(Z + 2j * ratio[k] * system.K)
+        try:
+            H[k] = task.outputs.T @ factorise(Z, backend=backend).solve(bi)
+        except SingularMatrixError:
+            H[k] = np.inf
+    return H

@@ -1,0 +1,1 @@
+"""Frame elements: their matrices, shape functions and geometric stiffness."""

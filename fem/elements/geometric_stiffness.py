@@ -1,0 +1,212 @@
+"""The geometric stiffness of beams under all six section forces.
+
+With the axis at r(x), sections turned by the rotation vector θ = (a, b, c), R = exp(θ×), and the strains
+Γ = Rᵀr' - e₁ and κ = axial(RᵀR') of the geometrically exact beam (Reissner, J. Appl. Math. Phys. 23, 1972,
+795-804; Simo, Comput. Methods Appl. Mech. Eng. 49, 1985, 55-70) the terms of second order are
+
+    Γ₂ = -θ × u' + θ × (θ × e₁) / 2,    κ₂ = -θ × θ' / 2,
+
+and the forces n = (N, Vy, Vz) and moments m = (T, My, Mz) of the static state do on them the work
+n·Γ₂ + m·κ₂ per length. As sections and nodes have rotation vectors, moments are semitangential: members that
+meet at an angle agree on the moment that they pass on (Argyris, Hilpert, Malejannakis and Scharpf, Comput.
+Methods Appl. Mech. Eng. 20, 1979, 105-131; Yang and Kuo, *Theory and Analysis of Nonlinear Framed
+Structures*, 1994, ch. 6).
+See docs/theory-fem.md for the derivation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.elements.frame import (
+    _SIGN,
+    _Y,
+    _Z,
+    _flexible,
+    _gauss,
+    _Lines,
+    _plane,
+    _some,
+    _to_global,
+)
+from fem.model import Array, lever_stiffness
+
+FORCE_NODES, _WEIGHTS = _gauss(4)
+"""Fractions of a stretch at which section forces are given: a cubic through them has the moments of a load
+that is linear along the stretch, and products with the squares of slopes are integrated exactly."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SectionForces:
+    """Section forces along a member, cubic within each of some stretches.
+
+    Attributes
+    ----------
+    start, stop : ndarray (p,)
+        Arc lengths from the member's first end at which the stretches begin and end, one after the other [m].
+    values : ndarray (p, 4, 6)
+        N, Vy, Vz, T, My and Mz at the fractions `FORCE_NODES` of each stretch [N, N·m].
+    """
+
+    start: NDArray[np.float64]
+    stop: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    @classmethod
+    def axial(cls, s: NDArray[np.float64], N: NDArray[np.float64]) -> "SectionForces":
+        """Return axial forces that are linear between places; one that is given twice is a jump."""
+        s, N = np.asarray(s, dtype=float), np.asarray(N, dtype=float)
+        if s.size == 1:
+            s, N = np.repeat(s, 2), np.repeat(N, 2)
+        k = np.flatnonzero((np.diff(s) > 0) | (s[-1] == s[0]))
+        values = np.zeros((k.size, 4, 6))
+        values[:, :, 0] = N[k, None] + FORCE_NODES * (N[k + 1] - N[k])[:, None]
+        return cls(s[k], s[k + 1], values)
+
+    def at(self, places: NDArray[np.float64], inside: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces at places of the stretches that other places lie in, shape (n, 6).
+
+        Beyond the first and last stretch they are those at its end.
+        """
+        k = np.clip(np.searchsorted(self.start, inside, side="right") - 1, 0, self.start.size - 1)
+        length = self.stop[k] - self.start[k]
+        x = np.clip(places, self.start[k], self.stop[k]) - self.start[k]
+        t = np.divide(x, length, out=np.full_like(x, 0.5), where=length > 0)
+        return np.einsum("nj,njc->nc", _lagrange(t), self.values[k])
+
+
+def _lagrange(t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the cubics that are 1 at one of `FORCE_NODES` and 0 at the others, shape (n, 4)."""
+    out = np.ones((t.size, 4))
+    for j, x in enumerate(FORCE_NODES):
+        for y in np.delete(FORCE_NODES, j):
+            out[:, j] *= (t - y) / (x - y)
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Section forces at points of quadrature along the axes of some lines.
+
+    Attributes
+    ----------
+    line : ndarray of int (m,)
+        Which of the lines each is on.
+    xi : ndarray (m,)
+        Fraction of the axis, rigid zones included.
+    weight : ndarray (m,)
+        Length that it stands for [m].
+    forces : ndarray (m, 6)
+        N, Vy, Vz, T, My and Mz [N, N·m].
+    ends : ndarray (b, 2, 6)
+        The forces at both ends of the b lines.
+    """
+
+    line: NDArray[np.int64]
+    xi: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    forces: NDArray[np.float64]
+    ends: NDArray[np.float64]
+
+
+def sample(g: _Lines, s: NDArray[np.float64], forces: SectionForces) -> Samples:
+    """Return the section forces of one member's lines, which lie between arc lengths s (b + 1,)."""
+    span = np.diff(s)
+    zone = g.zone * (span / g.span)[:, None]  # offsets that change along a member lengthen its axis
+    inner = np.concatenate([forces.start, forces.stop, s[:-1] + zone[:, 0], s[1:] - zone[:, 1]])
+    cuts = np.unique(np.concatenate([s, inner[(inner > s[0]) & (inner < s[-1])]]))
+    cuts = cuts[np.concatenate([[True], np.diff(cuts) > 1e-12 * s[-1]])]
+    middle, length = (cuts[:-1] + cuts[1:]) / 2, np.diff(cuts)
+    line = np.clip(np.searchsorted(s, middle, side="right") - 1, 0, len(s) - 2)
+    places = (cuts[:-1, None] + length[:, None] * FORCE_NODES).ravel()
+    each, inside = np.repeat(line, 4), np.repeat(middle, 4)
+    return Samples(
+        each,
+        (places - s[each]) / span[each],
+        (length[:, None] * _WEIGHTS).ravel() * (g.span / span)[each],
+        forces.at(places, inside),
+        np.stack([forces.at(s[:-1], (s[:-1] + s[1:]) / 2), forces.at(s[1:], (s[:-1] + s[1:]) / 2)], axis=1),
+    )
+
+
+def stress_stiffness(g: _Lines, samples: Samples) -> Array:
+    """Return the geometric stiffness of lines under section forces, global, shape (b, 12, 12).
+
+    The second derivative of ∫ (n·Γ₂ + m·κ₂) dx. In it N (v'² + w'²)/2 has the axis' whole slope, shear
+    included (Engesser, Zentralbl. Bauverwaltung 11, 1891, 483-486); N (Iy + Iz)/A a'²/2 is the work of
+    fibres that a twist inclines (Wagner, 1929; McGuire, Gallagher and Ziemian, *Matrix Structural
+    Analysis*, 2nd ed. 2000, ch. 9). Rigid zones turn with their nodes; an offset is a rigid arm that n acts
+    on. Bars have N alone.
+    """
+    each = samples.line
+    parts = _some(g, each)
+    along = samples.xi * parts.span
+    rigid = (along < parts.zone[:, 0]) | (along > parts.span - parts.zone[:, 1])
+    forces = np.where(g.bar[each, None] != 0, samples.forces * [1, 0, 0, 0, 0, 0], samples.forces)
+    radius = (1 - g.bar) * (g.Iy + g.Iz) / g.A
+    S = _work(forces, radius[each]) * samples.weight[:, None, None]
+    B = _gradients(parts, _flexible(parts, samples.xi))
+    work = np.swapaxes(B, 1, 2) @ S @ B
+    out = _to_global(_sum(work[~rigid], each[~rigid], len(g.L)), g.T)
+    if rigid.any():
+        B = _rigid_gradients(np.where(samples.xi[rigid] < 0.5, 0, 6))
+        work = np.swapaxes(B, 1, 2) @ S[rigid] @ B
+        out = out + _to_global(_sum(work, each[rigid], len(g.L)), g.T_nodes)
+    for k, sign in ((0, -1.0), (1, 1.0)):
+        offset = g.end[:, k] + (sign * g.zone[:, k])[:, None] * g.R[:, 0]
+        on_arm = sign * np.einsum("bij,bi->bj", g.R, samples.ends[:, k, :3])
+        turn = slice(3 + 6 * k, 6 + 6 * k)
+        out[:, turn, turn] += lever_stiffness(offset, on_arm)
+    return out
+
+
+def _sum(parts: Array, line: NDArray[np.int64], n: int) -> Array:
+    out = np.zeros((n, 12, 12), dtype=parts.dtype)
+    np.add.at(out, line, parts)
+    return out
+
+
+def _work(forces: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return S (m, 9, 9) with the work of the section forces xᵀSx/2 on x = (u' v' w' a b c a' b' c').
+
+    ``radius`` is the square of the polar radius of gyration (m,).
+    """
+    N, Vy, Vz, T, My, Mz = forces.T
+    S = np.zeros((len(forces), 9, 9))
+    for i, j, value in (
+        (1, 1, N), (2, 2, N), (6, 6, N * radius),
+        (2, 3, Vy), (0, 5, -Vy), (3, 4, Vy / 2),
+        (0, 4, Vz), (1, 3, -Vz), (3, 5, Vz / 2),
+        (4, 8, -T / 2), (5, 7, T / 2),
+        (5, 6, -My / 2), (3, 8, My / 2),
+        (3, 7, -Mz / 2), (4, 6, Mz / 2),
+    ):  # fmt: skip
+        S[:, i, j] = S[:, j, i] = value
+    return S
+
+
+def _gradients(g: _Lines, xi: Array) -> Array:
+    """Return (u' v' w' a b c a' b' c') at one place of each line's flexible part from its ends' motion."""
+    ry, cy, sy = _plane(xi, g.L, g.phi_y, "rcs")
+    rz, cz, sz = _plane(xi, g.L, g.phi_z, "rcs")
+    B = np.zeros((len(xi), 9, 12), dtype=np.result_type(sy, sz))
+    B[:, 0, 0] = B[:, 6, 3] = -1 / g.L
+    B[:, 0, 6] = B[:, 6, 9] = 1 / g.L
+    B[:, 3, 3], B[:, 3, 9] = 1 - xi, xi
+    B[:, 1, _Y], B[:, 5, _Y], B[:, 8, _Y] = sy, ry, cy
+    B[:, 2, _Z], B[:, 4, _Z], B[:, 7, _Z] = sz * _SIGN, -rz * _SIGN, -cz * _SIGN
+    bar = g.bar != 0
+    if bar.any():
+        B[bar] = 0.0
+        for row in range(3):
+            B[bar, row, row], B[bar, row, 6 + row] = -1 / g.L[bar], 1 / g.L[bar]
+    return B
+
+
+def _rigid_gradients(first: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the same where a body turns with the end whose DOFs begin at ``first`` (m,)."""
+    B, n = np.zeros((len(first), 9, 12)), np.arange(len(first))
+    for row, d, sign in ((1, 5, 1.0), (2, 4, -1.0), (3, 3, 1.0), (4, 4, 1.0), (5, 5, 1.0)):
+        B[n, row, first + d] = sign
+    return B

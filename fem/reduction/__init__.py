@@ -1,0 +1,1 @@
+"""Models with fewer coordinates: condensation, expansion, and the fast reduced model."""

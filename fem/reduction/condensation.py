@@ -1,0 +1,649 @@
+"""Reduction: a system on a few of its DOFs, by Guyan, dynamic, IRS, SEREP or Craig-Bampton.
+
+All are Galerkin projections u = T x with K_r = TᵀKT and so on, so that every natural frequency of the reduced
+system lies above the one of the same number of the full system (Courant and Fischer).
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fem.analysis.frf import Selection, dof_vectors
+from fem.analysis.modes import MechanismError, Modes, n_negative, rigid_body_motions, solve_eigenpairs
+from fem.linalg.solvers import Factor, SingularMatrixError, factorise
+from fem.model import Law, ModelError
+from fem.reduction.expansion import left_inverse
+from fem.system import System, law_change
+
+_HELD = 1e-12
+"""Entries of Q below this are rounding: the DOF does not move with the coordinate."""
+
+_NEGATIVE = 1e-13
+"""Eigenvalues of a static condensation, over the diagonal of what is condensed, above minus this may be
+rounding [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduction:
+    """A system on a few coordinates x, with u = T x on all DOFs.
+
+    Attributes
+    ----------
+    method : str
+        ``"guyan"``, ``"dynamic"``, ``"irs"``, ``"serep"`` or ``"craig-bampton"``.
+    T : ndarray (n_dof, r)
+        From the reduced coordinates to all DOFs.
+    K, M, C, D : ndarray (r, r)
+        Reduced matrices; Rayleigh, structural and modal damping of the whole structure are not in C and D.
+    labels : tuple of str
+        Names of the coordinates: kept DOFs such as ``"3Z+"``, then ``"fixed mode 1"`` and so on.
+    n_kept : int
+        How many of the first coordinates are kept DOFs; the others are amplitudes of modes.
+    rank : int
+        Number of independent columns of T: r, or the number of modes of a SEREP with more DOFs than modes,
+        whose reduced matrices are then singular.
+    laws : tuple of (Law, ndarray (r, r))
+        Frequency-dependent elements.
+    system : System
+        The full system.
+    """
+
+    method: str
+    T: NDArray[np.float64]
+    K: NDArray[np.float64]
+    M: NDArray[np.float64]
+    C: NDArray[np.float64]
+    D: NDArray[np.float64]
+    labels: tuple[str, ...]
+    n_kept: int
+    rank: int
+    laws: tuple[tuple[Law, NDArray[np.float64]], ...]
+    system: System
+    _flexibility: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = field(repr=False)
+
+    def dynamic_stiffness(self, omega: float) -> NDArray[np.complex128]:
+        """Return Z(ω) with the structure's Rayleigh and structural damping, (r, r).
+
+        Modal damping ratios have no matrix and are left out.
+
+        Parameters
+        ----------
+        omega : float
+            Angular frequency [rad/s].
+        """
+        damping = self.system.model.damping
+        Z = (1 + 1j * (damping.loss_factor + omega * damping.beta)) * self.K + 1j * (self.D + omega * self.C)
+        Z = Z + (1j * omega * damping.alpha - omega**2) * self.M
+        for law, K in self.laws:
+            Z = Z + law_change(law, np.array([omega]))[0] * K
+        return Z
+
+    def modes(self, n: int | None = None) -> Modes:
+        """Return the reduced system's modes, on all DOFs of the mesh.
+
+        Parameters
+        ----------
+        n : int, optional
+            Number of modes; all unless given.
+        """
+        eigenvalues, vectors = _reduced_eigenpairs(self)
+        eigenvalues, vectors = eigenvalues[:n], vectors[:, :n]
+        return Modes(np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi), self.T @ vectors)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrequencyErrors:
+    """What the natural frequencies of a reduced system are off, without the full system's modes.
+
+    Attributes
+    ----------
+    frequency : ndarray (n,)
+        Elastic natural frequencies of the reduced system in the band [Hz].
+    lower, upper : ndarray (n,)
+        The full system's frequency of the same number lies between these [Hz]. ``upper`` is always a bound;
+        ``lower`` is one if ``counted``, and else provided that the reduced system misses no mode below
+        ``separation``.
+    separation : float
+        A frequency above the band that separates modes [Hz].
+    counted : bool
+        Whether the full system's modes below ``separation`` were counted.
+    n_missed : int
+        How many more of them the full system has than the reduced one; 0 if not counted. Where modes are
+        missed, modes of the same number are not the same motion, and ``lower`` is 0.
+    """
+
+    frequency: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    separation: float
+    counted: bool
+    n_missed: int
+
+    @property
+    def least(self) -> NDArray[np.float64]:
+        """Relative errors are at least this, shape (n,) [-]."""
+        return np.maximum(self.frequency / self.upper - 1, 0.0)
+
+    @property
+    def most(self) -> NDArray[np.float64]:
+        """Relative errors are at most this, shape (n,) [-]."""
+        with np.errstate(divide="ignore"):
+            return np.maximum(self.frequency / self.lower - 1, 0.0)
+
+
+def reduce_guyan(system: System, keep: Selection) -> Reduction:
+    """Reduce statically: u_o = -K_oo⁻¹ K_oa u_a.
+
+    Guyan (*AIAA J.* 3, 1965, 380) and Irons (*AIAA J.* 3, 1965, 961). Exact at ω = 0; the relative error of
+    ω² grows with (ω/ω_c)², ω_c the lowest natural frequency of the structure held at its kept DOFs.
+
+    Parameters
+    ----------
+    system : System
+    keep : selection
+        DOF numbers or (point, direction) pairs that stay.
+
+    Raises
+    ------
+    ModelError
+        For kept DOFs that a support holds, that are tied to others or given twice, or that leave the
+        structure loose when they are held.
+    UnstableError
+        For a structure with a motion of negative stiffness.
+    """
+    part = _partition(system, keep)
+    held = _hold(system, part)
+    return _project(system, "guyan", part, _spread(part, held.static), held)
+
+
+def reduce_dynamic(system: System, keep: Selection, frequency: float) -> Reduction:
+    """Reduce at a frequency: u_o = -(K_oo - ω²M_oo)⁻¹ (K_oa - ω²M_oa) u_a.
+
+    Exact at that frequency and a mode there (Leung, *Int. J. Numer. Meth. Eng.* 12, 1978, 1705); static at
+    0 Hz.
+
+    Parameters
+    ----------
+    system : System
+    keep : selection
+        DOF numbers or (point, direction) pairs that stay.
+    frequency : float
+        [Hz].
+
+    Raises
+    ------
+    ModelError
+        As :func:`reduce_guyan`, or if the frequency is one of the structure held at its kept DOFs.
+    """
+    part = _partition(system, keep)
+    Z = sp.csc_array(system.K - (2 * np.pi * frequency) ** 2 * system.M)
+    coupling = Z[part.omitted][:, part.kept].toarray()
+    what = f"{frequency:g} Hz is a natural frequency of the structure held at the kept DOFs; move it"
+    try:
+        factor = factorise(Z[part.omitted][:, part.omitted])
+    except SingularMatrixError:
+        raise ModelError(what) from None
+    t = -factor.solve(coupling)
+    left = Z[part.omitted][:, part.omitted] @ t + coupling
+    if not np.isfinite(t).all() or np.linalg.norm(left) > 1e-6 * np.linalg.norm(coupling):
+        raise ModelError(what)
+    return _project(system, "dynamic", part, _spread(part, t), None)
+
+
+def reduce_irs(system: System, keep: Selection, iterations: int = 1) -> Reduction:
+    """Reduce by the improved reduced system: the omitted DOFs' inertia acts as static forces.
+
+    t ← t_s + K_oo⁻¹ (M_oa + M_oo t) M_r⁻¹ K_r, starting from Guyan's t_s. One iteration is O'Callahan's IRS
+    (IMAC VII, 1989, 17-21); more tend to the exact lowest modes (Friswell, Garvey & Penny, *J. Sound Vib.*
+    186, 1995, 311-323).
+
+    Parameters
+    ----------
+    system : System
+    keep : selection
+        DOF numbers or (point, direction) pairs that stay.
+    iterations : int
+        At least 1.
+
+    Raises
+    ------
+    ModelError
+        As :func:`reduce_guyan`, for no iteration, or if kept DOFs have no mass.
+    """
+    if iterations < 1:
+        msg = f"{iterations} iterations are asked for; IRS needs at least 1"
+        raise ModelError(msg)
+    part = _partition(system, keep)
+    held = _hold(system, part)
+    M_oo, M_oa = system.M[part.omitted][:, part.omitted], system.M[part.omitted][:, part.kept]
+    t = held.static
+    for _ in range(iterations):
+        T = _spread(part, t)
+        K, M = (T.T @ (X @ T) for X in (system.K, system.M))
+        eigenvalues, y = _small_eigenpairs(K, M, system.rigid.shape[1])
+        if len(eigenvalues) < len(K):
+            name = part.labels[int(np.argmin(M.diagonal() / K.diagonal()))]
+            msg = f"kept DOF {name} has no mass; IRS needs some at every kept DOF, so leave it out"
+            raise ModelError(msg)
+        slope = (y * eigenvalues) @ (y.T @ M)  # M_r⁻¹ K_r
+        if held.factor is None:
+            break
+        t = held.static + held.factor.solve((M_oa + M_oo @ t) @ slope)
+    return _project(system, "irs", part, _spread(part, t), held)
+
+
+def reduce_serep(system: System, keep: Selection, n_modes: int | None = None) -> Reduction:
+    """Reduce to modes seen at the kept DOFs: T = Φ Φ_a⁺.
+
+    SEREP (O'Callahan, Avitabile & Riemer, IMAC VII, 1989, 29-37). The natural frequencies are the full
+    system's own. With fewer modes than kept DOFs the reduced matrices have the rank of the modes.
+
+    Parameters
+    ----------
+    system : System
+    keep : selection
+        DOF numbers or (point, direction) pairs that stay.
+    n_modes : int, optional
+        Number of lowest modes, rigid-body modes included; as many as kept DOFs unless given.
+
+    Raises
+    ------
+    ModelError
+        As :func:`reduce_guyan`, for more modes than kept DOFs, or modes that they cannot tell apart.
+    """
+    part = _partition(system, keep)
+    n = len(part.kept) if n_modes is None else n_modes
+    if n > len(part.kept):
+        msg = f"{len(part.kept)} kept DOFs cannot tell {n} modes apart; keep more, or ask for fewer modes"
+        raise ModelError(msg)
+    pairs = solve_eigenpairs(system, n)
+    frequency = np.sqrt(pairs.eigenvalues) / (2 * np.pi)
+    inverse, _ = left_inverse(pairs.vectors[part.kept], frequency, len(part.kept))
+    return _project(system, "serep", part, pairs.vectors @ inverse, None, rank=pairs.vectors.shape[1])
+
+
+def reduce_craig_bampton(
+    system: System, keep: Selection, n_modes: int | None = None, max_frequency: float | None = None
+) -> Reduction:
+    """Reduce to the kept DOFs' static responses and modes of the structure held there.
+
+    Craig and Bampton (*AIAA J.* 6, 1968, 1313-1319).
+
+    Parameters
+    ----------
+    system : System
+    keep : selection
+        DOF numbers or (point, direction) pairs that stay.
+    n_modes : int, optional
+        Number of modes of the held structure; 20 unless ``max_frequency`` is given.
+    max_frequency : float, optional
+        All of them up to this frequency [Hz]; twice the highest one of interest is usual.
+
+    Raises
+    ------
+    ModelError
+        As :func:`reduce_guyan`.
+    """
+    part = _partition(system, keep)
+    held = _hold(system, part)
+    T = _spread(part, held.static)
+    if len(part.omitted) and n_modes != 0:
+        pairs = solve_eigenpairs(_held_system(system, part.omitted), n_modes, max_frequency)
+        modes = np.zeros((system.n_free, pairs.vectors.shape[1]))
+        modes[part.omitted] = pairs.vectors
+        T = np.hstack([T, modes])
+    return _project(system, "craig-bampton", part, T, held)
+
+
+def frequency_errors(reduction: Reduction, max_frequency: float, *, count: bool = True) -> FrequencyErrors:
+    """Bound the errors of a reduced system's natural frequencies.
+
+    One step of inverse iteration on the reduced modes X, Y = K⁺ M X, gives Rayleigh-Ritz upper bounds and
+    Lehmann's lower bounds (Parlett, *The Symmetric Eigenvalue Problem*, 1998, ch. 10 and 11; for one mode
+    the latter are Temple's and Kato's), which hold for close and repeated modes as well. K⁺ is at hand from
+    the static condensation. The lower ones need the number of modes below a frequency that separates them:
+    Sylvester's inertia of one more factorisation.
+
+    Bounds are those of exact arithmetic: errors below 10⁻⁹ are rounding.
+
+    Parameters
+    ----------
+    reduction : Reduction
+    max_frequency : float
+        Upper end of the band [Hz].
+    count : bool
+        Whether to count the full system's modes. Without it ``lower`` is an estimate, at half the cost.
+
+    Raises
+    ------
+    ModelError
+        If the reduced system has no elastic mode in the band.
+    """
+    system = reduction.system
+    theta, y = _reduced_eigenpairs(reduction)
+    R = rigid_body_motions(system)
+    n_rigid = R.shape[1]
+    n = int((theta[n_rigid:] <= (2 * np.pi * max_frequency) ** 2).sum())
+    if not n:
+        msg = f"the reduced system has no elastic mode up to {max_frequency:g} Hz"
+        raise ModelError(msg)
+    wanted = theta[n_rigid : n_rigid + n]
+    X = np.asarray(system.Q.T @ (reduction.T @ y[:, : n_rigid + n + max(4, n // 2)]))
+    X = X - R @ (R.T @ (system.M @ X))
+    mass = np.einsum("ij,ij->j", X, system.M @ X)
+    X = _ritz_vectors(system, X[:, mass > 1e-12 * mass.max()])
+    MX = system.M @ X
+    MX = MX - system.M @ (R @ (R.T @ MX))
+    solve = reduction._flexibility
+    if solve is None:
+        solve = _elastic_flexibility(system, float(theta[n_rigid]), MX.shape[1])
+    Y = solve(MX)
+    Y = Y - R @ (R.T @ (system.M @ Y))
+    MY = system.M @ Y
+    # <x, y> = xᵀKy, in which A = K⁺M is symmetric, with eigenvalues ν = 1/λ
+    A0, A1, A2, A3 = X.T @ (system.K @ X), X.T @ MX, MX.T @ Y, Y.T @ MY
+    upper = _ritz_values(A2, A3)
+    n_below, separation, missed = n, 0.0, 0
+    for n_below, separation in _separations(upper, n):
+        missed = _count_below(system, separation) - n_rigid - n_below if count else 0
+        if missed <= 0:
+            break
+    missed = max(missed, 0)
+    lower = np.zeros(n)
+    if not missed:
+        low = _lehmann(A0, A1, A2, 1 / separation, n_below)
+        lower = np.minimum(low[:n], upper[:n]) if len(low) >= n else lower
+    to_hz = 1 / (2 * np.pi)
+    return FrequencyErrors(
+        np.sqrt(wanted) * to_hz,
+        np.sqrt(np.maximum(lower, 0.0)) * to_hz,
+        np.sqrt(upper[:n]) * to_hz,
+        float(np.sqrt(separation) * to_hz),
+        count,
+        missed,
+    )
+
+
+# --------------------------------------------------------------------------------------- kept and omitted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Partition:
+    """Which independent coordinates stay and which are left out."""
+
+    kept: NDArray[np.int64]
+    omitted: NDArray[np.int64]
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Held:
+    """Held at the kept DOFs: the factor of K_oo, None if all are kept, and t_s = -K_oo⁻¹ K_oa."""
+
+    factor: Factor | None
+    static: NDArray[np.float64]
+
+
+def _partition(system: System, keep: Selection) -> _Partition:
+    model = system.model
+    if isinstance(keep, np.ndarray) and keep.ndim == 2:
+        msg = "kept DOFs are DOF numbers or (point, direction) pairs; combinations cannot be kept"
+        raise ModelError(msg)
+    if not len(keep):
+        msg = "a reduction needs at least one DOF to keep"
+        raise ModelError(msg)
+    columns, labels = dof_vectors(model, keep)
+    dofs = columns.argmax(axis=0)
+    Q = sp.csr_array(system.Q)
+    kept = np.empty(len(dofs), dtype=np.int64)
+    for i, (dof, label) in enumerate(zip(dofs.tolist(), labels, strict=True)):
+        at = slice(Q.indptr[dof], Q.indptr[dof + 1])
+        real = np.abs(Q.data[at]) > _HELD
+        column, entry = Q.indices[at][real], Q.data[at][real]
+        if len(column) == 1 and abs(abs(entry[0]) - 1) < _HELD:
+            kept[i] = column[0]
+            continue
+        names = sorted({c.key[0] for c in model.constraints() if dof in c.dofs})
+        by = " and ".join(f"'{name}'" for name in names)
+        if not len(column) and not names:
+            msg = f"DOF {label} has neither stiffness nor mass; it cannot be kept"
+        elif not len(column):
+            msg = f"DOF {label} is held by {by}; keep one that can move"
+        else:
+            msg = f"DOF {label} is tied to others by {by}; keep one that is free, or a sensor beside it"
+        raise ModelError(msg)
+    values, counts = np.unique(kept, return_counts=True)
+    if (counts > 1).any():
+        twice = labels[int(np.flatnonzero(kept == values[counts > 1][0])[0])]
+        msg = f"DOF {twice} is kept twice"
+        raise ModelError(msg)
+    return _Partition(kept, np.setdiff1d(np.arange(system.n_free), kept), labels)
+
+
+def _spread(part: _Partition, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return T (n_free, a) with the identity at the kept coordinates and t at the others."""
+    T = np.zeros((len(part.kept) + len(part.omitted), len(part.kept)))
+    T[part.kept] = np.eye(len(part.kept))
+    T[part.omitted] = t
+    return T
+
+
+def _hold(system: System, part: _Partition) -> _Held:
+    loose = system.rigid.shape[1]
+    if loose:
+        s = np.linalg.svd(system.rigid[part.kept], compute_uv=False)
+        loose -= int((s > 1e-9 * np.abs(system.rigid).max()).sum())
+    if loose:
+        msg = (
+            f"held at its {len(part.kept)} kept DOFs, the structure still has {loose} rigid-body motion(s); "
+            "keep DOFs that stop them"
+        )
+        raise ModelError(msg)
+    K = sp.csc_array(system.K)[part.omitted]
+    coupling = K[:, part.kept].toarray()
+    if not len(part.omitted):
+        _refuse_unstable(system, part, coupling.T @ coupling, 0)
+        return _Held(None, coupling)
+    try:
+        factor = factorise(K[:, part.omitted])
+    except SingularMatrixError:
+        msg = "the structure held at its kept DOFs has motions without stiffness; keep DOFs that stop them"
+        raise ModelError(msg) from None
+    static = -factor.solve(coupling)
+    _refuse_unstable(system, part, coupling.T @ static, n_negative(K[:, part.omitted], factor))
+    return _Held(factor, static)
+
+
+def _refuse_unstable(system: System, part: _Partition, change: NDArray[np.float64], n_omitted: int) -> None:
+    """Raise an UnstableError if K has negative eigenvalues: those of K_oo and of its static condensation."""
+    K = sp.csc_array(system.K)[part.kept][:, part.kept].toarray()
+    scale = 1 / np.sqrt(np.maximum(K.diagonal(), 1e-300))
+    K = scale[:, None] * (K + (change + change.T) / 2) * scale
+    if n_omitted or np.linalg.eigvalsh(K)[0] < -_NEGATIVE:
+        with suppress(MechanismError):
+            solve_eigenpairs(system, 1)
+
+
+def _held_system(system: System, omitted: NDArray[np.int64]) -> System:
+    """Return the system of the structure held at its kept DOFs."""
+
+    def inner(X: sp.csc_array) -> sp.csc_array:
+        return sp.csc_array(sp.csc_array(X)[omitted][:, omitted])
+
+    return replace(
+        system,
+        K=inner(system.K),
+        M=inner(system.M),
+        C=inner(system.C),
+        D=inner(system.D),
+        Q=sp.csr_array(system.Q[:, omitted]),
+        rigid=np.zeros((len(omitted), 0)),
+        laws=tuple((law, inner(X)) for law, X in system.laws),
+    )
+
+
+def _project(
+    system: System,
+    method: str,
+    part: _Partition,
+    T: NDArray[np.float64],
+    held: _Held | None,
+    rank: int | None = None,
+) -> Reduction:
+    def inner(X: Any) -> NDArray[np.float64]:
+        small = T.T @ (X @ T)
+        return (small + small.T) / 2
+
+    K, M, C, D = (inner(X) for X in (system.K, system.M, system.C, system.D))
+    n_kept = len(part.kept)
+    names = (*part.labels, *(f"fixed mode {k + 1}" for k in range(T.shape[1] - n_kept)))
+    flexibility = None if held is None else _condensed_flexibility(system, part, held)
+    laws = tuple((law, inner(X)) for law, X in system.laws)
+    return Reduction(
+        method, system.Q @ T, K, M, C, D, names, n_kept, rank or T.shape[1], laws, system, flexibility
+    )
+
+
+# --------------------------------------------------------------------------------------------- frequencies
+
+
+def _reduced_eigenpairs(reduction: Reduction) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return ω² (n,), rising, and M-orthonormal vectors (r, n) of a reduced system."""
+    K, M = reduction.K, reduction.M
+    V = np.eye(len(K))
+    if reduction.rank < len(K):
+        scale = 1 / np.sqrt(np.maximum(M.diagonal(), 1e-300))
+        V = scale[:, None] * np.linalg.eigh(scale[:, None] * M * scale)[1][:, -reduction.rank :]
+        K, M = V.T @ K @ V, V.T @ M @ V
+    eigenvalues, vectors = _small_eigenpairs(K, M, reduction.system.rigid.shape[1])
+    return eigenvalues, V @ vectors
+
+
+def _small_eigenpairs(
+    K: NDArray[np.float64], M: NDArray[np.float64], n_rigid: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return ω² and M-orthonormal vectors of dense matrices; directions without mass have none."""
+    shift = 1e-9 * float(K.diagonal().sum() / M.diagonal().sum())
+    eigenvalues, vectors = np.zeros(0), np.zeros((0, 0))
+    for _ in range(2):
+        # K + σM is definite also for free structures, and scaled to a unit diagonal metres and radians count
+        # alike.
+        shifted = K + shift * M
+        scale = 1 / np.sqrt(shifted.diagonal())
+        nu, vectors = sla.eigh(scale[:, None] * M * scale, scale[:, None] * shifted * scale)
+        nu, vectors = nu[::-1], scale[:, None] * vectors[:, ::-1]
+        keep = nu > 1e-14 * nu[0]
+        nu, vectors = nu[keep], vectors[:, keep] / np.sqrt(nu[keep])
+        high = np.einsum("ij,ij->j", vectors, K @ vectors)
+        eigenvalues = np.where(nu > 1e-8 * nu[0], 1 / nu - shift, high)
+        shift = max(shift, 0.1 * float(eigenvalues[min(n_rigid, len(nu) - 1)]))
+    return eigenvalues, vectors
+
+
+def _condensed_flexibility(
+    system: System, part: _Partition, held: _Held
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Return b ↦ K⁺ b for loads that rigid-body motions do not feel: block elimination with K_oo's factor.
+
+    K⁻¹ = T_s K_s⁻¹ T_sᵀ + K_oo⁻¹ with Guyan's T_s and K_s, which is singular for a free structure.
+    """
+    T = _spread(part, held.static)
+    K = T.T @ (system.K @ T)
+    scale = 1 / np.sqrt(K.diagonal())
+    K = scale[:, None] * (K + K.T) / 2 * scale
+    N = np.linalg.qr(system.rigid[part.kept] / scale[:, None])[0]
+    inner = sla.cho_factor(K + N @ N.T)
+
+    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = T @ (scale[:, None] * sla.cho_solve(inner, scale[:, None] * (T.T @ b)))
+        if held.factor is not None:
+            x[part.omitted] += held.factor.solve(b[part.omitted])
+        return x
+
+    return solve
+
+
+def _elastic_flexibility(
+    system: System, first: float, n: int
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Return b ↦ K⁺ b from a factor of K + σM, for a reduction that has no static condensation.
+
+    σ is 10⁻³ of the first elastic ω², so that three corrections x ← x + (K + σM)⁻¹ (b - Kx) leave 10⁻¹².
+    """
+    factor = factorise(system.K + 1e-3 * first * system.M)
+    R = rigid_body_motions(system)
+
+    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = factor.solve(b)
+        for _ in range(4):
+            x = x - R @ (R.T @ (system.M @ x))
+            x = x + factor.solve(b - system.K @ x)
+        return x
+
+    return solve
+
+
+def _ritz_vectors(system: System, X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return Ritz vectors of the span of X, K-orthogonal and of K-norm 1."""
+    K = X.T @ (system.K @ X)
+    scale = 1 / np.sqrt(K.diagonal())
+    values, vectors = np.linalg.eigh(scale[:, None] * K * scale)
+    keep = values > 1e-12 * values[-1]
+    return X @ (scale[:, None] * vectors[:, keep] / np.sqrt(values[keep]))
+
+
+def _ritz_values(K: NDArray[np.float64], M: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rising eigenvalues of K y = λ M y, by the flipped problem, which keeps the low ones' digits."""
+    scale = 1 / np.sqrt(K.diagonal())
+    nu = sla.eigh(scale[:, None] * M * scale, scale[:, None] * K * scale, eigvals_only=True)[::-1]
+    return 1 / nu[nu > 0]
+
+
+def _separations(eigenvalues: NDArray[np.float64], n: int) -> list[tuple[int, float]]:
+    """Return places between the modes: how many values lie below, and an ω².
+
+    The first is the middle of the widest gap above the first n values, the second that of the gap just above
+    them, for a reduced system that misses modes only beyond.
+    """
+    above = eigenvalues[n - 1 :]
+    if len(above) == 1:
+        return [(n, 1.05 * float(above[0])), (n, (1 + 1e-4) * float(above[0]))]
+    middle = np.sqrt(above[1:] * above[:-1])
+    widest = int(np.argmax(above[1:] / above[:-1]))
+    return [(n + i, float(middle[i])) for i in dict.fromkeys((widest, 0))]
+
+
+def _lehmann(
+    A0: NDArray[np.float64], A1: NDArray[np.float64], A2: NDArray[np.float64], a: float, n: int
+) -> NDArray[np.float64]:
+    """Return lower bounds of the n lowest ω², given that n of them lie below 1/a.
+
+    The Ritz values μ of (A - a)⁻¹ on the trial space (A - a) X lie below its eigenvalues 1/(ν - a), so that
+    ν ≤ a + 1/μ for as many as are positive, the largest μ for the smallest ν above a.
+    """
+    right = A2 - 2 * a * A1 + a**2 * A0
+    mu = sla.eigh(A1 - a * A0, (right + right.T) / 2, eigvals_only=True)
+    mu = mu[mu > 0]
+    out = np.zeros(n)
+    count = min(n, len(mu))
+    # mu rises: the largest belongs to the highest mode below 1/a
+    out[n - count :] = 1 / (a + 1 / mu[len(mu) - count :])
+    return out
+
+
+def _count_below(system: System, value: float) -> int:
+    """Return the number of eigenvalues ω² below a value: negative ones of K - value M (Sylvester)."""
+    for attempt in range(4):
+        try:
+            shifted = system.K - value * (1 + 1e-6 * attempt) * system.M
+            return factorise(sp.csc_array(shifted)).count_negative()
+        except ValueError:  # singular, or pivots were needed
+            continue
+    msg = "the modes cannot be counted: every factorisation near the separating frequency needed pivots"
+    raise ModelError(msg)

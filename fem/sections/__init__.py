@@ -1,0 +1,1 @@
+"""Cross-sections: shapes, polygons, thin walls and warping."""

@@ -1,0 +1,351 @@
+"""The commands, as a user calls them."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from dovetail.cli import main
+from dovetail.file.measured import sensor_rows
+from fem.analysis.frf import FRF, compute_frf
+from fem.io import read_csv, read_npz, read_uff, write_npz
+from fem.system import assemble
+
+COMMANDS = ("new", "check", "modes", "frf", "identify-joint")
+
+
+@pytest.fixture(scope="module")
+def portal(tmp_path_factory):
+    """Return the study that ``new`` writes."""
+    folder = tmp_path_factory.mktemp("new") / "portal"
+    assert main(["new", str(folder), "--quiet"]) == 0
+    return folder / "study.toml"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_an_example(command, capsys):
+    assert main([command, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert f"example:\n  dovetail {command}" in out
+
+
+def test_help_and_version(capsys):
+    assert main(["--help"]) == 0
+    out = capsys.readouterr().out
+    assert all(command in out for command in COMMANDS)
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("dovetail ")
+
+
+def test_python_m_study(root, portal):
+    done = subprocess.run(
+        [sys.executable, "-m", "dovetail", "modes", portal, "--number", "2"],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    assert "Portal" in done.stdout
+
+
+def test_new_is_whole_and_the_users_own(portal, capsys):
+    assert sorted(p.name for p in portal.parent.iterdir()) == ["frf.npz", "study.toml"]
+    study = load_study(portal)
+    assert len(study.measurements) == 1
+    assert "not measured" in study.text
+    assert main(["new", str(portal.parent)]) == 2
+    assert "--force" in capsys.readouterr().err
+
+
+LOOSE = """
+[study]
+name = "two bars"
+
+[members.post]
+from = [0, 0, 0]
+to = [0, 0, 0.5]
+material = "steel"
+section = { shape = "rectangle", b = 0.03, h = 0.012 }
+
+[members.arm]
+from = [0, 0, 0.5002]
+to = [0.4, 0, 0.5002]
+material = "steel"
+section = { shape = "rectangle", b = 0.03, h = 0.012 }
+
+[materials.steel]
+E = 210e9
+rho = 7850
+nu = 0.3
+
+[[supports]]
+point = [0, 0, 0]
+"""
+
+
+def test_check_of_a_sound_model(portal, capsys):
+    assert main(["check", str(portal)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "nothing found that is probably not meant"
+
+
+@pytest.mark.usefixtures("offscreen")
+def test_check_names_and_draws_faults(tmp_path, capsys):
+    study, picture = tmp_path / "study.toml", tmp_path / "faults.png"
+    study.write_text(LOOSE, encoding="utf-8")
+    assert main(["check", str(study), "--picture", str(picture), "--json", str(tmp_path / "f.json")]) == 0
+    out = capsys.readouterr().out
+    assert "loose part: " in out
+    assert "of member 'arm'" in out
+    assert "0.0002 m apart" in out
+    assert out.splitlines()[-1] == "2 fault(s) found"
+    found = json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))
+    assert [f["kind"] for f in found["faults"]] == ["loose part", "unconnected points"]
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert main(["check", str(study), "--picture", str(tmp_path / "faults.jpg")]) == 2
+    assert "written as .png" in capsys.readouterr().err
+
+
+def test_modes(portal, tmp_path, capsys):
+    assert main(["modes", str(portal), "--number", "3", "--json", str(tmp_path / "m.json")]) == 0
+    out = capsys.readouterr().out
+    found = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    assert len(found["modes"]) == 3
+    assert f"{found['modes'][0]['frequency_Hz']:.4f}" in out
+    assert main(["modes", str(portal), "--max", "120", "--json", "-"]) == 0
+    up_to = json.loads(capsys.readouterr().out)
+    assert [m["frequency_Hz"] for m in up_to["modes"]] == pytest.approx(
+        [m["frequency_Hz"] for m in found["modes"]]
+    )
+    assert main(["modes", str(portal), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_modes_of_an_unstable_structure(portal, tmp_path, capsys):
+    """Members under compression beyond what they bear: some modes are below zero, and marked."""
+    members = load_study(portal).model.mesh.members
+    press = "".join(f'[[effects]]\ncandidate = "preload:{name}"\ntension = -2e4\n' for name in members)
+    study = portal.with_name("pressed.toml")
+    study.write_text(portal.read_text(encoding="utf-8") + "\n" + press, encoding="utf-8")
+    assert main(["modes", str(study), "--json", str(tmp_path / "m.json")]) == 0
+    modes = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))["modes"]
+    below = sum(m["frequency_Hz"] < 0 for m in modes)
+    assert 0 < below == capsys.readouterr().out.count("grows: the structure is unstable")
+
+
+@pytest.mark.usefixtures("offscreen")
+def test_pictures_of_modes(portal, tmp_path):
+    assert main(["modes", str(portal), "--number", "1", "--pictures", str(tmp_path / "p"), "--quiet"]) == 0
+    assert (tmp_path / "p" / "mode-01.png").stat().st_size > 1000
+
+
+def test_frf_in_every_format(portal, tmp_path, capsys):
+    for suffix in ("npz", "csv", "uff"):
+        assert (
+            main(
+                [
+                    "frf",
+                    str(portal),
+                    "--out",
+                    str(tmp_path / f"f.{suffix}"),
+                    "--stop",
+                    "100",
+                    "--kind",
+                    "mobility",
+                ]
+            )
+            == 0
+        )
+    assert "6 responses to 2 force(s)" in capsys.readouterr().out
+    a, b, c = read_npz(tmp_path / "f.npz"), read_csv(tmp_path / "f.csv"), read_uff(tmp_path / "f.uff").frf()
+    assert a.kind == b.kind == c.kind == "mobility"
+    assert a.frequency[-1] == 100
+    assert (a.H == b.H).all()
+    np.testing.assert_allclose(c.H, a.H)
+
+
+def test_frf_takes_the_lines_of_the_measurement(portal, tmp_path):
+    assert (
+        main(
+            [
+                "frf",
+                str(portal),
+                "--out",
+                str(tmp_path / "f.npz"),
+                "--json",
+                str(tmp_path / "f.json"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
+    assert (read_npz(tmp_path / "f.npz").frequency == load_study(portal).measurements[0].frf.frequency).all()
+    assert json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))["kind"] == "accelerance"
+
+
+def test_what_cannot_be_written(portal, tmp_path, capsys):
+    assert main(["frf", str(portal), "--out", str(tmp_path / "f.xls")]) == 2
+    assert "not '.xls'" in capsys.readouterr().err
+    assert main(["frf", str(portal), "--out", str(tmp_path / "none" / "f.npz")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+
+
+def test_faults_of_the_program_are_told_from_bad_input(portal, capsys, monkeypatch):
+    def broken(*_):
+        raise ValueError("from numpy")
+
+    monkeypatch.setattr("dovetail.commands.commands.assemble", broken)
+    assert main(["modes", str(portal)]) == 1
+    assert "--debug" in capsys.readouterr().err
+    assert main(["modes", str(portal), "--debug"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+# identify-joint -----------------------------------------------------------------------------------------
+
+CROSS = """
+[materials.steel]
+E = 210e9
+rho = 7850
+[sections.flat]
+shape = "rectangle"
+b = 0.03
+h = 0.01
+[members.U]
+from = [0, 0, 0.01]
+to = [0.8, 0, 0.01]
+[members.D]
+from = [0.45, -0.25, -0.01]
+to = [0.45, 0.55, -0.01]
+[damping]
+modal = 0.003
+[frequency]
+start = 10
+stop = 800
+step = 10
+[[joints]]
+name = "J"
+member1 = "U"
+position1 = 0.45
+member2 = "D"
+position2 = 0.25
+{joint}
+[[sensors]]
+points = [
+  [0.0, 0, 0.01], [0.3, 0, 0.01], [0.8, 0, 0.01],
+  [0.45, -0.25, -0.01], [0.45, 0.2, -0.01], [0.45, 0.55, -0.01],
+]
+names = ["a", "b", "c", "d", "e", "f"]
+directions = "xyz"
+[[excitations]]
+sensor = "az"
+[[excitations]]
+sensor = "cz"
+[[excitations]]
+sensor = "fz"
+[[excitations]]
+sensor = "by"
+{measurements}
+"""
+ELASTIC = "k = {{ kx = 5e7, ky = 5e7, kz = 1e7, krx = {krx}, kry = 3000, krz = 5000 }}\neta = 0.1"
+
+
+@pytest.mark.parametrize(
+    "assumed",
+    [
+        ELASTIC.format(krx=3000),
+        'rigid = "rx"\nk = { kx = 5e7, ky = 5e7, kz = 1e7, kry = 3000, krz = 5000 }\neta = 0.1',
+    ],
+)
+def test_a_hidden_joint_stiffness_is_found_line_by_line(tmp_path, capsys, assumed):
+    """Exact FRFs give the dynamic stiffness back as it was put in, whatever the study assumes there.
+
+    Structural damping only, which acts on the joint too: modal ratios belong to the modes of each model, and
+    these are others with another joint.
+    """
+    text = CROSS.replace("modal = 0.003", "loss_factor = 0.003")
+    (tmp_path / "true.toml").write_text(
+        text.format(joint=ELASTIC.format(krx=200), measurements=""), encoding="utf-8"
+    )
+    true = load_study(tmp_path / "true.toml")
+    rows = (sensor_rows(true.model, s) for s in (true.sensors, true.excitations))
+    H = compute_frf(assemble(true.model), true.frequency, *rows, "receptance", method="direct").H
+    names = ([s.name for s in part] for part in (true.sensors, true.excitations))
+    write_npz(tmp_path / "m.npz", FRF.from_arrays(true.frequency, H, "receptance", *names))
+    study = tmp_path / "study.toml"
+    study.write_text(
+        text.format(joint=assumed, measurements='[[measurements]]\nfile = "m.npz"'), encoding="utf-8"
+    )
+    code = main(
+        [
+            "identify-joint",
+            str(study),
+            "--joint",
+            "J",
+            "--directions",
+            "rx",
+            "--out",
+            str(tmp_path / "z.npz"),
+            "--json",
+            str(tmp_path / "z.json"),
+            "--propose",
+            str(tmp_path / "new.toml"),
+        ]
+    )
+    assert code == 0
+    assert "joint J" in capsys.readouterr().out
+    with np.load(tmp_path / "z.npz") as z:
+        keep = z["regular"]
+        assert keep.mean() > 0.9
+        np.testing.assert_allclose(z["Z"][keep, 0, 0], 200 * (1 + 0.103j), rtol=1e-8)
+    found = json.loads((tmp_path / "z.json").read_text(encoding="utf-8"))
+    lines = found["line_by_line"]["directions"][0]
+    assert lines["k"] == pytest.approx(200)
+    assert lines["eta"] == pytest.approx(0.103)
+    # the fit moves what is uncertain too; exact data leave it to the basis, which is good to 1e-4 or so
+    fitted = found["directions"][0]
+    assert fitted["k"] == pytest.approx(200, rel=1e-3)
+    assert fitted["eta"] == pytest.approx(0.103, rel=1e-2)
+    assert abs(fitted["k"] - 200) < 2 * fitted["k_std"]
+    # the proposed study is the truth, and runs
+    model = load_study(tmp_path / "new.toml").model
+    joint = model.effect("J")
+    assert joint.K[3, 3] == pytest.approx(200, rel=1e-3)
+    assert joint.K[4, 4] == 3000
+    assert joint.D[3, 3] == pytest.approx(20, rel=1e-2)
+    assert "rx" not in joint.rigid
+    assert main(["modes", str(tmp_path / "new.toml"), "--quiet"]) == 0
+
+
+def test_sensors_of_a_member_read_that_member(tmp_path):
+    (tmp_path / "s.toml").write_text(CROSS.format(joint='rigid = "all"', measurements=""), encoding="utf-8")
+    study = load_study(tmp_path / "s.toml")
+    rows = sensor_rows(study.model, study.sensors)
+    assert (np.count_nonzero(rows, axis=1) == 1).all()
+    assert np.unique(np.argmax(rows, axis=1)).size == 18
+
+
+def test_identification_refuses_what_the_data_cannot_tell(tmp_path, capsys):
+    (tmp_path / "s.toml").write_text(
+        CROSS.format(joint=ELASTIC.format(krx=200), measurements=""), encoding="utf-8"
+    )
+    assert main(["frf", str(tmp_path / "s.toml"), "--out", str(tmp_path / "m.npz"), "--quiet"]) == 0
+    frf = read_npz(tmp_path / "m.npz")
+    write_npz(tmp_path / "m.npz", FRF.from_arrays(frf.frequency, frf.H, frf.kind, frf.outputs, frf.inputs))
+    (tmp_path / "s.toml").write_text(
+        CROSS.format(joint=ELASTIC.format(krx=200), measurements='[[measurements]]\nfile = "m.npz"'),
+        encoding="utf-8",
+    )
+    asked = ["identify-joint", str(tmp_path / "s.toml"), "--joint", "J", "--directions"]
+    assert main([*asked, "x,y,z,rx,ry", "--accuracy", "0"]) == 0
+    said = capsys.readouterr().out
+    assert "line by line: 4 internal inputs cannot determine 5" in said
+    assert main([*asked, "rx", "--terms", "K,E"]) == 2
+    assert "there is no term 'E'" in capsys.readouterr().err
+    assert main([*asked, "rx", "--terms", "D"]) == 2
+    assert "D has no stiffness" in capsys.readouterr().err
+    assert main([*asked, "rx", "--propose", str(tmp_path / "s.toml")]) == 2
+    assert "is the study itself" in capsys.readouterr().err

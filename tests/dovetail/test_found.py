@@ -1,0 +1,322 @@
+"""``found.toml`` holds the model that a run reports: read again it is the same, whatever was found."""
+
+import tomllib
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dovetail import StudyError, load_study
+from dovetail.cli import main
+from dovetail.file.faults import fault_table
+from dovetail.file.measured import sensor_rows
+from dovetail.file.toml import toml_value
+from dovetail.file.writing import with_damping, with_effects, with_parameters
+from dovetail.found import found_text
+from dovetail.pipeline import fit_problem
+from fem.analysis.frf import FRF, compute_frf
+from fem.connection_damping import ConnectionDamping
+from fem.effects import candidate_kinds
+from fem.effects.joint_stiffness import JointStiffness
+from fem.io import read_csv, read_npz, read_uff
+from fem.linalg.solvers import factorise
+from fem.model import Damping, parameter_values
+from fem.system import assemble, connection_stiffness, sum_contributions
+from tests.dovetail.test_effects import JOINTED, candidates, loaded
+from tests.small_frame import STUDY, write_study
+from updating.diagnosis.diagnose import begin
+from updating.inference.parameters import DampingCurve
+from updating.measurement.measurement import Measurement
+from updating.quality.faults import Fault
+
+LINES = np.array([20.0, 47.0, 130.0, 290.0])
+"""Frequencies at which the reported model and the one that was read are compared [Hz]."""
+
+
+def reported(study, effects, folder, faults=()):
+    """Return what a run reports: fitted values of all the model's parameters, damping and effects."""
+    rng = np.random.default_rng(3)
+    model = study.model
+    values = {}
+    for ref, value in model.values().items():
+        values[ref] = value * (1 + 0.03 * rng.standard_normal())
+    for effect in effects:
+        for ref in effect.replaces():
+            values.pop(ref, None)  # it stays nominal while the effect stands for it
+    curve = DampingCurve(np.array([30.0, 80.0, 200.0]), np.full(3, 0.005), 0.5, connections=True)
+    zeta = curve.start * np.exp(0.4 * rng.standard_normal(5))
+    fitted = model.with_values(values).with_effect(*effects)
+    diagnosis = SimpleNamespace(
+        problem=SimpleNamespace(damping=curve, data=SimpleNamespace(frequency=np.array([10.0, 300.0]))),
+        steps=[SimpleNamespace(result=SimpleNamespace(values=values, zeta=zeta))],
+        model=fitted,
+        findings=[SimpleNamespace(effect=e) for e in effects],
+        faults=faults,
+    )
+    return SimpleNamespace(study=study, diagnosis=diagnosis, folder=folder), fitted, curve, zeta
+
+
+def response(model, study, damping):
+    """Return receptances, solved directly, where members and connections have damping ratios of their own."""
+    system = assemble(model, reciprocal=False)
+    springs = connection_stiffness(system)
+    outputs, inputs = (sensor_rows(model, part).T for part in (study.sensors, study.excitations))
+    H = []
+    for f in LINES:
+        own, others = damping(np.array([f]))
+        Z = system.dynamic_stiffness(2 * np.pi * f) + 2j * own[0] * system.K
+        Z = Z + 2j * (others[0] - own[0]) * springs
+        H.append(outputs.T @ (system.Q @ factorise(Z, backend="superlu").solve(system.Q.T @ inputs + 0j)))
+    return np.array(H)
+
+
+def generic(effect):
+    values = parameter_values(effect)
+    for p in effect.parameters():
+        size = abs(p.value) or 0.01 * min(p.upper, 1.0)
+        values[p.name] = float(np.clip(p.value + 0.1234567890123 * size, p.lower, p.upper))
+    return effect.with_values(**values)
+
+
+def one_of_each(study):
+    first = {}
+    for effect in candidates(study):
+        first.setdefault(effect.kind, effect)
+    return first
+
+
+@pytest.mark.parametrize("kind", sorted(set(candidate_kinds()) - {"joint_patch"}))
+def test_the_reported_model_comes_back(tmp_path, kind):
+    study = loaded(tmp_path, JOINTED)
+    effect = generic(one_of_each(study)[kind])
+    result, fitted, curve, zeta = reported(study, [effect], tmp_path)
+    (tmp_path / "found.toml").write_text(found_text(result, tmp_path), encoding="utf-8")
+    found = load_study(tmp_path / "found.toml")
+    back = found.model
+    assert back.mesh.n_lines == fitted.mesh.n_lines
+    for ref, value in result.diagnosis.steps[0].result.values.items():
+        assert back.values()[ref] == pytest.approx(value, rel=1e-12)
+    n = fitted.n_dof
+    parts = (
+        tuple(c for e in m.effects if e.kind != "connection_damping" for c in e.contribute(m))
+        for m in (fitted, back)
+    )
+    for X, Y in zip(*(sum_contributions(p, n) for p in parts), strict=True):
+        assert abs(X - Y).max() <= 1e-10 * abs(X).max()
+    assert {c.key for c in fitted.constraints()} == {c.key for c in back.constraints()}
+    same = response(fitted, study, lambda f: curve.ratio(f, zeta))
+    again = response(back, found, lambda f: np.stack(2 * [back.damping.ratio_at(f)]))
+    assert np.abs(again / same - 1).max() < 1e-8  # of a system whose condition is 1e8 and more
+
+
+def test_the_nominal_damping_of_a_fit_is_that_of_the_model(tmp_path):
+    """A nominal curve is the model's at every line, not only at the knots."""
+    table = "modal = { frequency = [20, 90], ratio = [1e-3, 9e-3] }"
+    study = loaded(tmp_path, JOINTED.replace("modal = 0.01", table))
+    assert np.ptp(study.model.damping.ratio) > 0
+    frequency = np.arange(10.0, 200.0, 2.0)
+    names = [tuple(s.name for s in part) for part in (study.sensors, study.excitations)]
+    outputs, inputs = (sensor_rows(study.model, part) for part in (study.sensors, study.excitations))
+    H = compute_frf(assemble(study.model), frequency, outputs, inputs, "receptance").H
+    m = Measurement(FRF.from_arrays(frequency, H, "receptance", *names), study.sensors, study.excitations)
+    curve = begin(study.model, m).damping
+    for row in curve.ratio(frequency, curve.start):
+        np.testing.assert_allclose(row, study.model.damping.ratio_at(frequency), rtol=1e-12)
+
+
+FAULTS = (
+    Fault("sensor_sign", "K", -1.0, 0.0),
+    Fault("sensor_gain", "T", 1.25, 0.0),
+    Fault("sensor_delay", "T", 2e-5, 0.0, "s"),
+    Fault("sensor_swap", "K", 0.0, 0.0, "-", "P"),
+    Fault("sensor_tilt", "P", 0.2, 0.0, "rad", "", (0.0, 0.6, 0.8)),
+    Fault("sensor_position", "A", 0.03, 0.0, "m", "arm"),
+    Fault("excitation_sign", "T", -1.0, 0.0),
+    Fault("excitation_gain", "T", 0.8, 0.0),
+    Fault("excitation_delay", "T", 1e-5, 0.0, "s"),
+)
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=[f.kind for f in FAULTS])
+def test_faults_come_back_and_are_set_right(tmp_path, fault):
+    plain = load_study(write_study(tmp_path))
+    (m,) = plain.measurements
+    text = (tmp_path / "study.toml").read_text(encoding="utf-8")
+    study = loaded(tmp_path, text + "\n" + fault_table(fault))
+    (right,) = study.measurements
+    frequency, H = m.frf.frequency, m.frf.H
+    kind = fault.kind.partition("_")[2]
+    by = fault.value if kind in ("sign", "gain") else np.exp(-2j * np.pi * frequency * fault.value)[:, None]
+    if kind in ("sign", "gain", "delay"):
+        i = m.frf.outputs.index(fault.sensor) if fault.kind.startswith("sensor") else None
+        if i is None:  # a force that is more than was said
+            j = m.frf.inputs.index(fault.sensor)
+            np.testing.assert_allclose(right.frf.H[:, :, j], H[:, :, j] * by, rtol=1e-12)
+        else:
+            factor = by if np.ndim(by) else np.full((len(frequency), 1), by)
+            np.testing.assert_allclose(right.frf.H[:, i], H[:, i] / factor, rtol=1e-12)
+    elif kind == "swap":
+        i, j = (m.frf.outputs.index(n) for n in (fault.sensor, fault.other))
+        np.testing.assert_array_equal(right.frf.H[:, i], H[:, j])
+        np.testing.assert_array_equal(right.frf.H[:, j], H[:, i])
+    elif kind == "tilt":
+        (sensor,) = (s for s in study.sensors if s.name == fault.sensor)
+        (before,) = (s for s in plain.sensors if s.name == fault.sensor)
+        assert np.degrees(np.arccos(sensor.direction @ before.direction)) == pytest.approx(np.degrees(0.2))
+        (used,) = (s for s in right.sensors if s.name == fault.sensor)
+        assert used.direction == pytest.approx(sensor.direction)
+    else:
+        assert set(right.frf.outputs) == set(m.frf.outputs) - {fault.sensor}
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ('kind = "sensor_sing"\nsensor = "K"', "did you mean 'sensor_sign'"),
+        ('kind = "sensor_sign"\nsensor = "Q"', "there is no sensor 'Q'"),
+        ('kind = "sensor_gain"\nsensor = "K"\nvalue = -2', "a positive number"),
+        ('kind = "sensor_tilt"\nsensor = "K"\nvalue = 0.1\ntowards = "x"', "square to the direction"),
+        ('kind = "sensor_swap"\nsensor = "K"\nother = "K"', "with itself"),
+    ],
+)
+def test_faults_that_cannot_be_meant(tmp_path, entry, message):
+    text = write_study(tmp_path).read_text(encoding="utf-8")
+    with pytest.raises(StudyError) as caught:
+        loaded(tmp_path, f"{text}\n[[faults]]\n{entry}\n")
+    assert message in str(caught.value)
+
+
+NAMES = (
+    'a "quoted" name',
+    "back\\slash",
+    "new\nline",
+    "</script><b>",
+    "tab\there",
+    "DEL\x7f",
+    "ünïcode 梁",
+    "a.b = [c]",
+)
+
+
+@pytest.mark.parametrize("name", NAMES, ids=range(len(NAMES)))
+def test_names_survive(tmp_path, name):
+    quoted = toml_value(name)
+    text = (
+        JOINTED.replace("[members.arm]", f"[members.{quoted}]")
+        .replace('"arm"', quoted)
+        .replace('name = "bolt"', f"name = {quoted}")
+    )
+    text = text.replace("[materials.steel]", f"[materials.{quoted}]").replace('"steel"', quoted)
+    study = loaded(tmp_path, text)
+    effects = [
+        next(e for e in candidates(study) if e.kind == "point_mass" and e.member == name),
+        next(e for e in candidates(study) if isinstance(e, JointStiffness) and e.joints == (name,)),
+    ]
+    result, *_ = reported(study, effects, tmp_path)
+    (tmp_path / "found.toml").write_bytes(found_text(result, tmp_path).encode())
+    back = load_study(tmp_path / "found.toml").model
+    for ref, value in result.diagnosis.steps[0].result.values.items():
+        assert back.values()[ref] == pytest.approx(value, rel=1e-12)
+    assert {e.name for e in effects} <= {e.name.removeprefix("known ") for e in back.effects}
+
+
+def test_a_known_effect_is_found_again(tmp_path):
+    """What a joint's known effect has released is proposed as it is by now, and written in its place."""
+    study = loaded(tmp_path, JOINTED)
+    free = next(e for e in candidates(study) if isinstance(e, JointStiffness) and e.released())
+    held = next(e for e in candidates(study) if isinstance(e, JointStiffness) and not e.released())
+    result, *_ = reported(study, [free.with_values(stiffness=4e5), held.with_values(stiffness=2e5)], tmp_path)
+    (tmp_path / "found.toml").write_text(found_text(result, tmp_path), encoding="utf-8")
+    found = load_study(tmp_path / "found.toml")
+    again = {e.name: e for e in candidates(found)}
+    for effect, value in ((free, 4e5), (held, 2e5)):
+        assert again[effect.name].assumed == value
+        assert again[effect.name].released() == ()
+    keys = {c.key for c in found.model.constraints()}
+    assert all(keys.issuperset(e.released()) for e in again.values())
+    second = again[free.name].with_values(stiffness=7e5)
+    later, *_ = reported(found, [second], tmp_path)
+    (tmp_path / "later.toml").write_text(found_text(later, tmp_path), encoding="utf-8")
+    last = load_study(tmp_path / "later.toml").model
+    assert last.effect(f"known {free.name}").stiffness == 7e5
+    entries = tomllib.loads((tmp_path / "later.toml").read_text(encoding="utf-8"))["effects"]
+    assert len(entries) == 2
+
+
+def test_two_masses_on_one_member_have_two_names(tmp_path):
+    study = loaded(tmp_path, JOINTED)
+    mass = next(e for e in candidates(study) if e.kind == "point_mass").with_values(mass=0.1, position=0.1)
+    text = with_effects(JOINTED, [mass])
+    text = with_effects(text, [replace(mass, mass=0.2, position=0.3)])
+    back = [e for e in loaded(tmp_path, text).model.effects if e.kind == "point_mass"]
+    assert [(e.mass, e.position) for e in back] == [(0.1, 0.1), (0.2, 0.3)]
+
+
+def test_values_without_a_place_have_a_table(tmp_path):
+    study = loaded(
+        tmp_path,
+        STUDY.replace('shape = "rectangle"', 'shape = "hollow_rectangle"').replace(
+            "h = 0.012 }", "h = 0.012, t = 0.002 }"
+        ),
+    )
+    refs = [ref for ref in study.model.values() if ref[0] == "section_shear"]
+    assert refs
+    values = {ref: 1.1 + 0.1 * k for k, ref in enumerate(refs)}
+    text = with_parameters(study.text, values)
+    again = loaded(tmp_path, text)
+    assert {ref: again.model.values()[ref] for ref in refs} == values
+    assert with_parameters(text, values) == text  # in place the second time
+    with pytest.raises(StudyError, match=r"values\.section_shear\.ky:x.*no such parameter"):
+        loaded(tmp_path, text.replace('"ky:', '"ky:x').replace('"k:', '"ky:x'))
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "modal = 0.01",
+        "modal = { frequency = [5], ratio = [0.1] } # a guess",
+        "alpha = 1.0\n[damping.modal]\nratio=[0.1]\nfrequency=[1]",
+        "",
+    ],
+)
+def test_damping_takes_the_place_of_what_was_there(tmp_path, table):
+    text = STUDY.replace("[damping]\nmodal = 0.01", f"[damping]\n{table}" if table else "")
+    new = Damping.modal([0.01, 0.02], [10.0, 90.0], powers=True)
+    others = np.array([10.0, 90.0]), np.array([0.03, 0.04])
+    written = with_damping(text, new, others)
+    model = loaded(tmp_path, written).model
+    np.testing.assert_array_equal(
+        model.damping.ratio_at([10.0, 30.0, 90.0]), new.ratio_at([10.0, 30.0, 90.0])
+    )
+    assert model.damping.ratio_at(30.0) == pytest.approx(0.01 * 2 ** (np.log(3) / np.log(9)))
+    (own,) = model.of_kind(ConnectionDamping)
+    np.testing.assert_array_equal(own.ratio, others[1])
+    kept = loaded(tmp_path, with_damping(written, Damping.modal(0.005, 1.0), None)).model
+    assert kept.damping.ratio_at(30.0) == 0.005
+    assert len(kept.of_kind(ConnectionDamping)) == 1
+
+
+def test_labels_of_the_study_are_those_of_the_files(tmp_path, capsys):
+    """What `frf` writes is read by the same study: by labels, also where the numbers are not the mesh's."""
+    labels = {"P": "7X+", "K": "12X-", "T": "3X+", "A": "5Z+"}
+    text = STUDY
+    for name, label in labels.items():
+        text = text.replace(f'name = "{name}"', f'name = "{name}"\nlabel = "{label}"', 1)
+    (tmp_path / "plain.toml").write_text(text, encoding="utf-8")
+    names = [s.name for s in load_study(tmp_path / "plain.toml").sensors]
+    for suffix in ("npz", "uff", "csv"):
+        file = tmp_path / f"m.{suffix}"
+        assert main(["frf", str(tmp_path / "plain.toml"), "--out", str(file)]) == 0
+        capsys.readouterr()
+        frf = {"npz": read_npz, "csv": read_csv}.get(suffix, lambda f: read_uff(f).frf())(file)
+        assert frf.outputs == tuple(labels[n] for n in names)
+        study = loaded(tmp_path, text + f'\n[[measurements]]\nfile = "m.{suffix}"\n')
+        (m,) = study.measurements
+        assert m.frf.outputs == tuple(names)
+        # modal and structural damping differ by 0.4 dB here; a channel at another place by many
+        assert fit_problem(study).nominal().fit_db < 1.0
+        assert not [note for note in study.assumptions if "turned round" in note]
+    points = read_uff(tmp_path / "m.uff").points
+    for s in study.sensors:
+        np.testing.assert_allclose(points.at(int(labels[s.name][:-2])), s.point, atol=1e-6)

@@ -1,0 +1,320 @@
+"""What is wrong with measured files is said before anything is fitted, and no model's command needs them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dovetail import StudyError, load_study
+from dovetail.cli import main
+from fem.analysis.frf import FRF
+from fem.analysis.modes import Modes
+from fem.io import read_npz, write_csv, write_npz
+
+STUDY = """\
+[points]
+foot = [0.0, 0.0, 0.0]
+tip = [0.0, 0.0, 1.2]
+
+[members.mast]
+from = "foot"
+to = "tip"
+section = { shape = "rectangle", b = 0.03, h = 0.01 }
+
+[materials.steel]
+E = 210e9
+rho = 7850.0
+
+[damping]
+modal = 0.005
+
+[[supports]]
+point = "foot"
+
+[[sensors]]
+name = "low"
+point = [0.0, 0.0, 0.4]
+direction = "x"
+
+[[sensors]]
+name = "mid"
+point = [0.0, 0.0, 0.8]
+direction = "x"
+
+[[sensors]]
+name = "top"
+point = "tip"
+direction = "x"
+
+[[excitations]]
+sensor = "top"
+
+[frequency]
+start = 1.0
+stop = 200.0
+step = 0.25
+"""
+FILE = '\n[[measurements]]\nfile = "m.npz"\n'
+
+
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("mast")
+    (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    assert main(["frf", str(folder / "study.toml"), "--out", str(folder / "m.npz"), "--quiet"]) == 0
+    frf = read_npz(folder / "m.npz")
+    g = np.random.default_rng(3).standard_normal((2, *frf.H.shape))
+    return replace(frf, H=frf.H * (1 + 0.02 * (g[0] + 1j * g[1])))
+
+
+@pytest.fixture
+def load(tmp_path, computed):
+    """Write values as the measurement of the study, with more lines to it, and load it."""
+
+    def inner(H, more="", text=STUDY, **changes):
+        write_npz(tmp_path / "m.npz", replace(computed, H=H, **changes))
+        path = tmp_path / "study.toml"
+        path.write_text(text + FILE + more, encoding="utf-8")
+        return load_study(path)
+
+    return inner
+
+
+def with_row(H, i, row):
+    out = H.copy()
+    out[:, i] = row
+    return out
+
+
+def of_sensor(name, line):
+    return STUDY.replace(f'name = "{name}"', f'name = "{name}"\n{line}')
+
+
+def test_a_right_measurement_passes_without_a_word(load, computed):
+    assert load(computed.H).warnings == ()
+
+
+def test_conjugated_frfs_are_refused_and_the_remedy_undoes_it(load, computed):
+    with pytest.raises(StudyError, match=r"measurements\[1\].*e\^\{-iωt\}.*conjugate = true in \[\[measure"):
+        load(computed.H.conj())
+    study = load(computed.H.conj(), "conjugate = true\n")
+    np.testing.assert_array_equal(study.measurements[0].frf.H, computed.H)
+    assert study.warnings == ()
+    assert load(computed.H.conj(), "check_phase = false\n").measurements[0].frf.H is not None
+
+
+def test_too_few_lines_to_be_sure_are_judged_beside_the_model(load, computed):
+    """Lines 2 Hz apart have one or none in the width of a resonance."""
+    some = slice(None, None, 8)
+    changes = {"frequency": computed.frequency[some]}
+    assert load(computed.H[some], **changes).warnings == ()
+    with pytest.raises(StudyError, match=r"imaginary parts have the other sign; give conjugate = true"):
+        load(computed.H[some].conj(), **changes)
+    (text,) = load(computed.H[some].conj(), text=STUDY.replace("210e9", "70e9"), **changes).warnings[:1]
+    assert "too little to be sure" in text
+
+
+def test_one_conjugated_sensor_is_named_with_its_remedy(load, computed):
+    H = with_row(computed.H, 1, computed.H[:, 1].conj())
+    with pytest.raises(StudyError, match=r"sensors\[2\]: .*sensor mid in .*conjugate = true in its"):
+        load(H)
+    study = load(H, text=of_sensor("mid", "conjugate = true"))
+    np.testing.assert_array_equal(study.measurements[0].frf.H, computed.H)
+
+
+def test_both_conventions_undo_each_other(load, computed):
+    """Of a file for e^{-iωt} with one sensor for e^{+iωt}."""
+    H = with_row(computed.H.conj(), 0, computed.H[:, 0])
+    study = load(H, "conjugate = true\n", text=of_sensor("low", "conjugate = true"))
+    np.testing.assert_array_equal(study.measurements[0].frf.H, computed.H)
+    force = of_sensor("low", "conjugate = true").replace('sensor = "top"', 'sensor = "top"\nconjugate = true')
+    study = load(H, text=force)
+    np.testing.assert_array_equal(study.measurements[0].frf.H, computed.H)
+
+
+@pytest.mark.parametrize(("factor", "degrees"), [(1j, -90), (-1j, 90)])
+def test_a_factor_i_is_refused_and_the_remedy_undoes_it(load, computed, factor, degrees):
+    with pytest.raises(StudyError, match=rf"quarter turn.*give phase = {degrees} in \[\[measurements\]\]"):
+        load(factor * computed.H)
+    study = load(factor * computed.H, f"phase = {degrees}\n")
+    np.testing.assert_allclose(study.measurements[0].frf.H, computed.H, rtol=1e-12)
+
+
+def test_a_sensor_of_another_kind_is_named_with_that_kind(load, computed):
+    """A vibrometer among accelerometers."""
+    velocity = computed.H[:, 1] / (1j * computed.omega[:, None])
+    H = with_row(computed.H, 1, velocity)
+    with pytest.raises(StudyError, match=r"sensors\[2\]: .*give kind = \"mobility\" in its \[\[sensors\]\]"):
+        load(H)
+    study = load(H, text=of_sensor("mid", 'kind = "mobility"'))
+    np.testing.assert_allclose(study.measurements[0].frf.H, computed.H, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "called"),
+    [
+        ("receptance", "accelerance"), ("mobility", "accelerance"), ("accelerance", "receptance"),
+        ("accelerance", "mobility"),
+    ],
+)  # fmt: skip
+def test_another_kind_is_refused_with_the_right_one(load, computed, kind, called):
+    H = computed.as_kind(kind).H
+    with pytest.raises(StudyError, match=f'give kind = "{kind}"'):
+        load(H, kind=called)
+    assert load(H, kind=kind).warnings == ()
+
+
+def test_a_force_against_its_sensor_is_a_warning(load, computed):
+    (text,) = load(-computed.H).warnings
+    assert "gives power to the force at top" in text
+
+
+@pytest.mark.parametrize(("unit", "size"), [("rad/s", 1 / (2 * np.pi)), ("kHz", 1e3), ("cpm", 1 / 60)])
+def test_another_frequency_unit_is_a_warning_and_can_be_given(load, computed, unit, size):
+    frequency = computed.frequency / size
+    (text,) = load(computed.H, frequency=frequency).warnings
+    assert f'frequency_unit = "{unit}"' in text
+    assert "natural frequencies" in text
+    study = load(computed.H, f'frequency_unit = "{unit}"\n', frequency=frequency)
+    assert study.warnings == ()
+    np.testing.assert_allclose(study.measurements[0].frf.frequency, computed.frequency, rtol=1e-12)
+
+
+def test_a_unit_is_a_warning_that_the_report_of_compare_repeats(load, computed, tmp_path, capsys):
+    study = load(0.34 * computed.H)
+    (text,) = study.warnings
+    for words in ("0.34 times the model's", "scale = 2.20462", "2.94 times too light and soft"):
+        assert words in text
+    assert main(["compare", str(study.path)]) == 0
+    assert f"warning: {text}" in capsys.readouterr().err
+    assert load(0.34 * computed.H, "check_units = false\n").warnings == ()
+
+
+def test_amplitudes_without_phase_are_refused_alike(load, computed, tmp_path):
+    size = np.abs(computed.H)
+    path = tmp_path / "study.toml"
+    with pytest.raises(StudyError, match=r"without phase cannot be compared.*as frequency = "):
+        load(size.astype(complex))
+    np.savez(
+        tmp_path / "m.npz", frequency=computed.frequency, H=size, kind="accelerance",
+        outputs=computed.outputs, inputs=computed.inputs,
+    )  # fmt: skip
+    with pytest.raises(StudyError, match="without phase"):
+        load_study(path)
+    path.write_text(
+        STUDY + '[[measurements]]\nfile = "m.csv"\nkind = "accelerance"\noutputs = "low"\ninputs = "top"\n',
+        encoding="utf-8",
+    )
+    table = np.column_stack([computed.frequency, size[:, :2, 0]])
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",")  # two amplitudes, which pass for one FRF's two parts
+    with pytest.raises(StudyError, match="columns look like amplitudes"):
+        load_study(path)
+    np.savetxt(tmp_path / "m.csv", table[:, :2], delimiter=",")
+    with pytest.raises(StudyError, match="amplitudes alone have no phase"):
+        load_study(path)
+
+
+@pytest.mark.parametrize("degrees", [True, False])
+def test_amplitude_and_angle_are_not_taken_for_parts(tmp_path, computed, degrees):
+    h = computed.H[:, 2, 0]
+    table = np.column_stack([computed.frequency, np.abs(h), np.angle(h, deg=degrees)])
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",")
+    text = STUDY.split("[[sensors]]")
+    body = text[0] + "[[sensors]]" + text[3] + '[[measurements]]\nfile = "m.csv"\nkind = "accelerance"\n'
+    path = tmp_path / "study.toml"
+    path.write_text(body + 'outputs = ["top"]\ninputs = ["top"]\n', encoding="utf-8")
+    with pytest.raises(StudyError, match='give form = "magnitude-degrees"'):
+        load_study(path)
+
+
+def test_parts_in_a_table_are_still_read(tmp_path, computed):
+    write_csv(tmp_path / "m.csv", computed)
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY + FILE.replace("npz", "csv"), encoding="utf-8")
+    assert load_study(path).warnings == ()
+
+
+BROKEN = {
+    "no file": ("", '[[measurements]]\nfile = "none.npz"\n'),
+    "no archive": ("", '[[measurements]]\nfile = "study.toml"\nkind = "mobility"\n'),
+    "conjugated": ("", '[[measurements]]\nfile = "conj.npz"\n'),
+    "no such channel": ('[[sensors]]\nname = "z"\npoint = "tip"\ndirection = "z"\n', FILE),
+    "a sensor nowhere": ('[[sensors]]\nname = "z"\npoint = [9, 9, 9]\ndirection = "z"\n', ""),
+    "an excitation nowhere": ('[[excitations]]\nsensor = "none"\n', ""),
+    "no modes": ("", '[modes]\nfile = "none.unv"\n'),
+    "held out": (
+        '[[sensors]]\nname = "z"\npoint = [9, 9, 9]\ndirection = "z"\n', '[fit]\nheld_out = ["z"]\n',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BROKEN)
+@pytest.mark.parametrize("command", ["modes", "check"])
+def test_commands_of_the_model_need_no_measurement(tmp_path, computed, capsys, command, case):
+    """A bad file is named; natural frequencies are those without it."""
+    write_npz(tmp_path / "m.npz", computed)
+    write_npz(tmp_path / "conj.npz", replace(computed, H=computed.H.conj()))
+    bare, path = tmp_path / "bare.toml", tmp_path / "study.toml"
+    bare.write_text(STUDY, encoding="utf-8")
+    path.write_text(STUDY + "".join(BROKEN[case]), encoding="utf-8")
+    assert main([command, str(bare)]) == 0
+    before = capsys.readouterr().out.split("assumed")[0].splitlines()[1:]
+    assert main([command, str(path)]) == 0
+    after = capsys.readouterr()
+    assert after.out.split("assumed")[0].splitlines()[1 : 1 + len(before)] == before
+    assert ("warning: left out, and not needed here: " in after.err) == (case != "conjugated")
+
+
+def test_frf_needs_sensors_and_no_measurement(tmp_path, capsys):
+    path, out = tmp_path / "study.toml", tmp_path / "out.npz"
+    path.write_text(STUDY + '[[measurements]]\nfile = "none.npz"\n', encoding="utf-8")
+    assert main(["frf", str(path), "--out", str(out)]) == 0
+    assert "warning: left out, and not needed here: study.toml, line 43" in capsys.readouterr().err
+    assert read_npz(out).outputs == ("low", "mid", "top")
+    path.write_text(STUDY.replace("[0.0, 0.0, 0.8]", "[9, 9, 9]"), encoding="utf-8")
+    assert main(["frf", str(path), "--out", str(out)]) == 2
+    assert "sensors[2]" in capsys.readouterr().err
+
+
+def test_a_typing_error_of_the_model_is_still_refused(tmp_path, capsys):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY + '[fit]\nheld_out = ["nobody"]\n', encoding="utf-8")
+    assert main(["modes", str(path)]) == 2
+    assert "nobody" in capsys.readouterr().err
+
+
+def test_a_shape_that_is_zero_at_the_sensors_is_refused(tmp_path):
+    shapes = np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [0.5, 1.0]])
+    write_npz(
+        tmp_path / "modes.npz", Modes(np.array([5.8, 36.3]), shapes, None, ("low", "mid", "top", "other"))
+    )
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY + '[modes]\nfile = "modes.npz"\n', encoding="utf-8")
+    with pytest.raises(StudyError, match=r"mode 2, at 36.3 Hz, is zero at every sensor, low, mid, top"):
+        load_study(path)
+
+
+def test_labels_that_come_twice_are_named(tmp_path, computed):
+    H = np.concatenate([computed.H, 2 * computed.H[:, :1]], axis=1)
+    names = [*computed.outputs, computed.outputs[0]]
+    np.savez(
+        tmp_path / "m.npz",
+        frequency=computed.frequency,
+        H=H,
+        kind="accelerance",
+        outputs=names,
+        inputs=["top"],
+    )
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY + FILE, encoding="utf-8")
+    with pytest.raises(StudyError, match=r"m\.npz: the output label 'low' occurs twice"):
+        load_study(path)
+    write_csv(
+        tmp_path / "m.csv",
+        FRF.from_arrays(computed.frequency, computed.H, computed.kind, computed.outputs, ["top"]),
+    )
+    text = (tmp_path / "m.csv").read_text(encoding="utf-8")
+    (tmp_path / "m.csv").write_text(text.replace("(mid/top)", "(low/top)"), encoding="utf-8")
+    path.write_text(STUDY + FILE.replace("npz", "csv"), encoding="utf-8")
+    with pytest.raises(StudyError, match=r"m.csv: the header .*(twice|lacks)"):
+        load_study(path)

@@ -1,0 +1,410 @@
+"""The commands that identify modes, match geometry and update, as a user calls them."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from dovetail.cli import main
+from dovetail.file.measured import sensor_rows
+from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.modes import Modes, solve_modes
+from fem.io import read_npz_modes, read_uff, write_npz, write_uff
+from fem.system import assemble
+
+pytestmark = pytest.mark.usefixtures("offscreen")
+
+TEXT = """
+[study]
+name = "bracket"
+
+[points]
+root = [0.0, 0.0, 0.0]
+corner = [0.0, 0.0, 0.6]
+tip = [0.4, 0.0, 0.6]
+
+[members.post]
+from = "root"
+to = "corner"
+
+[members.arm]
+from = "corner"
+to = "tip"
+
+[materials.steel] # as ordered
+E = 200e9 # Pa
+rho = 7850.0
+
+[sections.flat]
+shape = "rectangle"
+b = 0.03
+h = 0.012
+
+[defaults]
+orientation = "y"
+
+[[supports]]
+point = "root"
+
+[[masses]]
+point = "tip"
+mass = 0.2
+
+[damping]
+modal = 0.008
+
+[[sensors]]
+point = "tip"
+directions = "xyz"
+
+[[sensors]]
+points = [{ member = "post", position = 0.3 }]
+names = ["middle"]
+directions = "xy"
+
+[[excitations]]
+sensor = "tipz"
+
+[[excitations]]
+sensor = "tipy"
+
+[uncertain]
+E = 0.1
+rho = 0
+"""
+
+MEASURED = '\n[[measurements]]\nfile = "frf.npz"\n'
+TRUTH = {("frame", "E:steel"): 210e9}
+
+
+@pytest.fixture(scope="module")
+def bracket(tmp_path_factory):
+    """Return a study whose modulus is 5 % too low, and the folder with its FRFs in noise of 1 %."""
+    folder = tmp_path_factory.mktemp("bracket")
+    path = folder / "study.toml"
+    path.write_text(TEXT + "\n[frequency]\nstop = 400.0\n", encoding="utf-8")
+    study = load_study(path)
+    real = study.model.with_values(TRUTH)
+    lines = np.arange(2.0, 400.0, 0.5)
+    rows = [sensor_rows(real, part) for part in (study.sensors, study.excitations)]
+    H = compute_frf(assemble(real), lines, *rows, "accelerance").H
+    noise = np.random.default_rng(2).standard_normal((2, *H.shape))
+    H = H * (1 + 0.01 * (noise[0] + 1j * noise[1]) / np.sqrt(2))
+    names = [[s.name for s in part] for part in (study.sensors, study.excitations)]
+    write_npz(folder / "frf.npz", FRF.from_arrays(lines, H, "accelerance", *names))
+    path.write_text(TEXT + MEASURED, encoding="utf-8")
+    exact = solve_modes(assemble(real), max_frequency=390.0)
+    rows = sensor_rows(real, study.sensors)
+    write_npz(folder / "modes.npz", Modes(exact.frequency, rows @ exact.shapes, None, tuple(names[0])))
+    return path, exact.frequency
+
+
+def test_modes_are_identified_drawn_and_written(bracket, tmp_path, capsys):
+    path, exact = bracket
+    out, uff = tmp_path / "modes.npz", tmp_path / "modes.uff"
+    words = ["identify-modes", str(path), "--out", str(out), "--picture", str(tmp_path / "s.png")]
+    assert main([*words, "--json", str(tmp_path / "m.json")]) == 0
+    text = capsys.readouterr().out
+    assert "damping ratio [%]" in text
+    found = read_npz_modes(out)
+    assert found.labels[:3] == ("tipx", "tipy", "tipz")
+    assert found.frequency == pytest.approx(exact, rel=1e-3)
+    data = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    score = [
+        (m["frequency_Hz"] - f) / m["frequency_std_Hz"] for m, f in zip(data["modes"], exact, strict=True)
+    ]
+    assert np.abs(score).max() < 4.5
+    assert (tmp_path / "s.png").read_bytes()[:4] == b"\x89PNG"
+    assert main(["identify-modes", str(path), "--quiet", "--out", str(uff)]) == 0
+    shapes = read_uff(uff).modes[0]
+    assert shapes.frequency == pytest.approx(found.frequency, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("key", "option"), [("least_mpc = 1.0", []), ("", ["--least-mpc", "1"]), ("largest_mpd = 0.0", [])]
+)
+def test_how_complex_shapes_may_be_is_set(bracket, tmp_path, capsys, key, option):
+    """Noise makes every shape a little complex: nothing passes the strictest limits, and peaks are named."""
+    path, exact = bracket
+    study = path.with_name(f"{tmp_path.name}.toml")
+    text = path.read_text(encoding="utf-8")
+    study.write_text(f"{text}\n[identification]\n{key}\n", encoding="utf-8")
+    assert main(["identify-modes", str(study), *option, "--json", str(tmp_path / "m.json")]) == 0
+    shown = capsys.readouterr().out
+    data = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    assert not data["modes"]
+    named = [p["frequency_Hz"] for p in data["unexplained_peaks"]]
+    assert len(named) == len(exact)
+    np.testing.assert_allclose(sorted(named), exact, rtol=0.02)
+    assert "Hz has no mode: the pole at " in shown
+    assert ("(least_mpc)" if "mpd" not in key else "(largest_mpd)") in data["unexplained_peaks"][0]["reason"]
+    # the option counts before the study
+    if key:
+        assert main(["identify-modes", str(study), "--least-mpc", "0", "--largest-mpd", "90"]) == 0
+        assert "Hz has no mode" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [("least_mpc = 1.5", "it is 1.5; 0 to 1 is"), ("largest_mpd = 91", "it is 91; 0 to 90 is")],
+)
+def test_limits_of_complexity_that_cannot_be_are_refused(bracket, tmp_path, capsys, key, message):
+    path, _ = bracket
+    study = path.with_name(f"{tmp_path.name}.toml")
+    study.write_text(f"{path.read_text(encoding='utf-8')}\n[identification]\n{key}\n", encoding="utf-8")
+    assert main(["identify-modes", str(study)]) == 2
+    assert message in capsys.readouterr().err
+    assert main(["identify-modes", str(path), "--least-mpc", "2"]) == 2
+    assert "a number from 0 to 1 is needed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "to"),
+    [
+        ("", "frf"),
+        ('\n[modes]\nfile = "modes.npz"\nfrequency_std = 1e-4\n', "modes"),
+        ('\n[update]\nto = ["frequencies"]\nmodel_error = 1e-4\n', "frequencies"),
+        ('\n[update]\nto = ["frf", "modes"]\n', "frf and modes"),
+    ],
+)
+def test_a_modulus_comes_back_and_is_written(bracket, tmp_path, capsys, more, to):
+    path, _ = bracket
+    study = path.with_name(f"{tmp_path.name}.toml")
+    study.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
+    out = tmp_path / "updated"
+    assert main(["update", str(study), "--out", str(out)]) == 0
+    assert f"updated to {to}; converged" in capsys.readouterr().out
+    data = json.loads((out / "update.json").read_text(encoding="utf-8"))
+    (E, *_) = data["parameters"]
+    low, high = E["interval_95"]
+    assert low < 210e9 < high
+    assert E["std"] < 0.004 * 210e9  # the model's own error of 0.1 % in frequency is 0.2 % in E
+    text = (out / "study.toml").read_text(encoding="utf-8")
+    assert "[materials.steel] # as ordered" in text
+    new = load_study(out / "study.toml")
+    assert new.model.values()["frame", "E:steel"] == pytest.approx(E["value"], rel=1e-9)
+    assert len(new.measurements) == 1  # its files are found from there
+    if "frf" in to:
+        assert new.model.damping.ratio == pytest.approx(
+            [p["value"] for p in data["parameters"][1:]], rel=1e-6
+        )
+    html = (out / "report.html").read_text(encoding="utf-8")
+    assert all(word in html for word in ("frame E:steel", "95 % interval", "most correlated with"))
+    assert {p.name for p in (out / "pictures").iterdir()} >= {"convergence.png", "parameters.png"}
+
+
+def test_identified_ratios_are_the_damping_of_a_study(bracket, tmp_path):
+    """The truth has 0.8 % in all modes; the study's own 0.8 % is replaced by what was identified."""
+    path, _ = bracket
+    modes = path.with_name("identified.uff")
+    assert main(["identify-modes", str(path), "--quiet", "--out", str(modes)]) == 0
+    study = path.with_name("damped.toml")
+    text = path.read_text(encoding="utf-8").replace("modal = 0.008", f'file = "{modes.name}"')
+    study.write_text(text, encoding="utf-8")
+    damping, found = load_study(study).model.damping, read_uff(modes).modes[0]
+    np.testing.assert_allclose(damping.frequency, found.frequency)
+    np.testing.assert_allclose(damping.ratio, found.zeta)
+    np.testing.assert_allclose(damping.ratio, 0.008, rtol=0.05)
+    # an update writes the ratios in its place, or leaves the file, which is then named from elsewhere
+    for more, keys in (("", {"modal"}), ("\n[update]\ndamping = false\n", {"file"})):
+        study.write_text(text + more, encoding="utf-8")
+        assert main(["update", str(study), "--quiet", "--force", "--out", str(tmp_path / "u")]) == 0
+        written = (tmp_path / "u" / "study.toml").read_text(encoding="utf-8")
+        assert set(tomllib.loads(written)["damping"]) == keys
+        load_study(tmp_path / "u" / "study.toml")
+
+
+def test_bounds_and_groups_and_values_without_a_place(bracket, tmp_path, capsys):
+    path, _ = bracket
+    more = """
+[update]
+to = ["frequencies"]
+
+[[update.parameters]]
+effect = "frame"
+parameter = "E:steel"
+upper = 205e9
+
+[[update.parameters]]
+name = "body"
+effect = "mass at tip"
+parameter = "mass"
+std = 0.02
+"""
+    study = path.with_name("bounds.toml")
+    study.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
+    out = tmp_path / "u"
+    assert main(["update", str(study), "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "at a bound: frame E:steel" in text
+    values = tomllib.loads((out / "study.toml").read_text(encoding="utf-8"))
+    assert values["materials"]["steel"]["E"] == 205e9
+    assert values["masses"][0]["mass"] == pytest.approx(0.2 / 210 * 205, rel=0.05)  # it has to be lighter
+
+
+def test_members_and_groups_get_parameters_of_their_own(bracket, tmp_path, capsys):
+    """The true 210 GPa are 5 % more than the study has: so are both members, however they are asked for."""
+    path, _ = bracket
+    more = """
+[uncertain]
+E = 0
+rho = 0
+
+[update]
+to = ["frequencies"]
+model_error = 1e-4
+
+[[update.parameters]]
+effect = "member_stiffness:*"
+each = true
+std = 0.2
+"""
+    study = path.with_name("each.toml")
+    text = path.read_text(encoding="utf-8").replace("[uncertain]\nE = 0.1\nrho = 0\n", "")
+    study.write_text(text + more, encoding="utf-8")
+    out = tmp_path / "u"
+    assert main(["update", str(study), "--out", str(out)]) == 0
+    assert "member_stiffness:arm change" in capsys.readouterr().out
+    parameters = json.loads((out / "update.json").read_text(encoding="utf-8"))["parameters"]
+    for p in parameters:
+        low, high = p["interval_95"]
+        assert low < 0.05 < high
+        assert p["std"] < 0.02
+    new = load_study(out / "study.toml")
+    written = [new.model.values()[f"known member_stiffness:{m}", "change"] for m in ("post", "arm")]
+    assert written == pytest.approx([p["value"] for p in parameters], rel=1e-9)
+
+    # again from what was written: the effects are there, and get their new values in place
+    again = (out / "study.toml").read_text(encoding="utf-8").replace("each = true\nstd = 0.2", 'name = "all"')
+    (out / "again.toml").write_text(again.replace("change = ", "# change = ", 1), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["update", str(out / "again.toml"), "--out", str(tmp_path / "v")]) == 0
+    last = tomllib.loads((tmp_path / "v" / "study.toml").read_text(encoding="utf-8"))["effects"]
+    assert [e["candidate"] for e in last] == ["member_stiffness:post", "member_stiffness:arm"]
+    # the post had lost its value, so that one amount lifts it to about 5 % and the arm to about twice that
+    assert last[1]["change"] - last[0]["change"] == pytest.approx(parameters[1]["value"], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("[modes]\nfrequency = [10.0, -3.0]", "modes.frequency: [10.0, -3.0] is not allowed"),
+        ("[modes]\nfrequency_std = 0.1", "give either file"),
+        ('[modes]\nfile = "none.npz"', "there is no file"),
+        ("[modes]\nfrequency = [10.0]\nshape_std = 0.1", "there are no shapes"),
+        ('[update]\nto = "shapes"', "'shapes' is not allowed"),
+        ('[update]\nto = ["modes", "frequencies"]', "leave 'frequencies' out"),
+        ('[[update.parameters]]\neffect = "frme"\nparameter = "E:steel"', "did you mean 'frame'?"),
+        ('[[update.parameters]]\neffect = "frame"\nparameter = "E"', "'frame' has no parameter 'E'"),
+        ('[[update.parameters]]\neffect = "frame"\nparameter = "E:steel"\nlower = 3e11', "must lie between"),
+        (
+            '[[update.parameters]]\neffect = "frame"\nparameter = "E:steel"\n' * 2,
+            "is updated by parameter 1 already",
+        ),
+        ("[update]\nstart = 2", "unknown key; did you mean 'starts'?"),
+        ("[update]\ncontradicted = -2", "update.contradicted: -2 is not allowed"),
+        ('[[update.parameters]]\neffect = "member_stifness:post"', "did you mean 'member_stiffness'?"),
+        ('[[update.parameters]]\neffect = "member_stiffness:pst"', "the nearest are member_stiffness:post"),
+        ('[[update.parameters]]\neffect = ["member_stiffness:post", "frame"]', "has no parameter 'change'"),
+        ('[[update.parameters]]\neffect = "crack:post.ry"', "has compliance, position"),
+        ("[[update.parameters]]\neffect = 3", "the name of an effect, or a list"),
+        (
+            '[[update.parameters]]\neffect = ["member_stiffness:*", "member_stiffness:arm"]',
+            "'known member_stiffness:arm' is named twice",
+        ),
+        (
+            '[[update.parameters]]\neffect = "member_stiffness:*"\neach = true\nname = "all"',
+            "leave name out",
+        ),
+        (
+            '[[update.parameters]]\neffect = "member_stiffness:arm"\n' * 2,
+            "'change' of 'known member_stiffness:arm' is updated by parameter 1 already",
+        ),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(bracket, capsys, more, words):
+    path, _ = bracket
+    study = path.with_name("wrong.toml")
+    study.write_text(path.read_text(encoding="utf-8") + "\n" + more, encoding="utf-8")
+    assert main(["compare", str(study)]) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("damping", "words"),
+    [
+        ('file = "none.uff"', "damping.file: there is no file"),
+        ('modal = 0.01\nfile = "modes.npz"', "give either modal"),
+        ('file = "modes.npz"', "modes.npz has no damping ratios"),
+        ('file = "frf.npz"', "damping.file: "),
+        ("file = 3", "damping.file: 3 is not allowed"),
+    ],
+)
+def test_files_without_damping_are_refused(bracket, capsys, damping, words):
+    path, _ = bracket
+    study = path.with_name("damping.toml")
+    study.write_text(path.read_text(encoding="utf-8").replace("modal = 0.008", damping), encoding="utf-8")
+    assert main(["compare", str(study)]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_without_data_or_unknowns(bracket, tmp_path, capsys):
+    path, _ = bracket
+    bare = tmp_path / "bare.toml"
+    bare.write_text(path.read_text(encoding="utf-8").replace(MEASURED, ""), encoding="utf-8")
+    assert main(["update", str(bare), "--out", str(tmp_path / "o")]) == 2
+    assert "there is nothing to update to" in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+    sure = path.with_name("sure.toml")
+    sure.write_text(path.read_text(encoding="utf-8").replace("E = 0.1", "E = 0"), encoding="utf-8")
+    assert main(["update", str(sure), "--out", str(tmp_path / "o")]) == 2
+    assert "nothing is uncertain" in capsys.readouterr().err
+
+
+def test_geometry_in_other_axes_is_matched_and_drawn(bracket, tmp_path, capsys):
+    path, _ = bracket
+    turn = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]])
+    places = np.array([[0, 0, 0.1], [0, 0, 0.33], [0, 0, 0.6], [0.15, 0, 0.6], [0.4, 0, 0.6]])
+    table, picture = tmp_path / "test.csv", tmp_path / "match.png"
+    rows = "".join(f"A{k},{x!r},{y!r},{z!r}\n" for k, (x, y, z) in enumerate((places @ turn + 2.0).tolist()))
+    table.write_text("name,x,y,z\n" + rows, encoding="utf-8")
+    words = ["match", str(path), str(table), "--tolerance", "0.005"]
+    assert main([*words, "--picture", str(picture), "--json", str(tmp_path / "m.json")]) == 0
+    assert "5 of 5 points matched" in capsys.readouterr().out
+    data = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    found = np.array([p["point_m"] for p in data["points"]])
+    np.testing.assert_allclose(found, places, atol=1e-5)
+    assert data["points"][1]["member"] == "post"
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    for bad, said in (
+        (b"A,1,2\n", "row 1 is A, 1, 2; a table of names and three coordinates"),
+        (b"A,0,0,0\nB,0,0,nan\nC,0,1,0\n", "row 2 is B, 0, 0, nan"),
+        (b"$MeshFormat\n4.1 0 8\n", "or a universal file (.uff, .unv"),
+        (b"PK\x03\x04\xff\xfe", "it is no text in UTF-8"),
+    ):
+        table.write_bytes(bad)
+        assert main(words) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_modes_of_a_universal_file_belong_to_nodes(bracket, tmp_path):
+    """Shapes by node and direction; a sensor that reads the other way has its rows turned round."""
+    path, exact = bracket
+    study = load_study(path)
+    mesh = study.model.mesh
+    labels = ("1X+", "1Y+", "1Z-")
+    shapes = np.arange(1.0, 1 + 3 * len(exact)).reshape(3, -1)
+    tip = path.with_name("tip.toml")
+    text = path.read_text(encoding="utf-8").replace(MEASURED, "")
+    tip.write_text(
+        text.replace('point = "tip"\ndirections = "xyz"', 'point = "tip"\nnode = 1\ndirections = "xyz"')
+        + '\n[modes]\nfile = "m.unv"\n',
+        encoding="utf-8",
+    )
+    write_uff(path.with_name("m.unv"), modes=Modes(exact, shapes, None, labels), mesh=mesh)
+    found = load_study(tip).modes
+    assert found is not None
+    assert found.modes.labels == ("tipx", "tipy", "tipz")
+    np.testing.assert_allclose(found.modes.shapes, shapes * [[1], [1], [-1]], rtol=1e-5)

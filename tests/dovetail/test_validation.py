@@ -1,0 +1,546 @@
+"""Cases drawn from a seed, how a diagnosis is judged, and the runner; with diagnoses made by hand."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dovetail.cli import main
+from dovetail.validation import run as runner
+from dovetail.validation.cases import SETS, CaseError, Settings, _Scale, draw_case, kinds_of
+from dovetail.validation.frames import draw_draft, perturbed
+from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, draw_hidden
+from dovetail.validation.judging import judge, same_place
+from dovetail.validation.table import as_markdown, interval, summarise
+from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.diagnosis.diagnose import propose
+
+SETTINGS = Settings(3, small=True)
+FAMILY = {"joint": "cross", "support": "angle", "end": "angle", "rigid": "angle"}
+
+
+def heard(draft, truth, hidden):
+    """Whether any sensor hears the effect: a crack in a plane that none looks at is not heard."""
+    f, strong = draft.frequency[5::40], hidden.change(truth, hidden.bounds[1])
+    if hidden.place.sensors:
+        sensors = [s for s in draft.sensors if s.name in hidden.place.sensors]
+        own = np.abs(truth.frf(f, sensors, draft.drives)).max(axis=(0, 2))
+        return (own > 1e-3 * np.abs(truth.frf(f, draft.sensors, draft.drives)).max()).all()
+    H = [frame.frf(f, draft.sensors, draft.drives) for frame in (truth, strong)]
+    return np.abs(H[1] - H[0]).max() > 1e-3 * np.abs(H[0]).max()
+
+
+@lru_cache
+def frame(family, *seed):
+    rng = np.random.default_rng(seed)
+    draft = draw_draft(rng, family, small=True)
+    return draft, perturbed(rng, draft, 0.03, 0.15, 0.01, 2.0)
+
+
+def draft_for(kind, seed=5):
+    """Return a small frame that holds a kind, the truth, and the kind at a place."""
+    for k in range(20):
+        draft, truth = frame(FAMILY.get(kind.split("_")[0], "tee"), seed, k // 5)
+        hidden = draw_hidden(np.random.default_rng(k), kind, draft, truth)
+        if hidden is not None and heard(draft, truth, hidden):
+            return draft, truth, hidden
+    raise AssertionError(kind)
+
+
+def test_there_are_at_least_thirty_kinds_of_effects():
+    assert len(EFFECTS) >= 30
+    assert set(FAULTS) >= {"gain", "sign", "tilt", "swap", "delay", "position"}
+
+
+@pytest.mark.parametrize("kind", EFFECTS)
+def test_weak_effects_change_the_frfs_in_proportion_to_their_amplitude(kind):
+    draft, truth, hidden = draft_for(kind)
+    f = draft.frequency[5::40]
+    base = truth.frf(f, draft.sensors, draft.drives)
+
+    def change(a):
+        H = hidden.change(truth, a).frf(f, draft.sensors, draft.drives)
+        return (H - base) / np.abs(base).max(axis=(0, 1))
+
+    # So weak that the second order counts for little, so strong that rounding does not.
+    a = hidden.bounds[0]
+    while np.abs(change(a)).max() > 1e-4:
+        a /= 4
+    one, two = change(a), change(2 * a)
+    assert np.abs(one).max() > 1e-9
+    # Twice the amplitude, twice the change, but for the second order: of the relative size of the change
+    # itself, 1e-4, at resonances of some hundred.
+    np.testing.assert_allclose(two, 2 * one, atol=0.03 * np.abs(two).max())
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_faults_change_the_rows_of_their_sensors_alone(kind):
+    draft, truth, hidden = draft_for(kind)
+    f = draft.frequency[5::40]
+    a = hidden.bounds[1]
+    sensors = hidden.readings(draft.sensors, a) if hidden.readings else draft.sensors
+    base = truth.frf(f, draft.sensors, draft.drives)
+    H = truth.frf(f, sensors, draft.drives)
+    if hidden.data:
+        H = hidden.data(f, H, a)
+    moved = (np.abs(H - base) > 1e-9 * np.abs(base).max()).any(axis=(0, 2))
+    names = [s.name for s in draft.sensors]
+    assert {n for n, m in zip(names, moved, strict=True) if m} == set(hidden.place.sensors)
+
+
+@pytest.mark.parametrize("kind", ["tilt", "position"])
+def test_a_drawn_fault_changes_what_its_sensor_reads_by_a_tenth(kind):
+    settings = replace(SETTINGS, seed=1031)  # 1 and 2 were faults that changed nothing
+    indices = [i for i in range(3 * len(FAULTS)) if kinds_of(settings, "faults", i) == (kind,)]
+    for i in indices:
+        case = draw_case(settings, "faults", i)
+        (implant,) = case.implants
+        frame, f = case.draft.frame, case.draft.frequency[::20]
+        wrong = implant.hidden.readings(case.draft.sensors, implant.amplitude)
+        base, read = (frame.frf(f, sensors, case.draft.drives) for sensors in (case.draft.sensors, wrong))
+        rows = [s.name in implant.hidden.place.sensors for s in case.draft.sensors]
+        assert np.abs(np.log(read[:, rows] / base[:, rows])).max() > 0.1
+
+
+def test_a_case_is_drawn_alike_every_time():
+    one, again = draw_case(SETTINGS, "null", 4), draw_case(SETTINGS, "null", 4)
+    np.testing.assert_array_equal(one.measurement.frf.H, again.measurement.frf.H)
+    other = draw_case(replace(SETTINGS, seed=4), "null", 4)
+    assert other.exact.shape != one.exact.shape or not np.array_equal(other.exact, one.exact)
+
+
+def test_every_kind_comes_once_in_a_round():
+    n = len(EFFECTS)
+    for start in (0, n):
+        assert sorted(kinds_of(SETTINGS, "single", start + i)[0] for i in range(n)) == sorted(EFFECTS)
+    assert kinds_of(SETTINGS, "null", 0) == ()
+    assert len(kinds_of(SETTINGS, "two", 1)) == 2
+
+
+def test_hidden_effects_are_as_visible_as_wanted_and_weak_ones_ten_times_weaker(mass_case):
+    low, high = SETTINGS.visible_db
+    (full,), (weak,) = (draw_case(replace(SETTINGS, weaker=w), "weak", 2).implants for w in (1.0, 10.0))
+    assert weak.amplitude == pytest.approx(full.amplitude / 10)
+    (implant,) = mass_case[0].implants
+    # The grid's step is at most 8 in amplitude; four bisections leave its sixteenth root, 1.14.
+    assert low <= implant.visible_db <= 1.2 * high
+
+
+def test_what_uncertain_parameters_can_do_is_not_visible():
+    rng = np.random.default_rng(8)
+    draft = draw_draft(rng, "cross", small=True)
+    truth = perturbed(rng, draft, 0.03, 0.15, 0.01, 2.0)
+    scale = _Scale(draft, truth, 3e-5)
+
+    def softer(step):
+        members = {n: replace(m, E=m.E * (1 - step)) for n, m in truth.members.items()}
+        return scale.visible_db(replace(truth, members=members))
+
+    # First order is projected out, the second stays: half the step, a quarter of the change.
+    # The derivative's own step h = 1e-6 adds a part h/s of that.
+    assert softer(2e-4) / softer(1e-4) == pytest.approx(4, rel=0.05)
+    assert softer(1e-4) < 0.01
+    heavier = {"U": replace(truth.members["U"], rho=truth.members["U"].rho * 1.1), "D": truth.members["D"]}
+    assert scale.visible_db(replace(truth, members=heavier)) > 0.5
+
+
+def test_noise_is_of_the_size_that_the_case_states():
+    case = draw_case(SETTINGS, "null", 1)
+    ratio = log_ratio(case.measurement.frf.H, case.exact)
+    loud = np.abs(case.exact) > 0.05 * np.abs(case.exact).max(axis=(0, 1))
+    n = loud.sum()
+    # Real and imaginary part of relative noise σ have σ/√2 each; its estimate scatters by 1/√(2n).
+    assert np.std(ratio.real[loud]) == pytest.approx(case.noise / np.sqrt(2), rel=4 / np.sqrt(2 * n))
+    assert pytest.approx(20 / np.log(10)) == DB_PER_NEPER
+
+
+def test_what_cannot_be_drawn_is_refused():
+    with pytest.raises(CaseError, match="there is no set 'many'"):
+        draw_case(SETTINGS, "many", 0)
+
+
+# ------------------------------------------------------------------------------------------- judging
+
+
+def said(case, findings=(), verdict="effect", faults=(), rounds=(), after=0.3):
+    """Return a diagnosis as far as judging reads it."""
+    step = SimpleNamespace(fit_db=after, held_out_db=after)
+    return SimpleNamespace(
+        model=case.model, findings=findings, verdict=verdict, faults=faults, rounds=rounds,
+        steps=(step, step), reason="", discretisation_db=0.0, basis_db=0.0, seconds=1.0,
+        problem=SimpleNamespace(data=SimpleNamespace(mask=np.ones(case.exact.shape, dtype=bool))),
+    )  # fmt: skip
+
+
+def finding(effect, twins=(), **values):
+    effect = effect.with_values(**values)
+    parameters = tuple(
+        SimpleNamespace(name=p.name, value=p.value, std=0.01 * abs(p.value)) for p in effect.parameters()
+    )
+    return SimpleNamespace(effect=effect, parameters=parameters, twins=twins)
+
+
+def ranked(effect, asked=1.0, level=2.0, refined=True):
+    return SimpleNamespace(
+        name=effect.name, kind=effect.kind, where=effect.where, parameters=finding(effect).parameters,
+        asked=asked, level=level, refined=refined,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def mass_case():
+    index = next(i for i in range(len(EFFECTS)) if kinds_of(SETTINGS, "single", i) == ("point_mass",))
+    case = draw_case(SETTINGS, "single", index)
+    (implant,) = case.implants
+    candidates = {e.name: e for e in propose(case.model, kinds=["point_mass", "stiffness_loss"])}
+    return case, implant.hidden.values(implant.amplitude), candidates
+
+
+def test_two_of_one_kind_are_each_compared_with_the_nearer_truth(mass_case):
+    case, true, candidates = mass_case
+    (implant,) = case.implants
+    hidden = replace(implant.hidden, values=lambda a: {**true, "mass": 2 * true["mass"]})
+    both = replace(case, implants=(implant, replace(implant, hidden=hidden)))
+    right = candidates[f"point_mass:{implant.hidden.place.member}"]
+    two = [finding(right, mass=m * true["mass"], position=true["position"]) for m in (2.02, 1.01)]
+    errors = [e for e in judge(both, said(both, two))["errors"] if e["parameter"] == "mass"]
+    assert [e["error"] for e in errors] == pytest.approx([0.01, 0.01])
+    assert [e["truth"] for e in errors] == [2 * true["mass"], true["mass"]]
+
+
+def test_right_kind_at_the_right_place(mass_case):
+    case, true, candidates = mass_case
+    member = case.implants[0].hidden.place.member
+    right = candidates[f"point_mass:{member}"]
+    length = case.draft.frame.members[member].length
+    record = judge(case, said(case, [finding(right, mass=true["mass"] * 1.01, position=true["position"])]))
+    assert record["outcome"] == "right"
+    assert record["in_three"]
+    error = next(e for e in record["errors"] if e["parameter"] == "mass")
+    assert error["error"] == pytest.approx(0.01)
+    assert error["covered"]
+    for share, outcome in ((0.04, "right"), (0.06, "wrong")):
+        at = true["position"] + np.sign(length / 2 - true["position"]) * share * length
+        record = judge(case, said(case, [finding(right, mass=true["mass"], position=at)]))
+        assert record["outcome"] == outcome
+
+
+def test_twins_false_effects_and_other_verdicts(mass_case):
+    case, true, candidates = mass_case
+    member = case.implants[0].hidden.place.member
+    right, loss = candidates[f"point_mass:{member}"], candidates[f"stiffness_loss:{member}"]
+    twin = ranked(right.with_values(**true))
+    assert judge(case, said(case, [finding(loss)]))["outcome"] == "wrong"
+    assert judge(case, said(case, [finding(loss, twins=(twin,))]))["outcome"] == "twin"
+    third = judge(case, said(case, [finding(loss)], rounds=((ranked(loss), ranked(loss), twin),)))
+    assert third["outcome"] == "wrong"
+    assert third["in_three"]
+    assert third["nearest"] == {"kind": loss.kind, "where": loss.where, "reached": 0.5}
+    rounds = (
+        (ranked(loss, level=0.5),),
+        (ranked(loss), ranked(right, level=1.25), ranked(right, level=0.1, refined=False)),
+    )
+    assert (
+        judge(case, said(case, rounds=rounds))["nearest"]["reached"] == 0.8
+    )  # fitted fully, in the last round
+    assert judge(case, said(case))["nearest"] is None
+    both = [finding(right, **true), finding(loss)]
+    assert judge(case, said(case, both))["outcome"] == "beside"
+    for verdict, outcome in (
+        ("unexplained", "unexplained"),
+        ("nothing missing", "not noticed"),
+        ("measurement fault", "fault"),
+    ):
+        assert judge(case, said(case, verdict=verdict))["outcome"] == outcome
+
+
+def test_withheld_kinds_are_rightly_unexplained_and_twins_must_explain(mass_case):
+    case, _, candidates = mass_case
+    held = replace(case, set="withheld")
+    loss = next(e for e in candidates.values() if e.kind == "stiffness_loss")
+    assert judge(held, said(held, verdict="unexplained"))["outcome"] == "right"
+    assert judge(held, said(held, [finding(loss)], after=5.0))["outcome"] == "wrong"
+    assert judge(held, said(held, [finding(loss)], after=0.1))["outcome"] == "twin"
+    assert judge(held, said(held, verdict="nothing missing"))["outcome"] == "not noticed"
+
+
+def test_joints_are_told_apart_by_direction():
+    index = next(i for i in range(99) if kinds_of(SETTINGS, "single", i) == ("joint_rotation",))
+    case = draw_case(SETTINGS, "single", index)
+    place = case.implants[0].hidden.place
+    for effect in propose(case.model, kinds=["joint_stiffness"]):
+        outcome = judge(case, said(case, [finding(effect)]))["outcome"]
+        is_right = effect.joints == (place.joint,) and effect.direction == place.direction
+        assert outcome == ("right" if is_right else "wrong")
+
+
+def test_a_spring_across_a_member_is_one_to_the_ground_there():
+    index = next(i for i in range(99) if kinds_of(SETTINGS, "single", i) == ("ground_spring",))
+    case = draw_case(SETTINGS, "single", index)
+    (implant,) = case.implants
+    true, place = implant.hidden.values(implant.amplitude), implant.hidden.place
+    (member,) = set(case.draft.frame.members) & set(place.words.split())
+    axes = case.draft.frame.members[member].axes
+    outcomes = []
+    for effect in propose(case.model, kinds=["side_spring"]):
+        if effect.member == member:
+            along = abs(axes["xyz".index(effect.direction)]["xyz".index(place.direction)])
+            at = np.clip(true["position"], *[(p.lower, p.upper) for p in effect.parameters()][1])
+            near = abs(at - true["position"]) <= place.tolerance
+            outcome = judge(case, said(case, [finding(effect, stiffness=true["stiffness"], position=at)]))
+            assert outcome["outcome"] == ("right" if near and along > 0.99 else "wrong")
+            outcomes.append(outcome["outcome"])
+    assert set(outcomes) == {"right", "wrong"}
+
+
+def test_nothing_hidden():
+    case = draw_case(SETTINGS, "null", 0)
+    effect = propose(case.model, kinds=["point_mass"])[0]
+    assert judge(case, said(case, verdict="nothing missing"))["outcome"] == "right"
+    assert judge(case, said(case, [finding(effect)]))["outcome"] == "wrong"
+    assert judge(case, said(case, verdict="unexplained"))["outcome"] == "unexplained"
+
+
+def test_faults_are_judged_by_sensor_and_kind():
+    index = next(i for i in range(len(FAULTS)) if kinds_of(SETTINGS, "faults", i) == ("gain",))
+    case = draw_case(SETTINGS, "faults", index)
+    (sensor,) = case.implants[0].hidden.place.sensors
+    other = next(s.name for s in case.draft.sensors if s.name != sensor)
+
+    def outcome(*faults, verdict="measurement fault"):
+        made = [SimpleNamespace(kind=k, sensor=s, value=1.0) for k, s in faults]
+        return judge(case, said(case, verdict=verdict, faults=made))["outcome"]
+
+    assert outcome(("sensor_gain", sensor)) == "right"
+    assert outcome(("sensor_sign", sensor)) == "twin"
+    assert outcome(("sensor_gain", other)) == "wrong"
+    assert outcome(("sensor_gain", sensor), ("sensor_gain", other)) == "beside"
+    assert outcome(verdict="nothing missing") == "not noticed"
+
+
+# -------------------------------------------------------------------------------------------- running
+
+
+def fake(settings, task):
+    return {
+        "case": f"{task[0]}:{task[1]}", "set": task[0], "index": task[1], "hidden": [], "known": True,
+        "outcome": "right", "first": True, "seconds": 1.0,
+        "db": {k: 0.1 for k in ("nominal", "fitted", "after", "floor")},
+    }  # fmt: skip
+
+
+def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch):
+    called = []
+    monkeypatch.setattr(runner, "run_case", lambda s, t: called.append(t) or fake(s, t))
+    tasks = runner.plan(2, 1, ["single", "null"])
+    assert tasks == (("single", 0), ("null", 0), ("single", 1))
+    runner.validate(SETTINGS, tasks[:2], tmp_path)
+    with (tmp_path / "cases.jsonl").open("a") as file:
+        file.write('{"case": "single:1", "se')  # the machine went down here
+    told = []
+    records = runner.validate(SETTINGS, tasks, tmp_path, say=lambda r, done, n, left: told.append((done, n)))
+    assert called == list(tasks)
+    assert [r["case"] for r in records] == ["single:0", "null:0", "single:1"]
+    assert told == [(3, 3)]
+    lines = (tmp_path / "cases.jsonl").read_text().splitlines()
+    assert [json.loads(line).get("case") for line in lines] == [None, "single:0", "null:0", "single:1"]
+    with pytest.raises(runner.ValidationError, match=r"other settings \(seed differs\)"):
+        runner.validate(replace(SETTINGS, seed=4), tasks, tmp_path)
+    (tmp_path / "cases.jsonl").write_text("hello\n")
+    with pytest.raises(runner.ValidationError, match="not a file of this command"):
+        runner.validate(SETTINGS, tasks, tmp_path)
+
+
+def test_a_case_that_fails_is_recorded_and_the_rest_go_on(tmp_path, monkeypatch):
+    def broken(*_, **__):
+        message = "no luck"
+        raise ArithmeticError(message)
+
+    monkeypatch.setattr(runner, "diagnose", broken)
+    records = runner.validate(SETTINGS, [("null", 0), ("null", 1)], tmp_path)
+    assert [r["outcome"] for r in records] == ["failed", "failed"]
+    assert "ArithmeticError: no luck" in records[0]["traceback"]
+    assert f'File "{Path("dovetail", "validation", "run.py")}"' in records[0]["traceback"]
+    text = as_markdown(summarise(records), "t")
+    assert "| null | failed | 2 of 2 |" in text
+    assert "ArithmeticError: no luck" in text
+
+
+def test_intervals_are_clopper_and_pearson():
+    # With no hits in n the upper limit solves (1 - p)ⁿ = 0.025.
+    assert interval(0, 24) == pytest.approx((0.0, 1 - 0.025 ** (1 / 24)))
+    assert interval(300, 300) == pytest.approx((0.025 ** (1 / 300), 1.0))
+
+
+def test_the_table_counts_sets_and_lists_what_is_not_right():
+    records = [fake(None, ("single", i)) for i in range(4)]
+    records[3] |= {"outcome": "wrong", "first": False, "found": [{"kind": "crack", "where": "member A"}]}
+    records[2]["known"] = False
+    records += [fake(None, ("null", 0))]
+    summary = summarise(records)
+    rate = {(r["set"], r["what"]): (r["hits"], r["cases"]) for r in summary["rates"]}
+    assert rate["single", "right effect and place first"] == (2, 3)
+    assert rate["single", "a wrong effect"] == (1, 3)
+    assert rate["single, kinds not known", "right effect and place first"] == (1, 1)
+    assert rate["null", "false alarm"] == (0, 1)
+    assert [f["case"] for f in summary["failures"]] == ["single:3"]
+    assert "| single:3 |" in as_markdown(summary, "t")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--sets", "single,double"], "there is no set 'double'"),
+        (["--case", "double:1"], "is not a case"),
+        (["--cases", "0"], "from 1 to 1000000"),
+    ],
+)
+def test_bad_arguments_are_said_in_a_line(arguments, word, tmp_path, capsys):
+    assert main(["validate", "--seed", "1", "--out", str(tmp_path / "o"), *arguments]) == 2
+    assert word in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+
+
+def test_the_command_writes_its_tables(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(runner, "run_case", fake)
+    folder = tmp_path / "out"
+    arguments = [
+        "validate",
+        "--seed",
+        "3",
+        "--small",
+        "--cases",
+        "2",
+        "--sets",
+        "single,null",
+        "--out",
+        str(folder),
+    ]
+    assert main(arguments) == 0
+    assert "| single | right effect and place first | 2 of 2 |" in capsys.readouterr().out
+    assert json.loads((folder / "table.json").read_text())["settings"]["seed"] == 3
+    assert (folder / "table.md").read_text().startswith("# Validation with seed 3")
+
+
+STOPPED = """
+import signal, sys, time
+from pathlib import Path
+from study.validation import run
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+
+def case(settings, task):
+    if task[1]:
+        Path(sys.argv[1], task[0]).touch()
+        time.sleep(600)
+    return {"case": f"{task[0]}:{task[1]}", "set": task[0], "index": task[1], "outcome": "", "seconds": 0.0}
+
+if __name__ == "__main__":
+    from study.cli import main
+    run.run_case = case
+    sys.exit(main(["validate", "--seed", "3", "--small", "--cases", "9", "--sets", "single,null",
+                   "--processes", "2", "--out", sys.argv[1]]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send these signals to another process")
+@pytest.mark.parametrize(
+    ("name", "to_all", "code"),
+    [("SIGTERM", False, -15), ("SIGINT", False, 1), ("SIGINT", True, 1)],
+    ids=["terminated", "interrupted", "Ctrl-C"],
+)
+def test_a_run_that_is_stopped_leaves_no_processes_and_its_records(name, to_all, code, tmp_path):
+    program, file = tmp_path / "program.py", tmp_path / "out" / "cases.jsonl"
+    program.write_text(STOPPED)
+    run = subprocess.Popen(
+        [sys.executable, str(program), str(file.parent)],
+        env=os.environ | {"PYTHONPATH": str(Path(runner.__file__).parents[2])},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        until = time.monotonic() + 60
+        while not all((file.parent / name).exists() for name in ("single", "null")):  # both workers sleep
+            assert run.poll() is None, run.communicate()[1]
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        (os.killpg if to_all else os.kill)(run.pid, getattr(signal, name))
+        # All of its processes hold this pipe: it ends when the last of them has ended, not after 600 s.
+        _, said = run.communicate(timeout=30)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(run.pid, signal.SIGKILL)
+        run.communicate()
+    assert run.returncode == code
+    assert "Traceback" not in said
+    assert {r["case"] for r in runner.read_records(file, SETTINGS)} == {"single:0", "null:0"}
+
+
+@pytest.mark.slow
+def test_small_cases_from_the_command_line(tmp_path):
+    """Whole diagnoses in processes of their own: every case ends, none fails."""
+    folder = tmp_path / "out"
+    arguments = [
+        "validate",
+        "--seed",
+        "5",
+        "--small",
+        "--cases",
+        "1",
+        "--processes",
+        "2",
+        "--out",
+        str(folder),
+    ]
+    assert main([*arguments, "--sets", "single,null"]) == 0
+    records = [json.loads(line) for line in (folder / "cases.jsonl").read_text().splitlines()[1:]]
+    assert len(records) == 2
+    assert not [r["traceback"] for r in records if r["outcome"] == "failed"]
+
+
+def test_sets_have_their_place_in_the_seed():
+    """The order of the sets is part of what a seed means."""
+    assert SETS == ("single", "null", "withheld", "weak", "two", "faults")
+    assert all(KINDS[k].found_as for k in KINDS)
+
+
+def test_a_soft_corner_goes_by_either_members_name_but_one_axis():
+    case = draw_case(Settings(911), "weak", 1)  # an arm on a post: its bending is the post's torsion
+    place = case.implants[0].hidden.place
+    assert place.turns == (("post", "rx"), ("arm", "rz"))
+    alike = {e.name: same_place(e, case.model, place) for e in propose(case.model, ["end_release"])}
+    assert alike == {
+        "end_release:post.2.rx": True,
+        "end_release:post.2.ry": False,
+        "end_release:post.2.rz": False,
+        "end_release:arm.1.rx": False,  # askew to the post's y and z
+        "end_release:arm.1.ry": False,
+    }
+
+
+def test_two_runs_in_one_folder_do_not_both_compute(tmp_path):
+    """The lock is held while the other lives, and gone with it however it ends."""
+    code = (
+        "import sys, time; from pathlib import Path; from study.locks import Lock\n"
+        "lock = Lock.take(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / runner.LOCK_FILE)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        words = rf"another validate computes here \(process {other.pid} on"
+        with pytest.raises(runner.ValidationError, match=words):
+            runner.validate(Settings(1, True), (), tmp_path)
+        other.kill()
+    assert runner.validate(Settings(1, True), (), tmp_path) == []

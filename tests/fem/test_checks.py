@@ -1,0 +1,183 @@
+"""Faults of meshes and models: each planted fault is found, and named by its points and lines."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from fem.analysis.modes import MechanismError, solve_modes
+from fem.checks import check_mesh, check_model
+from fem.effects.joint import Joint
+from fem.elements.frame import Frame, MemberProperties
+from fem.mesh import Mesh
+from fem.model import Model
+from fem.system import assemble
+from tests.frames import FLAT, STEEL, beam, chain, cross_beam, fix, mounted, planar, portal, with_part
+
+SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+RING = [[0, 1], [1, 2], [2, 3], [3, 0]]
+
+
+def model_of(mesh, *effects):
+    return Model(mesh, (Frame(members={m: MemberProperties(STEEL, FLAT) for m in mesh.members}), *effects))
+
+
+def kinds(faults):
+    return [fault.kind for fault in faults]
+
+
+@pytest.mark.parametrize(
+    "model",
+    [cross_beam(), portal(), beam(7), chain(3, 4, stiffness=1e3), mounted(), with_part()],
+    ids=["cross", "portal", "beam", "chain", "mounted", "part"],
+)
+def test_sound_models_have_no_fault(model):
+    assert check_model(model) == ()
+
+
+def test_a_joint_connects_what_the_mesh_does_not():
+    model = cross_beam()
+    assert kinds(check_mesh(model.mesh)) == ["loose part"]
+    (fault,) = check_model(model.without_effect("bolt"))
+    assert fault.kind == "loose part"
+    assert "'upper' are connected to nothing else" in fault.message
+    assert "the nearest points are 4 and 1, 0.01 m apart" in fault.message
+    assert set(fault.lines) == set(model.mesh.members["upper"])
+
+
+def test_coincident_and_nearly_coincident_points():
+    points = [*SQUARE, [1, 1, 0], [2, 1, 0]]
+    mesh = Mesh.from_lines(points, [*RING, [4, 5]], {"ring": [0, 1, 2, 3], "arm": [4]})
+    loose, near = check_mesh(mesh)
+    assert (loose.kind, near.kind) == ("loose part", "coincident points")
+    assert near.points.tolist() == [2, 4]
+    assert "lie at the same place and are not connected; merge them" in near.message
+    moved = Mesh.from_lines([*SQUARE, [1, 1, 1e-3], [2, 1, 0]], [*RING, [4, 5]])
+    assert "are 0.001 m apart" in check_mesh(moved)[1].message
+    assert kinds(check_mesh(moved, tolerance=5e-4)) == ["loose part"]
+    # a spring between them is a connection, and then they are no fault
+    K = np.diag([1e6] * 3 + [1e3] * 3)
+    joint = Joint(name="j", point1=2, point2=4, location=np.array([1.0, 1, 0]), K=K)
+    assert check_model(model_of(mesh, joint)) == ()
+
+
+def test_points_beside_a_line_and_lines_that_cross():
+    points = [*SQUARE, [0.4, 1e-3, 0], [0.4, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0]]
+    faults = check_mesh(Mesh.from_lines(points, [*RING, [4, 5], [6, 7]]))
+    assert sorted(kinds(faults)) == [
+        "loose part",
+        "loose part",
+        "unconnected crossing",
+        "unconnected crossing",
+    ]
+    beside, cross = faults[2:]
+    assert beside.points.tolist() == [4]
+    assert beside.lines.tolist() == [0]
+    assert "0.001 m beside it at (0.4, 0.001, 0) m; divide the line there" in beside.message
+    assert cross.lines.tolist() in ([0, 5], [5, 0])
+    assert "cross at (0.5, 0, 0) m, and are not connected" in cross.message
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1), gap=st.floats(0, 1.5), s=st.floats(0.05, 0.95), t=st.floats(0.05, 0.95)
+)
+@settings(max_examples=40, deadline=None)
+def test_crossings_are_found_at_any_angle_exactly_within_the_tolerance(seed, gap, s, t):
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0.2, np.pi - 0.2)
+    u, v = np.array([1.0, 0, 0]), 0.7 * np.array([np.cos(angle), np.sin(angle), 0])
+    tolerance = 0.01
+    lift = np.array([0, 0, gap * tolerance])
+    points = np.array([-s * u, (1 - s) * u, -t * v + lift, (1 - t) * v + lift])
+    points = points @ Rotation.random(random_state=int(rng.integers(2**31))).as_matrix().T + rng.normal(
+        size=3
+    )
+    found = kinds(check_mesh(Mesh.from_lines(points, [[0, 1], [2, 3]]), tolerance))
+    if abs(gap - 1) > 1e-9:
+        assert ("unconnected crossing" in found) == (gap < 1)
+
+
+def test_lines_that_meet_are_no_crossing():
+    star = [[0, 0, 0]] + [[np.cos(a), np.sin(a), 0] for a in np.linspace(0, 2 * np.pi, 7)[:-1]]
+    assert check_mesh(Mesh.from_lines(star, [[0, k] for k in range(1, 7)])) == ()
+    assert check_mesh(Mesh.from_lines(SQUARE, [*RING, [0, 2]]).split(5)) == ()
+    assert kinds(check_mesh(Mesh.from_lines(SQUARE, [*RING, [0, 2], [1, 3]]))) == ["unconnected crossing"]
+
+
+def test_a_long_line_beside_its_own_many_pieces_is_no_fault_but_the_short_ones():
+    mesh = Mesh.from_lines([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1], [1, 2]]).split([200, 1])
+    (fault,) = check_mesh(mesh)
+    assert fault.kind == "short line"
+    assert fault.lines.tolist() == [199]
+
+
+def test_lines_that_overlap_are_found():
+    """From one point in one direction: the shorter one's end lies on the longer one."""
+    (fault,) = check_mesh(Mesh.from_lines([[0, 0, 0], [1, 0, 0], [0.4, 0, 0]], [[0, 1], [0, 2]]))
+    assert fault.kind == "unconnected crossing"
+    assert fault.points.tolist() == [2]
+    assert "lies on it" in fault.message
+
+
+def test_duplicate_short_and_unused():
+    points = [[0, 0, 0], [1, 0, 0], [1.005, 0, 0], [9, 9, 9]]
+    mesh = Mesh.from_lines(points, [[0, 1], [1, 2], [1, 0]], {"a": [0, 1], "b": [2]})
+    unused, duplicate, short = check_mesh(mesh)
+    assert unused.points.tolist() == [3]
+    assert unused.message == "point 3 is on no line and no joint; leave it out"
+    assert sorted(duplicate.lines) == [0, 2]
+    assert "2 lines of members 'a' and 'b' join the same points 0 and 1" in duplicate.message
+    assert short.lines.tolist() == [1]
+    assert "0.005 m long beside one of 1 m" in short.message
+
+
+def test_members_without_properties():
+    mesh = Mesh.from_lines(SQUARE, RING, {"a": [0, 1], "b": [2, 3]})
+    names = list(mesh.members)
+    frame = Frame(members={names[0]: MemberProperties(STEEL, FLAT)})
+    faults = check_model(Model(mesh, (frame,)))
+    assert kinds(faults) == ["no properties"] * (len(names) - 1)
+    assert faults[0].message == f"member '{names[1]}' has no material and section; given are {names[0]}"
+
+
+def test_a_mechanism_comes_with_its_motions():
+    model = chain(3, 4)  # two hinges that pass no moment: two bending motions of each, and a twist
+    (fault,) = check_model(model)
+    assert fault.kind == "mechanism"
+    assert fault.motions.shape == (model.n_dof, 6)
+    system = assemble(model)
+    q = system.Q.T @ fault.motions
+    np.testing.assert_allclose(system.Q @ q, fault.motions, atol=1e-12)
+    # the energy of each is rounding, of what its entries would give one by one
+    terms = np.einsum("ij,ij->j", abs(q), abs(system.K) @ abs(q))
+    assert (abs(np.einsum("ij,ij->j", q, system.K @ q)) <= 1e-10 * terms).all()
+    assert np.linalg.matrix_rank(fault.motions, tol=1e-6) == 6
+    size = np.tile(np.repeat([1.0, model.mesh.size], 3), model.mesh.n_points)
+    np.testing.assert_allclose(abs(size[:, None] * fault.motions).max(axis=0), 1.0)
+    with pytest.raises(MechanismError) as error:
+        solve_modes(system)
+    np.testing.assert_array_equal(error.value.motions, fault.motions)
+
+
+def test_a_mechanism_beside_a_support():
+    """A pinned column that leans: one motion in its plane, and the free points are those that move."""
+    model = planar(chain(2, 3, (fix(0),)), keep=("z", "ry"))
+    faults = check_model(model)
+    assert kinds(faults) == ["mechanism"]
+    (fault,) = faults
+    assert fault.motions.shape[1] == 1
+    moved = np.unique(np.flatnonzero(abs(fault.motions[:, 0]) > 1e-9) // 6)
+    assert set(moved) == set(model.mesh.member_points("m1"))
+    assert set(fault.points) <= set(moved)
+
+
+def test_a_model_that_cannot_be_assembled_says_why():
+    mesh = Mesh.from_lines(SQUARE, RING)
+    broken = replace(MemberProperties(STEEL, FLAT), rigid1=2.0)
+    frame = Frame(members=dict.fromkeys(mesh.members, broken))
+    (fault,) = check_model(Model(mesh, (frame,)))
+    assert fault.kind == "model"
+    assert "rigid end zone of 2 m does not fit" in fault.message

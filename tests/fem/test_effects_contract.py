@@ -1,0 +1,527 @@
+"""What every effect promises, walked over all kinds on three models; a new one is met by itself."""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from fem.analysis.frf import compute_frf
+from fem.analysis.modes import solve_modes
+from fem.analysis.statics import LoadCase, prestressed, solve_static
+from fem.effects import candidate_kinds, effect_classes
+from fem.effects.proportional_damping import MassDamping, StiffnessDamping
+from fem.effects.section_shear import SectionShear
+from fem.elements.frame import Frame
+from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
+from fem.properties import Material
+from fem.sensitivity import differentiate_frf, differentiate_modes
+from fem.system import assemble
+from tests.frames import beam, braced, cross_beam, fix, mounted, portal, welded, with_part
+
+SHEAR = SectionShear(
+    groups={"upper": ("upper",), "lower": ("lower",)}, directions={"upper": ("ky", "kz"), "lower": ("k",)}
+)
+
+MODELS = {
+    "cross": cross_beam(0.1),
+    # shear coefficients that the model's sections do not have
+    "sheared": cross_beam(0.1).with_effect(
+        SHEAR.with_values(**{"ky:upper": 1.7, "kz:upper": 0.6, "k:lower": 1.3})
+    ),
+    "portal": portal(0.2),
+    # one member, rigid zones, offsets, a material with a loss factor, at an odd angle
+    "cantilever": beam(
+        5,
+        0.7,
+        effects=(fix(0, name="wall"),),
+        along=(1, 2, -0.5),
+        theory="timoshenko",
+        material=Material("damped", 70e9, 2700.0, loss_factor=0.02),
+        rigid1=0.05,
+        offset1=np.array([0, 0, 0.02]),
+        offset2=np.array([0.01, 0, -0.03]),
+    ),
+    "mounts": mounted(),
+    # two members: one tapers, is on springs and hinged, its mass in lumps; the other is a bar in one piece
+    "options": braced(),
+    # ends of solid bars on others, one with a rigid zone
+    "welded": welded(0.15, rigid1=0.004),
+    "part": with_part(),
+    # all six section forces in each member
+    "loaded": prestressed(portal(0.2), solve_static(assemble(portal(0.2)), LoadCase(gravity=(3, 4, -9.81)))),
+}
+GROUNDED = {
+    "support_flexibility",
+    "foundation",
+    "foundation_dashpot",
+    "ground_spring",
+    "ground_damper",
+    "side_spring",
+}
+GROUNDED |= {"stinger"}
+"""Kinds that may hold a rigid body."""
+
+TURNED = {"preload", "prestress", "rotor"}
+"""Kinds that resist its rotations: a force or an angular momentum that keeps its direction."""
+
+BRAKED = {"mass_damping"}
+"""Kinds that brake a rigid body."""
+
+OF_ALL = {"mass_damping", "stiffness_damping"}
+"""Kinds that are formed of all other effects or all joints, in a fit of those at nominal values."""
+
+DIFFERENCES = {"member_section", "member_shear", "member_torsion"}
+"""Kinds that are what other sections add."""
+
+
+KEYS = ("K", "M", "C", "D", "storage", "loss")
+
+
+def candidates(model, kind):
+    """Return the candidates of a kind, in a test with sensors along the structure and two excitations."""
+    n = model.mesh.n_points
+    sensors, drivers = np.arange(1, n, 2), np.array([1, n - 1])
+    axes = np.eye(3)
+    slanted = np.array([0.6, 0.0, 0.8])
+    test = Instruments(sensors, axes[np.arange(len(sensors)) % 3], drivers, np.array([axes[2], slanted]))
+    return effect_classes()[kind].propose_for_test(model, test)
+
+
+NOT_PROPOSED = (
+    MassDamping(name="alpha", alpha=1.0),
+    StiffnessDamping(name="beta", beta=1e-5),
+    SHEAR,
+)
+"""Effects of kinds that a search does not propose, on the crossed beams."""
+
+
+def some(effects):
+    """Return the first, the middle and the last of the candidates of a kind."""
+    n = len(effects)
+    return [effects[i] for i in sorted({0, n // 2, n - 1})] if n else []
+
+
+CASES = [
+    pytest.param(model, effect, id=f"{name}-{effect.name}")
+    for name, model in MODELS.items()
+    for kind in candidate_kinds()
+    # beside the mast's own softness a support of 1e9 N/m cannot be seen; "loaded" is a prestressed "portal"
+    if name != "options" or kind not in ("support_flexibility", "foundation", "foundation_dashpot")
+    if name != "loaded"
+    if kind != "joint_patch"  # adds nothing by itself: see test_effects_patch.py
+    for effect in some(candidates(model, kind))
+]
+CASES += [pytest.param(MODELS["cross"], effect, id=f"cross-{effect.name}") for effect in NOT_PROPOSED]
+OWN = [
+    pytest.param(model, effect, id=f"{name}-{effect.name}")
+    for name, model in MODELS.items()
+    for effect in model.effects
+]
+
+
+def matrices(effect, model):
+    """Return an effect's K, M, C, D and what its laws make of K at 80 Hz, complex where its values are.
+
+    Shape (6, n_dof, n_dof); K is static, the last two are storage and loss.
+    """
+    out = np.zeros((len(KEYS), model.n_dof, model.n_dof), dtype=complex)
+    for part in effect.contribute(model):
+        of_law = (None, None)
+        if part.law is not None:
+            of_law = [factor[0] * part.K for factor in part.law(np.array([2 * np.pi * 80.0]))]
+        for k, X in enumerate((part.static, part.M, part.C, part.D, *of_law)):
+            if X is not None:
+                np.add.at(out[k], (part.dofs[:, :, None], part.dofs[:, None, :]), X)
+    return out if np.iscomplexobj(out) else out.astype(complex)
+
+
+def generic(effect):
+    """Return an effect with values of no special kind, inside the bounds: what a fit meets on its way."""
+    values = {}
+    for i, p in enumerate(effect.parameters()):
+        size = abs(p.value) or (min(abs(p.upper), 1.0) if np.isfinite(p.upper) else 1.0)
+        values[p.name] = float(np.clip(p.value + (0.137 + 0.01 * i) * size, p.lower, p.upper))
+    return effect.with_values(**values)
+
+
+def check_absent(model, effect):
+    absent = {p.name: p.absent for p in effect.parameters()}
+    if all(np.isfinite(v) for v in absent.values()):
+        assert not matrices(effect.with_values(**absent), model).any(), (
+            "there, though every value says absent"
+        )
+        assert not effect.released(), "releases constraints though it may be absent at a finite value"
+        return
+    # Absent at infinite stiffness: what is left is a compliance 1/(k + k0), k0 the structure's own stiffness.
+    (p,) = (p for p in effect.parameters() if not np.isfinite(p.absent))
+    first = 1e9 if p.unit == "N/m" else 1e5
+    at = [(point, d) for point in (1, model.mesh.n_points - 1) for d in ("x", "y", "z")]
+
+    def receptance(model):
+        return compute_frf(assemble(model), [3.0], at, at, kind="receptance", method="direct").H[0]
+
+    rigid = receptance(model)
+    soft, stiff = (
+        receptance(model.with_effect(effect.with_values(**{p.name: k}))) - rigid for k in (first, 10 * first)
+    )
+    seen = abs(soft) > 1e-6 * abs(rigid).max()
+    assert seen.any(), "releases nothing"
+    assert abs(soft).max() < 0.2 * abs(rigid).max(), "does not become rigid"
+    ratio = soft[seen] / stiff[seen]
+    # (10 k + k0)/(k + k0), and k0 is at most a tenth of k here: EA/L of an element, 4 EI/L; several springs
+    # have several k0, whose differences may show where their parts nearly cancel
+    assert ((abs(ratio) > 10.1 / 1.1) & (abs(ratio) < 10.3)).all(), "does not become rigid"
+
+
+def check_symmetry(model, effect):
+    X = matrices(generic(effect), model)
+    assert X.any(), "adds nothing"
+    for k in range(len(KEYS)):
+        other = X[k].T if effect.reciprocal else -X[k].T
+        assert abs(X[k] - other).max() <= 1e-14 * abs(X[k]).max(), f"{KEYS[k]} is not symmetric"
+
+
+def check_rigid_motion(model, effect):
+    if effect.kind in GROUNDED:
+        return
+    motions = np.vstack([lever_matrix(p - model.mesh.points.mean(axis=0)) for p in model.mesh.points])
+    motions = np.vstack([motions, np.zeros((model.n_dof - len(motions), 6))])  # coordinates inside stay
+    motions = motions[:, :3] if effect.kind in TURNED else motions
+    # what is a difference of two members' matrices rounds like these
+    (frame,) = model.of_kind(Frame)
+    rounding = 1e-15 * abs(matrices(frame, model)[0]).max() if effect.kind in DIFFERENCES else 0.0
+    for X in matrices(generic(effect), model)[[0, 2, 3, 4, 5]]:
+        if effect.kind in BRAKED:
+            continue
+        bound = 1e-13 * max(abs(X).max(), 1e-300) + rounding
+        assert abs(X @ motions).max() <= bound, "resists a rigid motion"
+
+
+def check_derivatives(model, effect):
+    effect = generic(effect)
+    (frame,) = model.of_kind(Frame)
+    # what is a difference of two members' matrices rounds like these
+    whole = (
+        abs(matrices(frame, model)).max(axis=(1, 2)) if effect.kind in DIFFERENCES else np.zeros(len(KEYS))
+    )
+    for p in effect.parameters():
+        step = 1e-5 * (abs(p.value) or 1.0)
+        exact = np.imag(matrices(effect.with_values(**{p.name: p.value + 1e-200j}), model)) / 1e-200
+
+        def at(value, name=p.name):
+            return matrices(effect.with_values(**{name: value}), model).real
+
+        near = (at(p.value + step) - at(p.value - step)) / (2 * step)
+        far = (at(p.value + 2 * step) - at(p.value - 2 * step)) / (4 * step)
+        # Central differences err by step² f‴/6, a third of what the two differ by; the rest is rounding.
+        for k in range(len(KEYS)):
+            rounding = (1e-13 * abs(at(p.value)[k]).max() + 1e-15 * whole[k]) / step
+            bound = abs(far - near)[k].max() + rounding
+            assert abs(exact - near)[k].max() <= bound, f"derivative of {KEYS[k]} by {p.name}"
+
+
+def check_linear(model, effect):
+    effect = generic(effect)
+    for p in effect.parameters():
+        if not p.linear:
+            continue
+        step = 0.1 * (abs(p.value) or 1.0)
+        X = [matrices(effect.with_values(**{p.name: p.value + i * step}), model).real for i in range(3)]
+        bend = X[0] - 2 * X[1] + X[2]
+        assert abs(bend).max() <= 1e-13 * max(abs(x).max() for x in X), f"is not affine in {p.name}"
+
+
+def check_values(model, effect):
+    names = [p.name for p in effect.parameters()]
+    assert len(set(names)) == len(names)
+    for p in effect.parameters():
+        assert p.lower <= p.value <= p.upper, f"{p.name} starts outside its bounds"
+        assert p.unit, f"{p.name} has no unit"
+    changed = generic(effect)
+    same = effect.with_values(**parameter_values(effect))
+    np.testing.assert_array_equal(matrices(same, model), matrices(effect, model))
+    back = changed.with_values(**parameter_values(effect))
+    np.testing.assert_array_equal(matrices(back, model), matrices(effect, model))
+    assert all(a.value != b.value for a, b in zip(changed.parameters(), effect.parameters(), strict=True))
+    assert changed.name == effect.name
+    assert type(changed) is type(effect)
+
+
+def check_place(model, effect):
+    assert effect.where
+    places = effect.locations(model)
+    assert places.shape[1] == 3
+    assert len(places) >= 1
+    for place in places:
+        # a joint's place may lie off the members' axes, by its lever arms; no farther than a section is wide
+        assert model.mesh.nearest_on_members(place)[2] <= 0.03, "lies off the structure"
+
+
+def check_starts(model, effect):
+    starts = effect.starts(lambda key: 1e6)
+    assert starts
+    known = {p.name: p for p in effect.parameters()}
+    for values in starts:
+        assert values.keys() <= known.keys()
+        for name, value in values.items():
+            assert known[name].lower <= value <= known[name].upper, f"{name} = {value} is outside its bounds"
+
+
+def check_references(model, effect):
+    # What a fit varies beside the effect may change its matrices too; then it has to say so.
+    if effect.kind in OF_ALL:
+        return
+    effect = generic(effect)
+    for other in model.effects:
+        for p in other.parameters():
+            ref = (other.name, p.name)
+            changed = model.with_values({ref: p.value * (1 + 1e-200j) if p.value else 1e-200j})
+            if np.imag(matrices(effect, changed)).any():
+                assert ref in effect.refers_to(model), f"does not say that it depends on {ref}"
+
+
+CHECKS = (check_absent, check_symmetry, check_rigid_motion, check_derivatives, check_linear)
+CHECKS += (check_values, check_place, check_starts, check_references)
+
+
+@pytest.mark.parametrize(("model", "effect"), CASES)
+def test_candidate_keeps_the_contract(model, effect):
+    for check in CHECKS:
+        check(model, effect)
+
+
+@pytest.mark.parametrize(("model", "effect"), OWN)
+def test_effects_of_a_model_keep_the_contract(model, effect):
+    check_derivatives(model, effect)
+    check_linear(model, effect)
+    if effect.parameters():
+        check_symmetry(model, effect)
+        check_rigid_motion(model, effect)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_names_are_unique_and_differ_from_the_models(name):
+    model = MODELS[name]
+    names = [e.name for kind in candidate_kinds() for e in candidates(model, kind)]
+    names += [e.name for e in model.effects]
+    assert len(set(names)) == len(names)
+
+
+def test_every_kind_is_proposed_somewhere():
+    met = {
+        effect.kind for model in MODELS.values() for k in candidate_kinds() for effect in candidates(model, k)
+    }
+    assert met == set(candidate_kinds())
+    own = {effect.kind for model in MODELS.values() for effect in model.effects}
+    own |= {effect.kind for effect in NOT_PROPOSED}
+    assert met | own == set(effect_classes()), "a kind is on no model of this file"
+    assert not {effect.kind for effect in NOT_PROPOSED} & met
+
+
+# ------------------------------------------------------------- derivatives of frequencies, shapes and FRFs
+
+
+def changed(model, effect):
+    """Return a model in which an effect stands for its namesake, or is added."""
+    if effect.name not in {e.name for e in model.effects}:
+        return model.with_effect(effect)
+    return replace(model, effects=tuple(effect if e.name == effect.name else e for e in model.effects))
+
+
+def stepped(model, effect, ref, of):
+    """Return what a function makes of effects and model, summed, with a complex step of one parameter."""
+    model = model.with_values({(effect.name, ref): parameter_values(effect)[ref] + 1e-200j})
+    return sum(of(e, model) for e in model.effects)
+
+
+def complex_newton(K, M, lam, phi):
+    """Return derivatives of eigenvalues and basis of a set of modes, by Newton's method on a complex step.
+
+    One step for K φ = M φ B with φ₀ᵀ M₀ φ fixed takes the imaginary parts of K and M over to B and φ exactly,
+    as their squares vanish. The basis is then turned to the normalisation with φᵀ M dφ = -½ φᵀ dM φ.
+    """
+    n, s = phi.shape
+    residual = K @ phi - M @ phi * lam
+    scale = np.concatenate([1 / np.sqrt(K.real.diagonal()), np.ones(s)])
+    dphi, B = np.zeros((n, s)), np.zeros((s, s))
+    for j in range(s):
+        border = M @ phi
+        J = np.block([[K - lam[j] * M, -border], [border.T, np.zeros((s, s))]])
+        rhs = np.concatenate([-residual[:, j], np.zeros(s)])
+        step = scale * np.linalg.solve(scale[:, None] * J * scale, scale * rhs)
+        dphi[:, j], B[:, j] = step.imag[:n] / 1e-200, step.imag[n:] / 1e-200
+    dM = phi.T @ (M.imag / 1e-200) @ phi
+    return np.linalg.eigvals(B).real, dphi - phi @ dM / 2
+
+
+def check_mode_sensitivity(model, effect, n=4):
+    effect = generic(effect)
+    model = changed(model, effect)
+    system = assemble(model)
+    Q = system.Q.toarray()
+    refs = [(effect.name, p.name) for p in effect.parameters()]
+    n += system.rigid.shape[1]
+    result = differentiate_modes(system, refs, n, outputs="all")
+    some = np.random.default_rng(0).standard_normal((3, model.n_dof))
+    seen = differentiate_modes(system, refs, n, outputs=some)
+    phi, lam = Q.T @ result.modes.shapes, result.modes.omega**2
+    together = {int(k): s.modes for s in result.sets for k in s.modes}
+    # An ω² is known to 1e-16 of the highest, and a shape turns by that over the distance to the next ω².
+    rounding = 2e-16 * (abs(system.K.diagonal()) / np.maximum(system.M.diagonal(), 1e-9)).max()
+    others = solve_modes(system, len(lam) + 6).omega ** 2
+    for i, p in enumerate(effect.parameters()):
+        K, M = Q.T @ stepped(model, effect, p.name, matrices)[:2] @ Q
+        per_one = 1 / (abs(p.value) or 1.0)  # what a change of the parameter by its own size makes
+        for k in range(len(lam)):
+            g = together.get(k, np.array([k]))
+            if k != g[0]:
+                continue
+            slope, dphi = complex_newton(K, M, lam[g], phi[:, g])
+            far = np.delete(others, g) if g[-1] < len(others) else others
+            turn = 30 * rounding / abs(far - lam[k]).min()
+            bound = 30 * rounding * per_one + (turn + 1e-9) * abs(slope).max()
+            difference = np.sort(result.eigenvalue[i, g]) - np.sort(slope)
+            assert abs(difference).max() <= bound, f"dω² of mode {k + 1} by {p.name}"
+            exact = Q @ dphi
+            bound = (turn + 1e-7) * abs(exact).max() + turn * abs(phi[:, g]).max() * per_one
+            assert abs(result.shapes[i][:, g] - exact).max() <= bound, f"shape of mode {k + 1} by {p.name}"
+            difference = abs(seen.shapes[i][:, g] - some @ exact).max()
+            assert difference <= bound * abs(some).sum(axis=1).max(), f"mode {k + 1} at outputs by {p.name}"
+
+
+def dynamic(effect, model):
+    """Return the real and the imaginary part of an effect's Z at 80 Hz, (2, n_dof, n_dof), either complex."""
+    omega, eta = 2 * np.pi * 80.0, model.damping.loss_factor
+    K, M, C, D, *_ = matrices(effect, model)
+    out = np.stack([K - omega**2 * M, eta * K + D + omega * C])
+    for part in effect.contribute(model):
+        if part.law is not None:
+            storage, loss = part.law(np.array([omega]))
+            for X, change in zip(out, (storage[0] * part.K - part.static, loss[0] * part.K), strict=True):
+                np.add.at(X, (part.dofs[:, :, None], part.dofs[:, None, :]), change)
+    return out
+
+
+def check_frf_sensitivity(model, effect):
+    effect = generic(effect)
+    model = changed(model, effect)
+    system = assemble(model)
+    Q = system.Q.toarray()
+    refs = [(effect.name, p.name) for p in effect.parameters()]
+    out, inn = np.random.default_rng(0).standard_normal((2, 2, model.n_dof))
+    direct, reduced = (
+        differentiate_frf(system, [80.0], out, inn, refs, "receptance", method)
+        for method in ("direct", "reduced")
+    )
+    forces = np.vstack([Q.T @ inn.T, np.zeros((system.n_free, 2))])
+    for i, p in enumerate(effect.parameters()):
+        real, imag = Q.T @ stepped(model, effect, p.name, dynamic) @ Q
+        # (A + iB) u = f as real equations, which leaves the complex step to the parameter
+        u = np.linalg.solve(np.block([[real, -imag], [imag, real]]), forces).reshape(2, -1, 2)
+        exact, slope = (out @ Q @ (x[0] + 1j * x[1]) for x in (u.real, u.imag / 1e-200))
+        level, per_one = abs(exact).max(), 1 / (abs(p.value) or 1.0)
+        # rounding: 1e-16 of the highest ω² is some 1e-8 of what decides a response at 80 Hz
+        assert abs(direct.frf.H[0] - exact).max() <= 1e-8 * level
+        bound = 1e-7 * abs(slope).max() + 1e-9 * level * per_one
+        assert abs(direct.dH[i, 0] - slope).max() <= bound, f"dH by {p.name}, direct"
+        # six Krylov vectors and modes up to 2.5 times the line's frequency leave (1/2.5)^12 of higher modes
+        # loads of a loss all along a member are not in the basis, and its modes above 2.5 times the line's
+        # frequency respond to them like (1/2.5)² of those below
+        spread = 2.5**-2 * p.value if effect.kind == "member_damping" else 0.0
+        bound = (2e-4 + spread) * abs(slope).max() + 1e-8 * level * per_one
+        assert abs(reduced.dH[i, 0] - slope).max() <= bound, f"dH by {p.name}, reduced"
+
+
+def first_of_each_kind(cases):
+    """Return one case of each kind on each model, and all of a model's own effects."""
+    out = {}
+    for case in cases:
+        _, effect = case.values
+        if effect.parameters() and effect.reciprocal:
+            out.setdefault((case.id.partition("-")[0], effect.kind), case)
+    return list(out.values())
+
+
+WITH_PARAMETERS = [*first_of_each_kind(CASES), *(case for case in OWN if case.values[1].parameters())]
+
+
+@pytest.mark.parametrize(("model", "effect"), WITH_PARAMETERS)
+def test_modes_and_frfs_have_the_derivatives_of_a_complex_step(model, effect):
+    check_mode_sensitivity(model, effect)
+    check_frf_sensitivity(model, effect)
+
+
+# ------------------------------------------------------------------------- would a broken effect be noticed?
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Planted(Effect):
+    """A grounded spring with one fault."""
+
+    kind: ClassVar[str] = "planted"
+    fault: str
+    k: Any = 0.0
+    width: float = 0.1
+
+    @property
+    def where(self) -> str:
+        return "" if self.fault == "place" else "here"
+
+    def parameters(self):
+        return (
+            Parameter("k", "N/m", self.k, 0.0, -1.0 if self.fault == "bounds" else 0.0, 1e9, linear=True),
+        )
+
+    def contribute(self, model):
+        b = np.zeros(12)
+        b[[2, 8]] = 1.0, -1.0
+        if self.fault == "rigid":
+            b[8] = 0.0
+        else:  # the motion of two points along their line is no strain of z
+            d = model.mesh.points[1] - model.mesh.points[0]
+            b[[3, 4]] = d[1], -d[0]
+        K = self.k * np.outer(b, b)
+        if self.fault == "asymmetric":
+            K[2, 8] *= 1.1
+        if self.fault == "absent":
+            K = K + np.outer(b, b)
+        if self.fault == "nonlinear":
+            K = K * abs(np.real(self.k))
+        if self.fault == "references":
+            (frame,) = model.of_kind(Frame)
+            K = K * frame.parameters()[0].value
+        if self.fault == "derivative":
+            K = np.real(self.k) * np.outer(b, b) + 0.9j * np.imag(self.k) * np.outer(b, b)
+        return (Contribution(dofs_of([0, 1]).reshape(1, 12), K[None]),)
+
+    def starts(self, scale):
+        return ({"k": -5.0 if self.fault == "starts" else 5.0},)
+
+    def locations(self, model):
+        return model.mesh.points[[0]] + (7.0 if self.fault == "place" else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "check"),
+    [
+        ("asymmetric", check_symmetry),
+        ("absent", check_absent),
+        ("rigid", check_rigid_motion),
+        ("nonlinear", check_linear),
+        ("nonlinear", check_derivatives),
+        ("derivative", check_derivatives),
+        ("place", check_place),
+        ("starts", check_starts),
+        ("references", check_references),
+    ],
+)
+def test_the_contract_notices(fault, check):
+    model = MODELS["cross"]
+    with pytest.raises(AssertionError):
+        check(model, Planted(name="p", fault=fault))
+
+
+def test_the_contract_accepts_a_sound_effect():
+    for check in CHECKS:
+        check(MODELS["cross"], Planted(name="p", fault=""))

@@ -1,0 +1,107 @@
+"""What the documentation says of the program is so: constants, links, and the README's code."""
+
+import argparse
+import importlib
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from dovetail.cli import build_parser
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+CONSTANT = re.compile(r"^\| `([\w.]+)\.([A-Z_]+)` \| ([\d.]+) \|", re.MULTILINE)
+
+
+def constants():
+    return CONSTANT.findall((ROOT / "docs" / "finding-effects.md").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(("module", "name", "value"), constants())
+def test_constants_have_the_values_that_are_documented(module, name, value):
+    assert getattr(importlib.import_module(module), name) == float(value)
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "updating.diagnosis.acceptance",
+        "updating.diagnosis.corners",
+        "updating.diagnosis.diagnose",
+        "updating.quality.faults",
+        "updating.inference.fit",
+        "updating.inference.parameters",
+        "updating.diagnosis.patches",
+        "updating.inference.preparation",
+        "updating.diagnosis.screening",
+        "updating.diagnosis.search",
+        "updating.diagnosis.separation",
+    ],
+)
+def test_every_constant_of_the_search_is_documented(module):
+    there = {
+        name
+        for name, value in vars(importlib.import_module(module)).items()
+        if name.isupper() and not name.startswith("_") and isinstance(value, int | float)
+    }
+    inherited = {"DB_PER_NEPER"}
+    listed = {name for _, name, _ in constants()}
+    assert there - inherited - listed == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files(page):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), target
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = {p.name for p in ROOT.glob("docs/*.md")} - {"index.md"}
+    assert {name for name in pages if name not in index} == set()
+
+
+def blocks(language):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
+def test_the_study_in_the_readme_is_part_of_the_example():
+    (text,) = blocks("toml")
+    whole = tomllib.loads((ROOT / "examples" / "cross-beam" / "study.toml").read_text(encoding="utf-8"))
+
+    def check(part, of):
+        for key, value in part.items():
+            if isinstance(value, dict):
+                check(value, of[key])
+            else:
+                assert of[key] == value, key
+
+    check(tomllib.loads(text), whole)
+
+
+def test_the_python_in_the_readme_finds_the_effect(monkeypatch):
+    (code,) = blocks("python")
+    monkeypatch.chdir(ROOT)
+    names = {}
+    exec(code, names)
+    (finding,) = names["found"].findings
+    assert finding.effect.where == "joint J, rx"
+    assert finding.parameters[0].value == pytest.approx(200.0, rel=0.05)
+    assert names["updated"].effect(finding.effect.name) is finding.effect
+
+
+def test_the_readme_names_every_command():
+    listed = re.findall(
+        r"^\| `dovetail ([\w-]+)", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    (parsers,) = (a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
+    assert sorted(listed) == sorted(parsers.choices)
+
+
+def test_the_picture_is_small():
+    assert (ROOT / "docs" / "images" / "demo.png").stat().st_size < 200_000

@@ -1,0 +1,114 @@
+"""What tells two explanations apart: pieces of the data, and measurements that could be taken next."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fem
+from fem.analysis.frf import FRF
+from fem.effects import PointMass
+from updating import Measurement, Sensor, place_sensors
+from updating.diagnosis.separation import next_measurements, what_decides
+from updating.inference.fit import SYSTEMATIC_SHARE
+from updating.inference.preparation import build_problem
+
+
+def two_cantilevers():
+    """Two equal, separate cantilevers A and B; all is measured on A, at its tip."""
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+    mesh = fem.Mesh.from_lines(points, [[0, 1], [2, 3]], {"A": [0], "B": [1]})
+    tip = Sensor("tip", np.array([1.0, 0, 0]), np.array([0, 0, 1.0]))
+    root = Sensor("B root", np.array([0.2, 1.0, 0]), np.array([0, 0, 1.0]))
+    mesh = place_sensors(mesh, (tip, root)).refined(0.1)
+    steel = fem.MemberProperties(fem.Material("steel", 210e9, 7850.0), fem.Section.rectangle(0.02, 0.01))
+    held = tuple(
+        fem.Support(name=n, point=mesh.nearest_point(np.array(p))[0])
+        for n, p in (("SA", [0.0, 0, 0]), ("SB", [0.0, 1, 0]))
+    )
+    spring = fem.Joint(
+        name="tie", point1=mesh.nearest_point(np.array([1.0, 0, 0]))[0],
+        point2=mesh.nearest_point(np.array([1.0, 1, 0]))[0], location=np.array([1.0, 0.5, 0]),
+        K=np.diag([0, 0, 2e3, 0, 0, 0.0]),
+    )  # fmt: skip
+    members = dict.fromkeys(mesh.members, steel)
+    return fem.Model(mesh, (fem.Frame(members=members), *held, spring), fem.Damping.modal(0.01)), tip, root
+
+
+def problem_of(model, sensors, drives, hidden):
+    f = np.linspace(2.0, 200.0, 300)
+    rows = [np.zeros((len(group), model.n_dof)) for group in (sensors, drives)]
+    for group, block in zip((sensors, drives), rows, strict=True):
+        for row, s in zip(block, group, strict=True):
+            point = model.mesh.nearest_point(s.point)[0]
+            row[6 * point : 6 * point + 3] = s.direction
+    exact = fem.compute_frf(fem.assemble(model.with_effect(hidden)), f, *rows)
+    noise = 0.01 * np.random.default_rng(0).standard_normal((2, *exact.H.shape))
+    H = exact.H * (1 + noise[0] + 1j * noise[1])
+    frf = FRF.from_arrays(f, H, exact.kind, [s.name for s in sensors], [s.name for s in drives])
+    return build_problem(model, Measurement(frf, sensors, drives), ())
+
+
+def mass_on(member, model):
+    (effect,) = (e for e in PointMass.propose(model) if e.member == member)
+    return effect.with_values(position=0.6, mass=0.3)
+
+
+@pytest.fixture(scope="module")
+def fits():
+    model, tip, _ = two_cantilevers()
+    problem = problem_of(model, (tip,), (tip,), mass_on("B", model))
+    start = {"position": 0.6, "mass": 0.3}
+    return problem, *(problem.fit([mass_on(m, model)], [start], x_from=None) for m in ("B", "A"))
+
+
+def test_what_decides_is_what_the_first_fits_better(fits):
+    problem, right, wrong = fits
+    pieces = what_decides(problem, right, wrong)
+    assert pieces
+    assert all(p.first_db < p.second_db for p in pieces)
+    assert sum(p.share for p in pieces) <= 1 + 1e-9
+    # the other way round only what is left by chance speaks
+    assert sum(p.second_db - p.first_db for p in what_decides(problem, wrong, right)) < sum(
+        p.second_db - p.first_db for p in pieces
+    )
+
+
+def test_the_same_explanation_needs_no_measurement(fits):
+    problem, right, _ = fits
+    for p in next_measurements(problem, right, right):
+        assert p.evidence < 1e-12
+        assert p.difference_db < 1e-9
+
+
+def test_an_error_of_the_model_takes_evidence_away(fits):
+    """Fits that leave far more than noise promise less, down to SYSTEMATIC_SHARE of it at one covariance."""
+    problem, right, wrong = fits
+
+    def evidence(noise):
+        data = replace(problem.data, noise=noise)
+        found = next_measurements(replace(problem, data=data), right, wrong, most=1000)
+        return {(p.kind, p.where): p.evidence for p in found}
+
+    known, loud = evidence(problem.data.noise), evidence(3 * problem.data.noise)
+    exact = evidence(np.full_like(problem.data.noise, 1e-9))
+    assert loud == known  # what is within the noise is none
+    shares = [exact[what] / value for what, value in known.items() if value > 1.0]
+    assert min(shares) > 0.5 * SYSTEMATIC_SHARE
+    assert max(shares) < 0.5
+
+
+def test_a_sensor_on_the_other_beam_separates_masses_on_either(fits):
+    problem, right, wrong = fits
+    proposals = next_measurements(problem, right, wrong)
+    sensors = [p for p in proposals if p.kind == "sensor"]
+    assert {"sensor", "excitation", "band"} <= {p.kind for p in proposals}
+    assert "member B" in sensors[0].where
+    assert sensors[0].direction == (0.0, 0.0, 1.0)
+    # a parameter that is not known at all takes evidence away, never adds any
+    loose = replace(wrong, covariance=1e6 * wrong.covariance)
+    again = {(p.kind, p.where): p.evidence for p in next_measurements(problem, right, loose, most=1000)}
+    known = {(p.kind, p.where): p.evidence for p in next_measurements(problem, right, wrong, most=1000)}
+    for what, evidence in known.items():
+        assert again[what] <= evidence * (1 + 1e-6)
+    assert min(again[what] / evidence for what, evidence in known.items() if evidence > 1.0) < 0.99

@@ -1,0 +1,695 @@
+"""Updating of models to modes and FRFs whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom, norm
+
+import fem
+from fem.effects import MemberStiffness, SupportFlexibility
+from fem.effects.ground_spring import GroundSpring
+from tests.frames import STEEL, beam, fix, planar, portal
+from updating.inference.preparation import build_problem
+from updating.inference.residuals import (
+    FRFResidual,
+    frf_data,
+    mode_data,
+    mode_jacobian,
+    mode_residual,
+)
+from updating.inference.sampling import MissingExtraError, sample
+from updating.inference.unknowns import Unknown
+from updating.inference.update import Ending, Settings, update
+from updating.measurement.measurement import Measurement, Sensor
+
+modest = settings(max_examples=8, derandomize=True, deadline=None)
+
+E, RHO = ("frame", "E:steel"), ("frame", "rho:steel")
+CHANGES = [("dE left", "change"), ("dE right", "change"), ("dE beam", "change")]
+
+
+def frame():
+    """Return a portal whose members' moduli are parameters, and places to measure at."""
+    model = portal(0.1)
+    changes = [MemberStiffness(name=f"dE {m}", member=m, change=0.0) for m in model.mesh.members]
+    places = [(p, d) for p in range(4, model.mesh.n_points, 2) for d in "xyz"]
+    return model.with_effect(*changes), places
+
+
+def rows_of(places):
+    return [6 * p + "xyz".index(d) for p, d in places]
+
+
+def modes_of(model, places, n=8):
+    modes = fem.solve_modes(fem.assemble(model), n=n)
+    return modes.frequency, modes.shapes[rows_of(places)]
+
+
+def frfs_of(model, places, drives, lines):
+    return fem.compute_frf(fem.assemble(model), lines, places, drives, tolerance=1e-8)
+
+
+def noisy(H, level, seed=0):
+    a, b = np.random.default_rng(seed).standard_normal((2, *H.shape))
+    return H * (1 + level * (a + 1j * b))
+
+
+# ------------------------------------------------------------------------------------------- residuals
+
+
+@modest
+@given(st.integers(0, 2**31))
+def test_derivatives_of_mode_residuals_are_those_of_differences(seed):
+    model, places = frame()
+    f, shapes = modes_of(model.with_values({CHANGES[0]: 0.15, CHANGES[2]: -0.12}), places)
+    data = mode_data(model, f, shapes, outputs=places)
+    refs = [*CHANGES, RHO]
+    x = np.array([0.1, 0.1, 0.1, 400.0]) * np.random.default_rng(seed).standard_normal(4)
+    x[:3], x[3] = np.clip(x[:3], -0.3, 0.3), 7850 + np.clip(x[3], -800, 800)
+
+    def residual(x):
+        return mode_residual(data, model.with_values(dict(zip(refs, x, strict=True))))
+
+    point = residual(x)
+    J = mode_jacobian(data, point, refs)
+    step = 1e-5 * np.array([1, 1, 1, 1e4])
+    for k, h in enumerate(step):
+        d = h * np.eye(4)[k]
+        ahead, behind = residual(x + d), residual(x - d)
+        if (ahead.pairs.partner != behind.pairs.partner).any() or ahead.pairs.spaces != behind.pairs.spaces:
+            continue
+        numerical = (ahead.r - behind.r) / (2 * h)
+        # differences err by h² times the third derivative: relatively 1e-5² over the modes' distances, cubed
+        np.testing.assert_allclose(J[k], numerical, atol=2e-4 * np.abs(numerical).max())
+
+
+def test_derivatives_of_frf_residuals_are_those_of_differences():
+    model, places = frame()
+    lines = np.linspace(20.0, 300.0, 40)
+    truth = model.with_values({CHANGES[1]: 0.02, RHO: 7900.0})
+    measured = frfs_of(truth, places[:6], places[3:5], lines)
+    data = frf_data(model, measured, outputs=places[:6], inputs=places[3:5], noise=0.01)
+    knots = np.array([50.0, 200.0])
+    residual = FRFResidual(data, model, [*CHANGES, RHO], knots, knots)
+    point = {
+        "values": np.array([0.0, 0.0, 0.0, 7850.0]),
+        "ratios": np.array([0.004, 0.006]),
+        "shifts": np.array([1e-4, -2e-4]),
+        "gains": np.full(8, 0.01),
+    }
+
+    def r(**change):
+        now = {**point, **change}
+        return residual.evaluate(
+            now["values"], False, ratios=now["ratios"], shifts=now["shifts"], gains=now["gains"]
+        ).r
+
+    terms = residual.evaluate(
+        point["values"], True, ratios=point["ratios"], shifts=point["shifts"], gains=point["gains"]
+    )
+    for name, slopes, step in (
+        ("values", terms.by_values, np.array([1e-6, 1e-6, 1e-6, 1e-2])),
+        ("ratios", terms.by_ratios, np.full(2, 1e-7)),
+        ("shifts", terms.by_shifts, np.full(2, 1e-7)),
+        ("gains", terms.by_gains, np.full(8, 1e-4)),
+    ):
+        for k, h in enumerate(step):
+            d = h * np.eye(len(step))[k]
+            numerical = (r(**{name: point[name] + d}) - r(**{name: point[name] - d})) / (2 * h)
+            np.testing.assert_allclose(slopes[k], numerical, atol=1e-4 * np.abs(numerical).max())
+
+
+def test_nothing_depends_on_the_scale_or_the_order_of_measured_shapes():
+    model, places = frame()
+    truth = model.with_values({CHANGES[0]: 0.1})
+    f, shapes = modes_of(truth, places, 6)
+    order = [3, 0, 5, 1, 4, 2]
+    turned = shapes * np.exp(1j * np.arange(6)) * [1, -2, 3, 4, -5, 6]
+    a = mode_residual(mode_data(model, f, shapes, outputs=places), model)
+    b = mode_residual(mode_data(model, f[order], turned[:, order], outputs=places), model)
+    assert (a.pairs.partner == b.pairs.partner).all()
+    np.testing.assert_allclose(a.r @ a.r, b.r @ b.r, rtol=1e-6)
+
+
+# --------------------------------------------------------------------------------------------- pairing
+
+
+def crossing(ratio):
+    """Return a cantilever whose first modes in both planes cross where the height is the width."""
+    section = fem.Section.rectangle(0.02 * ratio, 0.02)
+    return beam(10, section=section, effects=(fix(0),))
+
+
+def test_modes_that_cross_keep_their_partners():
+    # bending in y has the lower frequency in the model and the higher one in the measurement
+    model = crossing(0.94)
+    soft = model.with_effect(fem.effects.PointMass(name="m", member="beam", position=1.0, mass=0.0))
+    places = [(p, d) for p in (3, 6, 9, 1) for d in "yz"]
+    f, shapes = modes_of(crossing(1.06), places, 4)
+    pairs = mode_residual(mode_data(soft, f, shapes, outputs=places), soft).pairs
+    assert pairs.lost == ()
+    assert pairs.partner[0] == 1
+    assert pairs.partner[1] == 0
+    assert (pairs.mac > 0.99).all()
+
+
+def test_close_modes_are_compared_as_a_space():
+    model = crossing(1.001)
+    places = [(p, d) for p in (3, 6, 9, 1) for d in "yz"]
+    f, shapes = modes_of(model, places, 2)
+    c, s = np.cos(0.7), np.sin(0.7)
+    mixed = shapes / np.linalg.norm(shapes, axis=0) @ np.array([[c, -s], [s, c]])
+    point = mode_residual(mode_data(model, f, mixed, outputs=places), model)
+    assert point.pairs.spaces == ((0, 1),)
+    np.testing.assert_allclose(point.pairs.mac, 1, atol=1e-10)
+    np.testing.assert_allclose(point.r, 0, atol=1e-6)
+    apart = mode_residual(mode_data(model, f, mixed, outputs=places, close=1e-5), model)
+    np.testing.assert_allclose(np.sort(apart.pairs.mac), [c**2, c**2], rtol=1e-6)
+
+
+def test_modes_without_a_partner_are_said():
+    model, places = frame()
+    f, shapes = modes_of(model, places, 6)
+    strange = np.random.default_rng(0).standard_normal((len(places), 1))
+    result = update(
+        model, {E: 0.05}, frequency=[*f, 1.3 * f[2]], shapes=np.hstack([shapes, strange]), outputs=places
+    )
+    assert len(result.pairs.lost) == 1
+    lost = result.frequency[result.pairs.lost[0]]
+    assert lost == pytest.approx(1.3 * f[2])
+    assert any("without a partner" in m and f"{lost:.4g} Hz" in m for m in result.messages)
+    assert result["frame E:steel"].value == pytest.approx(210e9, rel=1e-6)
+
+
+# ---------------------------------------------------------------------------------------------- update
+
+
+def test_one_modulus_has_the_posterior_of_the_closed_form():
+    # f goes with √E: n frequencies of relative deviation σ say ln E within 2σ/√n, and the prior joins
+    model = beam(10, effects=(fix(0),))
+    f = fem.solve_modes(fem.assemble(model), n=6).frequency
+    factor = np.exp(0.01 * np.random.default_rng(2).standard_normal(6))
+    result = update(model, {E: 0.05}, frequency=f * factor, frequency_std=0.01, model_error=0.0)
+    data = 6 / (2 * 0.01) ** 2 / max(1.0, result.misfit["modes"])  # a misfit above the noise widens that
+    precision = data + 1 / 0.05**2
+    mean = data * 2 * np.log(factor).mean() / precision
+    got = result["frame E:steel"]
+    assert np.log(got.value / 210e9) == pytest.approx(mean, abs=2e-3 * precision**-0.5)
+    assert got.std / got.value == pytest.approx(precision**-0.5, rel=1e-4)
+    low, high = got.interval(0.95)
+    assert np.log(high / low) == pytest.approx(2 * norm.ppf(0.975) * got.std / got.value)
+
+
+def test_frequencies_alone_leave_stiffness_over_mass():
+    model = beam(10, effects=(fix(0),))
+    f = fem.solve_modes(fem.assemble(model), n=6).frequency
+    result = update(model, [E, RHO], frequency=1.02 * f)
+    assert any("do not determine" in m for m in result.messages)
+    known = update(model, {E: 0.05, RHO: 1e-4}, frequency=1.02 * f)
+    assert known["frame E:steel"].value == pytest.approx(210e9 * 1.02**2, rel=1e-3)
+    both = update(model, {E: 0.05, RHO: 0.05}, frequency=1.02 * f)
+    assert any("frame rho:steel with frame E:steel (+0.99" in m for m in both.messages)
+
+
+def test_shapes_and_frequencies_give_three_members_back():
+    model, places = frame()
+    truth = {CHANGES[0]: 0.15, CHANGES[1]: 0.08, CHANGES[2]: -0.12}
+    f, shapes = modes_of(model.with_values(truth), places)
+    result = update(model, CHANGES, frequency=f, shapes=shapes, outputs=places, model_error=1e-4)
+    assert result.ending is Ending.CONVERGED
+    np.testing.assert_allclose(result.values, list(truth.values()), atol=1e-6)
+    assert len(result.path) >= 3
+    assert result.path[-1].frequency_error < 1e-7 < result.path[0].frequency_error
+    assert result.model.values()[CHANGES[2]] == pytest.approx(-0.12, abs=1e-6)
+
+
+def test_deviations_from_noisy_modes_hold_as_often_as_they_say():
+    model, places = frame()
+    truth = np.array([0.1, -0.05, 0.08])
+    f, shapes = modes_of(model.with_values(dict(zip(CHANGES, truth, strict=True))), places, 6)
+    size = np.linalg.norm(shapes, axis=0) / np.sqrt(len(places))
+    half, inside, n = norm.ppf(0.95), 0, 12
+    for seed in range(n):
+        rng = np.random.default_rng(seed)
+        result = update(
+            model, CHANGES,
+            frequency=f * np.exp(5e-3 * rng.standard_normal(6)),
+            shapes=shapes + 0.02 * size * rng.standard_normal(shapes.shape),
+            outputs=places, frequency_std=5e-3, shape_std=0.02, model_error=0.0,
+        )  # fmt: skip
+        L = np.linalg.cholesky(result.covariance)
+        inside += int((np.abs(np.linalg.solve(L, result.values - truth)) < half).sum())
+    low, high = binom.ppf([1e-3, 1 - 1e-3], 3 * n, 0.9)
+    assert low <= inside <= high, inside
+
+
+def test_modes_by_number_keep_their_number():
+    part = Unknown((("frame", "E:steel"),), name="E")
+    model = crossing(0.94)
+    measured = fem.solve_modes(fem.assemble(model), n=2).frequency
+    result = update(model, [part], frequency=1.01 * measured[1:], numbers=[1])
+    assert result.pairs.partner.tolist() == [1]
+    assert result["E"].value == pytest.approx(210e9 * 1.01**2, rel=1e-6)
+
+
+def test_a_measurement_brings_its_sensors_along():
+    model = beam(10, effects=(fix(0),), section=fem.Section.rectangle(0.03, 0.01))
+    model = model.with_damping(fem.Damping.modal(0.01))
+    z = np.array([0.0, 0, 1])
+    sensors = tuple(Sensor(f"S{i}", model.mesh.points[i], z) for i in (1, 4, 7))
+    lines = np.arange(4.0, 200.0, 1.0)
+    real = model.with_values({E: 195e9})
+    frf = frfs_of(real, [(i, "z") for i in (1, 4, 7)], [(1, "z")], lines)
+    named = fem.FRF.from_arrays(lines, frf.H, frf.kind, [s.name for s in sensors], ["S1"])
+    result = update(model, {E: 0.1}, frf=Measurement(named, sensors, sensors[:1]), noise=0.01)
+    low, high = result["frame E:steel"].interval()
+    assert low < 195e9 < high
+    assert result["frame E:steel"].value == pytest.approx(195e9, rel=3e-3)
+
+
+def test_frfs_and_modes_together_from_bare_arrays():
+    model, places = frame()
+    truth = model.with_values({CHANGES[0]: 0.15, CHANGES[2]: -0.12, RHO: 7850 * 1.04})
+    lines = np.arange(10.0, 400.0, 1.0)
+    outputs, drives = places[::3], [places[0], places[7]]
+    H = noisy(frfs_of(truth, outputs, drives, lines).H, 0.01)
+    f = fem.solve_modes(fem.assemble(truth), n=6).frequency
+    result = update(
+        model, [*CHANGES, RHO], frequency=f, frf=H, lines=lines, outputs=outputs, inputs=drives,
+        noise=0.01, model_error=0.0, amplitude_error=0.0, frequency_std=1e-3,
+    )  # fmt: skip
+    assert result.ending is Ending.CONVERGED, result.messages
+    error = (result.values[:4] - [0.15, 0.0, -0.12, 7850 * 1.04]) / result.std[:4]
+    assert np.abs(error).max() < norm.ppf(1 - 0.5e-3 / 4)
+    assert (result.std[:4] < [2e-3, 2e-3, 2e-3, 15]).all()
+    assert result.misfit["frf"] == pytest.approx(1, abs=5 / np.sqrt(2 * H.size))
+
+
+def test_data_without_noise_give_the_value_whatever_damping_has_between_resonances():
+    """Modal damping is not the engine's form: without the model's own the modulus was 0.01 % low, q 6e6."""
+    model = beam(8, effects=(fix(0),)).with_damping(fem.Damping.modal(0.01))
+    lines, places = np.arange(5.0, 200.0, 1.0), [(1, "z"), (5, "z")]
+    H = frfs_of(model.with_values({E: 208e9}), places, places[:1], lines).H
+    data = {"frf": H[:, :, 0], "lines": lines, "outputs": places, "inputs": places[:1]}
+    result = update(model, [E], model_error=0.0, amplitude_error=0.0, **data)
+    assert result.ending is Ending.CONVERGED
+    assert result["frame E:steel"].value == pytest.approx(208e9, rel=1e-6)
+    assert result.misfit["frf"] < 1.2
+
+
+def test_a_group_moves_by_one_factor():
+    heavy = fem.Material("heavy", 70e9, 2700.0)
+    one = fem.MemberProperties(STEEL, fem.Section.rectangle(0.03, 0.01))
+    other = fem.MemberProperties(heavy, fem.Section.rectangle(0.03, 0.01))
+    mesh = fem.Mesh.from_lines([[0, 0, 0], [0.5, 0, 0], [1, 0, 0]], [[0, 1], [1, 2]], {"a": [0], "b": [1]})
+    model = fem.Model(mesh.split(5), (fem.Frame(members={"a": one, "b": other}), fix(0)))
+    f = fem.solve_modes(fem.assemble(model), n=6).frequency
+    both = Unknown((E, ("frame", "E:heavy")), name="all moduli")
+    result = update(model, [both], frequency=1.01 * f)
+    values = result.model.values()
+    assert values[E] / 210e9 == pytest.approx(1.01**2, rel=1e-6)
+    assert values[("frame", "E:heavy")] / 70e9 == pytest.approx(1.01**2, rel=1e-6)
+    assert result.names == ("all moduli",)
+
+
+def test_bounds_hold_and_are_said():
+    model = beam(10, effects=(fix(0),))
+    f = fem.solve_modes(fem.assemble(model), n=4).frequency
+    narrow = Unknown((E,), upper=215e9)
+    result = update(model, [narrow], frequency=1.05 * f)
+    got = result["frame E:steel"]
+    assert got.value == pytest.approx(215e9)
+    assert got.at_bound
+    assert result.ending is Ending.AT_BOUNDS
+    assert any("at a bound: frame E:steel" in m for m in result.messages)
+    assert "at its bound" in result.table()
+
+
+def test_lines_of_zeros_are_left_out_of_what_is_fitted():
+    """They have no estimated noise, and count as little as a symmetry's zeros."""
+    model = beam(8, effects=(fix(0),)).with_damping(fem.Damping.modal(0.01))
+    lines, places = np.arange(5.0, 200.0, 1.0), [(1, "z"), (5, "z")]
+    H = noisy(frfs_of(model, places, places[:1], lines).H, 0.01)
+    H[20:60] = 0.0
+    data = frf_data(model, H, lines=lines, outputs=places, inputs=places[:1])
+    assert not data.mask[20:60].any()
+    assert data.mask[60:].all()
+
+
+def test_a_prior_that_the_data_contradict_is_let_go_and_pulls_at_nothing():
+    """One member 60 % softer than a prior of 2 % has it; the others as their priors say.
+
+    What comes out is what would, had that member no prior from the start.
+    """
+    model, places = frame()
+    truth = {**dict(zip(CHANGES, (0.02, -0.6, -0.01), strict=True)), RHO: 7850.0}
+    lines, outputs, drives = np.arange(10.0, 400.0, 1.0), places[::3], [places[0], places[7]]
+    H = noisy(frfs_of(model.with_values(truth), outputs, drives, lines).H, 0.01)
+    data = {"frf": H, "lines": lines, "outputs": outputs, "inputs": drives, "noise": 0.01, "damping": False}
+    priors = dict(zip(truth, (0.05, 0.02, 0.05, 0.01), strict=True))
+    free = update(model, priors | {CHANGES[1]: None}, **data)
+    found = update(model, priors, **data)
+    kept = update(model, priors, settings=Settings(contradicted=np.inf), **data)
+    for result in (free, found, kept):
+        assert result.ending is Ending.CONVERGED
+    errors = [(r.values - list(truth.values())) / r.std for r in (found, kept)]
+    np.testing.assert_allclose(found.values, free.values, atol=0.01 * free.std.min())
+    np.testing.assert_allclose(found.std, free.std, rtol=1e-3)
+    assert np.abs(errors[0]).max() < 2
+    assert np.abs(errors[1]).max() > 4  # the member that is soft is believed least, and all follow it
+    assert [p.released for p in found.parameters] == [False, True, False, False]
+    assert found["dE right change"].from_prior == pytest.approx(abs(found.values[1]) / 0.02)
+    assert found["dE right change"].start == 0.0
+    assert "data contradict priors, in standard deviations: dE right change by" in found.messages[0]
+    assert "(prior let go)" in found.table()
+    assert not any(p.released for p in kept.parameters)
+    assert found.path[-1].stage == "again to 399 Hz"
+
+
+def test_selection_says_what_it_leaves_out():
+    model = planar(beam(10, effects=(fix(0),)))
+    f = fem.solve_modes(fem.assemble(model), n=5).frequency
+    result = update(model, [E, RHO], frequency=1.02 * f, settings=Settings(select="pivoting"))
+    ((name, reason),) = result.left_out
+    assert name in ("frame E:steel", "frame rho:steel")
+    assert "does the same as" in reason
+    assert result.ending is Ending.CONVERGED
+    ratio = result["frame E:steel"].value / result["frame rho:steel"].value
+    assert ratio == pytest.approx(1.02**2 * 210e9 / 7850, rel=1e-6)
+    forward = update(model, [E, RHO], frequency=1.02 * f, settings=Settings(select="forward"))
+    assert len(forward.left_out) == 1
+
+
+def test_regularisation_bounds_what_the_data_do_not_say():
+    # eight equal parts of a cantilever, four frequencies: without regularisation there is no answer
+    n = 8
+    points = np.array([[i / n, 0, 0] for i in range(n + 1)])
+    lines = [[i, i + 1] for i in range(n)]
+    mesh = fem.Mesh.from_lines(points, lines, {f"m{i}": [i] for i in range(n)})
+    part = fem.MemberProperties(STEEL, fem.Section.rectangle(0.03, 0.01))
+    changes = [MemberStiffness(name=f"d{i}", member=f"m{i}", change=0.0) for i in range(n)]
+    model = planar(
+        fem.Model(mesh, (fem.Frame(members={f"m{i}": part for i in range(n)}), fix(0), *changes)),
+    )
+    refs = [(f"d{i}", "change") for i in range(n)]
+    smooth = 0.1 * np.linspace(-1, 1, n)
+    f = fem.solve_modes(fem.assemble(model.with_values(dict(zip(refs, smooth, strict=True)))), n=4).frequency
+    f = f * (1 + 1e-4 * np.random.default_rng(0).standard_normal(4))
+    second = np.diff(np.eye(n), 2, axis=0)
+    kwargs = {"frequency": f, "frequency_std": 1e-4, "model_error": 0.0}
+    tikhonov = update(model, refs, **kwargs, settings=Settings(regularisation="tikhonov"))
+    smoothed = update(
+        model,
+        refs,
+        **kwargs,
+        settings=Settings(regularisation="gsvd", operator=np.vstack([second, np.eye(n)[:2] * 1e-3])),
+    )
+    assert smoothed.curve is not None
+    assert np.isfinite(smoothed.std).all()
+    assert np.abs(smoothed.values - smooth).max() < np.abs(tikhonov.values - smooth).max()
+    assert np.abs(tikhonov.values).max() < 0.3
+
+
+def test_several_starts_find_what_one_misses():
+    model = beam(10, effects=(fix(0),))
+    f = fem.solve_modes(fem.assemble(model), n=4).frequency
+    result = update(model, {E: 0.3}, frequency=1.2 * f, settings=Settings(n_starts=3))
+    assert len(result.starts) == 3
+    assert min(cost for _, cost in result.starts) == pytest.approx(result.path[-1].cost, abs=0.5)
+
+
+def test_measured_ratios_are_taken_over_with_modes():
+    model = beam(10, effects=(fix(0),))
+    modes = fem.solve_modes(
+        fem.assemble(model.with_damping(fem.Damping.modal([0.01, 0.02], [30.0, 90.0]))), n=4
+    )
+    result = update(model, {E: 0.05}, modes=modes, damping=True)
+    np.testing.assert_allclose(result.model.damping.ratio_at(modes.frequency), modes.zeta)
+
+
+def test_samples_repeat_a_normal_density():
+    pytest.importorskip("emcee")
+    covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
+    inverse, mean = np.linalg.inv(covariance), np.array([3.0, -1.0])
+    drawn = sample(lambda x: -0.5 * (x - mean) @ inverse @ (x - mean), mean, covariance, 3000, seed=4)
+    n = drawn.n_independent
+    std = np.sqrt(np.diag(covariance))
+    # standard errors of a mean, of a deviation and of a correlation from n independent draws
+    assert (np.abs(drawn.values.mean(axis=0) - mean) < 4 * std / np.sqrt(n)).all()
+    assert (np.abs(drawn.values.std(axis=0) / std - 1) < 4 / np.sqrt(2 * n)).all()
+    assert abs(np.corrcoef(drawn.values.T)[0, 1] - 0.75) < 4 * (1 - 0.75**2) / np.sqrt(n)
+
+
+def test_an_updating_brings_samples_when_asked():
+    pytest.importorskip("emcee")
+    model = beam(4, effects=(fix(0),))
+    f = fem.solve_modes(fem.assemble(model), n=3).frequency
+    result = update(model, {E: 0.05}, frequency=f, settings=Settings(n_samples=50, seed=4))
+    assert result.samples is not None
+    assert result.samples.values.shape == (4 * 40, 1)
+    got = result["frame E:steel"]
+    assert abs(np.median(result.samples.values) - got.value) < 2 * got.std
+
+
+def test_without_emcee_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "emcee", None)
+    model = beam(6, effects=(fix(0),))
+    f = fem.solve_modes(fem.assemble(model), n=4).frequency
+    with pytest.raises(MissingExtraError, match=r"dovetail\[sampling\]"):
+        update(model, {E: 0.05}, frequency=f, settings=Settings(n_samples=10))
+
+
+# -------------------------------------------------------------------------------------------- failures
+
+
+def test_no_partner_at_all_ends_with_the_reason():
+    model, places = frame()
+    f, shapes = modes_of(model, places, 3)
+    result = update(model, {E: 0.05}, frequency=20 * f, shapes=shapes, outputs=places)
+    assert result.ending is Ending.NO_PARTNERS
+    assert result.values[0] == 210e9
+    assert any("check the outputs" in m for m in result.messages)
+
+
+def test_too_few_iterations_give_the_best_point():
+    model = beam(10, effects=(fix(0),))
+    f = fem.solve_modes(fem.assemble(model), n=4).frequency
+    result = update(model, [E], frequency=1.15 * f, settings=Settings(max_iterations=1))
+    assert result.ending is Ending.OUT_OF_ITERATIONS
+    assert result.path[-1].cost < result.path[0].cost
+    assert "allow more iterations" in result.messages[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "nothing to update to"),
+        ({"frequency": [0.0, 3.0]}, "all positive"),
+        ({"frequency": [3.0], "shapes": np.ones((2, 2)), "outputs": [(1, "z"), (2, "z")]}, r"need \(2, 1\)"),
+        ({"frequency": [3.0], "shapes": np.ones((2, 1))}, "outputs="),
+        ({"frequency": [3.0], "numbers": [0, 1]}, "2 numbers of modes"),
+        ({"frequency": [9.0, 3.0]}, "do not rise; without shapes"),
+        (
+            {"frf": np.ones((3, 1)), "lines": [1, 2, 3], "outputs": [6], "inputs": [6], "noise": [1, 2]},
+            "shape",
+        ),
+        ({"frf": np.ones(3)}, "lines="),
+        ({"frf": np.ones(3), "lines": [1.0, 2.0, 3.0]}, "outputs=…, inputs=…"),
+    ],
+)
+def test_data_that_do_not_fit_are_refused(arguments, message):
+    with pytest.raises(fem.ModelError, match=message):
+        update(beam(4, effects=(fix(0),)), [E], **arguments)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ([], "no parameter to update"),
+        ([("frame", "G")], "has no parameter 'G'"),
+        ([E, E], "updated twice"),
+        ([Unknown((E, RHO))], "different kinds"),
+        ([Unknown((E,), std=-1.0)], "must be positive"),
+        ([Unknown((E,), prior="flat")], "allowed are normal, log-normal"),
+        ([Unknown((E,), start=1.0)], "must lie between"),
+    ],
+)
+def test_parameters_that_make_no_sense_are_refused(parameters, message):
+    with pytest.raises(fem.ModelError, match=message):
+        update(beam(4, effects=(fix(0),)), parameters, frequency=[10.0])
+
+
+def test_settings_are_checked():
+    with pytest.raises(ValueError, match="allowed are tikhonov, gsvd"):
+        Settings(regularisation="ridge")
+    with pytest.raises(ValueError, match="needs an operator"):
+        Settings(regularisation="gsvd")
+    with pytest.raises(ValueError, match="end with 1"):
+        Settings(stages=(0.5,))
+    with pytest.raises(ValueError, match="n_starts is 0; at least 1 is needed"):
+        Settings(n_starts=0)
+    with pytest.raises(ValueError, match="contradicted at -1"):
+        Settings(contradicted=-1)
+
+
+# -------------------------------------------------------------------- what is not determined, and bad starts
+
+
+def sprung(**stiffness):
+    """Return a clamped beam with springs at its free end: those along x and about it move no bending mode."""
+    springs = tuple(
+        GroundSpring(name=f"k{d}", place="end", point=1, direction=d, stiffness=k, reference=1e4)
+        for d, k in stiffness.items()
+    )
+    return beam(10, section=fem.Section.rectangle(0.02, 0.03), effects=(fix(0), *springs))
+
+
+def stiffness_of(*names):
+    return [(f"k{name}", "stiffness") for name in names]
+
+
+def test_what_no_mode_changes_with_keeps_its_start_and_the_rest_is_found():
+    model = sprung(x=3e4, y=3e3, z=2e3, rx=10.0)
+    f = fem.solve_modes(fem.assemble(model.with_values({("kz", "stiffness"): 3e3})), n=6).frequency[[1, 3, 5]]
+    result = update(model, stiffness_of("z", "x", "rx"), frequency=f, numbers=[1, 3, 5])
+    assert result.ending is Ending.CONVERGED, result.messages
+    assert result["kz stiffness"].value == pytest.approx(3e3, rel=1e-4)
+    assert result["kz stiffness"].determined
+    for name, start in (("kx stiffness", 3e4), ("krx stiffness", 10.0)):
+        assert result[name].value == pytest.approx(start, rel=1e-9)
+        assert np.isinf(result[name].std)
+        assert not result[name].determined
+    said = "the data do not determine kx stiffness, krx stiffness: no measured mode changes with them"
+    assert any(m.startswith(said) for m in result.messages), result.messages
+    np.testing.assert_allclose(result.correlation, np.eye(3), atol=1e-9)
+
+
+@pytest.mark.parametrize("how", [{}, {"select": "pivoting"}, {"regularisation": "tikhonov"}, {"n_starts": 3}])
+def test_a_list_of_modes_that_nothing_moves_is_named(how):
+    """The measured modes bend across z, and only stiffness along x is updated."""
+    model = sprung(x=3e4, z=2e3)
+    f = fem.solve_modes(fem.assemble(model), n=6).frequency[[1, 3, 5]] * [1.03, 1.0, 1.0]
+    result = update(model, stiffness_of("x"), frequency=f, numbers=[1, 3, 5], settings=Settings(**how))
+    assert result.ending is Ending.NOTHING_DETERMINED
+    assert result.values[0] == pytest.approx(3e4, rel=1e-9)
+    assert any(
+        m.startswith(f"no parameter moves the modes paired with {f[0]:.4g} Hz (-2.9 %):")
+        for m in result.messages
+    )
+    assert f"{f[1]:.4g} Hz" not in " ".join(result.messages)
+
+
+def test_parameters_that_do_the_same_are_named_together():
+    """Frequencies of a clamped beam have E/rho alone, for which any steps used to solve a singular matrix."""
+    model = beam(10, effects=(fix(0),))
+    f = 1.01 * fem.solve_modes(fem.assemble(model), n=4).frequency
+    result = update(model, [E, RHO], frequency=f, settings=Settings(max_iterations=100))
+    assert result.ending is Ending.CONVERGED
+    assert result.values[0] / result.values[1] == pytest.approx(1.01**2 * 210e9 / 7850, rel=1e-6)
+    # the nearest to the start of all that have this ratio: half the change each
+    assert result.values[0] / 210e9 == pytest.approx(1.01, rel=1e-3)
+    assert np.isinf(result.std).all()
+    said = "the data do not determine frame E:steel and frame rho:steel one by one, only a combination"
+    assert any(m.startswith(said) for m in result.messages), result.messages
+
+
+def test_a_value_at_its_bound_has_no_deviation():
+    model = beam(10, effects=(fix(0),))
+    f = fem.solve_modes(fem.assemble(model), n=4).frequency
+    result = update(model, [Unknown((E,), upper=215e9), Unknown((RHO,), std=0.01)], frequency=1.05 * f)
+    got = result["frame E:steel"]
+    assert got.at_bound
+    assert np.isnan(got.std)
+    assert np.isnan(got.interval()).all()
+    assert np.isfinite(result["frame rho:steel"].std)
+    assert not result.covariance[0].any()
+    row = next(line for line in result.table().splitlines() if line.startswith("frame E:steel"))
+    assert "nan" not in row
+
+
+@pytest.mark.parametrize("start", [1e2, 1e4])
+def test_a_soft_start_ends_no_worse_than_the_rigid_model(start):
+    """Frequencies of a clamped beam: from a hinge the first mode becomes one that rigid-body motion was.
+
+    The fit ended at 2.6e4 N·m/rad and 138 times the stated noise, though the rigid clamp fits exactly.
+    """
+    rigid = beam(10, effects=(fix(0),), section=fem.Section.rectangle(0.02, 0.03))
+    soft = SupportFlexibility(name="clamp", supports=("support0",), direction="ry", stiffness=start)
+    f = fem.solve_modes(fem.assemble(rigid), n=6).frequency
+    result = update(rigid.with_effect(soft), [("clamp", "stiffness")], frequency=f)
+    assert result.misfit["modes"] < 1e-3
+    assert result.values[0] > 1e9
+    assert any("ended worse than the model with clamp stiffness absent" in m for m in result.messages)
+    got = fem.solve_modes(fem.assemble(result.model), n=6).frequency
+    np.testing.assert_allclose(got, f, rtol=1e-6)
+
+
+def test_no_fit_ends_worse_than_it_began():
+    """Whatever the starts are, with the lines of one low stage only: the start is the best there is."""
+    model = beam(10, effects=(fix(0),)).with_damping(fem.Damping.modal(0.01))
+    lines, places = np.arange(5.0, 500.0, 2.0), [(1, "z"), (5, "z")]
+    H = noisy(frfs_of(model, places, places[:1], lines).H, 0.01)
+    data = {"frf": H, "lines": lines, "outputs": places, "inputs": places[:1], "noise": 0.01}
+    for seed in range(3):
+        settings = Settings(n_starts=2, seed=seed, max_iterations=3, stages=(0.1, 1.0))
+        result = update(model, [Unknown((E,), lower=50e9, upper=800e9)], settings=settings, **data)
+        assert result.path[-1].cost <= result.path[0].cost + 1.0
+        assert result["frame E:steel"].value == pytest.approx(210e9, rel=1e-3)
+
+
+# --------------------------------------------------------------------------------------- lines that count
+
+
+def coherent(seed=0):
+    """Return a beam, and a measurement whose upper half the force hardly excites: its coherence says so.
+
+    The error is smooth over lines, as leakage is, so that lines by themselves do not show it.
+    """
+    model = beam(10, effects=(fix(0),), section=fem.Section.rectangle(0.03, 0.01))
+    model = model.with_damping(fem.Damping.modal(0.01))
+    z = np.array([0.0, 0, 1])
+    sensors = tuple(Sensor(f"S{i}", model.mesh.points[i], z) for i in (1, 4, 7))
+    lines, n = np.arange(4.0, 400.0, 1.0), 20
+    H = frfs_of(model, [(i, "z") for i in (1, 4, 7)], [(1, "z")], lines).H
+    level = np.where(lines < 200.0, 0.01, 0.6)[:, None, None]
+    rng = np.random.default_rng(seed)
+    e = rng.standard_normal((2, 21, *H.shape[1:]))
+    e = np.apply_along_axis(lambda v: np.interp(lines, np.linspace(0, 400, 21), v), 1, e)
+    white = rng.standard_normal((2, *H.shape))
+    e = np.where(level > 0.1, e, white)
+    frf = fem.FRF.from_arrays(
+        lines, H * (1 + level * (e[0] + 1j * e[1])), "accelerance", [s.name for s in sensors], ["S1"]
+    )
+    coherence = 1 / (1 + 2 * n * np.broadcast_to(level, H.shape) ** 2)
+    return model, Measurement(frf, sensors, sensors[:1], coherence=coherence, averages=n)
+
+
+def test_lines_that_a_comparison_leaves_out_do_not_count_in_an_update():
+    """Every parameter is right, and yet values that are no more than noise used to count."""
+    model, measurement = coherent()
+    data = frf_data(model, measurement)
+    compared = build_problem(model, measurement, ()).data
+    np.testing.assert_array_equal(data.mask, compared.mask)
+    assert not data.mask[data.frequency > 200].any()
+    assert data.mask[data.frequency < 200].mean() > 0.8
+    result = update(model, {E: 0.05}, frf=measurement)
+    assert result.ending is Ending.CONVERGED
+    assert result.misfit["frf"] < 2
+    assert result["frame E:steel"].value == pytest.approx(210e9, rel=2e-3)
+    assert not any("are missed by" in m for m in result.messages)
+
+
+def test_noise_that_is_given_masks_as_known_noise_does():
+    model, measurement = coherent()
+    bare = replace(measurement, coherence=None, averages=None)
+    given = frf_data(model, bare, noise=np.asarray(measurement.noise))
+    np.testing.assert_array_equal(given.mask, frf_data(model, measurement).mask)
+    places = [(i, "z") for i in (1, 4, 7)]
+    by_places = frf_data(
+        model, measurement.frf, outputs=places, inputs=places[:1], noise=np.asarray(measurement.noise)
+    )
+    # without sensors nothing is known of what they read of motion square to them; otherwise it is the same
+    assert not by_places.mask[by_places.frequency > 200].any()

@@ -1,0 +1,296 @@
+"""Figures: the right artists, labels and units."""
+
+import subprocess
+import sys
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from fem.analysis.frf import FRF
+from viz import curves, style
+
+F = np.linspace(1.0, 100.0, 200)
+
+
+def resonance(frequency, kind="accelerance", n_out=3, n_in=1):
+    w, wn = 2 * np.pi * F, 2 * np.pi * frequency
+    h = (1j * w) ** {"receptance": 0, "accelerance": 2}[kind] / (wn**2 - w**2 + 0.02j * wn * w)
+    amplitude = np.arange(1, n_out + 1)[:, None] * np.ones(n_in)
+    names = [f"U{k + 1}z" for k in range(n_out)], [f"F{k + 1}" for k in range(n_in)]
+    return FRF.from_arrays(F, h[:, None, None] * amplitude, kind, *names)
+
+
+def legend_texts(figure):
+    boxes = [*figure.legends, *(ax.get_legend() for ax in figure.axes if ax.get_legend())]
+    return [text.get_text() for box in boxes for text in box.get_texts()]
+
+
+def texts(ax):
+    return [text.get_text() for text in ax.texts]
+
+
+@pytest.fixture
+def measured():
+    return resonance(40.0)
+
+
+def test_frf_figure_shows_amplitude_with_unit_and_phase(measured):
+    figure = curves.plot_frf(measured, {"nominal": resonance(44.0)}, [("U2z", "F1")])
+    top, low = figure.axes
+    assert top.get_ylabel() == "accelerance [(m/s²)/N]"
+    assert top.get_yscale() == "log"
+    assert low.get_ylabel() == "phase [°]"
+    assert low.get_xlabel() == "frequency [Hz]"
+    assert top.get_title(loc="left") == "U2z / F1"
+    assert np.allclose(top.lines[0].get_ydata(), np.abs(measured.H[:, 1, 0]))
+    phase = low.lines[0].get_ydata()
+    assert np.allclose(phase[np.isfinite(phase)], np.rad2deg(np.angle(measured.H[:, 1, 0])))
+    assert legend_texts(figure) == ["measured", "nominal"]
+
+
+def test_frf_models_of_another_kind_are_converted(measured):
+    figure = curves.plot_frf(measured, {"fitted": resonance(40.0, "receptance")}, [("U1z", "F1")])
+    data, model = (line.get_ydata() for line in figure.axes[0].lines)
+    assert np.allclose(data, model)
+
+
+def test_frf_marks_held_out_bands_and_the_noise(measured):
+    figure = curves.plot_frf(measured, {}, floor=1e-3, held_out=[(20, 30)])
+    assert len(figure.axes) == 6  # three pairs
+    band = figure.axes[0].patches[0]
+    assert (band.get_x(), band.get_width()) == (20, 10)
+    assert legend_texts(figure) == ["measured", "held out from the fit", "below the noise, 1 σ"]
+    shaded = figure.axes[0].collections[0].get_paths()[0].vertices[:, 1]
+    assert shaded.max() == pytest.approx(1e-3)
+
+
+def test_the_phase_is_broken_where_it_wraps():
+    f = np.linspace(1, 10, 50)
+    h = np.exp(-1j * f)
+    figure = curves.plot_frf(FRF.from_arrays(f, h))
+    phase = figure.axes[1].lines[0].get_ydata()
+    steps = np.abs(np.diff(phase))
+    assert np.nanmax(steps) < 180
+    assert np.isnan(phase).sum() == 2
+
+
+def test_unknown_pairs_are_refused(measured):
+    with pytest.raises(ValueError, match="there is no output 'X9'"):
+        curves.plot_frf(measured, {}, [("X9", "F1")])
+
+
+def test_models_keep_their_colours_in_every_figure(measured):
+    both = curves.plot_frf(measured, {"nominal": measured, "fitted": measured}, [("U1z", "F1")])
+    one = curves.plot_frf_error(measured, {"fitted": resonance(41.0)})
+    assert (
+        to_hex(both.axes[0].lines[2].get_color())
+        == to_hex(one.axes[0].lines[0].get_color())
+        == style.FITTED.lower()
+    )
+    assert to_hex(both.axes[0].lines[0].get_color()) == style.MEASURED
+
+
+def test_a_model_ten_per_cent_too_large_has_an_error_of_minus_20_db(measured):
+    larger = FRF.from_arrays(F, 1.1 * measured.H, measured.kind, measured.outputs, measured.inputs)
+    for smooth in (1, 9):
+        figure = curves.plot_frf_error(measured, {"nominal": larger}, floor=1e-3, smooth=smooth)
+        (line,) = figure.axes[0].lines
+        assert np.allclose(line.get_ydata(), -20.0)
+    assert figure.axes[0].get_ylabel() == "relative error [dB]"
+    assert figure.axes[0].get_xlabel() == "frequency [Hz]"
+
+
+def test_errors_need_the_measured_lines(measured):
+    with pytest.raises(ValueError, match="model 'nominal' has 100 lines, not the 200 measured ones"):
+        curves.plot_frf_error(measured, {"nominal": measured.select(lines=np.arange(0, 200, 2))})
+
+
+def test_misfit_matrix_shows_values_sensors_and_bands():
+    values = np.array([[-30.0, -5.0], [np.nan, -12.5], [-20.0, -7.0]])
+    figure = curves.plot_misfit_matrix(values, ["a", "b", "c"], [(10, 20), (20, 40.5)], title="Fitted")
+    ax, bar = figure.axes
+    assert np.allclose(ax.images[0].get_array().filled(np.nan), values, equal_nan=True)
+    assert texts(ax) == ["−30.0", "−5.0", "−12.5", "−20.0", "−7.0"]
+    assert [t.get_text() for t in ax.get_xticklabels()] == ["10–20", "20–40.5"]
+    assert [t.get_text() for t in ax.get_yticklabels()] == ["a", "b", "c"]
+    assert ax.get_xlabel() == "band [Hz]"
+    assert bar.get_ylabel() == "misfit [dB]"
+
+
+def test_large_misfit_matrices_have_no_numbers():
+    figure = curves.plot_misfit_matrix(np.zeros((66, 5)), [str(k) for k in range(66)], ["b"] * 5)
+    assert texts(figure.axes[0]) == []
+
+
+def test_matrix_sizes_must_agree():
+    with pytest.raises(ValueError, match=r"shape \(2, 2\) for 3 outputs and 2 bands"):
+        curves.plot_misfit_matrix(np.zeros((2, 2)), ["a", "b", "c"], ["x", "y"])
+
+
+def test_ranking_puts_the_best_on_top_and_tells_accepted_from_twins():
+    figure = curves.plot_ranking(
+        ["mass", "joint", "crack"], [-12.0, -30.0, -29.5], -10.0, -33.0, {"crack"}, "joint"
+    )
+    (ax,) = figure.axes
+    assert [t.get_text() for t in ax.get_yticklabels()] == ["joint", "crack", "mass"]
+    assert [bar.get_width() for bar in ax.containers[0]] + [c[0].get_width() for c in ax.containers[1:]] == [
+        -20.0,
+        -19.5,
+        -2.0,
+    ]
+    assert to_hex(ax.containers[0][0].get_facecolor()) == style.EFFECT.lower()
+    assert [bool(c[0].get_hatch()) for c in ax.containers] == [False, True, False]
+    assert texts(ax) == ["−30.0", "−29.5", "−12.0"]
+    assert ax.yaxis_inverted()
+    assert legend_texts(figure) == [
+        "accepted", "cannot be told from it", "other candidates", "without: −10.0 dB",
+        "noise floor: −33.0 dB",
+    ]  # fmt: skip
+    assert ax.get_xlabel().endswith("[dB]")
+
+
+def test_long_rankings_say_what_they_leave_out():
+    figure = curves.plot_ranking([f"c{k}" for k in range(30)], -np.arange(30.0), 0.0, at_most=8)
+    assert len(figure.axes[0].containers) == 8
+    assert "22 worse candidates not shown" in figure.axes[0].get_xlabel()
+
+
+def test_staircase_prints_every_value_and_the_floor():
+    steps = [("nominal", -3.0, -2.5), ("fitted", -14.6, None), ("+ joint", -38.0, -36.0)]
+    figure = curves.plot_staircase(steps, -39.5)
+    (ax,) = figure.axes
+    assert set(texts(ax)) == {"noise floor −39.5 dB", "−3.0", "−2.5", "−14.6", "−38.0", "−36.0"}
+    assert [t.get_text() for t in ax.get_xticklabels()] == ["nominal", "fitted", "+ joint"]
+    assert legend_texts(figure) == ["on the lines of the fit", "on held-out lines"]
+    levels = [
+        line.get_ydata()[0]
+        for line in ax.lines
+        if to_hex(line.get_color()) == style.FITTED.lower() and line.get_linewidth() > 2
+    ]
+    assert levels == [-3.0, -14.6, -38.0]
+
+
+def test_staircase_without_held_out_lines_needs_no_legend():
+    assert legend_texts(curves.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])) == []
+
+
+def test_mac_shows_values_and_both_sets_of_modes():
+    figure = curves.plot_mac(
+        [[1.0, 0.1, 0.0], [0.05, 0.93, 0.2]], (["10 Hz", "20 Hz"], ["11 Hz", "21 Hz", "31 Hz"])
+    )
+    ax, bar = figure.axes
+    assert texts(ax) == ["1.00", "0.10", "0.00", "0.05", "0.93", "0.20"]
+    assert (ax.get_ylabel(), ax.get_xlabel(), bar.get_ylabel()) == ("measured", "computed", "MAC [-]")
+    assert ax.images[0].get_clim() == (0, 1)
+
+
+def test_joint_stiffness_has_units_by_direction_and_prefixes():
+    w = 2 * np.pi * F
+    Z = np.zeros((F.size, 2, 2), dtype=complex)
+    Z[:, 0, 0], Z[:, 1, 1] = 2e6 + 30j * w, 900 + 0.1j * w
+    figure = curves.plot_joint_stiffness(F, Z, ["z", "U11:rx"], {"with spring": Z}, held_out=[(20, 30)])
+    labels = [ax.get_ylabel() for ax in figure.axes]
+    assert ["[MN/m]" in labels[0], "[N·m/rad]" in labels[2]] == [True, True]
+    assert [label[:2] for label in labels] == ["Re", "Im", "Re", "Im"]
+    assert np.allclose(figure.axes[0].lines[1].get_ydata(), 2.0)
+    assert figure.axes[3].get_xlabel() == "frequency [Hz]"
+    assert legend_texts(figure) == ["identified", "with spring", "held out from the fit"]
+
+
+def test_joint_stiffness_takes_the_diagonal_alone_and_gaps():
+    Z = np.full((F.size, 1), 5e3 + 10j)
+    Z[50:60] = np.nan
+    figure = curves.plot_joint_stiffness(F, Z, ["ry"])
+    assert "[kN·m/rad]" in figure.axes[0].get_ylabel()
+    with pytest.raises(ValueError, match="200 frequencies and 2 directions"):
+        curves.plot_joint_stiffness(F, Z, ["ry", "rz"])
+
+
+def test_position_marks_the_best_place():
+    s = np.linspace(0, 0.8, 81)
+    error = -10 - 20 * np.exp(-(((s - 0.3) / 0.05) ** 2))
+    more = {
+        "interval": (0.28, 0.33),
+        "sensors": [0.1, 0.5],
+        "baseline": -9.5,
+        "floor": -33,
+        "member": "lower",
+    }
+    figure = curves.plot_position(s, error, **more)
+    (ax,) = figure.axes
+    assert ax.get_xlabel() == "place along lower [m]"
+    assert ax.get_ylabel() == "error [dB]"
+    assert legend_texts(figure) == [
+        "noise floor", "confidence interval", "without the effect", "with the effect",
+        "best at 0.3 m", "sensors",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("found", "scale"), [(1.04, "linear"), (4.0, "log"), (None, "linear")])
+def test_chance_stacks_what_was_simulated_beside_what_was_found(found, scale):
+    gains = [1.0, 1.0, 1.0, 1.01, 0.998]
+    figure = curves.plot_chance(gains, found, "a mass")
+    (ax,) = figure.axes
+    assert ax.get_xscale() == scale
+    x, y = ax.lines[0].get_data()
+    np.testing.assert_array_equal(np.sort(x), np.sort(gains))
+    at = ax.transData.transform(np.stack([x, y], axis=1))
+    distance = np.linalg.norm(at[:, None] - at, axis=2) + np.diag(np.full(len(x), np.inf))
+    assert distance.min() > 5.0  # pixels: none hides another
+    low, high = ax.get_xlim()
+    assert low < min(gains)
+    assert high > max([*gains, found or 0])
+    assert y.max() < ax.get_ylim()[1]
+    assert legend_texts(figure) == ["simulated without it (5)", *(["a mass"] if found else [])]
+
+
+def test_figures_are_saved_at_their_size_and_as_bytes(tmp_path):
+    figure = curves.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])
+    data = style.figure_png(figure, dpi=100)
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height = (int.from_bytes(data[k : k + 4], "big") for k in (16, 20))
+    assert (width, height) == (round(figure.get_figwidth() * 100), round(figure.get_figheight() * 100))
+    for suffix in ("png", "svg", "pdf"):
+        path = curves.save(figure, tmp_path / "new" / f"a.{suffix}")
+        assert path.stat().st_size > 3000
+
+
+def test_nothing_is_drawn_outside_the_figure(measured):
+    for figure in (
+        curves.plot_frf(measured, {"nominal": measured}, title="A title", held_out=[(2, 3)]),
+        curves.plot_mac(np.eye(8), ([f"{k} Hz" for k in range(8)],) * 2, title="MAC"),
+        curves.plot_ranking(
+            ["a rather long name of a candidate effect on a member"], [-3.0], -1.0, title="Ranking"
+        ),
+    ):
+        style.figure_png(figure, dpi=60)
+        box = figure.get_tightbbox(figure.canvas.get_renderer())
+        assert box.x0 > -0.05
+        assert box.y0 > -0.05
+        assert box.x1 < figure.get_figwidth() + 0.05
+        assert box.y1 < figure.get_figheight() + 0.05
+
+
+def test_the_user_s_matplotlib_settings_are_left_alone(measured):
+    before = dict(mpl.rcParams)
+    style.figure_png(curves.plot_frf(measured))
+    assert dict(mpl.rcParams) == before
+
+
+def test_colours_of_models_and_maps_are_distinct_in_grey():
+    def grey(cmap):
+        rgb = cmap(np.linspace(0, 1, 64))[:, :3]
+        return rgb @ [0.299, 0.587, 0.114]
+
+    for cmap in (style.displacement_map(), style.misfit_map(), style.agreement_map()):
+        steps = np.diff(grey(cmap))
+        assert (steps > 0).all() or (steps < 0).all()
+    assert len({colour for colour, _ in style.MODELS}) == len(style.MODELS)
+
+
+def test_curves_never_import_pyplot():
+    code = "import viz.curves, sys; print('matplotlib.pyplot' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

@@ -1,0 +1,67 @@
+"""Pictures of an updating show what they should."""
+
+import numpy as np
+import pytest
+
+import fem
+from fem.effects import MemberStiffness
+from tests.frames import portal
+from updating.inference.regularisation import l_curve
+from updating.inference.update import Settings, update
+from viz import style
+from viz.updating import plot_convergence, plot_correlation, plot_l_curve, plot_parameters
+
+
+@pytest.fixture(scope="module")
+def updated():
+    model = portal(0.1)
+    changes = [MemberStiffness(name=f"dE {m}", member=m, change=0.0) for m in model.mesh.members]
+    model = model.with_effect(*changes)
+    places = [(p, d) for p in range(4, model.mesh.n_points, 2) for d in "xyz"]
+    truth = model.with_values({("dE left", "change"): 0.1, ("frame", "E:steel"): 200e9})
+    modes = fem.solve_modes(fem.assemble(truth), n=6)
+    rows = [6 * p + "xyz".index(d) for p, d in places]
+    parameters = {("dE left", "change"): 0.2, ("frame", "E:steel"): 0.1, ("frame", "rho:steel"): 1e-5}
+    return update(
+        model, parameters, frequency=modes.frequency, shapes=modes.shapes[rows], outputs=places,
+        settings=Settings(regularisation="tikhonov"),
+    )  # fmt: skip
+
+
+def test_convergence_draws_every_parameter_over_the_steps(updated):
+    figure = plot_convergence(updated)
+    above, below = figure.axes
+    assert {line.get_label() for line in above.lines} >= {"frequencies [%]", "1 - MAC [%]"}
+    drawn = {line.get_label(): line.get_xydata() for line in below.lines}
+    for name in updated.names:
+        assert len(drawn[name]) == len(updated.path)
+    np.testing.assert_allclose(
+        drawn["frame E:steel"][-1, 1], 100 * (updated["frame E:steel"].value / 210e9 - 1)
+    )
+    with pytest.raises(KeyError, match="nothing named"):
+        plot_convergence(updated, ["frame G"])
+
+
+def test_parameters_have_a_row_each_with_value_and_deviation(updated, tmp_path):
+    figure = plot_parameters(updated, "portal")
+    (ax,) = figure.axes
+    assert [t.get_text() for t in ax.get_yticklabels()] == list(updated.names)
+    words = [t.get_text() for t in ax.texts]
+    assert any(w.startswith(f"{updated['frame E:steel'].value:.5g} ±") for w in words)
+    assert style.save(figure, tmp_path / "p.png").stat().st_size > 5000
+
+
+def test_correlation_shows_the_matrix(updated):
+    ax = plot_correlation(updated).axes[0]
+    np.testing.assert_allclose(ax.images[0].get_array(), updated.correlation)
+
+
+def test_l_curve_marks_its_corner():
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((12, 6)) * 10.0 ** -np.arange(6)
+    curve = l_curve(A, A @ np.ones(6) + 1e-3 * rng.standard_normal(12))
+    ax = plot_l_curve(curve).axes[0]
+    assert ax.get_xscale() == ax.get_yscale() == "log"
+    marker = ax.lines[1].get_xydata()
+    np.testing.assert_allclose(marker, [[curve.misfit[curve.corner], curve.size[curve.corner]]])
+    assert f"{curve.chosen:.3g}" in ax.texts[0].get_text()

@@ -1,0 +1,68 @@
+"""How alike shapes and FRFs are: everything that compares measured with computed data, in one place.
+
+Shapes: `updating.correlation.shape_correlation`; FRFs: `updating.correlation.frf_correlation`; which mode is
+which: `updating.correlation.pairing`. All take bare arrays.
+"""
+
+from updating.correlation.frf_correlation import (
+    DB_PER_NEPER,
+    BandError,
+    Comparison,
+    band_error,
+    compare,
+    complex_log,
+    cross_signature_assurance,
+    cross_signature_scale,
+    fdac,
+    frac,
+    log_ratio,
+    rms_db,
+    signature_assurance,
+)
+from updating.correlation.pairing import ModeComparison, ModePair, compare_modes, pair_modes
+from updating.correlation.shape_correlation import (
+    CoordinateElimination,
+    auto_mac,
+    comac,
+    cross_orthogonality,
+    ecomac,
+    eliminate_coordinates,
+    mac,
+    mac_without,
+    modal_scale_factor,
+    orthogonality,
+    principal_angles,
+    subspace_mac,
+)
+
+__all__ = [
+    "DB_PER_NEPER",
+    "BandError",
+    "Comparison",
+    "CoordinateElimination",
+    "ModeComparison",
+    "ModePair",
+    "auto_mac",
+    "band_error",
+    "comac",
+    "compare",
+    "compare_modes",
+    "complex_log",
+    "cross_orthogonality",
+    "cross_signature_assurance",
+    "cross_signature_scale",
+    "ecomac",
+    "eliminate_coordinates",
+    "fdac",
+    "frac",
+    "log_ratio",
+    "mac",
+    "mac_without",
+    "modal_scale_factor",
+    "orthogonality",
+    "pair_modes",
+    "principal_angles",
+    "rms_db",
+    "signature_assurance",
+    "subspace_mac",
+]

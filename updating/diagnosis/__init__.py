@@ -1,0 +1,1 @@
+"""The search for the physical effect that a model lacks."""

@@ -1,0 +1,134 @@
+"""Which places can explain the misfit of a fitted model, whatever is there.
+
+With forces free at a place, H_measured - H_fitted = A(ω) T(ω) B(ω)ᵀ with A the responses of the sensors to
+motions or forces there: the direct solution of joint identification, line by line, used as a localiser.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.diagnosis.evidence.model import EIGENVALUE_SCALE, Posterior, Scales
+from updating.diagnosis.evidence.places import Place, Reach
+from updating.inference.fit import FitProblem, FitResult
+
+SCAN_LINES = 48
+"""Lines at which places are looked at."""
+LEVEL = 0.05
+"""Misfit in parts of the receptances up to which nothing is gained [-]."""
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scanned:
+    """A place, or several together.
+
+    Attributes
+    ----------
+    places : tuple of Place
+    left : float
+        Mean square of the misfit that is left, over what is left without the place, each by its degrees of
+        freedom [-].
+    n_motions : int
+        Independent motions there.
+    """
+
+    places: tuple[Place, ...]
+    left: float
+    n_motions: int
+
+    @property
+    def name(self) -> str:
+        """Names of the places."""
+        return " and ".join(p.name for p in self.places)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """The misfit of a fitted model at some lines, ready for places.
+
+    ``X`` (n_freq, n_in, n_out, 1 + n) holds the weighted misfit and, behind it, what uncertain parameters and
+    errors of modes do to it, in units of their prior deviations; ``weight`` (n_freq, n_in, n_out).
+    """
+
+    problem: FitProblem
+    X: Complexes
+    total: Floats
+    weight: Floats
+    reach: Reach
+
+    @classmethod
+    def of(cls, problem: FitProblem, current: FitResult, n_lines: int = SCAN_LINES) -> "Scan":
+        """Prepare the misfit of a fit."""
+        lines = problem.lines_up_to(np.inf, n_lines)
+        post = Posterior.of(problem, current.effects, lines)
+        x = post.function.moved_to(current)
+        for k, v in enumerate(post.function.variables):
+            x[k] = v.to_x(current.values[v.ref])
+        z = np.concatenate([x, np.zeros(2 * post.n_modes)])
+        H, slopes, _ = post.responses(z)
+        assert slopes is not None
+        _, std = post.all_priors(Scales(EIGENVALUE_SCALE, 0.3, 0.0))
+        data = problem.data
+        measured, mask = data.H[lines], data.mask[lines]
+        weight = np.where(mask, 2 / np.maximum(np.abs(measured) + np.abs(H), 1e-300), 0.0)
+        every = np.concatenate([(measured - H)[None], slopes * std[:, None, None, None]]) * weight
+        f, refs = data.frequency[lines], list(current.values)
+        engine = problem.engine(f, refs, current.effects)
+        changes = engine.local(
+            np.array([current.values[r] for r in refs]), problem.damping.ratio(f, current.zeta)
+        )
+        X = np.ascontiguousarray(every.transpose(1, 3, 2, 0))
+        total = np.real(np.tensordot(X.conj(), X, axes=([0, 1, 2], [0, 1, 2])))
+        return cls(
+            problem,
+            X,
+            total,
+            np.ascontiguousarray(weight.transpose(0, 2, 1)),
+            Reach(problem.reduced.model, changes),
+        )
+
+    def run(self, places: Sequence[Place], n_pairs: int = 12) -> tuple[Scanned, ...]:
+        """Return all places and the pairs of the best connections, the best first."""
+        shapes = dict(zip((p.name for p in places), self.reach.of(places), strict=True))
+        none = self._left(None)
+        singles = []
+        for place in places:
+            A = shapes[place.name]
+            if A.size and A.shape[3] < A.shape[2]:
+                singles.append(Scanned((place,), self._left(A) / none, A.shape[3]))
+        singles.sort(key=lambda s: s.left)
+        connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
+        connections = [s for s in connections if "," not in s.name][:n_pairs]
+        pairs = []
+        for one, two in combinations(connections, 2):
+            A = np.concatenate([shapes[one.name], shapes[two.name]], axis=3)
+            if A.shape[3] < A.shape[2]:
+                both = Scanned((*one.places, *two.places), self._left(A) / none, A.shape[3])
+                if both.left < 0.9 * min(one.left, two.left):
+                    pairs.append(both)
+        return tuple(sorted([*singles, *pairs], key=lambda s: s.left))
+
+    def _left(self, A: Complexes | None) -> float:
+        """Return the mean square of what is left with free forces along A, for its degrees of freedom."""
+        X, total = self.X, self.total
+        n = float((self.weight > 0).sum())
+        if A is not None:
+            A = A * self.weight[..., None]
+            size = np.sqrt((np.abs(A) ** 2).sum(axis=2, keepdims=True))
+            Q, _ = np.linalg.qr(A / np.maximum(size, 1e-300))
+            P = np.swapaxes(Q.conj(), 2, 3) @ X
+            total = total - np.real(np.tensordot(P.conj(), P, axes=([0, 1, 2], [0, 1, 2])))
+            n -= A.shape[3] * A.shape[0] * A.shape[1]
+        b, N = total[0, 1:], total[1:, 1:]
+        left = total[0, 0]
+        for _ in range(3):  # priors weigh as much as what is left says
+            level = max(left / n, LEVEL**2)
+            p = np.linalg.solve(N / level + np.eye(len(N)), b / level)
+            left = float(total[0, 0] - 2 * p @ b + p @ N @ p)
+        return max(left, 1e-12) / n

@@ -1,0 +1,164 @@
+"""What a search for effects has to tell: candidates and how well they do, findings, and the steps to them."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem.model import Effect, Parameter
+from updating.diagnosis.separation import Decisive, Proposal
+from updating.inference.fit import FitResult
+
+AT_BOUND = 1e-6
+"""Values are at a bound if they differ from it by no more than this, relatively [-]."""
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """A parameter of a found effect: value and standard deviation in ``unit``.
+
+    At a bound the deviation is that of a uniform density up to the other bound, and tells nothing.
+    """
+
+    name: str
+    value: float
+    unit: str
+    std: float
+    at_bound: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ranked:
+    """A candidate and how well it does.
+
+    Attributes
+    ----------
+    name, kind, where : str
+        The effect's.
+    parameters : tuple of EffectParameter
+    level : float
+        Robust residual level with it [nepers].
+    fit_db, held_out_db : float
+        Error with it [dB].
+    similarity : float
+        Correlation of what it does to the FRFs with what the best candidate does [-].
+    refined : bool
+        False if only the quick screening fit was made.
+    asked : float
+        Level that it had to reach to be accepted by the level [nepers].
+    result : FitResult
+        The fit.
+    """
+
+    name: str
+    kind: str
+    where: str
+    parameters: tuple[EffectParameter, ...]
+    level: float
+    fit_db: float
+    held_out_db: float
+    similarity: float
+    refined: bool
+    asked: float
+    result: FitResult
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """A missing effect.
+
+    Attributes
+    ----------
+    effect : Effect
+        Ready to be added to the model.
+    parameters : tuple of EffectParameter
+    twins : tuple of Ranked
+        Candidates that explain the data nearly as well.
+    rival : Ranked or None
+        The best candidate that is no twin.
+    decisive : tuple of Decisive
+        The pieces of the data that speak most for the effect against the rival (without one, the first twin).
+    proposals : tuple of tuple of Proposal
+        For each of the first ``MOST_SEPARATED`` twins, the measurements that would separate the two.
+    strain : float
+        Of an effect that is believed because the uncertain parameter in its place had left its tolerance: by
+        how many standard deviations that was off [-]; 0 for all others.
+    without : FitResult or None
+        Of an effect that was in the model before the search, and so came first in no round: what is left of
+        all that was found without it.
+    """
+
+    effect: Effect
+    parameters: tuple[EffectParameter, ...]
+    twins: tuple[Ranked, ...]
+    rival: Ranked | None = None
+    decisive: tuple[Decisive, ...] = ()
+    proposals: tuple[tuple[Proposal, ...], ...] = ()
+    strain: float = 0.0
+    without: FitResult | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One step of the staircase: what was added, and the errors after it.
+
+    Attributes
+    ----------
+    label : str
+    fit_db, held_out_db : float
+        On the lines fitted and held out [dB].
+    level : float
+        Robust residual level, amplitude and phase [nepers].
+    result : FitResult
+    """
+
+    label: str
+    fit_db: float
+    held_out_db: float
+    level: float
+    result: FitResult
+
+
+def at_values_of(fit: FitResult, findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings with the values that a fit gives their effects, which are its first."""
+    return [
+        replace(f, effect=e, parameters=parameters_of(e, fit))
+        for e, f in zip(fit.effects, findings, strict=False)
+    ]
+
+
+def step_of(label: str, result: FitResult) -> Step:
+    """Return a step that ended with a fit."""
+    return Step(label, result.fit_db, result.held_out_db, result.level, result)
+
+
+def step_added(effects: Iterable[Effect], result: FitResult) -> Step:
+    """Return the step in which effects were added."""
+    return step_of(f"{labels(effects)} added", result)
+
+
+def labels(effects: Iterable[Effect]) -> str:
+    """Return what effects are and where, in words."""
+    return " and ".join(map(label, effects))
+
+
+def label(effect: Effect) -> str:
+    """Return what an effect is and where, in words."""
+    return f"{effect.kind.replace('_', ' ')} at {effect.where}"
+
+
+def parameters_of(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]:
+    """Return an effect's parameters as a fit has them."""
+    return tuple(
+        EffectParameter(p.name, value, p.unit, fit.std[effect.name, p.name], _at_bound(p, value))
+        for p in effect.parameters()
+        for value in (fit.values[effect.name, p.name],)
+    )
+
+
+def _at_bound(p: Parameter, value: float) -> bool:
+    """Return whether a value has run to a bound, but for rounding."""
+    return any(
+        np.isfinite(bound) and abs(value - bound) <= AT_BOUND * max(abs(bound), abs(value) if bound else 0.0)
+        for bound in (p.lower, p.upper)
+    )

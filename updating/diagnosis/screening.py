@@ -1,0 +1,628 @@
+"""A quick look at every candidate: what it would do to the FRFs on a grid of its parameter values.
+
+Nothing is refitted here. Each candidate's grid is projected on the reduced basis once; after that a point of
+the grid costs what its few DOFs cost.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, Model, Parameter, ParameterRef, parameter_values
+from fem.reduction.reduced import Fields, LocalChanges, scale_factors
+from updating.correlation import complex_log
+from updating.inference.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
+
+N_WHOLE, N_LOW = 44, 24
+"""Lines of the whole band, and of the low one, at which candidates are looked at."""
+N_SETTLED = 110
+"""Lines of the whole band where the model is right already and what is left to find is weak; half of those of
+a fit where these are more, as a weak effect may show in one narrow resonance."""
+
+MOST_CANDIDATES, MOST_RIVALS = 1500, 400
+"""Of more candidates only a short list is looked at; so it is of more of them at the place of one."""
+N_LISTED = 20
+"""So many of the best by each measure are on it."""
+N_WHOLE_LIST, N_LOW_LIST = 18, 8
+"""Lines of the whole band, and of the low one, for the short list."""
+MOST_PLACES = 4
+"""At most so many of a candidate's places, for the short list."""
+
+_TOGETHER = 100
+"""So many candidates of the list are judged at once."""
+
+VISIBLE = 1e-3
+"""Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
+directions measured do not see them [nepers]."""
+
+MOST_VALUES, MOST_VALUES_WEAK = 700, 10_000
+"""At most so many values of FRFs in the whole band, in the low one, and for weak effects are looked at."""
+
+N_BEST = 5
+"""So many of the best by each of the measures go on."""
+N_BEST_DEEP = 15
+"""So many where nothing was found that explains the data, before that is said."""
+N_BEST_WEAK = 15
+"""So many go on where the model is right already."""
+AT_BOUND = 1e-6
+"""An unknown of a fit this near to a bound is at it: of logarithms, or of a parameter's scale."""
+N_BEST_STRONG = 3
+"""So many of the best by each of the measures of strong effects go on with them, where these can be left."""
+WEAKER = 0.1
+"""There each candidate is tried at the weakest of its points, and at this share of it."""
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """A candidate on a grid of its parameter values, projected when it is needed.
+
+    Attributes
+    ----------
+    effect : Effect
+    points : tuple of dict
+        Parameter values.
+    """
+
+    effect: Effect
+    points: tuple[dict[str, float], ...]
+    _made: dict[str, tuple] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, problem: FitProblem, effect: Effect) -> "Grid":
+        """Return the grid that the effect asks for."""
+        return cls(effect, tuple(effect.starts(problem.surroundings)))
+
+    @property
+    def position(self) -> Parameter | None:
+        """The effect's position along a member, if it has one."""
+        return next((p for p in self.effect.parameters() if p.name == "position"), None)
+
+    @property
+    def weak_points(self) -> tuple[tuple[dict[str, float], float], ...]:
+        """Those that show what a little of the effect does, for each choice of all but the first parameter.
+
+        The weakest point, one nearly absent, and the weakest on the other side of absence. The second shows
+        what the effect does in proportion; where that is nothing, as with a coupling of motions that symmetry
+        keeps apart, the first shows what follows; and a resonance that is narrower than it moves does not
+        change alike to either side. With each stands by how much it can be multiplied before it is beyond
+        the strongest point.
+        """
+        slight, others = self._slight_and_others()
+        return slight + others
+
+    @property
+    def slight_points(self) -> tuple[tuple[dict[str, float], float], ...]:
+        """Those of the weak points at which the effect is nearly absent: one for each choice."""
+        return self._slight_and_others()[0]
+
+    def _slight_and_others(self) -> tuple[tuple[tuple[dict[str, float], float], ...], ...]:
+        if "weak points" in self._made:
+            return self._made["weak points"]
+        first = self.effect.parameters()[0].name
+        alike: dict[tuple, list[dict[str, float]]] = {}
+        for point in self.points:
+            alike.setdefault(tuple(v for name, v in point.items() if name != first), []).append(point)
+        slight, others = [], []
+        for points in alike.values():
+            p = self.effect.with_values(**points[0]).parameters()[0]
+            off = np.array([_distance(p, point[first]) for point in points])
+            strength = np.abs(off)
+            strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
+            weakest, most = int(np.argmin(strength)), float(strength[np.isfinite(strength)].max(initial=0.0))
+            near = most / strength[weakest]
+            slight.append((_scaled(p, points[weakest], WEAKER), near / WEAKER))
+            others.append((points[weakest], near))
+            strength[off * off[weakest] > 0] = np.inf
+            other = int(np.argmin(strength))
+            if np.isfinite(strength[other]):
+                others.append((points[other], most / strength[other]))
+        self._made["weak points"] = tuple(slight), tuple(others)
+        return self._made["weak points"]
+
+    def looked_at(self, weak: bool) -> Sequence[dict[str, float]]:
+        """Return the points, or the weak ones alone."""
+        return [p for p, _ in self.weak_points] if weak else self.points
+
+    def terms(self, problem: FitProblem, weak: bool) -> tuple:
+        """Return what the effect adds to the reduced matrices at each point or weak point (computed once)."""
+        key = "weak" if weak else "all"
+        if key not in self._made:
+            effects = (self.effect.with_values(**p) for p in self.looked_at(weak))
+            self._made[key] = tuple(map(problem.reduced.value_of, effects))
+        return self._made[key]
+
+    def near(self, model: Model, places: Floats, reach: float, longest: float = np.inf) -> "Grid | None":
+        """Return the points of the grid at which the effect sits near one of some places; None without any.
+
+        Parameters
+        ----------
+        model : Model
+        places : ndarray (n, 3)
+            Points [m].
+        reach : float
+            Largest distance [m].
+        longest : float
+            Length of the longest member [m]: no effect moves farther along its own.
+        """
+
+        def distance(effect: Effect) -> float:
+            marks = effect.locations(model)
+            return float(np.linalg.norm(marks[:, None] - places, axis=2).min(initial=np.inf))
+
+        now = distance(self.effect)
+        if self.position is None:
+            return self if now <= reach else None
+        if now > reach + longest:
+            return None
+        along = {p["position"] for p in self.points}
+        near = {s for s in along if distance(self.effect.with_values(position=s)) <= reach}
+        points = tuple(p for p in self.points if p["position"] in near)
+        return Grid(self.effect, points) if points else None
+
+    def along(self, point: dict[str, float]) -> tuple[dict[str, float], ...]:
+        """Return a point, and what it is a step of the grid farther along the member, either way.
+
+        None without a position.
+        """
+        position = self.position
+        places = sorted({p["position"] for p in self.points}) if position else []
+        if position is None or len(places) < 2:
+            return ()
+        step, now = (places[-1] - places[0]) / (len(places) - 1), point["position"]
+        ways = (now, now - step, now + step)
+        moved = dict.fromkeys(min(max(s, position.lower), position.upper) for s in ways)
+        return tuple({**point, "position": s} for s in moved)
+
+    def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
+        """Return a point with its first parameter at a multiple of the distance from where it is absent.
+
+        Of a stiffness that is infinite where it is absent, the flexibility is scaled. The result lies within
+        the parameter's bounds.
+        """
+        return _scaled(self.effect.with_values(**point).parameters()[0], point, factor)
+
+    def one_sided(self) -> bool:
+        """Whether the first parameter can lie on one side only of where it is absent."""
+        p = self.effect.parameters()[0]
+        return bool(np.isinf(p.absent) or p.lower >= p.absent or p.upper <= p.absent)
+
+
+def _scaled(p: Parameter, point: dict[str, float], factor: float) -> dict[str, float]:
+    """Return what :meth:`Grid.scaled` does, with the first parameter."""
+    if np.isinf(p.absent):
+        value = point[p.name] / max(factor, 1e-12)
+    elif p.log and p.absent > 0:
+        value = p.absent * (point[p.name] / p.absent) ** factor
+    else:
+        value = p.absent + factor * (point[p.name] - p.absent)
+    return {**point, p.name: float(min(max(value, p.lower), p.upper))}
+
+
+def _distance(p: Parameter, value: float) -> float:
+    """Return how far a value of a parameter is from where the effect is absent, with its sign."""
+    if np.isinf(p.absent):
+        return 1 / value
+    return float(np.log(value / p.absent)) if p.log and p.absent > 0 else value - p.absent
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Screened:
+    """A candidate that goes on, and the points of its grid to start from, the most promising first.
+
+    Attributes
+    ----------
+    effect : Effect
+    starts : tuple of dict
+    rank : int
+        How many candidates are better by the measure by which it does best.
+    promise : float
+        Factor by which the level falls by the measure by which it falls most, before any fit.
+    """
+
+    effect: Effect
+    starts: tuple[dict[str, float], ...]
+    rank: int = 0
+    promise: float = np.inf
+
+
+def screen(
+    problem: FitProblem,
+    current: FitResult,
+    grids: Sequence[Grid],
+    settled: bool,
+    say: Callable[[str, float], None],
+    *,
+    weak_only: bool = True,
+    also: Callable[[Effect], bool] = lambda effect: False,
+) -> tuple[Screened, ...]:
+    """Put the candidates that the data see in the order in which they deserve a fit.
+
+    Each point of each grid is judged by residual levels, six at most: with the nuisance parameters as they
+    are fitted now and, unless the model is settled, with their nominal values, in each case on the whole
+    band, on the low band (where a wrong modulus shifts resonances by less than their width; not if it is
+    settled), and on the whole band after the part has been taken off that a small change of the nuisance
+    parameters explains; of very many candidates also by the measures of the short list. What counts is the
+    measure by which a candidate does best.
+
+    Where the model is right but for noise, what may be left to find is weak. Then each candidate is judged
+    by the level that the best strength of it would leave if the FRFs changed in proportion, again without
+    what nuisance parameters explain: the score test of statistics. Where a part of that noise is the model's
+    own error, and may hide what is strong in a part of the band, the best by the first judgement go on too.
+
+    Parameters
+    ----------
+    problem : FitProblem
+    current : FitResult
+        The model so far, with the effects already found.
+    grids : sequence of Grid
+    settled : bool
+        Whether the model is right but for noise.
+    say : callable
+        Called with a text and the fraction done.
+    weak_only : bool
+        Whether nothing but weak effects can be left where the model is settled.
+    also : callable
+        Says of which candidates the best goes on in any case where the model is settled.
+    """
+    bases = (current,) if settled else (current, problem.at_nominal(current))
+    more = np.zeros((len(grids), 0))
+    if len(grids) > MOST_CANDIDATES:
+        listed, more = shortlist(problem, bases, grids, say)
+        grids, more = [grids[i] for i in listed], more[:, ::2] if settled else more
+    weak = _screen_weak(problem, current, grids, say, also) if settled else ()
+    if settled and weak_only:
+        return weak
+    n_levels = 2 if settled else 3
+    n = n_levels * len(bases)
+    levels, now = [np.full((n, len(g.points)), np.inf) for g in grids], np.empty(n)
+    for b, base in enumerate(bases):
+        look = _Look.of(problem, base, N_WHOLE, 0 if settled else N_LOW, MOST_VALUES)
+        now[n_levels * b : n_levels * (b + 1)] = look.levels_now()
+        for i, grid in enumerate(grids):
+            say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
+            levels[i][n_levels * b : n_levels * (b + 1)] = look.levels(grid)
+    best = np.array([rows.min(axis=1) for rows in levels]).reshape(len(grids), n)
+    best = np.hstack([best, np.where(np.isfinite(best).any(axis=1, keepdims=True), more, np.inf)])
+    rank = np.argsort(np.argsort(best, axis=0), axis=0)
+    out = []
+    for i in np.argsort(rank.min(axis=1), kind="stable"):
+        if not np.isfinite(best[i]).any():
+            continue
+        points: list[int] = []
+        promise = float((now / best[i, :n]).max())
+        for measure in np.argsort(rank[i, :n], kind="stable"):
+            k = int(np.argmin(levels[i][measure]))
+            if k not in points:
+                points.append(k)
+        starts = tuple(grids[i].points[k] for k in points[:2])
+        out.append(Screened(grids[i].effect, starts, int(rank[i].min()), promise))
+    if not settled:
+        return tuple(out)
+    strong, both = {s.effect.name: s for s in out if s.rank < N_BEST_STRONG}, []
+    for s in weak:
+        too = strong.pop(s.effect.name, None)
+        starts = s.starts + (too.starts[:1] if too else ())
+        both.append(replace(s, starts=starts, promise=max(s.promise, too.promise if too else 0.0)))
+    return (*both, *strong.values())
+
+
+def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
+    """Choose the candidates that come nearest to what the last effect of a fit does.
+
+    Each takes its place while everything else stays as it was fitted with it. Of very many only a short list
+    is looked at.
+    """
+    name = best.effects[-1].name
+    values = {ref: v for ref, v in best.values.items() if ref[0] != name}
+    without = replace(best, effects=best.effects[:-1], values=values)
+    if len(grids) > MOST_RIVALS:
+        grids = [grids[i] for i in shortlist(problem, (without,), grids, lambda text, done: None)[0]]
+    look = _Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
+    found = []
+    for i, grid in enumerate(grids):
+        levels = look.levels(grid).min(axis=0)
+        k = int(np.argmin(levels))
+        if np.isfinite(levels[k]):
+            found.append((float(levels[k]), i, k))
+    return tuple(Screened(grids[i].effect, (grids[i].points[k],)) for _, i, k in sorted(found)[:n_best])
+
+
+def shortlist(
+    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], say: Callable[[str, float], None]
+) -> tuple[list[int], Floats]:
+    """Return which of very many candidates deserve a look on their grids, by what a little of each would do.
+
+    The ``N_LISTED`` best by each measure go on, and all that release a constraint. The measures of these are
+    the second result, (n_listed, 2 n_bases).
+    """
+    levels = _proportional_levels(problem, bases, grids, say)
+    listed = {i for i, grid in enumerate(grids) if grid.effect.released()}
+    for row in levels:
+        best = np.argsort(row, kind="stable")[:N_LISTED]
+        listed |= {int(i) for i in best if np.isfinite(row[i])}
+    chosen = sorted(listed)
+    return chosen, levels[:, chosen].T
+
+
+def _proportional_levels(
+    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], say: Callable[[str, float], None]
+) -> Floats:
+    """Return the levels that the best strength of each candidate would leave if FRFs changed in proportion.
+
+    Shape (2 n_bases, n_grids): for each base on the whole band without what nuisance parameters explain, and
+    on the low band. The change is taken from the responses at all DOFs and the candidate's element matrices,
+    so that none is projected.
+    """
+    looks = [_Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_WEAK) for base in bases]
+    responses = [look.fields() for look in looks]
+    levels = np.full((2 * len(looks), len(grids)), np.inf)
+    model = problem.reduced.model
+    for first in range(0, len(grids), _TOGETHER):
+        say(f"listing {grids[first].effect.name}", first / len(grids))
+        owner: list[int] = []
+        most: list[float] = []
+        slopes: list[list[Complexes]] = [[] for _ in looks]
+        for i in range(first, min(first + _TOGETHER, len(grids))):
+            effect = grids[i].effect
+            points = () if effect.released() else grids[i].slight_points
+            step = max(1, -(-len(points) // MOST_PLACES))
+            for point, factor in points[(step - 1) // 2 :: step]:
+                contributions = effect.with_values(**point).contribute(model)
+                owner.append(i)
+                most.append(factor)
+                for mine, every in zip(slopes, responses, strict=True):
+                    mine.append(every.slope(contributions, effect.connection))
+        one_sided = np.array([grids[i].one_sided() for i in owner], dtype=bool)
+        for b, look in enumerate(looks if owner else ()):
+            two = look.linear(np.stack(slopes[b]), np.array(most), one_sided)
+            for i, each in zip(owner, two.T, strict=True):
+                levels[2 * b : 2 * b + 2, i] = np.minimum(levels[2 * b : 2 * b + 2, i], each)
+    return levels
+
+
+def _screen_weak(
+    problem: FitProblem,
+    current: FitResult,
+    grids: Sequence[Grid],
+    say: Callable[[str, float], None],
+    also: Callable[[Effect], bool],
+) -> tuple[Screened, ...]:
+    look = _Look.of(
+        problem, current, max(N_SETTLED, problem.n_lines // 2), 0, MOST_VALUES_WEAK, at_bounds=False
+    )
+    now, found = look.levels_now()[-1], []
+    for i, grid in enumerate(grids):
+        say(f"looking at {grid.effect.name}", i / len(grids))
+        levels, factors = look.scores(grid)
+        k = int(np.argmin(levels))
+        if np.isfinite(levels[k]):
+            found.append((float(levels[k]), i, grid.scaled(grid.weak_points[k][0], float(factors[k]))))
+    order = [
+        Screened(grids[i].effect, (start,), promise=now / level)
+        for level, i, start in sorted(found, key=lambda f: f[:2])
+    ]
+    first = next((k for k, s in enumerate(order) if also(s.effect)), 0)
+    return (*order[:N_BEST_WEAK], *order[max(first, N_BEST_WEAK) : first + 1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """A model with all but the candidates fixed, at a few lines.
+
+    Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
+    (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each, and ``whole`` tells
+    which of them stand for the whole band. ``slopes`` (n, m) are the weighted slopes of the nuisance
+    parameters ``refs`` and of damping for these, ``trust`` (m,) what each value counts and ``known`` (n,) the
+    prior precision; real and imaginary parts stand side by side.
+    """
+
+    problem: FitProblem
+    base: FitResult
+    lines: NDArray[np.int64]
+    at: NDArray[np.int64]
+    measured: Complexes
+    weight: Floats
+    whole: NDArray[np.bool_]
+    refs: tuple[ParameterRef, ...]
+    slopes: Floats
+    trust: Floats
+    known: Floats
+    _solved: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        problem: FitProblem,
+        base: FitResult,
+        n_whole: int,
+        n_low: int,
+        most: int,
+        at_bounds: bool = True,
+    ) -> "_Look":
+        """Look from where the base is; without ``at_bounds`` unknowns that are at a bound stay there.
+
+        What is weak does not take them off it.
+        """
+        whole = problem.lines_up_to(np.inf, n_whole)
+        low = problem.lines_up_to(problem.stages[0], n_low)
+        function = problem.function(base.effects, [parameter_values(e) for e in base.effects], whole)
+        x, limits = function.moved_to(base), function.limits()
+        r, J = function(x, True)
+        assert J is not None
+        if not at_bounds:
+            J[(np.abs(x[:, None] - limits) < AT_BOUND).any(axis=1)] = 0.0
+        some = _some(len(r), most)
+        r, J = r[some], J[:, some]
+        robust = 1 / np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2)
+        misfit = float((2 * ROBUST**2 * (1 / robust - 1)).mean())
+        weight = robust * problem.n_independent() / len(r) / (LEVEL_FLOOR**2 + misfit)
+        prior = function.prior()
+        known = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
+        slopes, trust = np.hstack([J.real, J.imag]), np.concatenate([weight, weight])
+        refs = tuple(v.ref for v in function.variables)
+
+        data, lines = problem.data, np.concatenate([whole, low])
+        n_first = int(np.prod(data.mask[whole].shape))
+        flat = np.flatnonzero(data.mask[lines])
+        low_at = flat[flat >= n_first]
+        at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
+        measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
+        return cls(problem, base, lines, at, measured, w, at < n_first, refs, slopes, trust, known)
+
+    def levels(self, grid: Grid) -> Floats:
+        """Return the level on the whole band, on the low one if it has lines, and with nuisances adapted.
+
+        Shape (3 or 2, n_points).
+        """
+        H = self._local(grid.effect.released()).with_terms(self._terms(grid, False))
+        r, possible = self._possible(H)
+        levels = np.where(possible, self._levels(r, grid.effect.replaces()), np.inf)
+        return levels if np.abs(r - self._now()).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
+
+    def levels_now(self) -> Floats:
+        """Return the same without a candidate."""
+        return self._levels(self._now()[None])[:, 0]
+
+    def _levels(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Floats:
+        first, low = r[:, self.whole], r[:, ~self.whole]
+        adapted = self._adapted(first, replaced)
+        return np.stack([_level(each) for each in ([first, low, adapted] if low.size else [first, adapted])])
+
+    def scores(self, grid: Grid) -> tuple[Floats, Floats]:
+        """Return the level that the best strength of each weak point would leave, and its multiple."""
+        H = self._local(grid.effect.released()).with_terms(self._terms(grid, True))
+        replaced = grid.effect.replaces()
+        now = self._adapted(self._now()[None])[0]
+        change = self._adapted(self._possible(H)[0] - self._now(), replaced)
+        most = np.array([m for _, m in grid.weak_points])
+        return _best_multiples(now, change, most, grid.one_sided())
+
+    def _terms(self, grid: Grid, weak: bool) -> tuple:
+        """Return what the effect adds at the points, on members and joints as they are in the base.
+
+        A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
+        nominal 1 % would be left, which is much of a short element's.
+        """
+        reduced, effect = self.problem.reduced, grid.effect
+        nominal = reduced.model.values()
+        ratio = {
+            ref: self.base.values[ref] / nominal[ref]
+            for ref in effect.refers_to(reduced.model)
+            if nominal.get(ref) and self.base.values.get(ref, nominal[ref]) != nominal[ref]
+        }
+        if not ratio:
+            return grid.terms(self.problem, weak)
+        stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
+        changes = []
+        for ref, f in ratio.items():
+            if (exponents := reduced.scaling_of(effect, ref)) is None:
+                break
+            changes.append((f, exponents))
+        if len(changes) == len(ratio):
+            factors = scale_factors(changes)
+            terms = [t.scaled(factors) for t in grid.terms(self.problem, weak)]
+        else:
+            model = reduced.model.with_values({ref: self.base.values[ref] for ref in ratio})
+            terms = [reduced.value_of(effect.with_values(**p), model) for p in grid.looked_at(weak)]
+        return tuple(replace(t, stiffer=stiffer) for t in terms)
+
+    def fields(self) -> Fields:
+        """Return the responses at all DOFs at the lines."""
+        return self._local(()).fields()
+
+    def linear(self, slopes: Complexes, most: Floats, one_sided: NDArray[np.bool_]) -> Floats:
+        """Return the levels that the best multiples of n changes of the receptances leave, (2, n).
+
+        On the whole band without what nuisances explain, and on the low band; infinite if it is invisible.
+        """
+        H = self._local(()).H.ravel()[self.at]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            d = self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H
+        every: Any = np.vstack([self._now(), np.where(np.isfinite(d), d, 0.0)])
+        bands = self._adapted(every[:, self.whole]), every[:, ~self.whole]
+        return np.stack([_best_multiples(r[0], r[1:], most, one_sided)[0] for r in bands])
+
+    def _now(self) -> Complexes:
+        """Return the weighted residuals (m,) of the model without a candidate (computed once)."""
+        if "now" not in self._solved:
+            self._solved["now"] = self._residuals([self._local(()).H])[0]
+        return self._solved["now"]
+
+    def _possible(self, H: Sequence[Complexes]) -> tuple[Complexes, NDArray[np.bool_]]:
+        """Return residuals, those of now for what cannot be, and what can: its receptances are finite."""
+        possible = np.array([bool(np.isfinite(each).all()) for each in H])
+        return np.where(possible[:, None], self._residuals(H), self._now()), possible
+
+    def _residuals(self, H: Sequence[Complexes]) -> Complexes:
+        """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
+        computed = np.stack([each.ravel()[self.at] for each in H])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            r: Any = self.weight * complex_log(computed / self.measured)
+        return np.where(np.isfinite(r), r, 0.0)
+
+    def _adapted(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Complexes:
+        """Return residuals without what a small change of the nuisance parameters explains.
+
+        Those that an effect replaces stay as they are.
+        """
+        slopes, back = self._by_nuisances(tuple(ref for ref in replaced if ref in self.refs))
+        flat = np.hstack([r.real, r.imag])
+        left = flat - (flat @ back.T) @ slopes
+        half = left.shape[1] // 2
+        return left[:, :half] + 1j * left[:, half:]
+
+    def _by_nuisances(self, without: tuple[ParameterRef, ...]) -> tuple[Floats, Floats]:
+        """Return the slopes of nuisance parameters but some, and what takes a residual to their change."""
+        key = ("nuisances", *without)
+        if key not in self._solved:
+            kept = [k for k in range(len(self.slopes)) if k >= len(self.refs) or self.refs[k] not in without]
+            slopes = self.slopes[kept]
+            weighted = slopes * self.trust
+            A = weighted @ slopes.T + np.diag(self.known[kept])
+            A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
+            self._solved[key] = slopes, np.linalg.solve(A, weighted)
+        return self._solved[key]
+
+    def _local(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
+        """Return the model solved at the lines, without the constraints that an effect releases."""
+        if released not in self._solved:
+            p, base = self.problem, self.base
+            f, refs = p.data.frequency[self.lines], list(base.values)
+            engine = p.engine(f, refs, base.effects, released)
+            zeta = p.damping.ratio(f, base.zeta)
+            self._solved[released] = engine.local(np.array([base.values[r] for r in refs]), zeta)
+        return self._solved[released]
+
+
+def _best_multiples(
+    now: Complexes, change: Complexes, most: Floats, one_sided: bool | NDArray[np.bool_]
+) -> tuple[Floats, Floats]:
+    """Return the levels (n,) that the best multiples of changes (n, m) of residuals (m,) leave, and these.
+
+    Within ± ``most`` (n,), or from 0 to it where they are one-sided; the level is infinite where the change
+    is invisible.
+    """
+    weight = 1 / np.sqrt(1 + np.abs(now) ** 2 / ROBUST**2)
+    size = (weight * np.abs(change) ** 2).sum(axis=1)
+    slope = (weight * (change.conj() * now).real).sum(axis=1)
+    least = np.where(one_sided, 0.0, -most)
+    factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
+    moved = factor[:, None] * change
+    visible = np.abs(moved).max(axis=1, initial=0.0) >= VISIBLE
+    return np.where(visible, _level(now + moved), np.inf), factor
+
+
+def _some(n: int, most: int) -> NDArray[np.int64]:
+    """Return at most so many of n positions, scattered: a fixed step might miss whole channels."""
+    return np.sort(np.random.default_rng(0).permutation(n)[:most])
+
+
+def _level(r: Complexes) -> Floats:
+    """Return the robust level of residuals (n, m) [nepers]."""
+    return np.sqrt((2 * ROBUST**2 * (np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2) - 1)).mean(axis=1))

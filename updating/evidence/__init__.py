@@ -1,4 +1,0 @@
-"""What is missing in a model, by evidence: place first, then kind, one probability model and one criterion.
-
-Begun beside `updating.search`, which `diagnose` still uses; nothing imports this package yet.
-"""

@@ -1,0 +1,1 @@
+"""Parameters fitted to measurements: unknowns, residuals, least squares and uncertainty."""

@@ -1,0 +1,386 @@
+"""What a diagnosis begins with: a reduced model, the data to compare it with, and how exact both are."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.frf import FRF
+from fem.connection_damping import ConnectionDamping
+from fem.effects.joint import Joint, PointPair
+from fem.elements.frame import Frame
+from fem.linalg.solvers import factorise
+from fem.model import Model
+from fem.reduction.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
+from fem.system import assemble, connection_stiffness
+from updating.correlation import log_ratio, rms_db
+from updating.inference.fit import (
+    EXPLAINED_LEVEL,
+    LEVEL_FLOOR,
+    NOISE_LIMIT,
+    FitData,
+    FitProblem,
+    FitResult,
+    prepare,
+    sensor_vectors,
+)
+from updating.inference.parameters import DampingCurve, Nuisance
+from updating.measurement.measurement import Measurement, MeasurementError, with_sensor_masses
+
+MODE_MARGIN = 2.5
+"""The reduced basis holds the modes up to this multiple of the highest frequency."""
+MESH_SHARE = 0.03
+"""Elements are cut where the level that the mesh leaves is more than this share of the noise's."""
+MOST_SPLITS = 4
+"""Into so many at most."""
+NOMINAL_RATIO = 5e-3
+"""Damping ratio of a model that has none [-]."""
+LEAST_RATIO = 1e-5
+"""Least nominal damping ratio, of which a fit can take a multiple [-]."""
+NEIGHBOURS = 0.03
+"""Lines within this share of a frequency say how far the structure moves there."""
+N_LINES = 160
+"""At most this many lines are fitted."""
+LEAST_LINES = 10
+"""Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
+FIRST_STAGE, STAGE_GROWTH, STAGE_LINES = 2, 1.5, 20
+"""A fit in fine stages begins with so many modes, takes so many times more from stage to stage, and has so
+many lines at least."""
+
+
+def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
+    """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
+    # Sensors count too: where a response is mostly local stretching, modes alone converge slowly.
+    columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
+    for element in model.of_kind(PointPair):
+        dofs, B = element.relative(model)
+        rigid = element.rigid if isinstance(element, Joint) else ()
+        held = [d not in rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
+        block = np.zeros((model.n_dof, 6))
+        block[dofs] = B.T
+        columns.append(block[:, held])
+    return np.hstack(columns)
+
+
+def elastic_frequencies(reduced: ReducedModel, up_to: float) -> NDArray[np.float64]:
+    """Return the reduced model's elastic natural frequencies up to a frequency [Hz]."""
+    lam = reduced.main_modes()[0][reduced.basis.n_rigid :]
+    f = np.sqrt(np.maximum(lam, 0.0)) / (2 * np.pi)
+    return f[f <= up_to]
+
+
+def with_higher_mass(model: Model) -> Model:
+    """Return a model whose members' consistent mass is of higher order.
+
+    Weak effects are otherwise found that only take up the mesh's error.
+    """
+    effects = (e.with_mass_of_higher_order() if isinstance(e, Frame) else e for e in model.effects)
+    return replace(model, effects=tuple(effects))
+
+
+def build_problem(
+    model: Model,
+    measurement: Measurement,
+    nuisances: Sequence[Nuisance],
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_LINES,
+    connections: bool = False,
+    model_error: float = EXPLAINED_LEVEL,
+) -> FitProblem:
+    """Reduce a model and prepare the data for fits.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor. Its modal damping ratios become the nominal damping curve
+        (0.5 % where there are none).
+    measurement : Measurement
+    nuisances : sequence of Nuisance
+    damping_std : float
+        Standard deviation of the logarithm of the damping ratio [-].
+    band : (float, float), optional
+        Frequencies that count [Hz].
+    n_lines : int
+        At most this many lines are fitted.
+    connections : bool
+        Whether connections may be damped otherwise than members.
+    model_error : float
+        Residual level up to which a model counts as right, because beams are not the structure itself
+        [nepers]; 0 if nothing but noise and the mesh may be left, and readings have nothing of what moves
+        square to their sensors.
+
+    Raises
+    ------
+    MeasurementError
+        If there are fewer than ``LEAST_LINES`` lines, or no value of the FRFs is left to compare.
+    """
+    model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
+    other = next(iter(model.of_kind(ConnectionDamping)), None) if connections else None
+    model = model.without_effect(other.name) if other else model  # the curve has it
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    n_usable = int((frf.frequency > 0).sum())
+    if n_usable < LEAST_LINES:
+        msg = (
+            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
+            "needed to compare a model with it"
+        )
+        raise MeasurementError(msg)
+    highest = float(frf.frequency[-1])
+    reduced, curve, modes = _reduced(model, measurement, frf, damping_std, connections, other)
+    k = len(modes)
+    low = modes[4] * 1.1 if k > 8 else highest
+    middle = modes[k // 2] if k > 14 else highest
+    stages = np.unique(np.minimum([low, middle, highest], highest))
+    data = _prepared(reduced, curve, measurement, band, model_error)
+    counted = data.frequency[data.mask.any(axis=(1, 2)) & ~data.held_out]
+    if not counted.size:
+        msg = (
+            f"no FRF of '{measurement.name}' can be compared: every value is 0, small beside the others, or "
+            f"uncertain by more than {100 * NOISE_LIMIT:.0f} % (from {measurement.noise_source})"
+        )
+        raise MeasurementError(msg)
+    stages = stages[stages >= counted[0]]
+    ends = np.unique(np.round(FIRST_STAGE * STAGE_GROWTH ** np.arange(40)).astype(int))
+    fine = np.array([*(np.sqrt(modes[n - 1] * modes[n]) for n in ends[ends < k]), highest])
+    enough = np.searchsorted(counted, fine, "right") >= STAGE_LINES
+    enough[-1] = True
+    fine = fine[enough]
+    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine, model_error)
+
+
+def _reduced(
+    model: Model,
+    measurement: Measurement,
+    frf: FRF,
+    damping_std: float,
+    connections: bool,
+    other: ConnectionDamping | None,
+) -> tuple[ReducedModel, DampingCurve, NDArray[np.float64]]:
+    """Return a reduced model without modal damping, the curve of that, and its modes in the band [Hz]."""
+    highest = float(frf.frequency[-1])
+    undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
+    reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=MODE_MARGIN)
+    modes = elastic_frequencies(reduced, highest)
+    # A suspension's modes below the band have no lines: they are neither knots nor stages.
+    modes = modes[modes >= frf.frequency[0]]
+    n_knots = int(np.clip(len(modes) // 2, 1, 8))
+    knots = (
+        np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
+    )
+    nominal = _nominal_ratio(model, knots, other, connections)
+    curve = DampingCurve(
+        knots, np.atleast_2d(nominal(knots))[0], damping_std, connections,
+        nominal if np.ptp(model.damping.ratio) or other else None,
+    )  # fmt: skip
+    return reduced, curve, modes
+
+
+def _nominal_ratio(
+    model: Model, knots: NDArray[np.float64], other: ConnectionDamping | None, connections: bool
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Return the nominal damping ratio over frequency, with that of connections if they have their own."""
+    d = model.damping
+    given = d.alpha or d.beta or d.loss_factor or d.ratio_at(knots).any()
+    least = LEAST_RATIO if given else NOMINAL_RATIO
+
+    def ratio(f: NDArray[np.float64]) -> NDArray[np.float64]:
+        members = np.maximum(d.ratio_at(f), least)
+        if not connections:
+            return members
+        return np.stack([members, np.maximum(other.ratio_at(f), LEAST_RATIO) if other else members])
+
+    return ratio
+
+
+def counted_data(
+    model: Model,
+    measurement: Measurement,
+    band: tuple[float, float] | None = None,
+    model_error: float = EXPLAINED_LEVEL,
+) -> FitData:
+    """Return measured FRFs with the values of them that count, as in every comparison with the model.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor.
+    measurement : Measurement
+    band : (float, float), optional
+        Frequencies that count [Hz].
+    model_error : float
+        As for :func:`build_problem`.
+
+    Raises
+    ------
+    MeasurementError
+        If all FRFs are zero.
+    """
+    model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    reduced, curve, _ = _reduced(model, measurement, frf, 0.5, False, None)
+    return _prepared(reduced, curve, measurement, band, model_error)
+
+
+def prepared_like(
+    problem: FitProblem, measurement: Measurement, band: tuple[float, float] | None = None
+) -> FitData:
+    """Prepare other channels, such as those that were kept from a fit, as a problem's own were.
+
+    By what its model computes; beside corners that came later than its data these have their nominal size.
+
+    Parameters
+    ----------
+    problem : FitProblem
+    measurement : Measurement
+        With a point of the problem's mesh at every sensor and excitation.
+    band : (float, float), optional
+        Frequencies that count [Hz].
+
+    Raises
+    ------
+    MeasurementError
+        If all FRFs are zero.
+    """
+    return _prepared(problem.reduced, problem.damping, measurement, band, problem.model_error)
+
+
+def _prepared(
+    reduced: ReducedModel,
+    curve: DampingCurve,
+    measurement: Measurement,
+    band: tuple[float, float] | None,
+    model_error: float,
+) -> FitData:
+    """Prepare FRFs by what a model computes of them and, if it may err, of the motion across the sensors."""
+    f = measurement.frf.select(band=band).frequency if band else measurement.frf.frequency
+    f, n = f[f > 0], len(measurement.sensors)
+    square = [
+        replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
+    ]
+    sensors = (*measurement.sensors, *(() if model_error == 0 else square))
+    outputs, inputs = (sensor_vectors(reduced.model, part) for part in (sensors, measurement.excitations))
+    engine = ParametricFRF(reduced, outputs, inputs, f, ())
+    values, zeta = values_of(reduced.model, ()), curve.ratio(f, curve.start)
+    nominal, moved = np.split(engine.evaluate(values, zeta, gradient=False)[0], [n], axis=1)
+    return prepare(measurement, nominal, band, across=_across(f, moved) if moved.size else None)
+
+
+def _across(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return how far places move square to their sensors, (n_freq, n_out, n_in), by two receptances of each.
+
+    The root mean square over neighbouring lines, as the model's resonances are not where they were measured.
+    """
+    squares = (2 * np.pi * frequency[:, None, None]) ** 2
+    moved = (np.abs(squares[..., None] * H.reshape(len(frequency), -1, 2, H.shape[2])) ** 2).sum(axis=2)
+    total = np.concatenate([np.zeros_like(moved[:1]), moved.cumsum(axis=0)])
+    first = np.searchsorted(frequency, (1 - NEIGHBOURS) * frequency)
+    last = np.searchsorted(frequency, (1 + NEIGHBOURS) * frequency, side="right")
+    mean = (total[last] - total[first]) / (last - first)[:, None, None]
+    return np.sqrt(np.maximum(mean, 0.0)) / squares
+
+
+def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:
+    """Estimate the error of the mesh by halving every element: root mean square [dB], and level [nepers].
+
+    What is left falls at least with the square of their size, so that the difference is 3/4 of the error.
+    """
+    lines = problem.lines_up_to(np.inf, n_lines)
+    nominal = problem.nominal()
+    finer = finer_receptances(problem, nominal, lines)
+    ratio: Any = log_ratio(problem.receptance(nominal, lines), finer) * 4 / 3
+    ratio = np.where(problem.data.mask[lines], ratio, complex("nan"))
+    return rms_db(ratio), problem.level(ratio, lines)
+
+
+def build_fine(
+    build: Callable[[Model], FitProblem], model: Model, model_error: float
+) -> tuple[FitProblem, Model, int, tuple[float, float], float]:
+    """Return the problem of a model whose elements are short enough for the data.
+
+    Parameters
+    ----------
+    build : callable
+        Makes the problem of a model.
+    model : Model
+    model_error : float
+        Residual level up to which a model counts as right [nepers].
+
+    Returns
+    -------
+    FitProblem, Model
+        With each element cut.
+    int
+        Into so many.
+    (float, float)
+        What the mesh leaves: root mean square [dB] and level [nepers].
+    float
+        Root mean square before elements were cut [dB].
+    """
+    problem = build(model)
+    left = before = discretisation_error(problem)
+    n = splits(left[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR))
+    if n > 1:
+        model = model.with_mesh(model.mesh.split(n))
+        problem = build(model)
+        left = discretisation_error(problem)
+    return problem, model, n, left, before[0]
+
+
+def finer_receptances(
+    problem: FitProblem, result: FitResult, lines: NDArray[np.int64]
+) -> NDArray[np.complex128]:
+    """Return what sensors would read of a fitted model with every element halved, (n_lines, n_out, n_in)."""
+    model, m = fitted_model(problem.reduced.model, result), problem.data.measurement
+    model = model.with_mesh(model.mesh.split(2))
+    f, highest = problem.data.frequency[lines], float(problem.data.frequency[-1])
+    forces = attachment_forces(model, m)
+    reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)
+    outputs, inputs = (sensor_vectors(model, part) for part in (m.sensors, m.excitations))
+    engine = ParametricFRF(reduced, outputs, inputs, f, ())
+    return engine.evaluate(np.zeros(0), problem.damping.ratio(f, result.zeta), gradient=False)[0]
+
+
+def splits(mesh_level: float, noise_level: float) -> int:
+    """Return into how many to cut each element, so that the mesh's error is small beside the noise."""
+    too_large = mesh_level / (MESH_SHARE * noise_level)
+    return min(MOST_SPLITS, int(np.ceil(too_large**0.5))) if too_large > 1 else 1
+
+
+def fitted_model(model: Model, result: FitResult) -> Model:
+    """Return the full model with the values and the effects of a fit."""
+    own = {e.name for e in model.effects}
+    values = {ref: v for ref, v in result.values.items() if ref[0] in own}
+    return model.with_values(values).with_effect(*result.effects)
+
+
+def basis_error(problem: FitProblem, result: FitResult, n_lines: int) -> float:
+    """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB].
+
+    Effects that depend on amplitude are left out of both.
+    """
+    effects = tuple(e for e in result.effects if not e.amplitude_dependent)
+    gone = {e.name for e in result.effects if e.amplitude_dependent}
+    values = {ref: v for ref, v in result.values.items() if ref[0] not in gone}
+    result = replace(result, effects=effects, values=values)
+    model = problem.reduced.model
+    system = assemble(fitted_model(model, result), reciprocal=False)
+    outputs, inputs = problem.vectors
+    lines = problem.lines_up_to(np.inf, n_lines)
+    f = problem.data.frequency[lines]
+    zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
+    connections = connection_stiffness(system) if others else None
+    reduced = problem.receptance(result, lines)
+    ratio = []
+    backend, factor = None if system.reciprocal else "superlu", None
+    for k, omega in enumerate(2 * np.pi * f):
+        Z = system.dynamic_stiffness(float(omega)) + 2j * zeta[k] * system.K
+        if connections is not None:
+            Z = Z + 2j * (others[0][k] - zeta[k]) * connections
+        factor = factorise(Z, like=factor, backend=backend)
+        direct = outputs.T @ (system.Q @ factor.solve((system.Q.T @ inputs).astype(complex)))
+        ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
+    return rms_db(np.array(ratio))

@@ -1,0 +1,1 @@
+"""Measurements: FRFs with sensors, their estimation from time data, noise, and the plan of a test."""

@@ -1,0 +1,263 @@
+"""Measurements: FRFs with the sensors and excitations that they belong to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.frf import FRF
+from fem.effects.added_mass import AddedMass
+from fem.mesh import Mesh
+from fem.model import Instruments, Model
+from updating.measurement.noise import noise_from_coherence
+
+
+class MeasurementError(ValueError):
+    """Measured data that do not fit the sensors, the units or one another."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensor:
+    """A translational sensor or exciter at a place on the structure.
+
+    Attributes
+    ----------
+    name : str
+        Label in the FRFs, such as ``"U1z"``.
+    point : ndarray (3,)
+        Coordinates [m].
+    direction : ndarray (3,)
+        Unit vector of its positive reading, the sign included.
+    member : str or None
+        Member that it sits on; None for the nearest.
+    gain : float
+        Its reading over what it should read [-].
+    mass : float
+        Mass that it adds to the structure, which :func:`with_sensor_masses` puts into a model [kg]. Of a
+        triaxial sensor one channel has it.
+    """
+
+    name: str
+    point: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    member: str | None = None
+    gain: float = 1.0
+    mass: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """Measured FRFs with their sensors and excitations.
+
+    Attributes
+    ----------
+    frf : FRF
+        Its ``outputs`` are the names of ``sensors`` and its ``inputs`` those of ``excitations``, in order.
+    sensors, excitations : tuple of Sensor
+        Where the rows and columns of the FRFs are on the structure.
+    force_level : float or None
+        Amplitude of the exciting force, to tell levels apart [N].
+    name : str
+        File or label for reports.
+    coherence : ndarray (n_freq, n_out, n_in) or None
+        γ² of each value of the FRFs, 0 to 1; NaN where it was not measured [-].
+    averages : int or None
+        Independent averages behind the FRFs and their coherence.
+    scatter : ndarray (n_freq, n_out, n_in) or None
+        Relative standard deviation of the FRFs in each part, where it is known otherwise: from repeats
+        (:func:`updating.measurement.noise.noise_from_repeats`) for example; NaN where it is not [-].
+    compared : ndarray (n_freq, n_out, n_in) or None
+        1 for values that count in a comparison and 0 for others, as an earlier one has chosen; NaN for those
+        of which it has said nothing.
+    """
+
+    frf: FRF
+    sensors: tuple[Sensor, ...]
+    excitations: tuple[Sensor, ...]
+    force_level: float | None = None
+    name: str = "measured"
+    coherence: NDArray[np.float64] | None = None
+    averages: int | None = None
+    scatter: NDArray[np.float64] | None = None
+    compared: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        known = {"coherence": self.coherence, "scatter": self.scatter, "choice of values": self.compared}
+        for word, values in known.items():
+            if values is not None and np.shape(values) != self.frf.H.shape:
+                msg = (
+                    f"the {word} of '{self.name}' has shape {np.shape(values)}, its FRFs {self.frf.H.shape}; "
+                    "they must agree"
+                )
+                raise MeasurementError(msg)
+        if self.scatter is not None and (self.scatter < 0).any():
+            low = np.nanmin(self.scatter)
+            msg = f"the scatter of '{self.name}' goes down to {low:.3g}; a standard deviation is not negative"
+            raise MeasurementError(msg)
+        if self.averages is not None and self.averages < 1:
+            msg = f"'{self.name}' has {self.averages} averages; at least 1 is needed"
+            raise MeasurementError(msg)
+        if self.coherence is not None and ((self.coherence < 0) | (self.coherence > 1)).any():
+            low, high = np.nanmin(self.coherence), np.nanmax(self.coherence)
+            msg = f"the coherence of '{self.name}' goes from {low:.3g} to {high:.3g}; 0 to 1 is allowed"
+            raise MeasurementError(msg)
+        for word, have, want in (
+            ("responses", self.frf.outputs, self.sensors),
+            ("forces", self.frf.inputs, self.excitations),
+        ):
+            if have != tuple(s.name for s in want):
+                msg = (
+                    f"the FRF's {word} are {', '.join(have)}, the sensors' names "
+                    f"{', '.join(s.name for s in want)}"
+                )
+                raise MeasurementError(msg)
+
+    def with_frf(self, frf: FRF) -> "Measurement":
+        """Return a measurement with other data of the same or fewer sensors, excitations and lines.
+
+        What is known of the noise follows; at lines that were not measured it is not known.
+        """
+        by_out = {s.name: s for s in self.sensors}
+        by_in = {s.name: s for s in self.excitations}
+        return replace(
+            self,
+            frf=frf,
+            sensors=tuple(by_out[n] for n in frf.outputs),
+            excitations=tuple(by_in[n] for n in frf.inputs),
+            coherence=None if self.coherence is None else at_values_of(self.coherence, self.frf, frf),
+            scatter=None if self.scatter is None else at_values_of(self.scatter, self.frf, frf),
+            compared=None if self.compared is None else at_values_of(self.compared, self.frf, frf),
+        )
+
+    @property
+    def noise(self) -> NDArray[np.float64] | None:
+        """What is known of the relative noise of ln|H|, (n_freq, n_out, n_in); None where nothing is [-].
+
+        From ``scatter``, or else from coherence and averages; NaN for values of which nothing is known.
+        """
+        if self.scatter is not None:
+            return self.scatter
+        if self.coherence is None or self.averages is None:
+            return None
+        known = np.isfinite(self.coherence)
+        noise = noise_from_coherence(np.where(known, self.coherence, 1.0), self.averages)
+        return np.where(known, noise, np.nan)
+
+    @property
+    def noise_source(self) -> str:
+        """Where the noise is known from, in words."""
+        if self.scatter is not None:
+            return "the scatter of repeats"
+        if self.coherence is not None and self.averages is not None:
+            return f"the coherence over {self.averages} averages"
+        return "the scatter between neighbouring lines"
+
+
+def at_values_of(values: NDArray[np.float64], have: FRF, want: FRF) -> NDArray[np.float64]:
+    """Return what belongs to the values of some FRFs for those of others, NaN where there is none.
+
+    Parameters
+    ----------
+    values : ndarray (n_freq, n_out, n_in)
+        Of ``have``.
+    have, want : FRF
+        The second has channels of the first.
+    """
+    line = np.clip(np.searchsorted(have.frequency, want.frequency), 0, have.n_freq - 1)
+    same = have.frequency[line] == want.frequency
+    rows, columns = (
+        [getattr(have, key).index(name) for name in getattr(want, key)] for key in ("outputs", "inputs")
+    )
+    out = values[line][:, rows][:, :, columns]
+    return np.where(same[:, None, None], out, np.nan)
+
+
+def place_sensors(mesh: Mesh, sensors: tuple[Sensor, ...], tolerance: float | None = None) -> Mesh:
+    """Return a mesh with a point at every sensor, by splitting lines; existing points keep their indices.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    sensors : tuple of Sensor
+    tolerance : float, optional
+        Largest distance of a sensor from the member's axis [m]; 2 % of the mesh's size unless given.
+
+    Raises
+    ------
+    MeasurementError
+        If a sensor is farther from every member.
+    """
+    tolerance = 0.02 * mesh.size if tolerance is None else tolerance
+    for sensor in sensors:
+        _, distance = mesh.nearest_point(sensor.point)
+        if distance <= 1e-6 * mesh.size:
+            continue
+        member, position, distance = mesh.nearest_on_members(sensor.point)
+        if distance > tolerance:
+            msg = (
+                f"sensor '{sensor.name}' at {sensor.point.tolist()} m is {distance:.3g} m from the nearest "
+                f"member '{member}'; at most {tolerance:.3g} m is allowed"
+            )
+            raise MeasurementError(msg)
+        mesh = mesh.with_point_on(member, position)
+    return mesh
+
+
+def with_sensor_masses(model: Model, sensors: Sequence[Sensor]) -> Model:
+    """Return a model with the masses of sensors, as point masses where they sit.
+
+    A sensor is known by its name: one that also measures where a force acts, or whose mass the model has
+    already, is added once.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor.
+    sensors : sequence of Sensor
+
+    Raises
+    ------
+    MeasurementError
+        If a mass is negative or not finite, or the mesh has no point where the sensor sits.
+    """
+    known = {e.name for e in model.effects}
+    masses: dict[str, AddedMass] = {}
+    for s in sensors:
+        name = f"mass of sensor {s.name}"
+        if not (np.isfinite(s.mass) and s.mass >= 0):
+            msg = f"sensor '{s.name}' has the mass {s.mass} kg; it must be finite and not negative"
+            raise MeasurementError(msg)
+        if s.mass > 0 and name not in known:
+            masses[name] = AddedMass(name=name, point=sensor_point(model.mesh, s), mass=s.mass)
+    return replace(model, effects=(*model.effects, *masses.values())) if masses else model
+
+
+def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
+    """Return the point of a mesh where a sensor sits: the nearest one, of its member if it has one.
+
+    Raises
+    ------
+    MeasurementError
+        If it is farther than 2 % of the mesh's size (see :func:`place_sensors`).
+    """
+    if sensor.member is None:
+        point, distance = mesh.nearest_point(sensor.point)
+    else:
+        own = mesh.member_points(sensor.member)
+        away = np.linalg.norm(mesh.points[own] - sensor.point, axis=1)
+        point, distance = int(own[np.argmin(away)]), float(away.min())
+    if distance > 0.021 * mesh.size:
+        msg = f"sensor '{sensor.name}' is {distance:.3g} m from the nearest point of the mesh"
+        raise MeasurementError(msg)
+    return point
+
+
+def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
+    """Return where a measurement's sensors and excitations are, as points of a mesh."""
+
+    def places(group: tuple[Sensor, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        points = np.array([sensor_point(mesh, s) for s in group], dtype=np.int64)
+        return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
+
+    return Instruments(*places(measurement.sensors), *places(measurement.excitations))

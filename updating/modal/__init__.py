@@ -1,0 +1,1 @@
+"""Modes identified from measured FRFs."""

@@ -1,0 +1,1 @@
+"""Checks of a measurement before any physics is fitted to it."""
