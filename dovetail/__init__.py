@@ -1,6 +1,13 @@
-"""Studies: a structure, what was measured on it and what is uncertain, in one file; and the command line."""
+"""Dovetail: a frame model compared with measurements, and the physical effect that it lacks.
 
-from dovetail.file.config import Study, load_study
+    load_study(path) → Study ─ frf, modes, compare, diagnose, candidates, add, fit, save, run
+
+:class:`Study` is the facade. Behind it are the packages `fem` (models and their analyses), `updating`
+(measurements, fits, diagnosis), `joint` (identification and synthesis of joints) and `viz` (pictures). The
+command line does the same: ``dovetail run study.toml``.
+"""
+
 from dovetail.file.table import StudyError
+from dovetail.study import Study, load_study
 
 __all__ = ["Study", "StudyError", "load_study"]

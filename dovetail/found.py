@@ -20,8 +20,8 @@ from dovetail.file.writing import (
 from dovetail.result import FRFS, RunResult
 from fem.connection_damping import ConnectionDamping
 from fem.effects.joint_patch import JointPatch
-from fem.model import Damping, ParameterRef
-from updating.diagnosis.diagnose import Diagnosis
+from fem.model import Damping, Model, ParameterRef
+from updating.inference.fit import FitProblem, FitResult
 
 DENSE = 64
 """Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""
@@ -45,7 +45,7 @@ def found_text(result: RunResult, folder: Path) -> str:
     text += toml_comment(f"{study.path.name} with what dovetail has found in it, and with its fitted values")
     text = with_element_sizes(text, study.chosen_sizes)
     text = with_parameters(text, fitted_values(result))
-    text = with_damping(text, *fitted_damping(d))
+    text = with_damping(text, *fitted_damping(d.problem, d.steps[-1].result, d.model))
     if study.measurements:
         text = with_values(text, {("measurements", 0, "compared"): FRFS})
     effects = [*patches(result), *(f.effect for f in d.findings)]
@@ -62,25 +62,27 @@ def fitted_values(result: RunResult) -> dict[ParameterRef, float]:
     return values | rebased_values(result.diagnosis.model, result.study.model.effects)
 
 
-def fitted_damping(d: Diagnosis) -> tuple[Damping, tuple[NDArray[np.float64], NDArray[np.float64]] | None]:
+def fitted_damping(
+    problem: FitProblem, result: FitResult, model: Model
+) -> tuple[Damping, tuple[NDArray[np.float64], NDArray[np.float64]] | None]:
     """Return the fitted damping, and frequencies and ratios of connections where there are any.
 
     Both are powers of frequency between the frequencies where they are given.
     """
-    curve, zeta = d.problem.damping, d.steps[-1].result.zeta
-    f = d.problem.data.frequency
-    nominal = d.model.damping
+    curve, zeta = problem.damping, result.zeta
+    f = problem.data.frequency
+    nominal = model.damping
     breaks = [curve.knots, f[[0, -1]]]
     if np.ptp(nominal.ratio):
         given = nominal.frequency[nominal.frequency > 0]
         breaks.append(given)
         if not nominal.powers and given.size > 1:
             breaks += [np.geomspace(a, b, DENSE) for a, b in pairwise(given)]
-    breaks += [np.asarray(e.frequency) for e in d.model.of_kind(ConnectionDamping)]
+    breaks += [np.asarray(e.frequency) for e in model.of_kind(ConnectionDamping)]
     at: Any = np.unique(np.concatenate(breaks))
     at = at[(at >= f[0]) & (at <= f[-1])]
     members, *others = np.atleast_2d(curve.ratio(at, zeta))
-    connected = others and any(e.connection for e in d.model.effects)
+    connected = others and any(e.connection for e in model.effects)
     return Damping.modal(members, at, powers=True), (at, others[0]) if connected else None
 
 

@@ -15,7 +15,7 @@ from dovetail.file.measured import sensor_rows
 from dovetail.file.paths import InputFile, input_files
 from dovetail.file.table import StudyError
 from fem.analysis.frf import FRF, compute_frf
-from fem.analysis.modes import solve_modes
+from fem.analysis.modes import first_modes, solve_modes
 from fem.checks import Fault, check_model
 from fem.io import write_csv, write_npz, write_uff
 from fem.io.atomic import goes_to_stdout, replacing
@@ -140,14 +140,7 @@ def modes(options: Options, progress: Progress) -> None:
     if options.max is not None:
         found = solve_modes(system, max_frequency=options.max)
     else:
-        found = solve_modes(system, n=(options.number or 10) + 6)
-        keep = min(found.n_modes, found.n_rigid + (options.number or 10))
-        found = type(found)(
-            found.frequency[:keep],
-            found.shapes[:, :keep],
-            None if found.zeta is None else found.zeta[:keep],
-            n_rigid=found.n_rigid,
-        )
+        found = first_modes(system, options.number or 10)
     zeta = np.zeros(found.n_modes) if found.zeta is None else found.zeta
     if options.pictures is not None:
         from viz.render import render_mode

@@ -159,6 +159,14 @@ def solve_modes(
     return Modes(frequency, system.Q @ pairs.vectors, zeta, n_rigid=pairs.n_rigid)
 
 
+def first_modes(system: System, n: int) -> Modes:
+    """Return the rigid-body modes and the first ``n`` elastic modes of the undamped system."""
+    found = solve_modes(system, n=n + 6)
+    keep = min(found.n_modes, found.n_rigid + n)
+    zeta = None if found.zeta is None else found.zeta[:keep]
+    return Modes(found.frequency[:keep], found.shapes[:, :keep], zeta, n_rigid=found.n_rigid)
+
+
 def solve_eigenpairs(
     system: System,
     n: int | None = None,

@@ -427,6 +427,25 @@ class FitProblem:
         fits = (self.fit(effects, starts, stages=s, assess=False) for s in (self.stages, self.fine_stages))
         return min(fits, key=lambda r: r.solution.cost)
 
+    def fit_from_starts(self, effects: Sequence[Effect]) -> FitResult:
+        """Return the best fit of given effects: from their values, and from each of their own starts.
+
+        The cost has several minima, for instance of a joint between free and rigid.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            With the values to start from first.
+        """
+        given = [parameter_values(e) for e in effects]
+        sets = [given]
+        for k, effect in enumerate(effects):
+            sets += [[*given[:k], s, *given[k + 1 :]] for s in effect.starts(self.surroundings)]
+        few, whole = self.n_lines // 4, self.stages[-1:]
+        quick = [self.fit(effects, starts, stages=whole, n_lines=few, assess=False) for starts in sets]
+        best = sets[int(np.argmin([r.solution.cost for r in quick]))]
+        return self.fit(effects, best)
+
     def refit(self, result: FitResult, x_from: FitResult | None = None, *, assess: bool = True) -> FitResult:
         """Fit what a result holds once more, from where it is: on the whole band at once.
 

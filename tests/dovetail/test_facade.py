@@ -1,0 +1,71 @@
+"""The facade: load, compare, diagnose, add, fit, save."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.disk.output import OutputError
+from fem.model import ModelError
+
+DEMO = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
+
+
+@pytest.fixture(scope="module")
+def study():
+    return dovetail.load_study(DEMO)
+
+
+@pytest.fixture(scope="module")
+def with_effect(study):
+    """The demo's hidden effect, a joint that gives way about x, added by hand and fitted."""
+    (effect,) = [e for e in study.candidates(["joint_stiffness"]) if e.name.endswith("J.rx")]
+    return study.add(effect), study.add(effect).fit()
+
+
+def test_the_error_falls_when_the_missing_effect_is_added_and_fitted(study, with_effect):
+    added, fitted = with_effect
+    assert fitted.compare().total_db < 0.25 * study.fit().compare().total_db
+    assert [e.name for e in fitted.added] == [e.name for e in added.added]
+    assert study.added == ()
+
+
+def test_a_saved_study_is_the_fitted_one(tmp_path, with_effect):
+    _, fitted = with_effect
+    fitted.save(tmp_path / "better.toml")
+    again = dovetail.load_study(tmp_path / "better.toml")
+    assert again.compare().total_db == pytest.approx(fitted.compare().total_db, rel=1e-3)
+
+
+def test_a_second_fit_starts_where_the_first_did(with_effect):
+    _, fitted = with_effect
+    once, twice = fitted.model.values(), fitted.fit().model.values()
+    assert {k: twice[k] for k in once} == pytest.approx(once, rel=1e-3, abs=1e-12)
+
+
+def test_frfs_are_those_of_the_measurement_unless_others_are_asked_for(study):
+    measured = study.measurements[0].frf
+    computed = study.frf(measured.frequency[5:8])
+    assert computed.kind == measured.kind
+    assert computed.outputs == tuple(s.name for s in study.sensors)
+    receptance = study.frf([50.0, 60.0], "receptance")
+    omega = 2 * np.pi * receptance.frequency
+    accelerance = study.frf([50.0, 60.0], "accelerance")
+    np.testing.assert_allclose(accelerance.H, -(omega[:, None, None] ** 2) * receptance.H, rtol=1e-9)
+
+
+def test_an_effect_cannot_be_added_twice(with_effect):
+    added, _ = with_effect
+    with pytest.raises(ModelError, match="joint_stiffness"):
+        added.add(*added.added)
+
+
+def test_a_study_is_never_saved_over_what_it_reads(study):
+    with pytest.raises(OutputError, match=r"study\.toml"):
+        study.save(DEMO)
+
+
+def test_printing_a_study_takes_one_line(study):
+    assert len(repr(study)) < 200
+    assert study.name in repr(study)
