@@ -14,7 +14,6 @@ from dovetail.file.config import Study
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
 from dovetail.found import found_text
-from dovetail.modal import modes_of, pair_modes
 from dovetail.result import (
     FOUND,
     FRFS,
@@ -30,6 +29,7 @@ from dovetail.result import (
 from fem.io.atomic import replacing
 from updating.correlation import compare, rms_db
 from updating.diagnosis.diagnose import Diagnosis, begin, diagnose
+from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
 from updating.inference.preparation import N_LINES, prepared_like

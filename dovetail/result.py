@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.config import Study
-from dovetail.modal import ModePair
 from updating.correlation import Comparison
 from updating.diagnosis.diagnose import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
+from updating.diagnosis.fitted_modes import ModePair
 from updating.diagnosis.localisation import Localisation
 from updating.inference.parameters import DampingCurve
 from updating.quality.faults import Fault

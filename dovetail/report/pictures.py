@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.modal import ModePair, modes_of, most_changed, pair_modes
 from dovetail.report import words
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING
 from updating.diagnosis.findings import Ranked
+from updating.diagnosis.fitted_modes import ModePair, modes_of, most_changed, pair_modes
 from viz import curves, style
 from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.style import save

@@ -8,13 +8,13 @@ import pytest
 import scipy.linalg as sla
 
 from dovetail import result
-from dovetail.modal import ModePair, damped_modes, most_changed
 from dovetail.report.pictures import mode_heading
 from fem.effects import JointStiffness
 from fem.effects.joint import Joint
 from fem.model import Damping
 from fem.system import assemble, connection_stiffness
 from tests.frames import cross_beam
+from updating.diagnosis.fitted_modes import ModePair, damped_modes, most_changed
 from updating.inference.parameters import DampingCurve
 
 CURVE = DampingCurve(np.array([40.0, 1200.0]), np.array([0.003, 0.003]), 0.5, connections=True)
