@@ -156,7 +156,7 @@ def render_mode(
     measured : (points (n, 3), vectors (n, 3)), optional
         A measured shape: places [m] and displacement vectors, one for each sensor, drawn as arrows from the
         places at rest to where the measurement puts them. It is scaled by the modal scale factor, so it may
-        have any scale, sign and phase.
+        have any scale, sign and phase. Sensors with NaN, which were not measured, are left out.
     title : str
         Heading; number, frequency and damping unless given.
     """
@@ -170,6 +170,8 @@ def render_mode(
     scene.add_moving(surface, scale)
     if measured is not None:
         points, vectors = np.array(measured[0], dtype=float, ndmin=2), np.array(measured[1], ndmin=2)
+        known = ~np.isnan(vectors).any(axis=1)
+        points, vectors = points[known], vectors[known]
         computed = displacement_at(model, shape * phase, points)
         factor = match_scale(vectors, computed)
         moved = np.real(factor * vectors)

@@ -31,7 +31,8 @@ class MeasuredModes:
     Attributes
     ----------
     modes : Modes
-        Rows of the shapes by the names of the sensors; no rows where frequencies alone are known.
+        Rows of the shapes by the names of the sensors, NaN where a mode was not measured; no rows where
+        frequencies alone are known.
     sensors : tuple of Sensor
     frequency_std : ndarray (n_modes,)
         Relative standard deviations of the frequencies [-].
@@ -191,7 +192,17 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
     signs = np.array([sign for _, (_, sign) in found])
     at = tuple(sensor for sensor, _ in found)
     shapes = modes.shapes[rows] * signs[:, None]
-    if (still := np.flatnonzero(~shapes.any(axis=0))).size:
+    known = ~np.isnan(shapes)
+    if (few := np.flatnonzero(known.sum(axis=0) < 2)).size:
+        k = int(few[0])
+        have = [s.name for s, there in zip(at, known[:, k], strict=True) if there]
+        t.refuse(
+            "file",
+            f"the shape of mode {k + 1}, at {modes.frequency[k]:.6g} Hz, has values at "
+            f"{f'the sensor {have[0]} alone' if have else 'no sensor'}; two or more are needed: leave the "
+            "mode out",
+        )
+    if (still := np.flatnonzero(~(known & (shapes != 0)).any(axis=0))).size:
         k = int(still[0])
         t.refuse(
             "file",

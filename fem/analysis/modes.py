@@ -57,7 +57,8 @@ class Modes:
         e^{2π|f|t}, have f = -√(-ω²)/2π below zero: those of a structure that more compression than it bears
         has made unstable [Hz].
     shapes : ndarray (n_dof, n_modes)
-        Mode shapes; for computed modes all DOFs of the mesh, ``6 p + d`` [1/√kg, rad/(m √kg)].
+        Mode shapes; for computed modes all DOFs of the mesh, ``6 p + d``. NaN in measured ones is a gap: a
+        place at which that mode was not measured [1/√kg, rad/(m √kg)].
     zeta : ndarray (n_modes,) or None
         Modal damping ratios [-].
     labels : tuple of str

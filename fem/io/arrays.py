@@ -104,7 +104,7 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
     for key in ("frequency", "shapes"):
         _required(arrays, key, name, "frequency and shapes")
     frequency = typed(arrays, "frequency", name, "real", 1)
-    shapes = typed(arrays, "shapes", name, "complex", 2)
+    shapes = typed(arrays, "shapes", name, "gaps", 2)
     zeta = typed(arrays, "zeta", name, "real", 1) if "zeta" in arrays else None
     labels = tuple(typed(arrays, "labels", name, "text", 1).tolist()) if "labels" in arrays else ()
     n_rigid = int(typed(arrays, "n_rigid", name, "whole", 0)) if "n_rigid" in arrays else 0
@@ -129,6 +129,7 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
 _VALUES = {
     "real": ("fiu", "finite real numbers"),
     "complex": ("fiuc", "finite numbers"),
+    "gaps": ("fiuc", "finite numbers, or NaN where nothing was measured,"),
     "whole": ("fiu", "whole numbers"),
     "any": ("fiuc", "numbers"),
     "text": ("US", "texts"),
@@ -171,7 +172,9 @@ def typed(
         array = array.reshape((1,) * n_axes)
     found = f"{array.dtype} of shape {array.shape}"
     fits = array.dtype.kind in kinds and array.ndim == n_axes
-    if fits and what not in ("text", "any") and not np.isfinite(array).all():
+    if fits and what == "gaps":
+        fits, found = not np.isinf(array).any(), "infinite somewhere"
+    elif fits and what not in ("text", "any") and not np.isfinite(array).all():
         fits, found = False, "not finite everywhere"
     elif fits and what == "whole":
         fits = bool((abs(array.astype(float)) < 2.0**53).all() and (array == np.floor(array)).all())

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -204,10 +203,10 @@ def shape_in_si(shape: Shape, units: Units) -> Shape:
 
 
 def modes_of(shapes: Sequence[Shape], file: str) -> tuple[tuple[Modes, ...], list[str]]:
-    """Put shapes together, on the nodes that all of them have; return also what there is to say about it.
+    """Put shapes together by their nodes; return also what there is to say about it.
 
-    Shapes whose common nodes are fewer than half of all their nodes are of different tests: they make several
-    groups, those of the same nodes one each.
+    A node that one of them lacks is a gap of that one: NaN. Shapes are of one test, and make one group, where
+    each shares half of its nodes or more with another of them.
 
     Raises
     ------
@@ -225,7 +224,7 @@ def modes_of(shapes: Sequence[Shape], file: str) -> tuple[tuple[Modes, ...], lis
     found: list[Modes] = []
     for group in groups.values():
         for part in _of_one_test(group):
-            found.append(_modes(_on_common_nodes(_once(part, notes), notes, file)))
+            found.append(_modes(_on_all_nodes(_once(part, notes), notes)))
     return tuple(found), notes
 
 
@@ -235,10 +234,6 @@ def _check(shape: Shape, file: str) -> None:
             f"{file}: {shape.place}: natural frequency {shape.frequency} Hz; it must be a number not below 0"
         )
         raise UffError(msg)
-    _refuse_zero(shape, file)
-
-
-def _refuse_zero(shape: Shape, file: str) -> None:
     if not shape.values.any():
         n = len(shape.nodes)
         msg = (
@@ -250,14 +245,15 @@ def _refuse_zero(shape: Shape, file: str) -> None:
 
 
 def _of_one_test(shapes: list[Shape]) -> list[list[Shape]]:
-    sets = [frozenset(s.nodes.tolist()) for s in shapes]
-    common, every = reduce(frozenset.intersection, sets), reduce(frozenset.union, sets)
-    if 2 * len(common) >= len(every):
-        return [shapes]
-    parts: dict[frozenset[int], list[Shape]] = {}
-    for one, shape in zip(sets, shapes, strict=True):
-        parts.setdefault(one, []).append(shape)
-    return list(parts.values())
+    """Return shapes in groups that are connected by sharing half of two shapes' nodes or more."""
+    groups: list[tuple[list[frozenset[int]], list[Shape]]] = []
+    for shape in shapes:
+        own = frozenset(shape.nodes.tolist())
+        near = [g for g in groups if any(2 * len(own & other) >= len(own | other) for other in g[0])]
+        sets = list(dict.fromkeys([*(one for g in near for one in g[0]), own]))
+        joined = sets, [*(one for g in near for one in g[1]), shape]
+        groups = [*(g for g in groups if g not in near), joined]
+    return [group for _, group in groups]
 
 
 def _once(shapes: list[Shape], notes: list[str]) -> list[Shape]:
@@ -281,27 +277,29 @@ def _once(shapes: list[Shape], notes: list[str]) -> list[Shape]:
     return kept
 
 
-def _on_common_nodes(shapes: list[Shape], notes: list[str], file: str) -> list[Shape]:
-    """Give all shapes the nodes that all have, in the order of the first; name those that are lost."""
-    sets = [set(s.nodes.tolist()) for s in shapes]
-    common, every = set.intersection(*sets), set.union(*sets)
-    if lost := sorted(every - common):
-        first = next(s for s, own in zip(shapes, sets, strict=True) if lost[0] not in own)
-        n = sum(not every <= own for own in sets)
-        names = f"{', '.join(map(str, lost[:5]))}{' …' if len(lost) > 5 else ''}"
-        notes.append(
-            f"{first.name} has no values at node {lost[0]}"
-            + (f", and {n - 1} more modes lack nodes" if n > 1 else "")
-            + f"; node{'s' if len(lost) > 1 else ''} {names} {'are' if len(lost) > 1 else 'is'} left out "
-            "of all modes"
-        )
-    order = [node for node in shapes[0].nodes.tolist() if node in common]
+def _on_all_nodes(shapes: list[Shape], notes: list[str]) -> list[Shape]:
+    """Give all shapes the nodes that any of them has, in the order of the first; NaN is a gap, and named."""
+    order = list(dict.fromkeys(node for shape in shapes for node in shape.nodes.tolist()))
+    row_of = {node: row for row, node in enumerate(order)}
+    nodes = np.array(order, dtype=np.int64)
     out: list[Shape] = []
+    lacking: dict[tuple[int, ...], list[Shape]] = {}
     for shape in shapes:
-        row_of = {node: row for row, node in enumerate(shape.nodes.tolist())}
-        rows = [row_of[node] for node in order]
-        out.append(replace(shape, nodes=np.array(order, dtype=np.int64), values=shape.values[rows]))
-        _refuse_zero(out[-1], file)
+        values = np.full((len(order), shape.values.shape[1]), np.nan, dtype=shape.values.dtype)
+        values[[row_of[node] for node in shape.nodes.tolist()]] = shape.values
+        out.append(replace(shape, nodes=nodes, values=values))
+        if gaps := sorted(row_of.keys() - set(shape.nodes.tolist())):
+            lacking.setdefault(tuple(gaps), []).append(shape)
+    for gaps, who in lacking.items():
+        names = f"{', '.join(map(str, gaps[:5]))}{f' and {len(gaps) - 5} more' if len(gaps) > 5 else ''}"
+        one, several = len(who) == 1, len(gaps) > 1
+        others = f" and {'mode' if len(who) == 2 else 'modes'} {', '.join(str(s.number) for s in who[1:6])}"
+        more = f" and {len(who) - 6} more" if len(who) > 6 else ""
+        notes.append(
+            f"{who[0].name}{'' if one else others}{more} {'has' if one else 'have'} no values at "
+            f"node{'s' if several else ''} {names}, which {'are' if several else 'is'} left out of "
+            f"{'this mode' if one else 'these modes'} alone"
+        )
     return out
 
 

@@ -61,7 +61,8 @@ def write_uff(
     path : path
     frf : FRF or sequence of FRF, optional
     modes : Modes, optional
-        Shapes without labels are taken as all DOFs of a mesh, nodes counted from 1.
+        Shapes without labels are taken as all DOFs of a mesh, nodes counted from 1. A node with NaN in a mode
+        is left out of that mode.
     mesh : Mesh, optional
         Points become nodes 1, 2, …
     header : Header, optional
@@ -431,7 +432,10 @@ def pole_of(frequency: ArrayLike, zeta: ArrayLike) -> NDArray[np.complex128]:
 
 
 def _nodal_table(modes: Modes, dofs: Mapping[str, str]) -> tuple[list[int], NDArray[Any]]:
-    """Return node numbers and values (n_nodes, 3 or 6, n_modes); directions that are not there are zero."""
+    """Return node numbers and values (n_nodes, 3 or 6, n_modes); directions that are not there are zero.
+
+    A node at which a mode was not measured has NaN in all of that mode's directions.
+    """
     labels = modes.labels or tuple(
         label_of(p + 1, d) for p in range(modes.shapes.shape[0] // 6) for d in range(1, 7)
     )
@@ -451,6 +455,20 @@ def _nodal_table(modes: Modes, dofs: Mapping[str, str]) -> tuple[list[int], NDAr
     table = np.zeros((len(nodes), width, modes.n_modes), dtype=modes.shapes.dtype)
     for row, (node, direction) in enumerate(ends):
         table[row_of[node], abs(direction) - 1] = np.sign(direction) * modes.shapes[row]
+    gaps = np.isnan(modes.shapes)
+    if gaps.any():
+        rows = np.array([row_of[node] for node, _ in ends])
+        lacking = np.zeros((len(nodes), modes.n_modes), dtype=np.int64)
+        np.add.at(lacking, rows, gaps)
+        partly = np.argwhere((lacking > 0) & (lacking < np.bincount(rows)[:, None]))
+        if len(partly):
+            row, k = partly[0]
+            msg = (
+                f"mode {k + 1} has values in some directions of node {nodes[row]} and NaN in others; the "
+                "format keeps a node with all of its directions, or leaves it out"
+            )
+            raise UffError(msg)
+        table.transpose(0, 2, 1)[lacking > 0] = np.nan
     return nodes, table
 
 
@@ -471,6 +489,8 @@ def _shape_text(
         head.append(f"{2:10d}{4:10d}{0:10d}{number:10d}\n" + "".join(f"{v:13.5e}" for v in record) + "\n")
     body: list[str] = []
     for node, row in zip(nodes, values, strict=True):
+        if np.isnan(row).any():
+            continue
         numbers = np.column_stack([row.real, row.imag]).ravel() if is_complex else row
         cells = [f"{v:13.5e}" for v in numbers]
         body.append(

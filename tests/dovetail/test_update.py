@@ -408,3 +408,33 @@ def test_modes_of_a_universal_file_belong_to_nodes(bracket, tmp_path):
     assert found is not None
     assert found.modes.labels == ("tipx", "tipy", "tipz")
     np.testing.assert_allclose(found.modes.shapes, shapes * [[1], [1], [-1]], rtol=1e-5)
+
+
+def test_a_node_missing_in_one_mode_is_a_gap_of_that_mode(bracket, tmp_path, capsys):
+    """The other modes keep their values there, and the update uses all that is there."""
+    path, _ = bracket
+    places = [("post", 0.2), ("post", 0.4), ("post", 0.6), ("arm", 0.25)]
+    text = path.read_text(encoding="utf-8").replace(MEASURED, "") + "".join(
+        f'[[sensors]]\nnode = {node}\nmember = "{member}"\nposition = {position}\ndirections = "xyz"\n'
+        for node, (member, position) in enumerate(places, start=1)
+    )
+    gappy = path.with_name("gappy.toml")
+    gappy.write_text(text, encoding="utf-8")
+    study = load_study(gappy)
+    stiffer = study.model.with_values({("frame", "E:steel"): 1.05 * 200e9})
+    computed = solve_modes(assemble(stiffer), n=3)
+    rows = sensor_rows(study.model, study.sensors[-12:])
+    shapes = rows @ computed.shapes
+    shapes[3:6, 1] = np.nan
+    labels = tuple(f"{node}{d}+" for node in (1, 2, 3, 4) for d in "XYZ")
+    write_uff(path.with_name("m.unv"), modes=Modes(computed.frequency, shapes, None, labels))
+    gappy.write_text(f'{text}[modes]\nfile = "m.unv"\n', encoding="utf-8")
+    with_modes = load_study(gappy)
+    assert with_modes.modes is not None
+    np.testing.assert_allclose(with_modes.modes.modes.shapes, shapes, rtol=1e-5, atol=1e-9)
+    out = tmp_path / "gappy"
+    assert main(["update", str(gappy), "--out", str(out)]) == 0
+    found = json.loads((out / "update.json").read_text(encoding="utf-8"))
+    (modulus,) = (p for p in found["parameters"] if p["name"] == "frame E:steel")
+    assert modulus["value"] == pytest.approx(1.05 * 200e9, rel=1e-4)
+    assert found["path"][-1]["mac"] == pytest.approx(1, abs=1e-8)

@@ -53,6 +53,22 @@ def test_repeated_modes_are_paired_as_a_subspace_whatever_their_basis():
     assert alone.groups[0].mac == pytest.approx(1, abs=1e-12)
 
 
+def test_repeated_modes_with_gaps_of_their_own_are_paired():
+    computed, rows = square_bar()
+    seen = rows @ computed.shapes
+    turn = np.deg2rad(40)
+    mixed = seen[:, :2] @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    for gaps in ([0, 1], [5, 0]), ([0, 1, 2, 3], [4, 5, 6, 7]):  # the last have no DOF in common
+        x = mixed.copy()
+        for k, lacking in enumerate(gaps):
+            x[lacking, k] = np.nan
+        found = compare_modes(measured(np.array([17.0, 17.2]), x), computed, rows)
+        (group,) = found.groups
+        assert group.measured == group.computed == (0, 1)
+        assert group.mac == pytest.approx(1, abs=1e-12)
+        assert group.angles.shape == (2,)
+
+
 def test_one_mode_identified_twice_takes_one_place_of_a_set():
     computed, rows = square_bar()
     seen = rows @ computed.shapes

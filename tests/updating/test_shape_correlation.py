@@ -225,3 +225,65 @@ def test_subspaces_do_not_depend_on_their_basis(seed, m, k):
     np.testing.assert_allclose(sc.subspace_mac(a @ shapes(rng, k, 2), a), 1, rtol=1e-10)
     if m == 1:
         np.testing.assert_allclose(np.cos(angles) ** 2, part, atol=1e-10)
+
+
+# ----------------------------------------------------------------------------------------------------- gaps
+
+
+@modest
+@given(seeds)
+def test_a_gap_is_left_out_of_its_own_shape_alone(seed):
+    """Every criterion is that of the DOFs which the shapes have, each pair or DOF taken by itself."""
+    rng = np.random.default_rng(seed)
+    x, a = shapes(rng, 9, 4), shapes(rng, 9, 4)
+    x[3:, :3][rng.random((6, 3)) < 0.4] = np.nan  # one shape and a few DOFs have no gaps
+    known = ~np.isnan(x)
+    mac = sc.mac(x, a)
+    for i in range(4):
+        rows = known[:, i]
+        np.testing.assert_allclose(mac[i], sc.mac(x[rows, i], a[rows])[0], rtol=1e-12)
+        np.testing.assert_allclose(
+            sc.subspace_mac(x, a[:, :2])[i], sc.subspace_mac(x[rows, i], a[rows, :2])[0], rtol=1e-11
+        )
+        factor = sc.modal_scale_factor(x[rows, i], a[rows, i])[0]
+        np.testing.assert_allclose(sc.modal_scale_factor(x, a)[i], factor, rtol=1e-12)
+        for k in np.flatnonzero(rows):
+            left = rows & (np.arange(9) != k)
+            np.testing.assert_allclose(
+                sc.mac_without(x, a)[k, i], sc.mac(x[left, i], a[left, i])[0, 0], rtol=1e-11
+            )
+        for k in np.flatnonzero(~rows):
+            np.testing.assert_allclose(sc.mac_without(x, a)[k, i], mac[i, i], rtol=1e-12)
+    scaled = x * sc.modal_scale_factor(x, a)
+    for k in range(9):
+        one, other = np.abs(scaled[k, known[k]]), np.abs(a[k, known[k]])
+        expected = (one @ other) ** 2 / ((one @ one) * (other @ other))
+        np.testing.assert_allclose(sc.comac(x, a)[k], expected, rtol=1e-11)
+
+
+def test_gaps_of_both_shapes_leave_the_dofs_that_both_have():
+    x = np.array([[1.0], [2.0], [np.nan], [3.0]])
+    a = np.array([[2.0, 1.0], [np.nan, 1.0], [5.0, 1.0], [6.0, 1.0]])
+    # over DOFs 0 and 3 the shapes are (1, 3) and (2, 6); over 0, 1 and 3 (1, 2, 3) and (1, 1, 1)
+    np.testing.assert_allclose(sc.mac(x, a), [[1.0, 36 / (14 * 3)]], rtol=1e-14)
+    np.testing.assert_allclose(sc.auto_mac(x), [[1.0]], rtol=1e-14)
+    np.testing.assert_allclose(sc.mac(1e-200 * x, a), sc.mac(x, a), rtol=1e-14)
+
+
+def test_a_dof_that_no_shape_has_is_not_rated():
+    rng = np.random.default_rng(8)
+    x, a = rng.standard_normal((5, 3)), rng.standard_normal((5, 3))
+    x[2] = np.nan
+    for criterion in (sc.comac, sc.ecomac):
+        value = criterion(x, a)
+        np.testing.assert_array_equal(np.isnan(value), np.arange(5) == 2)
+        np.testing.assert_allclose(
+            np.delete(value, 2), criterion(np.delete(x, 2, 0), np.delete(a, 2, 0)), rtol=1e-13
+        )
+
+
+def test_orthogonality_needs_every_dof():
+    x = np.ones((3, 2))
+    x[1, 1] = np.nan
+    with pytest.raises(ValueError, match=r"phi_x are not finite numbers, the first at DOF 1, mode 1"):
+        sc.orthogonality(x, np.eye(3))

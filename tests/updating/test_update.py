@@ -11,6 +11,7 @@ from scipy.stats import binom, norm
 import fem
 from fem.effects import MemberStiffness, SupportFlexibility
 from fem.effects.ground_spring import GroundSpring
+from fem.model import ModelError
 from tests.frames import STEEL, beam, fix, planar, portal
 from updating.inference.preparation import build_problem
 from updating.inference.residuals import (
@@ -65,6 +66,7 @@ def noisy(H, level, seed=0):
 def test_derivatives_of_mode_residuals_are_those_of_differences(seed):
     model, places = frame()
     f, shapes = modes_of(model.with_values({CHANGES[0]: 0.15, CHANGES[2]: -0.12}), places)
+    shapes[np.random.default_rng(seed).random(shapes.shape) < 0.2] = np.nan
     data = mode_data(model, f, shapes, outputs=places)
     refs = [*CHANGES, RHO]
     x = np.array([0.1, 0.1, 0.1, 400.0]) * np.random.default_rng(seed).standard_normal(4)
@@ -132,6 +134,39 @@ def test_nothing_depends_on_the_scale_or_the_order_of_measured_shapes():
     b = mode_residual(mode_data(model, f[order], turned[:, order], outputs=places), model)
     assert (a.pairs.partner == b.pairs.partner).all()
     np.testing.assert_allclose(a.r @ a.r, b.r @ b.r, rtol=1e-6)
+
+
+def test_a_gap_leaves_the_output_out_of_its_mode_alone():
+    """Each mode has the residuals and MAC that it has in data without the outputs that it lacks."""
+    model, places = frame()
+    f, shapes = modes_of(model.with_values({CHANGES[0]: 0.2}), places, 4)
+    whole = mode_residual(mode_data(model, f, shapes, outputs=places), model)
+    assert 1 - whole.pairs.mac.min() > 1e-5  # there is something to leave out
+    lacking = [3, 4]
+    fewer = [p for k, p in enumerate(places) if k not in lacking]
+    short = mode_residual(mode_data(model, f, np.delete(shapes, lacking, axis=0), outputs=fewer), model)
+    gappy = shapes.copy()
+    gappy[lacking, 1] = np.nan
+    data = mode_data(model, f, gappy, outputs=places)
+    found = mode_residual(data, model)
+    by_mode, by_whole = (p.r[4:].reshape(4, -1) for p in (found, whole))
+    np.testing.assert_array_equal(found.r[:4], whole.r[:4])
+    np.testing.assert_allclose(np.delete(by_mode, 1, axis=0), np.delete(by_whole, 1, axis=0), atol=1e-9)
+    np.testing.assert_array_equal(by_mode[1][lacking], 0)
+    np.testing.assert_allclose(np.delete(by_mode[1], lacking), short.r[4:].reshape(4, -1)[1], atol=1e-9)
+    np.testing.assert_allclose(found.pairs.mac[1], short.pairs.mac[1], rtol=1e-12)
+    assert data.n_data == 4 * len(places) - 2
+
+
+def test_shapes_at_one_output_or_with_infinite_values_are_refused():
+    model, places = frame()
+    f, shapes = modes_of(model, places, 3)
+    shapes[1, 2] = np.inf
+    with pytest.raises(ModelError, match=rf"shape at {f[2]:.6g} Hz is infinite at output 1"):
+        mode_data(model, f, shapes, outputs=places)
+    shapes[1:, 2] = np.nan
+    with pytest.raises(ModelError, match=rf"shape at {f[2]:.6g} Hz has values at 1 of {len(places)} outputs"):
+        mode_data(model, f, shapes, outputs=places)
 
 
 # --------------------------------------------------------------------------------------------- pairing

@@ -34,7 +34,8 @@ class ModePair:
     mac : float
         MAC; for a set the least cos² of the principal angles between the spaces [-].
     angles : ndarray (n,)
-        Principal angles [rad].
+        Principal angles [rad]; where the measured shapes of a set have different gaps, the angle of each with
+        the computed space.
     """
 
     measured: tuple[int, ...]
@@ -114,7 +115,7 @@ def compare_modes(
     Parameters
     ----------
     measured : Modes
-        Shapes (n, n_measured) at the sensors.
+        Shapes (n, n_measured) at the sensors; NaN where a mode was not measured, which that mode leaves out.
     computed : Modes
         Shapes (n_dof, n_computed) at all DOFs; rigid-body modes are left out of the pairs.
     rows : array_like (n, n_dof)
@@ -171,7 +172,7 @@ def pair_modes(
     frequency_x, frequency_a : array_like (n_measured,), (n_computed,)
         Natural frequencies [Hz]; rising for the computed ones.
     phi_x, phi_a : array_like (n_dof, n_measured), (n_dof, n_computed)
-        Shapes at the same DOFs, real or complex.
+        Shapes at the same DOFs, real or complex; NaN where a measured mode has no value.
     least_mac : float
         Pairs below this MAC are not made [-].
     frequency_spread : float or None
@@ -264,7 +265,9 @@ def _independent(
     """Return the measured modes of a set without those that say again what better ones say."""
     kept: list[int] = []
     for i in sorted(mine, key=lambda i: -score[i, of[i]]):
-        if kept and 1 - subspace_mac(x[:, [i]], x[:, kept])[0] < REPEATED:
+        shared = ~np.isnan(x[:, [i, *kept]]).any(axis=1)
+        told_apart = shared.all() or shared.sum() > len(kept)  # on fewer DOFs any shape is in the space
+        if kept and told_apart and 1 - subspace_mac(x[:, [i]], x[:, kept])[0] < REPEATED:
             best = max(kept, key=lambda k: mac(x[:, i], x[:, k])[0, 0])
             why_not[i] = f"repeats measured mode {best + 1}"
         else:
@@ -283,7 +286,7 @@ def _pair(
 ) -> ModePair:
     mine = sorted(mine, key=lambda i: fx[i])
     theirs = sorted(theirs, key=lambda j: fa[j])
-    angles = principal_angles(orthonormal_basis(x[:, mine]), a[:, members])
+    angles = _angles(x[:, mine], a[:, members])
     return ModePair(
         tuple(mine),
         tuple(theirs),
@@ -293,6 +296,15 @@ def _pair(
         float(np.cos(angles[-1]) ** 2),
         angles,
     )
+
+
+def _angles(x: NDArray[Any], a: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the angles between measured shapes and computed ones, rising, one for each measured shape."""
+    known = np.logical_not(np.isnan(x))
+    rows = known.all(axis=1)
+    if (known == known.all(axis=1, keepdims=True)).all():
+        return principal_angles(orthonormal_basis(x[rows]), a[rows])
+    return np.sort(np.arccos(np.sqrt(subspace_mac(x, a))))
 
 
 def _why(alike: NDArray[np.float64], f: NDArray[np.float64], least_mac: float) -> str:

@@ -1,4 +1,8 @@
-"""How alike shapes are: MAC and its relatives over the DOFs, over the modes, with mass, and of subspaces."""
+"""How alike shapes are: MAC and its relatives over the DOFs, over the modes, with mass, and of subspaces.
+
+NaN is a gap: a DOF at which one shape was not measured. It is left out where that shape takes part, and kept
+for all other shapes.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,20 +29,27 @@ def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     Parameters
     ----------
     phi_x, phi_a : array_like (n_dof, n_modes)
-        Shapes at the same DOFs, real or complex.
+        Shapes at the same DOFs, real or complex; NaN where a shape was not measured.
 
     Returns
     -------
     ndarray (n_modes_x, n_modes_a)
-        0 to 1; 0 for a shape without motion.
+        Over the DOFs that both shapes have, 0 to 1; 0 for a shape without motion there.
 
     Raises
     ------
     ValueError
-        If the numbers of DOFs differ.
+        If the numbers of DOFs differ, or a value is infinite.
     """
     x, a = _shapes(phi_x, phi_a)
-    size = np.outer(_norms(x), _norms(a))
+    known_x, known_a = ~np.isnan(x), ~np.isnan(a)
+    if known_x.all() and known_a.all():
+        size = np.outer(_norms(x), _norms(a))
+    else:  # each length over the DOFs that the other shape has
+        x, a = np.where(known_x, x, 0), np.where(known_a, a, 0)
+        # the largest entry as the unit, or squares of tiny shapes lose their digits
+        x, a = _largest_one(x), _largest_one(a)
+        size = np.sqrt((np.abs(x) ** 2).T @ known_a) * np.sqrt(known_x.T @ (np.abs(a) ** 2))
     cosine = np.divide(np.abs(x.conj().T @ a), size, out=np.zeros(size.shape), where=size > 0)
     return np.minimum(cosine, 1.0) ** 2
 
@@ -84,6 +95,7 @@ def modal_scale_factor(phi_x: ArrayLike, phi_a: ArrayLike) -> Array:
         If the shapes differ.
     """
     x, a = _pairs(phi_x, phi_a)
+    x, a = _without_gaps(x, a)
     cross, square = (x.conj() * a).sum(axis=0), (np.abs(x) ** 2).sum(axis=0)
     return np.divide(cross, square, out=np.zeros_like(cross), where=square > 0)
 
@@ -107,7 +119,8 @@ def comac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     ndarray (n_dof,)
-        0 to 1; 0 where one of the two never moves.
+        Over the pairs that have the DOF, 0 to 1; 0 where one of the two never moves there, NaN where no pair
+        has it.
 
     Raises
     ------
@@ -115,10 +128,12 @@ def comac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
         If the shapes differ.
     """
     x, a = _pairs(phi_x, phi_a)
+    measured = _measured(x, a).any(axis=1)
+    x, a = _without_gaps(x, a)
     x, a = np.abs(x * modal_scale_factor(x, a)), np.abs(a)
     size = np.linalg.norm(x, axis=1) * np.linalg.norm(a, axis=1)
     cosine = np.divide((x * a).sum(axis=1), size, out=np.zeros(size.shape), where=size > 0)
-    return np.minimum(cosine, 1.0) ** 2
+    return np.where(measured, np.minimum(cosine, 1.0) ** 2, np.nan)
 
 
 def ecomac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
@@ -137,17 +152,21 @@ def ecomac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     ndarray (n_dof,)
-        0 to 1.
+        Over the pairs that have the DOF, 0 to 1; NaN where no pair has it.
 
     Raises
     ------
     ValueError
         If the shapes differ.
     """
-    x, a = (_largest_one(p) for p in _pairs(phi_x, phi_a))
+    x, a = _pairs(phi_x, phi_a)
+    measured = _measured(x, a)
+    x, a = (_largest_one(p) for p in _without_gaps(x, a))
     cross = (x.conj() * a).sum(axis=0)
     turn = np.divide(cross, np.abs(cross), out=np.ones_like(cross), where=np.abs(cross) > 0)
-    return np.minimum(np.abs(a - x * turn).mean(axis=1) / 2, 1.0)
+    n, total = measured.sum(axis=1), np.abs(a - x * turn).sum(axis=1)
+    mean = np.divide(total, n, out=np.full(n.shape, np.nan), where=n > 0)
+    return np.minimum(mean / 2, 1.0)
 
 
 def mac_without(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
@@ -164,14 +183,14 @@ def mac_without(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     ndarray (n_dof, n_pairs)
-        MAC without the DOF, 0 to 1.
+        MAC without the DOF, 0 to 1; that with all DOFs where the pair lacks the DOF.
 
     Raises
     ------
     ValueError
         If the shapes differ.
     """
-    x, a = _pairs(phi_x, phi_a)
+    x, a = _without_gaps(*_pairs(phi_x, phi_a))
     return _mac_without(x, a, np.ones(len(x), dtype=bool))
 
 
@@ -217,7 +236,7 @@ def eliminate_coordinates(
     ValueError
         If the shapes differ.
     """
-    x, a = _pairs(phi_x, phi_a)
+    x, a = _without_gaps(*_pairs(phi_x, phi_a))
     kept = np.ones(len(x), dtype=bool)
     order: list[int] = []
     values = [np.diag(mac(x, a))]
@@ -254,7 +273,7 @@ def orthogonality(phi: ArrayLike, M: ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        If M does not fit, or a shape has no mass.
+        If M does not fit, a shape has a gap, or it has no mass.
     """
     return cross_orthogonality(phi, phi, M)
 
@@ -281,9 +300,10 @@ def cross_orthogonality(phi_x: ArrayLike, phi_a: ArrayLike, M: ArrayLike) -> Arr
     Raises
     ------
     ValueError
-        If M or the shapes do not fit, or a shape has no mass.
+        If M or the shapes do not fit, a shape has a gap, or it has no mass.
     """
     x, a = _shapes(phi_x, phi_a)
+    refuse_gaps(("DOF", "mode"), phi_x=x, phi_a=a)  # a mass matrix needs the motion of every DOF
     mass = np.asarray(M)
     mass = np.diag(mass) if mass.ndim == 1 else mass
     if mass.shape != (len(x), len(x)):
@@ -314,7 +334,7 @@ def principal_angles(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     Parameters
     ----------
     phi_x, phi_a : array_like (n_dof, n_modes)
-        Shapes at the same DOFs; those that depend on others do not count.
+        Shapes at the same DOFs; those that depend on others do not count, nor do DOFs that one of them lacks.
 
     Returns
     -------
@@ -326,7 +346,9 @@ def principal_angles(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     ValueError
         If the numbers of DOFs differ.
     """
-    x, a = (orthonormal_basis(p) for p in _shapes(phi_x, phi_a))
+    x, a = _shapes(phi_x, phi_a)
+    whole = ~(np.isnan(x).any(axis=1) | np.isnan(a).any(axis=1))
+    x, a = orthonormal_basis(x[whole]), orthonormal_basis(a[whole])
     if x.shape[1] > a.shape[1]:
         x, a = a, x
     cross = a.conj().T @ x
@@ -351,17 +373,24 @@ def subspace_mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     ndarray (n_modes_x,)
-        0 to 1.
+        Over the DOFs that the shape and the whole set have, 0 to 1.
 
     Raises
     ------
     ValueError
-        If the numbers of DOFs differ.
+        If the numbers of DOFs differ, or a value is infinite.
     """
     x, a = _shapes(phi_x, phi_a)
-    size = _norms(x)
-    part = _norms(orthonormal_basis(a).conj().T @ x)
-    return np.minimum(np.divide(part, size, out=np.zeros(size.shape), where=size > 0), 1.0) ** 2
+    known = np.logical_not(np.isnan(x) | np.isnan(a).any(axis=1, keepdims=True))
+    out = np.zeros(x.shape[1])
+    patterns, of = np.unique(known, axis=1, return_inverse=True)
+    for k, rows in enumerate(patterns.T):
+        mine = of.ravel() == k
+        part_x = x[np.ix_(rows, mine)]
+        size = _norms(part_x)
+        part = _norms(orthonormal_basis(a[rows]).conj().T @ part_x)
+        out[mine] = np.minimum(np.divide(part, size, out=np.zeros(size.shape), where=size > 0), 1.0) ** 2
+    return out
 
 
 def orthonormal_basis(phi: Array) -> Array:
@@ -377,7 +406,15 @@ def _shapes(phi_x: ArrayLike, phi_a: ArrayLike) -> tuple[Array, Array]:
     if x.shape[0] != a.shape[0]:
         msg = f"the shapes have {x.shape[0]} and {a.shape[0]} DOFs; MAC needs the same DOFs in both"
         raise ValueError(msg)
-    refuse_gaps(("DOF", "mode"), phi_x=x, phi_a=a)
+    for name, p in (("phi_x", x), ("phi_a", a)):
+        bad = np.argwhere(np.isinf(p))
+        if len(bad):
+            dof, mode = bad[0]
+            msg = (
+                f"{len(bad)} value(s) of {name} are infinite, the first at DOF {dof}, mode {mode}, from 0; a "
+                "value that was not measured is NaN"
+            )
+            raise ValueError(msg)
     return x, a
 
 
@@ -414,6 +451,17 @@ def _pairs(phi_x: ArrayLike, phi_a: ArrayLike) -> tuple[Array, Array]:
         raise ValueError(msg)
     x, a = (p if np.iscomplexobj(p) else p.astype(float) for p in (x, a))
     return x, a
+
+
+def _measured(x: Array, a: Array) -> NDArray[np.bool_]:
+    """Return which values both shapes of a pair have, shape (n_dof, n_pairs)."""
+    return ~(np.isnan(x) | np.isnan(a))
+
+
+def _without_gaps(x: Array, a: Array) -> tuple[Array, Array]:
+    """Return pairs of shapes with zeros in both where one of the two has a gap: sums leave these out."""
+    measured = _measured(x, a)
+    return (x, a) if measured.all() else (np.where(measured, x, 0), np.where(measured, a, 0))
 
 
 def _norms(phi: Array) -> NDArray[np.float64]:

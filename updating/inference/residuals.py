@@ -50,7 +50,7 @@ class ModeData:
     covariance : ndarray (n, n)
         Of their logarithms, the model's error included [-].
     shapes : ndarray (n_out, n) or None
-        Real, each of length 1.
+        Real, each of length 1; NaN where a mode was not measured.
     shape_std : ndarray (n,)
         Standard deviation of each component of a shape, relative to the root mean square of them all [-].
     rows : ndarray (n_dof, n_out)
@@ -83,8 +83,8 @@ class ModeData:
     @property
     def n_data(self) -> int:
         """Number of independent residuals of frequencies and shapes: a shape's length says nothing."""
-        n_out = 0 if self.shapes is None else len(self.shapes) - 1
-        return len(self.frequency) * (1 + n_out)
+        n = len(self.frequency)
+        return n if self.shapes is None else int(np.isfinite(self.shapes).sum())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,7 +168,8 @@ def mode_data(
     frequency : array_like (n,), optional
         Natural frequencies, without rigid-body modes [Hz].
     shapes : array_like (n_out, n), optional
-        Shapes at the outputs; complex ones are turned to be as real as they can be.
+        Shapes at the outputs; complex ones are turned to be as real as they can be. NaN is a gap: an output
+        at which that mode was not measured.
     modes : Modes, optional
         Both, and damping ratios, in place of bare arrays; those with 0 Hz are left out.
     outputs : places
@@ -213,7 +214,7 @@ def mode_data(
     psi = None
     if shapes is not None:
         rows, _ = place_vectors(model, outputs, labels)
-        psi = _real(np.asarray(shapes))
+        psi = np.asarray(shapes)
         if psi.shape != (rows.shape[1], f.size):
             msg = (
                 f"the shapes have shape {psi.shape}; {rows.shape[1]} outputs and {f.size} frequencies need "
@@ -223,6 +224,8 @@ def mode_data(
         if len(psi) < 2:
             msg = "a shape at one output says nothing; leave the shapes out"
             raise ModelError(msg)
+        _check_gaps(psi, f)
+        psi = _real(psi)
     if numbers is not None and len(numbers) != f.size:
         msg = f"{len(numbers)} numbers of modes are given for {f.size} frequencies"
         raise ModelError(msg)
@@ -247,11 +250,32 @@ def mode_data(
     )
 
 
+def _check_gaps(shapes: NDArray[np.number], frequency: NDArray[np.float64]) -> None:
+    """Refuse infinite values, and modes that were measured at one output or none."""
+    if np.isinf(shapes).any():
+        i, k = np.argwhere(np.isinf(shapes))[0]
+        msg = (
+            f"the shape at {frequency[k]:.6g} Hz is infinite at output {i}, counted from 0; values are "
+            "finite, or NaN where a mode was not measured"
+        )
+        raise ModelError(msg)
+    n = (~np.isnan(shapes)).sum(axis=0)
+    if (n < 2).any():
+        k = int(np.argmin(n))
+        msg = (
+            f"the shape at {frequency[k]:.6g} Hz has values at {n[k]} of {len(shapes)} outputs; two or more "
+            "are needed: leave the mode out"
+        )
+        raise ModelError(msg)
+
+
 def _real(shapes: NDArray[np.number]) -> NDArray[np.float64]:
-    """Return shapes of length 1, turned in the complex plane so that most of them is real."""
+    """Return shapes of length 1, turned in the complex plane so that most of them is real; gaps stay NaN."""
+    known = ~np.isnan(shapes)
+    shapes = np.where(known, shapes, 0)
     turn = np.exp(-0.5j * np.angle((shapes**2).sum(axis=0)))
     out = np.real(shapes * turn)
-    return out / np.maximum(np.linalg.norm(out, axis=0), 1e-300)
+    return np.where(known, out / np.maximum(np.linalg.norm(out, axis=0), 1e-300), np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -282,7 +306,7 @@ def mode_residual(
     whose variance is common to all. A shape ψ of length 1 has (1 - ΦΦ⁺) ψ √n_out/σ, with Φ the
     shape of its partner or those of the close modes that the partner is one of: what of ψ is not in their
     space, whose square is 1 - MAC for a single one. Nothing depends on how shapes are scaled, or on which
-    basis of a space came out.
+    basis of a space came out. Outputs at which a mode was not measured have no part in its sum and its n_out.
 
     Partners are chosen so that the sum of MAC less |ln f ratio| is largest, with a little more for the mode
     that a partner has become since ``before``. A mode without any partner counts with the largest residual
@@ -316,11 +340,14 @@ def mode_residual(
         log_f = np.where(ok, np.log(found.computed / data.frequency), FAR)
     parts = [data.whitening(ok) @ log_f]
     if data.shapes is not None:
-        n_out = len(data.shapes)
         at = data.rows.T @ shapes
-        lost = np.sqrt((1 - LEAST_MAC) / n_out)
+        known = np.isfinite(data.shapes)
         for i in range(len(data.frequency)):
-            e = np.full(n_out, lost) if not ok[i] else _beside(at[:, _space(found, i)], data.shapes[:, i])
+            n_out = known[:, i].sum()
+            if ok[i]:
+                e = _beside(at[:, _space(found, i)], data.shapes[:, i])
+            else:
+                e = np.where(known[:, i], np.sqrt((1 - LEAST_MAC) / n_out), 0.0)
             parts.append(e * np.sqrt(n_out) / data.shape_std[i])
     return ModePoint(np.concatenate(parts), found, system, pairs)
 
@@ -331,8 +358,11 @@ def _space(pairs: ModePairs, i: int) -> list[int]:
 
 
 def _beside(Phi: NDArray[np.float64], psi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what of ψ is not in the space of Φ."""
-    return psi - Phi @ np.linalg.lstsq(Phi, psi, rcond=1e-9)[0]
+    """Return what of ψ is not in the space of Φ, over the outputs that ψ has; 0 at others."""
+    known = np.isfinite(psi)
+    out = np.zeros(len(psi))
+    out[known] = psi[known] - Phi[known] @ np.linalg.lstsq(Phi[known], psi[known], rcond=1e-9)[0]
+    return out
 
 
 def _sets(f: NDArray[np.float64], n_rigid: int, close: float) -> list[list[int]]:
@@ -447,16 +477,17 @@ def mode_jacobian(data: ModeData, point: ModePoint, refs: Sequence[ParameterRef]
         if data.shapes is None or s.shapes is None:
             continue
         columns = _space(pairs, i)
-        Phi = data.rows.T @ s.modes.shapes[:, columns]
+        known = np.flatnonzero(np.isfinite(data.shapes[:, i]))
+        Phi = (data.rows.T @ s.modes.shapes[:, columns])[known]
         plus = np.linalg.pinv(Phi, rcond=1e-9)
-        psi = data.shapes[:, i]
+        psi = data.shapes[known, i]
         e = psi - Phi @ (plus @ psi)
-        n_out = len(psi)
+        at = n_modes + i * len(data.shapes) + known
         for p in range(len(refs)):
-            d = s.shapes[p][:, columns]
+            d = s.shapes[p][np.ix_(known, np.array(columns))]
             moved = d @ (plus @ psi)
             de = -(moved - Phi @ (plus @ moved)) - plus.T @ (d.T @ e)
-            J[p, n_modes + i * n_out : n_modes + (i + 1) * n_out] = de * np.sqrt(n_out) / data.shape_std[i]
+            J[p, at] = de * np.sqrt(len(known)) / data.shape_std[i]
     J[:, :n_modes] = J[:, :n_modes] @ data.whitening(pairs.partner >= 0).T
     return J
 
