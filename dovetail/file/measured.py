@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dovetail.file.sensors import Channel, read_convention
 from dovetail.file.table import Table, suggest
-from fem.analysis.frf import FRF, FRFError, FRFKind
+from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io import UFF_SUFFIXES, read_csv, read_npz, read_uff
 from fem.io.arrays import named_arrays
 from fem.io.uff_types import Function
@@ -31,11 +31,6 @@ FREQUENCY_UNITS: dict[str, float] = {
     "Hz": 1.0, "kHz": 1e3, "rad/s": 1 / (2 * np.pi), "cpm": 1 / 60, "rpm": 1 / 60,
 }  # fmt: skip
 """Units of a frequency axis, and their size [Hz]."""
-
-WITHOUT_PHASE = (
-    "amplitudes without phase cannot be compared, for a phase decides what adds and what cancels; the "
-    "frequencies of their peaks can be given to dovetail update, as frequency = [...] in [modes]"
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

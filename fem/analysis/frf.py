@@ -49,6 +49,12 @@ _WIDE_STEPS = 6
 _SMALL_LEVEL = 1e-3
 """FRFs smaller than this part of what their places could give (zero by symmetry) are judged against it."""
 
+WITHOUT_PHASE = (
+    "amplitudes without phase cannot be compared, for a phase decides what adds and what cancels; a model "
+    "can be updated to the frequencies of their peaks, as frequency = [...] (in a study: under [modes])"
+)
+"""Why amplitudes are no FRFs, and what they can be used for; every reader says it."""
+
 
 class FRFKind(StrEnum):
     """Response per unit force: displacement, velocity or acceleration."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF, FRFError, FRFKind
+from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.atomic import replacing
 
@@ -373,11 +373,12 @@ class _Table:
             form = "complex" if any(c[-1:].lower() in ("j", "i", ")") for c in self.body[0][1]) else "re-im"
         if width < 2 or (form != "complex" and width % 2 == 0):
             pair = {"magnitude-degrees": "magnitude and degrees"}.get(form, "real and imaginary part")
-            need = f"two columns for each FRF, {pair}; amplitudes alone have no phase and are no FRFs,"
-            need = "at least one complex number" if form == "complex" else need
+            need = (
+                "at least one complex number" if form == "complex" else f"two columns for each FRF, {pair},"
+            )
             msg = (
                 f"{self.name}: line {self.body[0][0]} has {width} columns; the frequency and "
-                f"{need} are expected"
+                f"{need} are expected{'' if form == 'complex' else f': {WITHOUT_PHASE}'}"
             )
             raise TableError(msg)
         frequency = np.empty(len(self.body))

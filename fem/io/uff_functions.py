@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF, FRFError, FRFKind
+from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io.uff_format import Block, UffError, label_of, parse_label
 from fem.io.uff_nodes import Nodes
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of
@@ -17,12 +17,6 @@ from fem.io.uff_units import FREQUENCY, TIME, abscissa_factor
 
 FRF_TYPE = 4
 """Function type of a frequency response function."""
-
-NO_PHASE = (
-    "its values are real; amplitudes without phase are not used, for a phase decides what adds and what "
-    "cancels: the frequencies of their peaks are all that can be compared"
-)
-"""Why an FRF whose ordinate is real is none."""
 
 _ENDS = ((0, 5), (5, 15), (15, 20), (20, 30)), ((31, 41), (41, 51), (51, 55)), ((56, 66), (66, 76), (76, 80))
 """Columns of record 6: type, number, version, load case; name, node, direction of response and of force."""
@@ -174,7 +168,7 @@ def _columns(block: Block, record: int, widths: Sequence[int]) -> Iterator[float
 def frf_refusal(function: Function, kind: FRFKind | None) -> str:
     """Say why a record cannot be used as an FRF; empty if it can."""
     if not np.iscomplexobj(function.values):
-        return NO_PHASE
+        return f"its values are real: {WITHOUT_PHASE}"
     if not function.x.size:
         return "it has no values"
     if function.x_type not in (0, 1, FREQUENCY):
