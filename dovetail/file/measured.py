@@ -15,6 +15,7 @@ from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io import UFF_SUFFIXES, read_csv, read_npz, read_uff
 from fem.io.arrays import named_arrays
 from fem.io.uff_types import Function
+from fem.io.uff_units import FREQUENCY, abscissa_factor
 from fem.model import Model
 from updating.measurement.measurement import Measurement, Sensor, at_values_of, sensor_point
 from updating.measurement.noise import noise_from_repeats
@@ -66,6 +67,15 @@ class RawMeasurement:
     compared: Path | None = None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _ReadFile:
+    """FRFs of a file, its other functions, and the unit labels of each FRF's frequencies."""
+
+    frfs: list[FRF]
+    functions: list[Function]
+    axes: Sequence[tuple[str, ...]]
+
+
 def read_files(
     top: Table, folder: Path, notes: list[str]
 ) -> tuple[list[RawMeasurement], dict[int, NDArray[np.float64]]]:
@@ -82,19 +92,20 @@ def read_files(
         level = t.number("force_level", None, above=0, unit="N")
         check, check_phase = t.flag("check_units", True), t.flag("check_phase", True)
         convention = read_convention(t)
-        axis_unit = FREQUENCY_UNITS[t.text("frequency_unit", "Hz", list(FREQUENCY_UNITS))]
+        axis_unit = t.text("frequency_unit", "Hz", list(FREQUENCY_UNITS))
         band = read_band(t)
         scale = t.number("scale", 1.0)
         if scale == 0:
             t.refuse("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
-        functions: list[Function] = []
         with t.at("file"):
-            frfs = _read(t, path, kind, nodes, notes, "scale" in t, functions)
+            read = _read(t, path, kind, nodes, notes, "scale" in t)
+            frfs = read.frfs
             for frf in frfs:
                 _refuse_without_phase(frf, path.name)
+        axis_factors = [_axis_factor(t, axis_unit, labels) for labels in read.axes]
         again = _repeats(t, folder, kind, notes, frfs)
         averages = t.number("averages", None, least=1)
-        coherent = _coherence(t, folder, frfs, functions)
+        coherent = _coherence(t, folder, frfs, read.functions)
         chosen = t.text("compared", None)
         compared = None if chosen is None else _existing(t, "compared", folder, chosen)
         if averages is not None and averages != int(averages):
@@ -112,7 +123,7 @@ def read_files(
             if again:
                 H = np.stack([frf.H, *(r[i].H for r in again)])
                 whole, scatter = replace(frf, H=H.mean(axis=0)), noise_from_repeats(H)
-            whole = replace(whole, frequency=axis_unit * whole.frequency)
+            whole = replace(whole, frequency=axis_factors[i] * whole.frequency)
             with t.at("band"):
                 cut = whole.select(band=band)
             known = [None if x is None else at_values_of(x, whole, cut) for x in (coherent[i], scatter)]
@@ -124,6 +135,27 @@ def read_files(
                 RawMeasurement(t, cut, label, level, check, check_phase, known[0], number, known[1], compared)
             )
     return out, nodes
+
+
+def _axis_factor(t: Table, unit: str, labels: Sequence[str]) -> float:
+    """Return what frequencies are multiplied by to be in Hz, after a reader has converted labelled ones.
+
+    A label of Hz, which programs write by default, gives way to ``frequency_unit``; any other has to agree.
+    """
+    factor = FREQUENCY_UNITS[unit]
+    by_label = {x: abscissa_factor(FREQUENCY, x)[0] for x in labels}
+    if all(size == 1.0 for size in by_label.values()):
+        return factor
+    if "frequency_unit" not in t:
+        return 1.0
+    for label, size in by_label.items():
+        if not np.isclose(size, factor, rtol=1e-9, atol=0):
+            t.refuse(
+                "frequency_unit",
+                f"it is '{unit}', and the file labels its frequencies '{label}', by which they are "
+                "converted; leave frequency_unit out, or correct the label if it is wrong",
+            )
+    return 1.0
 
 
 def _existing(t: Table, key: str, folder: Path, file: str) -> Path:
@@ -139,7 +171,7 @@ def _repeats(t: Table, folder: Path, kind: str | None, notes: list[str], first: 
     for file in t.texts("repeats", ()):
         path = _existing(t, "repeats", folder, file)
         with t.at("repeats"):
-            frfs = _read(t, path, kind, {}, notes, "scale" in t, [])
+            frfs = _read(t, path, kind, {}, notes, "scale" in t).frfs
         alike = len(frfs) == len(first) and all(
             a.kind == b.kind
             and a.outputs == b.outputs
@@ -272,9 +304,10 @@ def _read(
     nodes: dict[int, NDArray[np.float64]],
     notes: list[str],
     scaled: bool,
-    functions: list[Function],
-) -> list[FRF]:
+) -> _ReadFile:
     suffix = path.suffix.lower()
+    functions: list[Function] = []
+    axes: tuple[tuple[str, ...], ...] = ()
     outputs, inputs = t.texts("outputs", None), t.texts("inputs", None)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -283,6 +316,7 @@ def _read(
             if not file.frfs:
                 file.frf()  # says what the file holds instead
             functions.extend(file.functions)
+            axes = file.frf_axes
             if file.points is not None:
                 nodes.update(
                     {int(k): xyz for k, xyz in zip(file.points.labels, file.points.coordinates, strict=True)}
@@ -313,7 +347,7 @@ def _read(
     if kind is not None and any(frf.kind != kind for frf in out):
         notes.append(f"{path.name} calls its FRFs {out[0].kind}; the study's kind, {kind}, goes before")
         out = [replace(frf, kind=FRFKind(kind)) for frf in out]
-    return out
+    return _ReadFile(out, functions, axes or ((),) * len(out))
 
 
 def _refuse_without_phase(frf: FRF, name: str) -> None:

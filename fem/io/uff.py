@@ -64,6 +64,9 @@ class UffFile:
         What was not read or not used: the first such dataset's place, why, and how many there are.
     frf_runs : tuple of str
         What tells each FRF matrix from others, such as ``"load case 2"``; empty where nothing does.
+    frf_axes : tuple of tuple of str
+        Unit labels of the frequencies of each FRF matrix as the file has them, such as ``("rad/s",)``; the
+        FRFs themselves are in Hz.
     groups : tuple of Group
         Permanent groups; :meth:`mesh` makes sets of lines and of points of them.
     notes : tuple of str
@@ -86,6 +89,7 @@ class UffFile:
     units: Units | None = None
     skipped: tuple[str, ...] = ()
     frf_runs: tuple[str, ...] = ()
+    frf_axes: tuple[tuple[str, ...], ...] = ()
     groups: tuple[Group, ...] = ()
     notes: tuple[str, ...] = ()
     mesh_notes: tuple[str, ...] = ()

@@ -66,6 +66,7 @@ def function_of(block: Block) -> tuple[Function, list[str]]:
         numbers[0], labels[0], labels[1], text_of(ends[0].name), text_of(ends[1].name), factor * x, values,
         axes[0][0], axes[1][0], axes[2][0], x_unit, axes[1][1], axes[2][1],
         tuple(text_at(block, k) for k in range(1, 6)), numbers[3], numbers[2], block.name,
+        axes[0][1],
     )  # fmt: skip
     return function, notes
 
@@ -292,6 +293,8 @@ class FRFGroups:
     frfs : list of FRF
     units : list of (str, str)
         Unit labels of response and force.
+    axes : list of tuple of str
+        Unit labels of the abscissa.
     runs : list of str
         What tells a matrix from others, such as ``"load case 2"``; empty where nothing does.
     notes : list of str
@@ -302,6 +305,7 @@ class FRFGroups:
 
     frfs: list[FRF] = field(default_factory=list)
     units: list[tuple[str, str]] = field(default_factory=list)
+    axes: list[tuple[str, ...]] = field(default_factory=list)
     runs: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
@@ -387,6 +391,8 @@ def _add_parts(out: FRFGroups, group: _Group, run: str, file: str) -> None:
             raise UffError(msg) from reason
         out.frfs.append(frf)
         out.units.append((first.unit, first.denominator_unit))
+        labels = (cells[o, i].x_label for i in inputs for o in outputs)
+        out.axes.append(tuple(label for label in dict.fromkeys(labels) if label))
         out.runs.append(", ".join(word for word in (run, "again" if group.again else "") if word))
 
 

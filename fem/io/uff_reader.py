@@ -189,6 +189,7 @@ class FileReader:
         return {
             "frfs": tuple(frfs.frfs),
             "frf_units": tuple(frfs.units),
+            "frf_axes": tuple(frfs.axes),
             "frf_runs": tuple(frfs.runs),
             "functions": tuple(self._guarded("", self._global_functions, self.functions)),
             "modes": modes,

@@ -98,6 +98,8 @@ class Function:
         Numbers that tell runs apart.
     place : str
         Dataset and line in the file.
+    x_label : str
+        Unit label of the abscissa as the file has it, before ``x`` was converted.
     """
 
     function_type: int
@@ -117,6 +119,7 @@ class Function:
     load_case: int
     version: int
     place: str
+    x_label: str = ""
 
     @property
     def type_name(self) -> str:

@@ -1,15 +1,19 @@
 """What is wrong with measured files is said before anything is fitted, and no model's command needs them."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from study import StudyError, load_study
 
 from dovetail import StudyError, load_study
 from dovetail.cli import main
-from fem.analysis.frf import FRF
+from fem.analysis.frf import FRF, WITHOUT_PHASE
 from fem.analysis.modes import Modes
 from fem.io import read_npz, write_csv, write_npz
+from fem.io.uff import Function, write_uff
 
 STUDY = """\
 [points]
@@ -210,8 +214,57 @@ def test_amplitudes_without_phase_are_refused_alike(load, computed, tmp_path):
     with pytest.raises(StudyError, match="columns look like amplitudes"):
         load_study(path)
     np.savetxt(tmp_path / "m.csv", table[:, :2], delimiter=",")
-    with pytest.raises(StudyError, match="amplitudes alone have no phase"):
+    with pytest.raises(StudyError, match=re.escape(WITHOUT_PHASE)):
         load_study(path)
+    records = [
+        Function(
+            4, f"{node}X+", "3X+", "", "", computed.frequency, size[:, k, 0], 18, 12, 13, "Hz", "m/s^2", "N",
+            (), 0, 0, "",
+        )
+        for k, node in enumerate((1, 2, 3))
+    ]  # fmt: skip
+    write_uff(tmp_path / "m.uff", functions=records)
+    path.write_text(f'{STUDY}[[measurements]]\nfile = "m.uff"\n', encoding="utf-8")
+    with pytest.raises(StudyError, match=f"its values are real: {re.escape(WITHOUT_PHASE)}"):
+        load_study(path)
+
+
+def uff_study(folder, computed, label, factor, unit=""):
+    """Write the FRFs with the frequencies of another unit and its label, and a study that reads them."""
+    written = Path(folder) / "m.uff"
+    frf = replace(computed, frequency=computed.frequency / factor)
+    dofs = {"low": "1X+", "mid": "2X+", "top": "3X+"}
+    write_uff(written, frf, dofs=dofs, binary=False)
+    blank = f" {'Hz':<20}"
+    text = written.read_text(encoding="utf-8")
+    assert text.count(blank) == 3
+    written.write_text(text.replace(blank, f" {label:<20}"), encoding="utf-8")
+    text = STUDY
+    for name, dof in dofs.items():
+        text = text.replace(f'name = "{name}"\n', f'name = "{name}"\nlabel = "{dof}"\n')
+    path = Path(folder) / "study.toml"
+    path.write_text(f'{text}[[measurements]]\nfile = "m.uff"\n{unit}', encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("label", "size"), [("rad/s", 1 / (2 * np.pi)), ("kHz", 1e3), ("rpm", 1 / 60)])
+def test_frequencies_that_a_label_converts_are_converted_once(tmp_path, computed, label, size):
+    for unit in ("", f'frequency_unit = "{label}"\n'):
+        study = load_study(uff_study(tmp_path, computed, label, size, unit))
+        found = study.measurements[0].frf.frequency
+        np.testing.assert_allclose(found, computed.frequency, rtol=1e-6)
+    for other in {"Hz", "kHz", "rad/s", "cpm"} - {label, "cpm" if label == "rpm" else ""}:
+        path = uff_study(tmp_path, computed, label, size, f'frequency_unit = "{other}"\n')
+        with pytest.raises(
+            StudyError, match=f"frequency_unit: it is '{other}', and the file labels .*'{label}'"
+        ):
+            load_study(path)
+
+
+def test_a_label_of_hz_gives_way_to_the_study(tmp_path, computed):
+    path = uff_study(tmp_path, computed, "Hz", 1 / (2 * np.pi), 'frequency_unit = "rad/s"\n')
+    found = load_study(path).measurements[0].frf.frequency
+    np.testing.assert_allclose(found, computed.frequency, rtol=1e-6)
 
 
 @pytest.mark.parametrize("degrees", [True, False])
