@@ -243,6 +243,7 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         "misfit": localisation_dict(result.localisation) if result.localisation else None,
         "assumptions": list(study.assumptions),
         "mesh_notes": list(study.model.mesh.notes),
+        "measured_notes": list(study.measured_notes),
         "notes": list(result.notes),
         "warnings": list(study.warnings),
     }  # fmt: skip

@@ -116,6 +116,7 @@ def check(options: Options, progress: Progress) -> None:
                 for f in faults
             ],
             "mesh_notes": study.model.mesh.notes,
+            "measured_notes": study.measured_notes,
             "assumptions": study.assumptions,
         },
     )
@@ -160,6 +161,7 @@ def modes(options: Options, progress: Progress) -> None:
             ],
             "elements": study.model.mesh.n_lines,
             "mesh_notes": study.model.mesh.notes,
+            "measured_notes": study.measured_notes,
             "assumptions": study.assumptions,
             "warnings": study.warnings,
         },
@@ -185,9 +187,11 @@ def modes(options: Options, progress: Progress) -> None:
 
 
 def _read(study: Study) -> list[str]:
-    """Say what the mesh file's reader left out or found suspicious."""
-    notes = study.model.mesh.notes
-    return ["", "of the mesh file:", *(f"  - {text}" for text in notes)] if notes else []
+    """Say what the readers of the mesh file and of the measured files left out or found suspicious."""
+    notes = {"of the mesh file:": study.model.mesh.notes, "of the measured files:": study.measured_notes}
+    return [
+        line for head, said in notes.items() if said for line in ("", head, *(f"  - {text}" for text in said))
+    ]
 
 
 def _assumed(study: Study) -> list[str]:
@@ -241,6 +245,7 @@ def frf(options: Options, progress: Progress) -> None:
         "last_Hz": frequency[-1],
         "outputs": names[0],
         "inputs": names[1],
+        "measured_notes": study.measured_notes,
         "warnings": study.warnings,
     }
     write_json(options.json, words)

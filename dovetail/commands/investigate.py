@@ -47,6 +47,7 @@ def compare(options: Options, progress: Progress) -> None:
             "all_lines_db": c.total_db,
             "noise_db": problem.data.noise_db,
             "faults": [result.fault_dict(f) for f in faults],
+            "measured_notes": study.measured_notes,
             "warnings": study.warnings,
         },
     )
@@ -66,6 +67,7 @@ def compare(options: Options, progress: Progress) -> None:
             )
         ),
         *(f"set right: {words.fault_text(f)}" for f in faults),
+        *(f"note: {note}" for note in study.measured_notes),
     )
 
 
@@ -87,7 +89,13 @@ def locate(options: Options, progress: Progress) -> None:
     where = find_places(problem, fitted, options.bands)
     progress.close()
     write_json(
-        options.json, {"study": study.name, **result.localisation_dict(where), "warnings": study.warnings}
+        options.json,
+        {
+            "study": study.name,
+            **result.localisation_dict(where),
+            "measured_notes": study.measured_notes,
+            "warnings": study.warnings,
+        },
     )
     order = np.argsort(-np.nan_to_num(where.by_sensor_db), kind="stable")[: options.number]
     head = "  ".join(f"{word:>11}" for word in _band_names(where.bands))
@@ -112,6 +120,7 @@ def locate(options: Options, progress: Progress) -> None:
         "",
         *(f"set right: {words.fault_text(f)}" for f in faults),
         where.note,
+        *(f"note: {note}" for note in study.measured_notes),
     )
 
 
@@ -132,6 +141,7 @@ def diagnose(options: Options, progress: Progress) -> None:
             "study": study.name,
             **result.diagnosis_dict(found),
             "notes": list(found.notes),
+            "measured_notes": study.measured_notes,
             "warnings": study.warnings,
             "seconds": found.seconds,
         },
@@ -154,7 +164,7 @@ def diagnose(options: Options, progress: Progress) -> None:
                 for r in shown
             ),
         ]
-    say(options, *lines, *(f"note: {note}" for note in found.notes))
+    say(options, *lines, *(f"note: {note}" for note in (*found.notes, *study.measured_notes)))
 
 
 def run(options: Options, progress: Progress) -> None:
@@ -176,7 +186,7 @@ def run(options: Options, progress: Progress) -> None:
         *_found(done.diagnosis),
         "",
         *_staircase(done.diagnosis, done.held_out_channels),
-        *(f"note: {note}" for note in done.notes),
+        *(f"note: {note}" for note in (*done.notes, *study.measured_notes)),
         "",
         str(done.report),
     )

@@ -86,6 +86,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
                 {"frequency_Hz": p.frequency, "level_dB": p.level_db, "share": p.share, "reason": p.reason}
                 for p in found.unexplained
             ],
+            "measured_notes": study.measured_notes,
             "warnings": (*said, *study.warnings),
         },
     )  # fmt: skip
@@ -95,6 +96,7 @@ def identify_modes(options: Options, progress: Progress) -> None:
         f"{study.name}: {found.modes.n_modes} modes in {data.name}, {left} other pole(s) tried and left out",
         found.table(),
         *(f"warning: {text}" for text in said if text not in peak_words(found.unexplained)),
+        *(f"note: {text}" for text in study.measured_notes),
     )
 
 
@@ -207,7 +209,7 @@ def update(options: Options, progress: Progress) -> None:
         f"{study.name}: updated to {' and '.join(result.to)}; {u.ending.value[0]}",
         u.table(),
         *_errors(result),
-        *(f"note: {text}" for text in (*result.notes, *unsaid)),
+        *(f"note: {text}" for text in (*result.notes, *unsaid, *study.measured_notes)),
         f"{options.out / REPORT} and {options.out / STUDY} are written",
     )
 
@@ -253,6 +255,7 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
         "notes": (*result.notes, *unsaid),
         "warnings": result.study.warnings,
         "mesh_notes": result.study.model.mesh.notes,
+        "measured_notes": result.study.measured_notes,
     }  # fmt: skip
 
 
@@ -326,9 +329,14 @@ def _write_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) ->
             if len(u.parameters) > 1
             else "",
         ),
-        page.section("Of the mesh file", page.bullets(study.model.mesh.notes))
-        if study.model.mesh.notes
-        else "",
+        *(
+            page.section(head, page.bullets(notes))
+            for head, notes in (
+                ("Of the mesh file", study.model.mesh.notes),
+                ("Of the measured files", study.measured_notes),
+            )
+            if notes
+        ),
         page.section("Assumptions", page.bullets(study.assumptions)) if study.assumptions else "",
     )
     (folder / REPORT).write_text(html, encoding="utf-8")

@@ -147,6 +147,8 @@ class Study:
     labels : mapping
         How files call sensors (``"outputs"``) and excitations (``"inputs"``), by their names, where the study
         says it.
+    measured_notes : tuple of str
+        What the readers of the measured files left out, converted or found twice, a sentence each.
     """
 
     name: str
@@ -178,6 +180,7 @@ class Study:
     shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
+    measured_notes: tuple[str, ...] = ()
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -256,6 +259,7 @@ class _Reader:
     top: Table
     needs: Collection[str]
     warnings: list[str] = field(default_factory=list)
+    measured_notes: list[str] = field(default_factory=list)
 
     @contextmanager
     def _attempt(self, part: str) -> Iterator[None]:
@@ -453,15 +457,16 @@ class _Reader:
                 key: {c.sensor.name: c.written for c in group if c.written}
                 for key, group in (("outputs", sensors), ("inputs", excitations))
             },
+            tuple(dict.fromkeys(self.measured_notes)),
         )
 
     def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:
         """Read the measured files: FRFs, modes, and the coordinates of their nodes."""
         raw, raw_modes, nodes = [], None, {}
         with self._attempt("measurements"):
-            raw, nodes = read_files(self.top, self.path.parent, notes)
+            raw, nodes = read_files(self.top, self.path.parent, notes, self.measured_notes)
         with self._attempt("measurements"):
-            raw_modes = read_raw_modes(self.top, self.path.parent, notes)
+            raw_modes = read_raw_modes(self.top, self.path.parent, self.measured_notes)
         return raw, raw_modes, nodes if raw_modes is None else {**raw_modes.nodes, **nodes}
 
     def _channels(

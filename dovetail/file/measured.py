@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from dovetail.file.sensors import Channel, read_convention
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
-from fem.io import UFF_SUFFIXES, read_csv, read_npz, read_uff
+from fem.io import UFF_SUFFIXES, read_csv, read_npz
 from fem.io.arrays import named_arrays
+from fem.io.uff import UffFile, read_quietly
 from fem.io.uff_types import Function
 from fem.io.uff_units import FREQUENCY, abscissa_factor
 from fem.model import Model
@@ -72,14 +73,17 @@ class _ReadFile:
     """FRFs of a file, its other functions, and the unit labels of each FRF's frequencies."""
 
     frfs: list[FRF]
-    functions: list[Function]
+    functions: Sequence[Function]
     axes: Sequence[tuple[str, ...]]
 
 
 def read_files(
-    top: Table, folder: Path, notes: list[str]
+    top: Table, folder: Path, notes: list[str], said: list[str]
 ) -> tuple[list[RawMeasurement], dict[int, NDArray[np.float64]]]:
-    """Read the files of ``[[measurements]]``; return their FRFs and the coordinates of their nodes [m]."""
+    """Read the files of ``[[measurements]]``; return their FRFs and the coordinates of their nodes [m].
+
+    ``notes`` gains what is assumed, ``said`` what the readers have to say about the files.
+    """
     out: list[RawMeasurement] = []
     nodes: dict[int, NDArray[np.float64]] = {}
     for t in top.tables("measurements"):
@@ -98,14 +102,14 @@ def read_files(
         if scale == 0:
             t.refuse("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
         with t.at("file"):
-            read = _read(t, path, kind, nodes, notes, "scale" in t)
+            read = _read(t, path, kind, nodes, (notes, said), "scale" in t)
             frfs = read.frfs
             for frf in frfs:
                 _refuse_without_phase(frf, path.name)
         axis_factors = [_axis_factor(t, axis_unit, labels) for labels in read.axes]
-        again = _repeats(t, folder, kind, notes, frfs)
+        again = _repeats(t, folder, kind, (notes, said), frfs)
         averages = t.number("averages", None, least=1)
-        coherent = _coherence(t, folder, frfs, read.functions)
+        coherent = _coherence(t, folder, frfs, read.functions, said)
         chosen = t.text("compared", None)
         compared = None if chosen is None else _existing(t, "compared", folder, chosen)
         if averages is not None and averages != int(averages):
@@ -165,7 +169,9 @@ def _existing(t: Table, key: str, folder: Path, file: str) -> Path:
     return path
 
 
-def _repeats(t: Table, folder: Path, kind: str | None, notes: list[str], first: list[FRF]) -> list[list[FRF]]:
+def _repeats(
+    t: Table, folder: Path, kind: str | None, notes: tuple[list[str], list[str]], first: list[FRF]
+) -> list[list[FRF]]:
     """Read ``repeats``: files with the same FRFs, measured again."""
     out = []
     for file in t.texts("repeats", ()):
@@ -194,7 +200,7 @@ def _repeats(t: Table, folder: Path, kind: str | None, notes: list[str], first: 
 
 
 def _coherence(
-    t: Table, folder: Path, frfs: list[FRF], functions: Sequence[Function]
+    t: Table, folder: Path, frfs: list[FRF], functions: Sequence[Function], said: list[str]
 ) -> list[NDArray[np.float64] | None]:
     """Return the coherence of each matrix of FRFs: of the file ``coherence``, or of the FRFs' own file."""
     file = t.text("coherence", None)
@@ -203,8 +209,9 @@ def _coherence(
     path = _existing(t, "coherence", folder, file)
     if path.suffix.lower() in UFF_SUFFIXES:
         with t.at("coherence"):
-            others = read_uff(path, FRFKind.ACCELERANCE).functions
-        found = [_coherence_in(others, frf) for frf in frfs]
+            other = read_quietly(path, FRFKind.ACCELERANCE)
+        said.extend(notes_of(other))
+        found = [_coherence_in(other.functions, frf) for frf in frfs]
     elif path.suffix.lower() == ".npz":
         with t.at("coherence"):
             found = [_array(path, frf, "coherence") for frf in frfs]
@@ -302,27 +309,27 @@ def _read(
     path: Path,
     kind: str | None,
     nodes: dict[int, NDArray[np.float64]],
-    notes: list[str],
+    notes: tuple[list[str], list[str]],
     scaled: bool,
 ) -> _ReadFile:
     suffix = path.suffix.lower()
-    functions: list[Function] = []
+    assumed, said = notes
+    functions: Sequence[Function] = ()
     axes: tuple[tuple[str, ...], ...] = ()
     outputs, inputs = t.texts("outputs", None), t.texts("inputs", None)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         if suffix in UFF_SUFFIXES:
-            file = read_uff(path, kind, unit_labels=not scaled)
+            file = read_quietly(path, kind, unit_labels=not scaled)
             if not file.frfs:
                 file.frf()  # says what the file holds instead
-            functions.extend(file.functions)
+            functions = file.functions
             axes = file.frf_axes
             if file.points is not None:
                 nodes.update(
                     {int(k): xyz for k, xyz in zip(file.points.labels, file.points.coordinates, strict=True)}
                 )
-            notes.extend(f"{path.name}: {line}" for line in file.skipped)
-            notes.extend(f"{path.name} [{i}] is {run}" for i, run in enumerate(file.frf_runs, 1) if run)
+            said.extend(notes_of(file))
             frfs = list(file.frfs)
         elif suffix == ".npz":
             frfs = [read_npz(path, kind)]
@@ -342,12 +349,18 @@ def _read(
             if form == "auto":
                 _refuse_other_form(frfs[0], path.name)
             outputs = inputs = None
-    notes.extend(str(w.message) for w in caught)
+    said.extend(str(w.message) for w in caught)
     out = [_renamed(t, frf, outputs, inputs) for frf in frfs]
     if kind is not None and any(frf.kind != kind for frf in out):
-        notes.append(f"{path.name} calls its FRFs {out[0].kind}; the study's kind, {kind}, goes before")
+        assumed.append(f"{path.name} calls its FRFs {out[0].kind}; the study's kind, {kind}, goes before")
         out = [replace(frf, kind=FRFKind(kind)) for frf in out]
     return _ReadFile(out, functions, axes or ((),) * len(out))
+
+
+def notes_of(file: UffFile) -> list[str]:
+    """Return what there is to say about a universal file, a sentence each, with its name."""
+    runs = (f"{file.name} [{i}] is {run}" for i, run in enumerate(file.frf_runs, 1) if run)
+    return [*(f"{file.name}: {line}" for line in (*file.notes, *file.skipped)), *runs]
 
 
 def _refuse_without_phase(frf: FRF, name: str) -> None:

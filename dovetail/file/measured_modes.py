@@ -1,6 +1,5 @@
 """Measured modes of a study, their identification, and updates: [modes], [identification], [update]."""
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -9,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dovetail.file.measured import notes_of
 from dovetail.file.sensors import Channel, Nodes
 from dovetail.file.table import Table, suggest
 from fem.analysis.modes import Modes
 from fem.effects import candidate_kinds
-from fem.io import UFF_SUFFIXES, read_modes, read_uff
+from fem.io import UFF_SUFFIXES, read_modes
+from fem.io.uff import read_quietly
 from fem.model import Effect, Model, ParameterRef
 from updating.inference.unknowns import Unknown, scaled_unknowns
 from updating.inference.update import Settings
@@ -115,8 +116,8 @@ class RawModes:
     name: str
 
 
-def read_raw_modes(top: Table, folder: Path, notes: list[str]) -> RawModes | None:
-    """Read ``[modes]``: the modes of a file, or frequencies alone."""
+def read_raw_modes(top: Table, folder: Path, said: list[str]) -> RawModes | None:
+    """Read ``[modes]``: the modes of a file, or frequencies alone; ``said`` gains the reader's notes."""
     t = top.table("modes")
     stds = [t.number(key, None, above=0) for key in ("frequency_std", "shape_std")]
     frequency = t.vector("frequency", None, None, "Hz")
@@ -137,14 +138,16 @@ def read_raw_modes(top: Table, folder: Path, notes: list[str]) -> RawModes | Non
     if not path.is_file():
         t.refuse("file", f"there is no file '{path}'")
     nodes: dict[int, np.ndarray] = {}
-    with t.at("file"), warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        modes = read_modes(path)
+    with t.at("file"):
         if path.suffix.lower() in UFF_SUFFIXES:
-            points = read_uff(path).points
-            if points is not None:
-                nodes = {int(k): xyz for k, xyz in zip(points.labels, points.coordinates, strict=True)}
-    notes.extend(dict.fromkeys(str(w.message) for w in caught))
+            uff = read_quietly(path)
+            modes = uff.one_set_of_modes()
+            said.extend(notes_of(uff))
+            if uff.points is not None:
+                labels, xyz = uff.points.labels.tolist(), uff.points.coordinates
+                nodes = dict(zip(labels, xyz, strict=True))
+        else:
+            modes = read_modes(path)
     if not modes.labels:
         t.refuse("file", "its shapes have no labels, so that nothing says which row is which sensor")
     return RawModes(t, modes, nodes, Path(file).name)

@@ -679,7 +679,8 @@ def _warnings(result: RunResult) -> Markup:
 
 
 def _notes(result: RunResult, album: Album) -> Markup:
-    notes = [*result.study.model.mesh.notes, *result.notes, *album.failures]
+    study = result.study
+    notes = [*study.model.mesh.notes, *study.measured_notes, *result.notes, *album.failures]
     return section("Notes", bullets(notes)) if notes else Markup()
 
 

@@ -89,20 +89,4 @@ def read_modes(path: str | os.PathLike[str]) -> Modes:
     if suffix not in UFF_SUFFIXES:
         msg = f"{Path(path).name}: modes are read from .uff, .unv and .npz files, not '{suffix}'"
         raise TableError(msg)
-    file = read_uff(path)
-    if not file.modes:
-        reasons = [line for line in file.skipped if line.startswith(("dataset 55", "dataset 2414"))]
-        msg = f"{file.name}: no mode shapes that can be used; it holds {file.contents}"
-        raise UffError("; ".join([msg, *reasons[:3]]))
-    if len(file.modes) != 1:
-        groups = "; ".join(
-            f"{m.n_modes} modes at {m.frequency[0]:.6g} to {m.frequency[-1]:.6g} Hz with {len(m.labels)} "
-            f"rows, {m.labels[0]} to {m.labels[-1]}"
-            for m in file.modes
-        )
-        msg = (
-            f"{file.name}: {len(file.modes)} groups of mode shapes where one is expected, which share fewer "
-            f"than half of their nodes or directions: {groups}; use read_uff and choose one"
-        )
-        raise UffError(msg)
-    return file.modes[0]
+    return read_uff(path).one_set_of_modes()

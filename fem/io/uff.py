@@ -119,6 +119,31 @@ class UffFile:
     def _runs(self) -> list[str]:
         return [f"{run}, " if run else "" for run in self.frf_runs or ("",) * len(self.frfs)]
 
+    def one_set_of_modes(self) -> Modes:
+        """Return the one set of modes of the file.
+
+        Raises
+        ------
+        UffError
+            If there is none, or several.
+        """
+        if not self.modes:
+            reasons = [line for line in self.skipped if line.startswith(("dataset 55", "dataset 2414"))]
+            msg = f"{self.name}: no mode shapes that can be used; it holds {self.contents}"
+            raise UffError("; ".join([msg, *reasons[:3]]))
+        if len(self.modes) != 1:
+            groups = "; ".join(
+                f"{m.n_modes} modes at {m.frequency[0]:.6g} to {m.frequency[-1]:.6g} Hz with {len(m.labels)} "
+                f"rows, {m.labels[0]} to {m.labels[-1]}"
+                for m in self.modes
+            )
+            msg = (
+                f"{self.name}: {len(self.modes)} groups of mode shapes where one is expected, which share "
+                f"fewer than half of their nodes or directions: {groups}; use read_uff and choose one"
+            )
+            raise UffError(msg)
+        return self.modes[0]
+
     @cached_property
     def contents(self) -> str:
         """What the file holds, in a line."""

@@ -1,12 +1,12 @@
 """What is wrong with measured files is said before anything is fitted, and no model's command needs them."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from study import StudyError, load_study
 
 from dovetail import StudyError, load_study
 from dovetail.cli import main
@@ -259,6 +259,34 @@ def test_frequencies_that_a_label_converts_are_converted_once(tmp_path, computed
             StudyError, match=f"frequency_unit: it is '{other}', and the file labels .*'{label}'"
         ):
             load_study(path)
+
+
+def test_notes_of_a_measured_file_reach_the_commands(tmp_path, computed, capsys):
+    """Records that come again, another load case and a dataset that is not read, as text and as JSON."""
+    path = uff_study(tmp_path, computed, "Hz", 1.0)
+    text = (tmp_path / "m.uff").read_text(encoding="utf-8")
+    first = text.index("    -1\n    58\n")
+    records = text[first:]
+    other = records.replace(f"{4:5d}{0:10d}{0:5d}{0:10d} NONE", f"{4:5d}{0:10d}{0:5d}{7:10d} NONE")
+    assert other.count(f"{4:5d}{0:10d}{0:5d}{7:10d} NONE") == 3
+    again = records[: records.index("    -1\n    -1\n") + 7]
+    strange = "    -1\n  9999\nsomething\n    -1\n"
+    (tmp_path / "m.uff").write_text(text + again + other + strange, encoding="utf-8")
+    said = load_study(path).measured_notes
+    for words in (
+        "m.uff: FRFs of 2 load cases (0, 7) are matrices of their own",
+        "FRF 1X+/3X+: it comes again with the same values and counts once",
+        "datasets of type 9999 are not read",
+        "m.uff [2] is load case 7",
+    ):
+        assert sum(words in note for note in said) == 1
+    assert not set(said) & set(load_study(path).assumptions)
+    out = tmp_path / "out.json"
+    for command in ("check", "modes", "compare", "identify-modes"):
+        assert main([command, str(path), "--json", str(out)]) == 0
+        printed = capsys.readouterr().out
+        assert all(printed.count(note) == 1 for note in said)
+        assert json.loads(out.read_text(encoding="utf-8"))["measured_notes"] == list(said)
 
 
 def test_a_label_of_hz_gives_way_to_the_study(tmp_path, computed):

@@ -95,9 +95,9 @@ def test_modes_says_the_notes(file, capsys):
 def test_the_report_has_the_notes(file):
     with pytest.warns(MeshWarning):
         mesh = read_mesh(file)
-    study = SimpleNamespace(model=SimpleNamespace(mesh=mesh))
+    study = SimpleNamespace(model=SimpleNamespace(mesh=mesh), measured_notes=("of m.uff",))
     html = str(_notes(SimpleNamespace(study=study, notes=("of the run",)), SimpleNamespace(failures=())))
-    assert all(f"<li>{text}</li>" in html for text in (*NOTES, "of the run"))
+    assert all(f"<li>{text}</li>" in html for text in (*NOTES, "of m.uff", "of the run"))
 
 
 # Sets and names that meet -------------------------------------------------------------------------------
