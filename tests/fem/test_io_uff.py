@@ -1,6 +1,7 @@
 """Universal files: labels, odd forms of dataset 58, units, shapes, damage; pyuff as a second reader."""
 
 import struct
+import time
 import warnings
 
 import numpy as np
@@ -473,3 +474,38 @@ def test_reading_writes_and_prints_nothing(tmp_path, capfd):
         read_uff(tmp_path / "in" / "a.uff")
     assert [p.name for p in (tmp_path / "in").iterdir()] == ["a.uff"]
     assert capfd.readouterr() == ("", "")
+
+
+def test_time_to_write_grows_with_the_number_of_members(tmp_path):
+    """pyuff reads the file again for each trace line: 4000 of them took 80 s."""
+    n = 4000
+    points = np.column_stack([np.arange(n + 1.0), np.zeros(n + 1), np.zeros(n + 1)])
+    lines = np.column_stack([np.arange(n), np.arange(n) + 1])
+    mesh = Mesh.from_lines(points, lines, {f"m{k}": [k] for k in range(n)})
+    start = time.process_time()
+    write_uff(tmp_path / "m.uff", mesh=mesh)
+    assert time.process_time() - start < 8
+    traces = read_uff(tmp_path / "m.uff").trace_lines
+    assert [(t.name, t.strokes) for t in traces[:2]] == [("m0", ((1, 2),)), ("m1", ((2, 3),))]
+    assert len(traces) == n
+
+
+@pytest.mark.parametrize("double", [True, False])
+@pytest.mark.parametrize("even", [True, False])
+def test_many_lines_of_text_are_written_as_a_few(tmp_path, double, even):
+    """Lines are formatted thousands at a time; each has the cells that it has in a short file."""
+    n = 20001
+    f = np.arange(1.0, n + 1) if even else np.arange(1.0, n + 1) ** 1.1
+    H = np.random.default_rng(4).standard_normal((n, 1, 1)) * (1 - 2j)
+    write_uff(
+        tmp_path / "m.uff", FRF.from_arrays(f, H, "mobility", ["1X+"], ["1X+"]), binary=False, double=double
+    )
+    lines = (tmp_path / "m.uff").read_text().splitlines()
+    body = lines[lines.index("    58") + 12 : -1]
+    cell = "{:20.12e}" if double else "{:13.5e}"
+    rows = [
+        ("" if even else f"{x:13.6e}") + cell.format(h.real) + cell.format(h.imag)
+        for x, h in zip(f, H[:, 0, 0], strict=True)
+    ]
+    per_line = {(True, True): 2, (True, False): 1, (False, True): 3, (False, False): 2}[double, even]
+    assert body == ["".join(rows[k : k + per_line]) for k in range(0, n, per_line)]
