@@ -155,8 +155,7 @@ def _of_parts(solution: "StaticSolution", column: int) -> Iterator[str]:
     u = solution.displacements[:, column]
     for part in solution.model.of_kind(Superelement):
         strained = any(
-            c.static is not None
-            and (np.einsum("bi,bij,bj->b", u[c.dofs], np.real(c.static), u[c.dofs]) > 0).any()
+            c.static is not None and _strained(np.real(c.static), u[c.dofs])
             for c in part.contribute(solution.model)
         )
         if strained:
@@ -164,3 +163,10 @@ def _of_parts(solution: "StaticSolution", column: int) -> Iterator[str]:
                 f"the reduced part '{part.name}' carries load, but its matrices say nothing about its "
                 "geometric stiffness, which is left out"
             )
+
+
+def _strained(K: NDArray[np.float64], u: NDArray[np.float64]) -> bool:
+    """Tell whether motions (b, m) strain matrices (b, m, m) by more than the rounding of uᵀKu."""
+    energy = np.einsum("bi,bij,bj->b", u, K, u)
+    rounding = K.shape[1] * np.finfo(float).eps * np.einsum("bi,bij,bj->b", abs(u), abs(K), abs(u))
+    return bool((energy > rounding).any())

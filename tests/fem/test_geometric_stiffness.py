@@ -9,7 +9,9 @@ from fem.analysis.buckling import solve_buckling
 from fem.analysis.modes import solve_modes
 from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, prestressed, solve_static
 from fem.effects.prestress import Prestress
+from fem.effects.superelement import Attachment, Superelement
 from fem.elements.frame import Frame, MemberProperties
+from fem.io.matrices import matrices_of
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Model, ModelError, lever_stiffness
 from fem.properties import Section
@@ -221,3 +223,34 @@ def test_members_whose_lines_are_not_in_order():
     effect = prestressed(model, solve_static(assemble(model), loads)).effect("prestress")
     np.testing.assert_allclose(effect.line_tension(model, "first"), -1.0)
     np.testing.assert_allclose(effect.line_tension(model, "second"), np.array([-5, -3, -1]) / 6)
+
+
+def in_line(*held):
+    """Return a strut of 1 m whose middle 0.3 m are a reduced part."""
+    points = [[0, 0, 0], [0.4, 0, 0], [0.7, 0, 0], [1.0, 0, 0]]
+    mesh = Mesh.from_lines(points, [[0, 1], [2, 3]], {"left": [0], "right": [1]}).split(4)
+    frame = Frame(members={name: MemberProperties(STEEL, STRIP) for name in mesh.members})
+    middle = beam(6, 0.3, along=(1, 0, 0), section=STRIP)
+    part = matrices_of(assemble(middle)).placed(shift=np.array([0.4, 0, 0]))
+    ties = [Attachment(1, (0,)), Attachment(2, (1,))]
+    return Model(mesh, (frame, Superelement.from_matrices("middle", part, mesh, ties), *held))
+
+
+def test_a_reduced_part_that_carries_the_load_is_named():
+    """Without its geometric stiffness the strut seems stronger than the Euler load."""
+    model = in_line(fix(0))
+    with pytest.warns(UserWarning, match="the reduced part 'middle' carries load, but its matrices say noth"):
+        found = solve_buckling(model, {(3, "x"): -1.0}, 1)
+    euler = np.pi**2 * STEEL.E * min(STRIP.Iy, STRIP.Iz) / 4
+    assert found.factors[0] > 1.05 * euler
+
+
+def test_a_reduced_part_that_only_moves_along_is_not_named():
+    """Loads that end before the part move it as a rigid body: only rounding strains it."""
+    g = np.random.default_rng(0)
+    model = in_line(fix(0))
+    for _ in range(5):
+        load = {(1, d): float(f) for d, f in zip(DIRECTIONS, g.standard_normal(6), strict=True)}
+        assert [m for m in messages(model, load) if "reduced part" in m] == []
+        load[3, "z"] = 1e-3
+        assert len([m for m in messages(model, load) if "reduced part" in m]) == 1
