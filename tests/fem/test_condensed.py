@@ -8,8 +8,8 @@ import pytest
 from fem.analysis.condensed import condense, frf_function
 from fem.analysis.frf import FRFKind, compute_frf, dof_columns
 from fem.analysis.modes import solve_modes
-from fem.effects.frame import Frame, MemberProperties
 from fem.effects.rotor import Rotor
+from fem.elements.frame import Frame, MemberProperties
 from fem.mesh import Mesh
 from fem.model import Damping, Model
 from fem.properties import Section
