@@ -81,7 +81,7 @@ extras: $(DEV) requirements-extras.lock
 	@$(PIP) install --quiet -r requirements-extras.lock
 
 # each prints its own table; docs/benchmarks.md says what they show
-BENCHMARKS := assembly modes frf engine sensitivity updating modal_identification joint_speed joint_noise
+BENCHMARKS := assembly modes frf engine sensitivity updating modal_identification joint_speed joint_noise loading
 bench: $(READY)
 	$(IN) for name in $(BENCHMARKS); do echo "── benchmarks.$$name"; python -m benchmarks.$$name || exit 1; done
 

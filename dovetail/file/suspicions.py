@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.measured import FREQUENCY_UNITS, G0, RawMeasurement, sensor_rows
-from fem.analysis.frf import FRF, FRFKind, compute_frf
+from fem.analysis.condensed import frf_function
+from fem.analysis.frf import FRF, FRFKind
 from fem.model import Model
 from fem.system import System, assemble
 from updating.measurement.measurement import Measurement
@@ -93,7 +94,7 @@ class BesideModel:
 
 
 class LazyComparison:
-    """A measurement and the model's FRFs at its lines, which are computed when they are first asked for.
+    """A measurement and the model's FRFs at some of its lines, which are computed when they are asked for.
 
     Parameters
     ----------
@@ -118,22 +119,47 @@ class LazyComparison:
         return self.on_axis(1.0)
 
     def on_axis(self, factor: float) -> BesideModel | None:
-        """Return the same with a factor on the measured frequencies, as if they were in another unit."""
-        return _beside(self._system(), self.model, self.measurement, factor)
+        """Return the same with a factor on the measured frequencies, as if they were in another unit.
+
+        None where the mesh shows nothing at such frequencies.
+        """
+        if self._lines.size < _LEAST_LINES:
+            return None
+        frequency = factor * self.measurement.frf.frequency[self._lines]
+        if factor > 1 and not _shown(self._system(), float(np.median(frequency))):
+            return None
+        return _beside(frequency, self.measurement.frf.H[self._lines], self._computed(frequency))
+
+    @cached_property
+    def _lines(self) -> NDArray[np.int64]:
+        usable = np.flatnonzero(self.measurement.frf.frequency > 0)
+        return usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, _MOST_LINES)).astype(int))]
+
+    @cached_property
+    def _computed(self) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:
+        m = self.measurement
+        rows, columns = (sensor_rows(self.model, part) for part in (m.sensors, m.excitations))
+        return frf_function(self._system(), m.frf.frequency[self._lines], rows, columns, m.frf.kind)
 
 
-def _beside(system: System, model: Model, m: Measurement, axis: float) -> BesideModel | None:
-    usable = np.flatnonzero(m.frf.frequency > 0)
-    if usable.size < _LEAST_LINES:
-        return None
-    pick = usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, _MOST_LINES)).astype(int))]
-    frequency = axis * m.frf.frequency[pick]
-    rows, columns = (sensor_rows(model, part) for part in (m.sensors, m.excitations))
-    H = compute_frf(system, frequency, rows, columns, m.frf.kind).H
+def _shown(system: System, frequency: float) -> bool:
+    """Return whether the mesh is fine enough to show waves at a frequency [Hz].
+
+    √(K_ii / M_ii) of a coordinate is the frequency of waves that are two or three elements long.
+    """
+    K, M = system.K.diagonal(), system.M.diagonal()
+    moved = (K > 0) & (M > 0)
+    return bool(moved.any()) and 2 * np.pi * frequency < float(np.median(np.sqrt(K[moved] / M[moved])))
+
+
+def _beside(
+    frequency: NDArray[np.float64], measured: NDArray[np.complex128], H: NDArray[np.complex128]
+) -> BesideModel:
+    H = np.where(np.isfinite(H), H, 0.0)  # at a resonance without damping there is no ratio
     # What only rounding moves in the model, as across the plane of a plane frame, has no ratio.
     size = np.median(np.abs(H), axis=0)
     there = (H != 0) & (size > _MOVES * size.max())
-    ratio = np.where(there, m.frf.H[pick] / np.where(there, H, 1.0), complex("nan"))
+    ratio = np.where(there, measured / np.where(there, H, 1.0), complex("nan"))
     return BesideModel(frequency, ratio, H)
 
 
@@ -171,8 +197,9 @@ def _axis_words(comparison: LazyComparison, beside: BesideModel) -> str:
     if not beside.misfit > POOR_DECADES:
         return ""
     best, name = 0.5 * beside.misfit, ""
-    for unit, factor in FREQUENCY_UNITS.items():
-        other = comparison.on_axis(factor) if factor != 1 else None
+    first = {f: unit for unit, f in reversed(FREQUENCY_UNITS.items()) if f != 1}  # of units of one size
+    for factor, unit in first.items():
+        other = comparison.on_axis(factor)
         if other is not None and other.misfit < best:
             best, name = other.misfit, unit
     if not name:

@@ -1,6 +1,6 @@
 """Frequency response functions: one type for measured and computed data, and how a system gives them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -34,7 +34,7 @@ Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
 METHODS = ("auto", "modal", "reduced", "direct")
 """What ``compute_frf`` may be asked for."""
 
-_MARGIN = 1.25
+MARGIN = 1.25
 """Modes are taken up to this multiple of the highest frequency."""
 
 _STEPS = 12
@@ -370,6 +370,46 @@ def compute_frf(
     return replace(frf, accuracy=replace(accuracy, bound=bound)).as_kind(kind)
 
 
+def reduced_frf(
+    system: System,
+    frequency: NDArray[np.float64],
+    outputs: Selection,
+    inputs: Selection,
+    kind: FRFKind | str = FRFKind.ACCELERANCE,
+    *,
+    tolerance: float = 1e-5,
+) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:
+    """Return a function that computes FRFs (n_freq, n_out, n_in) at any frequencies up to the highest [Hz].
+
+    The method is ``"reduced"`` of :func:`compute_frf`, with one set of vectors for all calls; an FRF may be
+    infinite.
+
+    Parameters
+    ----------
+    system : System
+    frequency : ndarray (n_freq,)
+        Lines at which the error is watched [Hz].
+    outputs, inputs, kind, tolerance
+        As for :func:`compute_frf`.
+
+    Raises
+    ------
+    FRFError
+        As :func:`compute_frf`.
+    """
+    task, _, _ = _task(system, frequency, outputs, inputs, kind, tolerance)
+    swap = task.inputs.shape[1] > task.outputs.shape[1]
+    task = replace(task, inputs=task.outputs, outputs=task.inputs) if swap else task
+    s = _reduced(task, locals_of(system))
+
+    def at(lines: NDArray[np.float64]) -> NDArray[np.complex128]:
+        omega = 2 * np.pi * lines
+        H = receptance(s, omega, bounds=False)[0] * ((1j * omega) ** task.kind.derivatives)[:, None, None]
+        return np.swapaxes(H, 1, 2) if swap else H
+
+    return at
+
+
 def frf_blocks(
     system: System,
     frequency: ArrayLike,
@@ -526,7 +566,7 @@ def _solved(task: _Task, method: str, n_modes: int | None) -> tuple[NDArray[np.c
 def _modal(task: _Task, local: Locals, n_modes: int | None) -> Superposition:
     system = task.system
     if n_modes is None:
-        pairs, cut = modes_below(system, _MARGIN * task.highest)
+        pairs, cut = modes_below(system, MARGIN * task.highest)
     else:
         pairs = sharpened(system, solve_eigenpairs(system, n_modes, unstable=True))
         cut = np.inf if n_modes >= system.n_free else float(pairs.eigenvalues[-1])
@@ -545,7 +585,7 @@ def _reduced(task: _Task, local: Locals) -> Superposition:
     """Return modes and as many Krylov vectors as the tolerance takes."""
     system = task.system
     loads = np.hstack([task.inputs.toarray(), local.U.toarray()])
-    pairs, cut = modes_below(system, _MARGIN * task.highest)
+    pairs, cut = modes_below(system, MARGIN * task.highest)
     pairs = nearly_static(system, pairs, cut)
     sizes = response_sizes(system, pairs, task.outputs) if cut < np.inf else np.zeros(task.outputs.shape[1])
 

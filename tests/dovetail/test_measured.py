@@ -10,6 +10,7 @@ import pytest
 
 from dovetail import StudyError, load_study
 from dovetail.cli import main
+from dovetail.file.suspicions import LazyComparison
 from fem.analysis.frf import FRF, WITHOUT_PHASE
 from fem.analysis.modes import Modes
 from fem.io import read_npz, write_csv, write_npz
@@ -399,3 +400,43 @@ def test_labels_that_come_twice_are_named(tmp_path, computed):
     path.write_text(STUDY + FILE.replace("npz", "csv"), encoding="utf-8")
     with pytest.raises(StudyError, match=r"m.csv: the header .*(twice|lacks)"):
         load_study(path)
+
+
+def _refuse(*args, **kwargs):
+    msg = "computed"
+    raise AssertionError(msg)
+
+
+def test_a_long_thin_structure_is_compared_without_its_modes(load, computed, monkeypatch):
+    """A mast of 20 m bends in 96 modes in a band in which one of 1.2 m has 4; both ways say the same."""
+    text = STUDY.replace("tip = [0.0, 0.0, 1.2]", "tip = [0.0, 0.0, 20.0]")
+
+    def found():
+        (said,) = [w for w in load(0.01 * computed.H, text=text).warnings if "times the model's" in w]
+        return float(re.search(r"are ([\d.e+-]+) times", said)[1])
+
+    with monkeypatch.context() as patched:
+        patched.setattr("fem.analysis.frf.modes_below", _refuse)
+        by_lines = found()
+    monkeypatch.setattr("fem.analysis.condensed._SECONDS_PER_MODE", 0.0)
+    assert by_lines == pytest.approx(found(), rel=0.02)
+
+
+def test_only_commands_that_use_measurements_compute_frfs_to_check_them(load, computed, monkeypatch):
+    path = load(computed.H).path
+    monkeypatch.setattr("dovetail.file.suspicions.frf_function", _refuse)
+    with pytest.raises(AssertionError, match="computed"):
+        load_study(path)
+    for needs in ((), ("sensors",)):
+        assert load_study(path, needs).measurements
+    assert main(["check", str(path), "--quiet"]) == 0
+    assert main(["modes", str(path), "--quiet"]) == 0
+    assert main(["frf", str(path), "--out", str(path.with_name("out.npz")), "--quiet"]) == 0
+
+
+def test_no_unit_is_tried_in_which_the_mesh_shows_nothing(load, computed):
+    """In kHz the lines would lie at 1 to 200 kHz, where the mesh has less than two elements to a wave."""
+    study = load(computed.H)
+    comparison = LazyComparison.of(study.model, study.measurements)[0]
+    assert comparison.on_axis(1 / 60) is not None
+    assert comparison.on_axis(1e3) is None

@@ -249,7 +249,7 @@ def test_devices_stay_devices():
 def test_what_standard_output_goes_to_is_written_on(tmp_path):
     """A shell's file is not replaced under it: what is printed later would go to the former one."""
     code = (
-        "import sys; from pathlib import Path; from study.output import write_json\n"
+        "import sys; from pathlib import Path; from dovetail.disk.output import write_json\n"
         "print('first', flush=True); write_json(Path(sys.argv[1]), {'x': 1}); print('last')"
     )
     for target in ("/dev/stdout", str(tmp_path / "out.txt")):
@@ -363,7 +363,7 @@ def test_there_is_a_result_at_every_moment(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from study import output
+from dovetail.disk import output
 out, when = Path(sys.argv[1]), sys.argv[2]
 kill = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 if when == "between":  # the two renamings of a system that cannot exchange

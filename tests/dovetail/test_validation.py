@@ -435,7 +435,7 @@ def test_the_command_writes_its_tables(tmp_path, monkeypatch, capsys):
 STOPPED = """
 import signal, sys, time
 from pathlib import Path
-from study.validation import run
+from dovetail.validation import run
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
 
@@ -446,7 +446,7 @@ def case(settings, task):
     return {"case": f"{task[0]}:{task[1]}", "set": task[0], "index": task[1], "outcome": "", "seconds": 0.0}
 
 if __name__ == "__main__":
-    from study.cli import main
+    from dovetail.cli import main
     run.run_case = case
     sys.exit(main(["validate", "--seed", "3", "--small", "--cases", "9", "--sets", "single,null",
                    "--processes", "2", "--out", sys.argv[1]]))
@@ -532,7 +532,7 @@ def test_a_soft_corner_goes_by_either_members_name_but_one_axis():
 def test_two_runs_in_one_folder_do_not_both_compute(tmp_path):
     """The lock is held while the other lives, and gone with it however it ends."""
     code = (
-        "import sys, time; from pathlib import Path; from study.locks import Lock\n"
+        "import sys, time; from pathlib import Path; from dovetail.disk.locks import Lock\n"
         "lock = Lock.take(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
     )
     command = [sys.executable, "-c", code, str(tmp_path / runner.LOCK_FILE)]

@@ -16,7 +16,7 @@ class Blocked:
         if name.partition(".")[0] in ("pyvista", "vtkmodules", "vtk"):
             raise ImportError(f"{name} is blocked")
 sys.meta_path.insert(0, Blocked())
-from study.cli import main
+from dovetail.cli import main
 raise SystemExit(main(sys.argv[1:]))
 """
 
