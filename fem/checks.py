@@ -286,8 +286,8 @@ def _short(mesh: Mesh, length: NDArray[np.float64]) -> Iterable[Fault]:
         yield Fault(
             "short line",
             f"line {row} of member '{mesh.member_of_line()[row]}' is {length[row]:.2g} m long beside one "
-            f"of {beside[row]:.2g} m; is it meant, or are points {mesh.lines[row, 0]} and "
-            f"{mesh.lines[row, 1]} one?",
+            f"of {beside[row]:.2g} m; is this intended, or should points {mesh.lines[row, 0]} and "
+            f"{mesh.lines[row, 1]} be one point?",
             mesh.lines[row].copy(),
             np.array([row]),
         )

@@ -169,7 +169,7 @@ def suspicions_of_material(m: Material) -> Iterator[Suspicion]:
     if m.loss_factor > 1:
         yield Suspicion(
             ("material", m.name, "loss_factor"),
-            f"material '{m.name}': loss_factor = {m.loss_factor:g} is implausible, solids have 1e-5 to 1; in "
+            f"material '{m.name}': loss_factor = {m.loss_factor:g} is implausible; solids have 1e-5 to 1; in "
             f"per cent it would be {m.loss_factor / 100:g}",
         )
 
@@ -315,7 +315,7 @@ def _contradictions(s: Section) -> Iterator[str]:
         )
     polar = s.Iy + s.Iz
     if 1.001 * polar < s.J:
-        yield f"J = {s.J:.4g} m⁴ is larger than Iy + Iz = {polar:.4g} m⁴, which no section's is"
+        yield f"J = {s.J:.4g} m⁴ is larger than Iy + Iz = {polar:.4g} m⁴, which is the most that J can be"
     elif 1e-9 * polar > s.J:
         yield f"J = {s.J:.4g} m⁴ is {s.J / polar:.1g} of Iy + Iz; foil has as little"
     if s.Ip > 0 and not 0.5 * polar <= s.Ip <= 2 * polar:
@@ -478,7 +478,7 @@ def _of_joint(e: Joint, members: Sequence[_Alike], structure: float) -> Iterator
     if eta > 1:
         yield Suspicion(
             ("effect", e.name, "eta"),
-            f"joint '{e.name}': its loss factor eta = {eta:g} is implausible, joints have up to 1; in per "
+            f"joint '{e.name}': its loss factor eta = {eta:g} is implausible; joints have up to 1; in per "
             f"cent it would be {eta / 100:g}",
         )
     mass = float(np.real(np.diag(e.M)[:3]).max())
@@ -498,7 +498,8 @@ def _odd_stiffness(d: str, k: float, members: Sequence[_Alike]) -> str:
     if k > RIGID_RATIO * block:
         return (
             f"{k:.3g} {unit}, {k / block:.1g} times that of a cube as thick as the stiffest member "
-            f"({block:.2g} {unit}): it is rigid; say so, for such numbers cost the others their digits"
+            f"({block:.2g} {unit}): it is practically rigid; declare it rigid, because so large a "
+            "number costs accuracy elsewhere"
         )
     slack = min(
         m.material.E * min(s.Iy, s.Iz) / float(m.lengths[-1]) ** (1 if turning else 3)
@@ -508,7 +509,7 @@ def _odd_stiffness(d: str, k: float, members: Sequence[_Alike]) -> str:
     if k < LOOSE_RATIO * slack:
         return (
             f"{k:.3g} {unit}, {k / slack:.1g} times that of the softest member ({slack:.2g} {unit}): it "
-            f"holds nothing; is it in {unit}?"
+            f"has hardly any effect; is it in {unit}?"
         )
     return ""
 
@@ -518,13 +519,13 @@ def _of_damping(d: Damping, max_frequency: float | None) -> Iterator[Suspicion]:
     if ratio > MOST_DAMPING:
         yield Suspicion(
             ("damping", "modal"),
-            f"a modal damping ratio of {ratio:g} is implausible, structures have up to {MOST_DAMPING:g}; is "
+            f"a modal damping ratio of {ratio:g} is implausible; structures have up to {MOST_DAMPING:g}; is "
             f"it in per cent ({ratio / 100:g})?",
         )
     if d.loss_factor > 2 * MOST_DAMPING:
         yield Suspicion(
             ("damping", "loss_factor"),
-            f"a structural loss factor of {d.loss_factor:g} is implausible, structures have up to "
+            f"a structural loss factor of {d.loss_factor:g} is implausible; structures have up to "
             f"{2 * MOST_DAMPING:g}; is it in per cent ({d.loss_factor / 100:g})?",
         )
     if max_frequency is None:

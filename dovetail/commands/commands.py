@@ -69,7 +69,7 @@ def new(options: Options, progress: Progress) -> None:
 
     for name in ("study.toml", "frf.npz"):
         if options.force and (options.folder / name).exists():
-            msg = f"{options.folder / name} is there, and would be overwritten; choose another folder"
+            msg = f"{options.folder / name} exists and would be overwritten; choose another folder"
             raise OutputError(msg)
     progress("computing its measurement")
     with result_folder(options.folder, options.force) as scratch:
@@ -79,8 +79,8 @@ def new(options: Options, progress: Progress) -> None:
     say(
         options,
         f"{options.folder / 'study.toml'} is written: a portal frame, to be changed into yours.",
-        f"{options.folder / 'frf.npz'} stands for a measurement: computed, with noise and with "
-        "something that the study lacks.",
+        f"{options.folder / 'frf.npz'} is a simulated measurement, with noise and with an effect "
+        "that the study lacks.",
         "Next:",
         f"  dovetail modes {options.folder / 'study.toml'}",
     )
@@ -125,7 +125,7 @@ def check(options: Options, progress: Progress) -> None:
         options,
         f"{study.name}: {mesh.n_points} points, {mesh.n_lines} elements, {len(mesh.members)} members",
         *(f"  {f.kind}: {f.message}" for f in faults),
-        f"{len(faults)} fault(s) found" if faults else "nothing found that is probably not meant",
+        f"{len(faults)} fault(s) found" if faults else "no faults found",
         *_read(study),
     )
 
@@ -195,7 +195,11 @@ def _read(study: Study) -> list[str]:
 
 
 def _assumed(study: Study) -> list[str]:
-    return ["", "assumed:", *(f"  - {text}" for text in study.assumptions)] if study.assumptions else []
+    return (
+        ["", "notes and assumptions:", *(f"  - {text}" for text in study.assumptions)]
+        if study.assumptions
+        else []
+    )
 
 
 def frf(options: Options, progress: Progress) -> None:
@@ -254,7 +258,7 @@ def frf(options: Options, progress: Progress) -> None:
         f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to "
         f"{len(names[1])} force(s), "
         f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
-        *([f"note: {new} in it; give these labels in the study to read it back"] if new else []),
+        *([f"note: the file has {new}; give these labels in the study to read it back"] if new else []),
     )
 
 
@@ -273,7 +277,7 @@ def _lines(study: Study, options: Options) -> np.ndarray:
     if n > most:
         msg = (
             f"{n:.3g} lines from {start:g} to {stop:g} Hz in steps of {step:g} Hz, of {values} FRFs, are too "
-            f"many; at most {most} are computed: give a larger --step"
+            f"many; at most {most} are computed; give a larger --step"
         )
         raise OutputError(msg)
     return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)

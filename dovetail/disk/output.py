@@ -249,7 +249,9 @@ def _refuse_same(one: Output, two: Output) -> None:
         return  # a device or a pipe takes one after the other
     inside = bool(names) and folder in file.parents and file.relative_to(folder).parts[0] in names
     if a == b or _same_file(a, b) or inside:
-        msg = f"{one.option} {one.path} and {two.option} {two.path} are one place; give two"
+        msg = (
+            f"{one.option} {one.path} and {two.option} {two.path} are the same place; give two different ones"
+        )
         raise OutputError(msg)
 
 

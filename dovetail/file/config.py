@@ -248,7 +248,7 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
             f"{name}: its lists or tables are nested hundreds of levels deep; a study has five levels at most"
         )
     except ValueError:  # Python converts no more than 4300 digits to an integer
-        msg = f"{name}: it has a whole number with thousands of digits"
+        msg = f"{name}: it has a whole number with thousands of digits; at most 19 are allowed"
     raise StudyError(msg) from None
 
 
@@ -270,7 +270,9 @@ class _Reader:
             if part in self.needs:
                 raise
             place = f"{reason.filename}: {reason.strerror}" if isinstance(reason, OSError) else str(reason)
-            self.warnings.append(f"left out, and not needed here: {' '.join(place.split())}")
+            self.warnings.append(
+                f"left out, because this command does not need it: {' '.join(place.split())}"
+            )
 
     @contextmanager
     def _if_all_was_read(self) -> Iterator[None]:
@@ -558,12 +560,12 @@ class _Reader:
             "rho": "density 1 %",
             "joints": "joint stiffness 5 %",
             "shear": f"shear coefficients of walls {SHEAR_STD:.0%}".replace("%", " %"),
-            "damping": "damping by a factor of 1.6 (0.5 of its logarithm)",
+            "damping": "damping a factor of 1.6 (0.5 of its logarithm)",
         }
         if assumed:
             notes.append(
-                f"not said how uncertain: {', '.join(words[key] for key in assumed)} (standard "
-                "deviations) are assumed"
+                "standard deviations that are not given are assumed: "
+                f"{', '.join(words[key] for key in assumed)}"
             )
         std = {key: default[key] if value is None else value for key, value in std.items()}
         frame = model.effect("frame")

@@ -96,7 +96,7 @@ def _weak(comparison: LazyComparison, r: RawMeasurement, evidence: PhaseEvidence
             f"{found}, and beside the model's their imaginary parts have the other sign; give conjugate = "
             "true in [[measurements]], or check_phase = false if they are right",
         )
-    return [f"{found}, though too little to be sure; compare conjugate = true in [[measurements]]"]
+    return [f"{found}, but the difference is too small to be sure; try conjugate = true in [[measurements]]"]
 
 
 def _refuse_reversed(
@@ -123,7 +123,7 @@ def _refuse_reversed(
         )
     suspicions.append(
         f"in {r.name} the structure gives power to the force at {', '.join(dict.fromkeys(names))}, where "
-        "force and sensor share a place: one of the two points the other way than the study says"
+        "force and sensor share a place: one of the two has the opposite direction to the study's"
     )
 
 
@@ -159,8 +159,8 @@ def _words(m: Measurement, f: Misphased, beside: BesideModel | None) -> str:
     turn, options = _turn_remedies(m, f, beside)
     factor = {1: "i times", -1: "-i times", 0: "i or -i times"}[turn]
     found = (
-        f"are {factor} what {m.frf.kind} is, or another kind: their phase at and between resonances is a "
-        "quarter turn off"
+        f"are {factor} the {m.frf.kind}, or another kind of FRF: their phase at and between resonances "
+        "is a quarter turn off"
     )
     return f"{found}; give {' or '.join(options)} {_table(f)}" if _table(f) else found
 

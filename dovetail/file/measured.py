@@ -120,7 +120,9 @@ def read_files(
                 "scatter between neighbouring lines instead"
             )
         if averages is not None and all(c is None for c in coherent):
-            t.refuse("averages", "the number of averages serves the coherence, and there is none; give it")
+            t.refuse(
+                "averages", "averages is used with coherence only; give coherence too, or leave averages out"
+            )
         t.finish()
         for i, frf in enumerate(frfs):
             whole, scatter = frf, None
@@ -366,7 +368,7 @@ def notes_of(file: UffFile) -> list[str]:
 def _refuse_without_phase(frf: FRF, name: str) -> None:
     """Refuse amplitudes that pass for FRFs: values that are real and never negative."""
     if frf.n_freq > 1 and frf.H.any() and not frf.H.imag.any() and (frf.H.real >= 0).all():
-        msg = f"{name}: its FRFs are real and nowhere negative: {WITHOUT_PHASE}"
+        msg = f"{name}: its FRFs are real and never negative: {WITHOUT_PHASE}"
         raise FRFError(msg)
 
 
@@ -383,7 +385,7 @@ def _refuse_other_form(frf: FRF, name: str) -> None:
         return
     if (frf.H.imag >= 0).all() and not (phase_evidence(frf).direction > 0).any():
         msg = (
-            f"{name}: no value of its FRFs is negative, so that its columns look like amplitudes: "
+            f"{name}: no value of its FRFs is negative, so its columns look like amplitudes: "
             f"{WITHOUT_PHASE}; "
             'form = "re-im" reads them as real and imaginary parts'
         )
@@ -438,14 +440,14 @@ def match(
             if rest:
                 notes.append(
                     f"{r.name}: the {word} {', '.join(rest[:8])}{' …' if len(rest) > 8 else ''} "
-                    "belong to nothing in the study and are not used"
+                    "match no sensor or excitation of the study and are not used"
                 )
         frf = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
         sign = np.outer([s for _, _, s in rows], [s for _, _, s in columns])
         for c, label, s in (*rows, *columns):
             if s < 0:
                 notes.append(
-                    f"{r.name}: channel {label} is turned round, for {c.sensor.name} points the other way"
+                    f"{r.name}: channel {label} is multiplied by -1, because {c.sensor.name} has the opposite direction"
                 )
         names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
         H = _in_convention(frf, [c for c, _, _ in rows], [c for c, _, _ in columns])
@@ -488,7 +490,7 @@ def _in_convention(frf: FRF, rows: Sequence[Channel], columns: Sequence[Channel]
         power = 0 if own is None else frf.kind.derivatives - own.derivatives
         if power < 0 and frf.frequency[0] == 0:
             c.table.refuse(
-                "kind", f"a line at 0 Hz cannot be made {frf.kind} from {own}; leave it out with band"
+                "kind", f"the line at 0 Hz cannot be converted from {own} to {frf.kind}; exclude it with band"
             )
         if power:
             H[:, i] *= ((1j * frf.omega) ** power)[:, None]

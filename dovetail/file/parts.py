@@ -91,7 +91,7 @@ def _polygon(t: Table, label: str) -> Section:
     outlines = [t.get("outer"), *t.get("holes", [])]
     for key in ("A", "Iy", "Iz"):
         if key in t:
-            t.refuse(key, "the polygon has it already; leave it out, or leave out the shape")
+            t.refuse(key, "the polygon already defines it; leave out either this key or the shape")
     with t.at("outer"):
         try:
             outer, *holes = (np.array(outline, dtype=float) for outline in outlines)
@@ -260,7 +260,7 @@ def read_supports(top: Table, geometry: Geometry) -> tuple[Support, ...]:
         fixed = t.directions("fixed", "all")
         if not fixed:
             t.refuse(
-                "fixed", "no direction is held; name some of x y z rx ry rz, all, translations, rotations"
+                "fixed", "no direction is fixed; name some of x y z rx ry rz, all, translations, rotations"
             )
         t.finish()
         out.append(Support(name=name, point=point, fixed=fixed))

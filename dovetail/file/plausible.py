@@ -35,7 +35,7 @@ def implausible(top: Table, model: Model, max_frequency: float) -> tuple[str, ..
 
 def _with_remedy(s: Suspicion, tree: Tree) -> str:
     of_file = s.place == ("mesh",) and "file" in tree.get("mesh", {})
-    return f"{s.message} ([mesh] scale = 0.001 makes mm of a file metres)" if of_file else s.message
+    return f"{s.message} ([mesh] scale = 0.001 converts a file in mm to metres)" if of_file else s.message
 
 
 def path_of(s: Suspicion, tree: Tree, mesh: Mesh) -> Path:
@@ -132,6 +132,6 @@ def _sensors(tree: Tree) -> Iterator[tuple[Path, str]]:
             if isinstance(mass, int | float) and mass > HEAVIEST_SENSOR:
                 yield (
                     (kind, i, "mass"),
-                    f"a sensor's mass of {mass:g} kg is implausible, accelerometers weigh up to "
+                    f"a sensor's mass of {mass:g} kg is implausible; accelerometers weigh up to "
                     f"{HEAVIEST_SENSOR:g} kg; is it in grams ({mass / 1000:g} kg)?",
                 )

@@ -188,7 +188,7 @@ def suspicions(
             continue
         text = _axis_words(c, beside) or _size_words(c.measurement.frf, beside, e)
         if text:
-            out.append(f"the FRFs of {r.name} {text}; check_units = false silences this")
+            out.append(f"the FRFs of {r.name} {text}; check_units = false switches this check off")
     return out
 
 
@@ -207,9 +207,9 @@ def _axis_words(comparison: LazyComparison, beside: BesideModel) -> str:
     f = comparison.measurement.frf.frequency
     return (
         f"fit the model better if their frequencies, {f[0]:.4g} to {f[-1]:.4g}, are in {name} (median misfit "
-        f"of the amplitudes {20 * best:.2g} dB for {20 * beside.misfit:.2g} dB in Hz): either the file has "
-        f'another unit, which frequency_unit = "{name}" converts, or the model\'s natural frequencies are '
-        "off by as much"
+        f"of the amplitudes {20 * best:.2g} dB; in Hz {20 * beside.misfit:.2g} dB): either they are in "
+        f'{name}, and frequency_unit = "{name}" converts them, or the model\'s natural frequencies are wrong '
+        "by this factor"
     )
 
 
@@ -242,7 +242,7 @@ def _size_words(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -
     distance, suspect, words = min((abs(level - np.log10(f)), f, words) for f, words in SUSPECTS)
     data = "their unit is wrong"
     if distance < np.log10(SUSPECT_FACTOR):
-        data = f"they are {words} (scale = {1 / suspect:.6g} sets that right)"
+        data = f"they are {words} (scale = {1 / suspect:.6g} corrects that)"
     off = f"{max(factor, 1 / factor):.3g} times too {'light and soft' if factor < 1 else 'heavy and stiff'}"
     return (
         f"are {factor:.3g} times the model's (median over {x.size} lines): either {data}, or the model is as "

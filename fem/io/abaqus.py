@@ -79,10 +79,10 @@ class _Reader:
             for block in self.deck.blocks():
                 self._block(block)
         if self.deck.loose:
-            self.notes.append(f"{self.deck.loose} lines before the first keyword left out")
+            self.notes.append(f"{self.deck.loose} lines before the first keyword are left out")
         for remedy, found in self.named.items():
             self.notes += [f"{words}; {remedy}" for words in left_out_sentence("left out", found)]
-        self.notes += left_out_sentence("left out, as not known here", self.unknown)
+        self.notes += left_out_sentence("left out, because their meaning is not known", self.unknown)
         return Assembly(self.path.name, self.outside, self.parts, self.instances, self.notes, self.budget)
 
     def _block(self, block: Block) -> None:
@@ -98,8 +98,8 @@ class _Reader:
                 raise MeshError(msg) from reason
         elif block.keyword in REFUSED:
             msg = (
-                f"{block.place}: *{block.name} {REFUSED[block.keyword]}, which is not read; write the nodes "
-                "where they belong, or take the keyword out"
+                f"{block.place}: *{block.name} {REFUSED[block.keyword]}, which is not supported; write the "
+                "nodes and elements of the final mesh into this file, and delete the keyword"
             )
             raise MeshError(msg)
         elif block.keyword in SECTIONS:
@@ -125,7 +125,10 @@ class _Reader:
     def _begin_part(self, block: Block) -> None:
         name = block.option("NAME", "NAME=")
         if name in self.parts:
-            msg = f"{block.place}: the part {name} begins again; it has begun at {self.parts[name].place}"
+            msg = (
+                f"{block.place}: the part {name} is defined a second time, after {self.parts[name].place}; "
+                "give it another name"
+            )
             raise MeshError(msg)
         self.part = self.parts[name] = Part(name, block.place)
 
@@ -133,7 +136,10 @@ class _Reader:
         name = block.option("NAME", "NAME=")
         if name in self.instances:
             before = self.instances[name].place
-            msg = f"{block.place}: the instance {name} begins again; it has begun at {before}"
+            msg = (
+                f"{block.place}: the instance {name} is defined a second time, after {before}; give it "
+                "another name"
+            )
             raise MeshError(msg)
         data = [[real(c) for c in cells] for _, cells in block.rows()]
         turn, shift = generate.shift_and_turn(data)
@@ -306,7 +312,7 @@ def _element_rows(
             more_words = ", or one more for its orientation" if more else ""
             msg = (
                 f"{rows.place(at[row])}: element {values[0] if values else '?'} of type {kind} has "
-                f"{max(len(values) - 1, 0)} nodes of {count}{more_words}"
+                f"{max(len(values) - 1, 0)} node(s), and {count} are expected{more_words}"
             )
             raise MeshError(msg)
         nodes[row, :count] = values[1 : count + 1]
@@ -318,7 +324,7 @@ def _positive(nodes: NDArray[np.int64], count: int, rows: Rows, at: Sequence[int
     bad = np.flatnonzero((nodes[:, :count] < 1).any(axis=1))
     if bad.size:
         least = nodes[bad[0], :count].min()
-        msg = f"{rows.place(at[bad[0]])}: an element has node {least}; numbers begin with 1"
+        msg = f"{rows.place(at[bad[0]])}: an element refers to node {least}; node numbers begin with 1"
         raise MeshError(msg)
     return nodes
 
@@ -344,7 +350,7 @@ def _span(cells: list[str], place: str) -> tuple[int, int, int]:
         msg = f"{place}: first, last and step of a range are expected ({reason})"
         raise MeshError(msg) from reason
     if last < first or step < 1:
-        msg = f"{place}: the range {first} to {last} in steps of {step} has nothing in it"
+        msg = f"{place}: the range {first} to {last} in steps of {step} is empty"
         raise MeshError(msg)
     return first, last, step
 

@@ -132,14 +132,18 @@ class Assembly:
         for name, instance in self.instances.items():
             part = self.parts.get(instance.part)
             if part is None:
-                msg = f"{instance.place}: instance {name} refers to part {instance.part}, which is not there"
+                msg = (
+                    f"{instance.place}: instance {name} refers to part {instance.part}, which the file lacks"
+                )
                 raise MeshError(msg)
             owners[name] = (instance, [instance.own, part])
         used = {instance.part for instance in self.instances.values()}
         if not self.instances:
             owners |= {name: (Instance(name, name), [part]) for name, part in self.parts.items()}
             if self.parts:
-                self.notes.append("there are no instances, so each part is read once, where its nodes are")
+                self.notes.append(
+                    "the file has no *INSTANCE, so each part is read once, at its own coordinates"
+                )
         elif lost := [name for name, part in self.parts.items() if name not in used and not part.empty()]:
             self.notes.append(f"parts without an instance left out: {named(lost)}")
         owners[""] = (Instance("", ""), [self.outside])
@@ -175,7 +179,9 @@ class Assembly:
         )
         if same.any():
             row = int(np.flatnonzero(same)[0])
-            msg = f"{elements[2](row)}: element {elements[0][row]} joins a node with itself"
+            msg = (
+                f"{elements[2](row)}: element {elements[0][row]} joins a node with itself; give it two nodes"
+            )
             raise MeshError(msg)
         self._points.append(nodes[1] @ instance.turn.T + instance.shift if instance.place else nodes[1])
         self._lines.append(chains)
@@ -264,4 +270,4 @@ def _unknown(unknown: dict[str, dict[str, None]]) -> list[str]:
     found = [f"{place} names {named(list(what))}" for place, what in list(unknown.items())[:MOST_SETS_NAMED]]
     more = len(unknown) - len(found)
     rest = f"; {more} more lines of sets likewise" if more else ""
-    return [f"sets name members that the file does not have: {'; '.join(found)}{rest}"]
+    return [f"sets name members that the file does not have, which are ignored: {'; '.join(found)}{rest}"]

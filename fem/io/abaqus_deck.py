@@ -151,8 +151,8 @@ class Deck:
         key = next((k for k, text in enumerate(rows.texts) if text.lstrip()[:1] == "*"), None)
         if key is not None:
             msg = (
-                f"{rows.place(key)}: {rows.texts[key].strip()[:40]} in a file that {block.place} takes data "
-                f"lines from; take it in with *INCLUDE instead of INPUT="
+                f"{rows.place(key)}: {rows.texts[key].strip()[:40]} is in a file that {block.place} reads "
+                "with INPUT=, where only data lines are allowed; use *INCLUDE for this file"
             )
             raise MeshError(msg)
         return rows
@@ -239,10 +239,10 @@ def check_options(block: Block) -> None:
     for key, value in block.options.items():
         found = [key] if key in allowed else [name for name in sorted(allowed) if name.startswith(key)]
         if len(found) != 1:
-            why = f"may be {' or '.join(found)}" if found else "is not read"
+            why = f"may be {' or '.join(found)}" if found else "is not supported"
             msg = (
                 f"{block.place}: *{block.name} has the parameter {key[:40]}, which {why}; "
-                f"read are {', '.join(sorted(allowed)) or 'none'}"
+                f"supported are {', '.join(sorted(allowed)) or 'none'}"
             )
             raise MeshError(msg)
         options[found[0]] = value

@@ -28,7 +28,7 @@ def rotation(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
     axis = np.asarray(axis, dtype=float)
     length = float(np.linalg.norm(axis))
     if not length > 0:
-        msg = "its two points of an axis are one"
+        msg = "the two points of its axis coincide"
         raise ValueError(msg)
     x, y, z = axis / length
     S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -53,7 +53,7 @@ def from_polar(kind: str, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         phi = np.deg2rad(xyz[..., 2])
         flat = r * np.cos(phi)
         return np.stack([flat * np.cos(theta), flat * np.sin(theta), r * np.sin(phi)], axis=-1)
-    msg = f"SYSTEM={kind} is not read; R, C and S are"
+    msg = f"SYSTEM={kind} is not allowed; R, C and S are"
     raise ValueError(msg)
 
 
@@ -74,7 +74,10 @@ def system_of(block: Block) -> tuple[NDArray[np.float64], NDArray[np.float64]] |
     place, first = data[0]
     second = data[1][1] if len(data) > 1 else []
     if len(data) > 2 or len(first) > 6 or len(second) > 3:
-        msg = f"{place}: *SYSTEM has more than six and three numbers; points a and b, then c, are expected"
+        msg = (
+            f"{place}: *SYSTEM has too many numbers; up to six are allowed on its first line (points a and "
+            "b) and three on its second (point c)"
+        )
         raise MeshError(msg)
     a = np.array([*first[:3], 0.0, 0.0, 0.0][:3])
     if len(first) <= 3 and not second:
@@ -87,7 +90,7 @@ def system_of(block: Block) -> tuple[NDArray[np.float64], NDArray[np.float64]] |
         x = x * [1.0, 1.0, 0.0]
     lengths = np.linalg.norm(x), np.linalg.norm(z)
     if not min(lengths) > 1e-9 * max(*lengths, float(np.linalg.norm(x)) ** 2):
-        msg = f"{place}: *SYSTEM gives no axes: its points are on one line, or two of them are one"
+        msg = f"{place}: *SYSTEM defines no axes: its points lie on one line, or two of them coincide"
         raise MeshError(msg)
     x, z = x / lengths[0], z / lengths[1]
     return np.stack([x, np.cross(z, x), z]), a
@@ -138,7 +141,10 @@ def _at(place: str) -> tuple[int, str]:
 def _intervals(first: int, last: int, step: int, place: str) -> int:
     n, rest = divmod(abs(last - first), abs(step)) if step else (0, 1)
     if rest or n < 1:
-        msg = f"{place}: *NGEN goes from {first} to {last} in steps of {step}, which does not divide them"
+        msg = (
+            f"{place}: *NGEN runs from node {first} to {last} in steps of {step}; the step must divide the "
+            "difference"
+        )
         raise MeshError(msg)
     return n
 
@@ -172,12 +178,15 @@ def _arc(
     u, v = a - centre, b - centre
     r1, r2 = np.linalg.norm(u), np.linalg.norm(v)
     if not min(r1, r2) > 0 or abs(r1 - r2) > _SAME_CIRCLE * max(r1, r2):
-        msg = f"{place}: *NGEN, LINE=C has ends {r1:g} and {r2:g} from the centre, not on one circle"
+        msg = (
+            f"{place}: *NGEN, LINE=C has ends at distances of {r1:g} and {r2:g} from the centre; they must "
+            "be equal"
+        )
         raise MeshError(msg)
     if normal.any():
         n = normal / np.linalg.norm(normal)
         if max(abs(n @ u), abs(n @ v)) > _SAME_CIRCLE * r1:
-            msg = f"{place}: *NGEN, LINE=C has a normal that is not normal to the plane of its nodes"
+            msg = f"{place}: *NGEN, LINE=C has a normal that is not square to the plane of its nodes"
             raise MeshError(msg)
         angle = np.arctan2(n @ np.cross(u, v), u @ v)
         angle = angle + 2 * np.pi if angle <= 1e-9 else angle
@@ -324,14 +333,14 @@ def _copy_elements(
     nodes = part.elements.values(rows)
     moved = nodes + steps[is_line, None]
     if ((moved < 1) & (nodes > 0)).any():
-        msg = f"{place}: a copy of an element has node {moved[nodes > 0].min()}; numbers begin with 1"
+        msg = f"{place}: a copied element has node {moved[nodes > 0].min()}; node numbers begin with 1"
         raise MeshError(msg)
     part.elements.add(new[is_line], np.where(nodes < 0, -1, moved), *_at(place))
     kinds: dict[str, list[int]] = {}
     for number, copy in zip(old[~is_line].tolist(), new[~is_line].tolist(), strict=True):
         kind = part.kind_of_skipped(number)
         if kind is None:
-            msg = f"{place}: it copies element {number}, which is not defined before"
+            msg = f"{place}: element {number} is to be copied, but is not defined before this line"
             raise MeshError(msg)
         kinds.setdefault(kind, []).append(copy)
     line, file = _at(place)
@@ -381,7 +390,7 @@ def members_so_far(part: Part, keyword: str, cell: str, place: str, budget: Budg
             parts.append(np.arange(first, last + 1, step))
         else:
             msg = (
-                f"{place}: the set {name_of(cell)[:40]} takes in {entry.name[:40] or 'an instance'} "
+                f"{place}: the set {name_of(cell)[:40]} includes {entry.name[:40] or 'an instance'} "
                 f"({entry.place}), which is not known there"
             )
             raise MeshError(msg)

@@ -49,8 +49,8 @@ class Table:
         bad = np.flatnonzero((numbers < 1) | (numbers > LARGEST))
         if bad.size:
             msg = (
-                f"{file}: line {lines[bad[0]]}: {self.word} number {numbers[bad[0]]} is not possible; "
-                f"numbers are 1 to {LARGEST}"
+                f"{file}: line {lines[bad[0]]}: {self.word} number {numbers[bad[0]]} is not allowed; "
+                f"numbers run from 1 to {LARGEST}"
             )
             raise MeshError(msg)
         if stop > len(self._numbers):

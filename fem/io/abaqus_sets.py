@@ -73,7 +73,7 @@ class Sets:
             return False
         self.copied += len(found.entries)
         if self.copied > MOST_ENTRIES:
-            msg = f"{place}: sets take in more than {MOST_ENTRIES} lines of other sets"
+            msg = f"{place}: sets include more than {MOST_ENTRIES} lines of other sets; nest fewer of them"
             raise MeshError(msg)
         self.open(name).entries.update(found.entries)
         return True

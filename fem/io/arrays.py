@@ -68,7 +68,7 @@ def read_npz(path: str | os.PathLike[str], kind: FRFKind | str | None = None) ->
     frequency, H = (_required(arrays, key, name, "frequency and H") for key in ("frequency", "H"))
     given = str(typed(arrays, "kind", name, "text", 0)) if "kind" in arrays else kind
     if given is None:
-        msg = f"{name}: it does not say the kind of the FRFs; give kind= {', '.join(FRFKind)}"
+        msg = f"{name}: it does not say the kind of its FRFs; give kind, one of {', '.join(FRFKind)}"
         raise TableError(msg)
     outputs, inputs = (
         tuple(typed(arrays, key, name, "text", 1).tolist()) if key in arrays else None
@@ -234,7 +234,10 @@ def write_csv(path: str | os.PathLike[str], frf: FRF) -> None:
     """
     bad = next((name for name in frf.inputs if "/" in name), None)
     if bad is not None:
-        msg = f"the force label '{bad}' has a slash, which parts response and force in the header; rename it"
+        msg = (
+            f"the force label '{bad}' has a slash, which separates response and force in the header; rename "
+            "it"
+        )
         raise TableError(msg)
     pairs = [(i, j) for j in range(len(frf.inputs)) for i in range(len(frf.outputs))]
     head = ["frequency_Hz"]
@@ -295,7 +298,7 @@ def read_csv(
     table = _Table(Path(path), delimiter, header)
     stated = table.stated_kind or kind
     if stated is None:
-        msg = f"{table.name}: it does not say the kind of the FRFs; give kind= {', '.join(FRFKind)}"
+        msg = f"{table.name}: it does not say the kind of its FRFs; give kind, one of {', '.join(FRFKind)}"
         raise TableError(msg)
     frequency, values = table.numbers(form)
     outputs, inputs, order = _labels(table, values.shape[1], outputs, inputs)
@@ -416,7 +419,8 @@ def _labels(
         where = {pair: k for k, pair in enumerate(pairs)}
         missing = [f"{o}/{i}" for i in inputs for o in outputs if (o, i) not in where]
         if missing or len(where) < n:
-            what = f"lacks {', '.join(missing[:5])}" if missing else "names an FRF twice"
+            twice = next((f"{o}/{i}" for o, i in pairs if pairs.count((o, i)) > 1), "")
+            what = f"lacks {', '.join(missing[:5])}" if missing else f"names {twice} twice"
             msg = f"{table.name}: the header {what}; each response to each force is expected once"
             raise TableError(msg)
         return list(outputs), list(inputs), [where[o, i] for i in inputs for o in outputs]
@@ -426,7 +430,10 @@ def _labels(
         list(outputs) if outputs is not None else [f"out{k + 1}" for k in range(n // max(1, len(inputs)))]
     )
     if len(outputs) * len(inputs) != n:
-        msg = f"{table.name}: {n} FRFs for {len(outputs)} responses and {len(inputs)} forces"
+        msg = (
+            f"{table.name}: it has {n} FRFs for {len(outputs)} responses and {len(inputs)} forces; "
+            f"{len(outputs) * len(inputs)} are expected"
+        )
         raise TableError(msg)
     return outputs, inputs, list(range(n))
 

@@ -26,7 +26,7 @@ class WriteError(OSError):
 
     # A subclass of OSError with arguments of its own would be turned into one of its builtin kinds.
     def __init__(self, reason: OSError, target: Path, before: bool, what: str = "file") -> None:
-        kept = f"; the {what} that was there is as it was" if before else ""
+        kept = f"; the {what} that was there before is unchanged" if before else ""
         super().__init__(reason.errno, f"{_cause(reason)}{kept}", str(target))
 
 
@@ -146,4 +146,4 @@ def _named(path: Path, scratch: Path, before: bool) -> Iterator[None]:
 
 def _cause(reason: OSError) -> str:
     # NumPy says "n requested and m written", with no number of an error
-    return reason.strerror or f"it could not be written whole ({reason})"
+    return reason.strerror or f"writing stopped before the end ({reason})"

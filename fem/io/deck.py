@@ -89,18 +89,15 @@ class Files:
         chain = (*parent.chain, parent.path)
         found = next((path for path in self._candidates(name, parent) if _is_file(path)), None)
         if found is None:
-            msg = (
-                f"{place}: the file {_short(name)} that it includes cannot be read: there is none in the "
-                f"folder of {parent.name}"
-            )
+            msg = f"{place}: the included file {_short(name)} does not exist in the folder of {parent.name}"
             raise MeshError(msg)
         resolved = found.resolve()
         if resolved in [path.resolve() for path in chain]:
             loop = " → ".join(path.name for path in (*chain, found))
-            msg = f"{place}: the file {found.name} includes itself ({loop}); take one of the includes out"
+            msg = f"{place}: the file {found.name} includes itself ({loop}); delete one of the include lines"
             raise MeshError(msg)
         if len(chain) > DEEPEST_INCLUDE:
-            msg = f"{place}: files include each other more than {DEEPEST_INCLUDE} deep"
+            msg = f"{place}: included files are nested more than {DEEPEST_INCLUDE} levels deep"
             raise MeshError(msg)
         return self._open(found, chain, found.name, place)
 
@@ -109,7 +106,7 @@ class Files:
         return [folder / n for n in names for folder in (parent.path.parent, self.main.parent)]
 
     def _open(self, path: Path, chain: tuple[Path, ...], name: str, place: str = "") -> DeckFile:
-        where = f"{place}: the file {path.name} that it includes" if place else path.name
+        where = f"{place}: the included file {path.name}" if place else path.name
         try:
             text = path.read_text(encoding="utf-8-sig", errors="replace")
         except (OSError, ValueError) as reason:
@@ -120,8 +117,8 @@ class Files:
         self.read_again += len(text) if self.opened[key] > 1 else 0
         if self.opened.total() > MOST_FILES or self.read_again > MOST_READ_AGAIN:
             msg = (
-                f"{where} makes too much to read: a deck may include {MOST_FILES} files, and "
-                f"{MOST_READ_AGAIN} characters a second time"
+                f"{where} exceeds a limit: a deck may include at most {MOST_FILES} files, and repeat at most "
+                f"{MOST_READ_AGAIN} characters of files that it includes more than once"
             )
             raise MeshError(msg)
         return DeckFile(name, path, chain, text)

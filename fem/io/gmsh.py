@@ -109,7 +109,8 @@ class _Names:
             self.dimensions |= found is not None and found.group(1) is not None
             if found is None:
                 notes.append(
-                    f"line {line}, in $PhysicalNames, is no dimension, tag and name in quotes: {row[:60]}"
+                    f"line {line}, in $PhysicalNames, is left out: '{row[:60]}' is found where a dimension, "
+                    "a tag and a quoted name are expected"
                 )
                 continue
             tag, name = abs(int(found.group(2))), found.group(3).strip() or f"physical {found.group(2)}"
@@ -180,7 +181,7 @@ def _groups_4(
             pairs.append((entity.curve, False, rows))
     if unknown and entities:
         notes.append(
-            f"curves with elements that are not among the entities, so that their groups are not known: "
+            "the groups of these curves are not known, because $Entities does not list them: "
             f"{', '.join(map(str, unknown[:8]))}"
         )
     point_pairs: _Pairs = []

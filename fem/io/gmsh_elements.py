@@ -231,7 +231,9 @@ def read_elements_1_and_2(file: MshFile, left_out: Counter[str]) -> Lines:
     first, count = _records(words, "elements")
     short = count < (5 if file.version == "1" else 3)
     if short.any():
-        words.refuse(f"{count[np.argmax(short)]} numbers are no element", int(first[np.argmax(short)]))
+        words.refuse(
+            f"{count[np.argmax(short)]} number(s) are too few for an element", int(first[np.argmax(short)])
+        )
     v, kind = words.values, words.values[first + 1]
     if file.version == "1":
         group, entity, skip = v[first + 2], v[first + 3], np.full(len(first), 5)

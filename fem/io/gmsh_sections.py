@@ -128,13 +128,17 @@ def _read_header(file: MshFile) -> None:
         if any(s.name == "NOD" for s in file.sections):
             return
         found = ", ".join(f"${s.name}" for s in file.sections[:8]) or "no section at all"
-        msg = f"{file.name}: it is no Gmsh file, which begins with $MeshFormat; it has {found}"
+        msg = f"{file.name}: this is not a Gmsh file; one begins with $MeshFormat, and this one has {found}"
         raise MeshError(msg)
     end = file.data.find(b"\n", section.begin, section.end) + 1 or section.end
     words = file.data[section.begin : end].decode("ascii", errors="replace").split()
     where = f"line {section.line + 1}, in $MeshFormat"
     if len(words) != 3 or words[1] not in ("0", "1") or words[2] not in ("4", "8"):
-        file.refuse(where, f"'{' '.join(words)[:60]}' is not a version, 0 or 1, and a size")
+        file.refuse(
+            where,
+            f"'{' '.join(words)[:60]}' is found where a version, 0 or 1 (text or binary) and a size of 4 "
+            "or 8 are expected",
+        )
     version, binary = words[0], words[1] == "1"
     if version not in ("2", "2.0", "2.1", "2.2", "4", "4.0", "4.1") or (binary and version in ("4", "4.0")):
         form = " binary" if binary else ""

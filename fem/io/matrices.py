@@ -332,7 +332,10 @@ def _matrix_market(path: Path) -> dict[str, Any]:
         file = _part(path, f"{key}.mtx")
         if not file.is_file():
             if key in "KM":
-                msg = f"{file}: there is no such file; '{path.name}' stands for {file.name} and others"
+                msg = (
+                    f"{file}: there is no such file; '{path.name}' is short for one file for each matrix, "
+                    f"such as {file.name}"
+                )
                 raise MatricesError(msg)
             continue
         found[key] = read_matrix_market(file)

@@ -77,7 +77,7 @@ def _sizes(file: Path, line: int, text: str, width: int) -> list[int]:
     words = text.split()
     if len(words) != width or not all(word.isascii() and word.isdigit() and len(word) < 12 for word in words):
         need = "rows, columns and entries" if width == 3 else "rows and columns"
-        _refuse(file, line, f"{text.strip()[:40]!r} stands where the numbers of {need} are expected")
+        _refuse(file, line, f"{text.strip()[:40]!r} is found where the numbers of {need} are expected")
     sizes = [int(word) for word in words]
     if not all(1 <= size <= MOST_ROWS for size in sizes[:2]):
         _refuse(file, line, f"{sizes[0]} rows and {sizes[1]} columns; allowed are 1 to {MOST_ROWS}")
@@ -98,7 +98,7 @@ def _numbers(file: Path, first: int, body: list[str], width: int) -> NDArray[np.
             _refuse(
                 file,
                 first + k,
-                f"{body[k].strip()[:40]!r} stands where {width} finite number(s) are expected",
+                f"{body[k].strip()[:40]!r} is found where {width} finite number(s) are expected",
             )
     return values
 

@@ -73,7 +73,7 @@ def _why(file: Path, reason: BaseException, said: io.StringIO) -> str:
         return f"it needs the package {reason.name}: pip install {reason.name}, or write .vtu"
     text = "" if isinstance(reason, SystemExit) else f"{type(reason).__name__}: {reason}"
     words = " ".join(f"{text} {said.getvalue()}".split()).replace(str(file), file.name)
-    hint = "; .vtu files are read more surely" if file.suffix.lower() == ".vtk" else ""
+    hint = "; saving the mesh as .vtu is more reliable" if file.suffix.lower() == ".vtk" else ""
     return (words[:300] or "meshio gave no reason") + hint
 
 

@@ -106,7 +106,9 @@ class _Reader:
         self._lines(raw, numbers)
         self._name_others(raw)
         for what, (count, first) in self.said.items():
-            raw.notes.append(f"{count} cards with {what} (first: {first}); {_REMEDIES[what]}")
+            raw.notes.append(
+                f"{count} card{'s' if count > 1 else ''} with {what} (first: {first}); {_REMEDIES[what]}"
+            )
         raw.notes = [note.replace(f"{self.path.name}: line ", "line ") for note in raw.notes]
         return raw
 
@@ -119,7 +121,10 @@ class _Reader:
 
     def _run(self, run: Run) -> None:
         if run.name in REFUSED:
-            msg = f"{self.bulk.place(run.first)}: {run.name} is {REFUSED[run.name]}, which is not read"
+            msg = (
+                f"{self.bulk.place(run.first)}: {run.name} ({REFUSED[run.name]}) is not supported; write the "
+                "grid points and elements without it"
+            )
             raise MeshError(msg)
         if run.name not in READ and not (run.name == "=" and not self.skipping):
             self.skipping = True
@@ -147,7 +152,7 @@ class _Reader:
                 words = " ".join(f for f in fields[2:] if f)
                 self.bulk.notes.append(
                     f"{self.bulk.place(first)}: DTI,UNITS says {words[:60]}; coordinates are taken as they "
-                    "are, so give [mesh] scale for what is not in metres"
+                    "are; give [mesh] scale if they are not in metres"
                 )
 
     def _card(self, name: str, fields: list[str], row: int) -> None:
@@ -172,7 +177,10 @@ class _Reader:
         place = self.bulk.place(row)
         before = self.defaults.setdefault(name, (fields, place))
         if before[0] != fields:
-            msg = f"{place}: {name} gives other defaults than the one at {before[1]}; there may be one {name}"
+            msg = (
+                f"{place}: {name} gives other defaults than the one at {before[1]}; only one {name} is "
+                "allowed"
+            )
             raise MeshError(msg)
 
     def _grid_card(self, fields: list[str], row: int) -> None:
@@ -403,14 +411,14 @@ class _Reader:
             raw.notes.append(
                 f"left out: {named(texts)}; {remedy}"
                 if remedy
-                else f"left out, as not known here: {named(texts)}"
+                else f"left out, because their meaning is not known: {named(texts)}"
             )
 
 
 def _number(text: str) -> int:
     number = integer(text)
     if number < 1:
-        msg = f"'{text[:20]}' is not a number from 1 on"
+        msg = f"'{text[:20]}' is not allowed; a number of at least 1 is needed"
         raise ValueError(msg)
     return number
 

@@ -325,7 +325,7 @@ def fields_of(bulk: BulkData, first: int, length: int) -> tuple[str, list[str]]:
             mine = head.strip("+* ")
             if mine and tail and mine != tail:
                 msg = (
-                    f"{bulk.place(k)}: the continuation line {head} stands after a line that goes on "
+                    f"{bulk.place(k)}: the continuation line {head} follows a line that is continued "
                     f"with {tail}; write the lines of a card one after the other"
                 )
                 raise MeshError(msg)
@@ -358,8 +358,8 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
     count = 4 if head.endswith("*") or head.startswith("*") else 8
     if len(cells) > count + 2 and any(cells[count + 2 :]):
         msg = (
-            f"{bulk.place(row)}: this line has {len(cells) - 1} fields; {count} and a label fit on one, so "
-            "go on in a line that begins with a comma"
+            f"{bulk.place(row)}: this line has {len(cells) - 1} fields; at most {count} and a label are "
+            "allowed, so continue on a line that begins with a comma"
         )
         raise MeshError(msg)
     label = cells[count + 1].strip("+* ") if len(cells) > count + 1 else ""
@@ -466,5 +466,5 @@ def _stepped(old: str, step: str, place: str) -> str:
                 raise
             return repr(real(old) + real(step))
     except ValueError as reason:
-        msg = f"{place}: the field '{old[:20]}' cannot go on in steps of '{step[:20]}'"
+        msg = f"{place}: the field '{old[:20]}' cannot be continued in steps of '{step[:20]}'"
         raise MeshError(msg) from reason

@@ -16,12 +16,12 @@ READ: Final = frozenset({"GRID", *DEFAULTS, *SYSTEMS, *LINES})
 """Cards that are applied."""
 
 REFUSED: Final[dict[str, str]] = {
-    "CORD3G": "a coordinate system that is not read",
-    "CORD3R": "a coordinate system that is not read",
-    "CORD3RX": "a coordinate system that is not read",
-    "CORD1RX": "a coordinate system that is not read",
-    "CORD2RX": "a coordinate system that is not read",
-    "GMCORD": "a coordinate system that is not read",
+    "CORD3G": "a coordinate system",
+    "CORD3R": "a coordinate system",
+    "CORD3RX": "a coordinate system",
+    "CORD1RX": "a coordinate system",
+    "CORD2RX": "a coordinate system",
+    "GMCORD": "a coordinate system",
     "GMCURV": "geometry that elements follow",
     "SEBULK": "superelements in parts of their own",
     "SELOC": "a superelement's place",

@@ -75,7 +75,7 @@ class Systems:
                     f"{place}: coordinate system {number} is defined at {old.place} already, and differently"
                 )
                 if number < 1:
-                    msg = f"{place}: coordinate system {number} is not possible; numbers begin with 1"
+                    msg = f"{place}: coordinate system {number} is not allowed; numbers begin with 1"
                 raise MeshError(msg)
 
     def to_basic(self, number: int, xyz: NDArray[np.float64], place: str) -> NDArray[np.float64]:
@@ -142,8 +142,8 @@ class Systems:
         lengths = np.linalg.norm(z), np.linalg.norm(y)
         if not lengths[1] > 1e-9 * lengths[0] * max(float(np.linalg.norm(c - a)), 1e-300):
             msg = (
-                f"{system.place}: coordinate system {number} has no axes: its points are on one line, or "
-                "two of them are one"
+                f"{system.place}: coordinate system {number} has no axes: its points lie on one line, or "
+                "two of them coincide"
             )
             raise MeshError(msg)
         z, y = z / lengths[0], y / lengths[1]

@@ -75,9 +75,7 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
         If there are no lines, or they do not make a mesh.
     """
     if not len(raw.lines):
-        found = (
-            ", ".join([*(f"{n} {name}" for name, n in raw.left_out.items()), *raw.notes]) or "no cells at all"
-        )
+        found = ", ".join([*(f"{n} {name}" for name, n in raw.left_out.items()), *raw.notes]) or "no elements"
         msg = f"{file}: no lines; it has {found}, and a frame needs two-node or three-node lines"
         raise MeshError(msg)
     if not (np.isfinite(scale) and scale > 0):
@@ -227,7 +225,7 @@ def _point_names(sets: Mapping[str, ArrayLike], notes: list[str]) -> dict[str, i
     if empty:
         notes.append(f"point sets without points: {listed(empty)}")
     if twice:
-        notes.append(f"names that two point sets would give stay with the first: {listed(sorted(twice))}")
+        notes.append(f"two point sets give these names, which the first keeps: {listed(sorted(twice))}")
     return names
 
 
@@ -313,11 +311,10 @@ def _used(
     to[used] = np.arange(used.size)
     lost = [name for name, k in names.items() if to[k] < 0]
     if used.size < len(points):
-        named = f", the named {', '.join(lost)} among them" if lost else ""
-        notes.append(
-            f"{len(points) - used.size} points on no line left out and the others renumbered in their "
-            f"order{named}"
-        )
+        n = len(points) - used.size
+        count = f"{n} points on no line are" if n > 1 else "1 point on no line is"
+        named = f"; left out with {'their names' if n > 1 else 'its name'}: {listed(lost)}" if lost else ""
+        notes.append(f"{count} left out, and the others are renumbered in their order{named}")
     return points[used], to[lines], {name: int(to[k]) for name, k in names.items() if to[k] >= 0}
 
 

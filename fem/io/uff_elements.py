@@ -104,8 +104,8 @@ class Elements(Sequence[Element]):
             if replace(a, property=0, material=0) != replace(b, property=0, material=0) or a != b:
                 one, two = sorted((int(self.line[order[k]]), int(self.line[order[k + 1]])))
                 msg = (
-                    f"element {a.number} stands at line {one} and, different, at line {two}; each element "
-                    "needs a number of its own"
+                    f"element {a.number} is defined at line {one} and again, with other nodes or type, at "
+                    f"line {two}; each element needs a number of its own"
                 )
                 raise ValueError(msg)
             kept[order[k + 1]] = False
@@ -253,10 +253,10 @@ def _damage(block: Block) -> str:
             record += 1
         if got != n:
             return (
-                f"element {label} has {n} nodes, and {got} of them before "
-                f"{block.at(min(record, block.n_lines - 1))}, which has something else"
+                f"element {label} announces {n} node(s), but {got} come before "
+                f"{block.at(min(record, block.n_lines - 1))}, which has no more of them"
             )
-    return "its lines are not those of elements"
+    return "its lines do not have the form of elements"
 
 
 def _whole_line(block: Block, record: int) -> list[int] | str:

@@ -93,8 +93,8 @@ def _degrees_of_freedom(block: Block, notes: list[str]) -> tuple[list[int], tupl
         raise ValueError(msg)
     numbers = [k for k in whole_numbers if k is not None]
     notes.append(
-        "names of more than 10 characters shift the columns of response and reference, which are read by "
-        "their blanks"
+        "names of more than 10 characters shift the columns of response and reference, which are "
+        "therefore split at blanks"
     )
     return numbers[:4], (_End(words[4], *numbers[4:6]), _End(words[7], *numbers[6:8]))
 
@@ -371,8 +371,8 @@ class _Twice:
             f"FRF {now.response}/{now.reference} of {was.place} comes again with other values in "
             f"{now.place}{name}"
             + (f", and {n - 1} more FRFs likewise" if n > 1 else "")
-            + f"; {'they are' if n > 1 else 'it is'} kept as a matrix of {'their' if n > 1 else 'its'} own, "
-            "as of another run: leave one out if it is none"
+            + f"; {'they are' if n > 1 else 'it is'} kept as a separate matrix, like that of a second "
+            "run: delete one of the records if there was no second run"
         )
 
 

@@ -106,7 +106,7 @@ class Nodes:
             what = "displacement systems" if np.allclose(xyz[one], xyz[two]) else "positions"
             more = f", and {int(other.sum()) - 1} more nodes likewise" if other.sum() > 1 else ""
             msg = (
-                f"node {numbers[one, 0]} stands at {self._line(one)} and at {self._line(two)} with two "
+                f"node {numbers[one, 0]} is defined at {self._line(one)} and at {self._line(two)} with two "
                 f"{what}, {_triple(xyz[one])} and {_triple(xyz[two])}{more}; each node needs a number of "
                 "its own"
             )

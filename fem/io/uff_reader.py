@@ -227,7 +227,7 @@ class FileReader:
             else:
                 label = " and ".join(f"'{label}'" for label in (f.unit, f.denominator_unit) if label)
                 if not units.is_si:
-                    converted.add(f"not the FRFs, whose unit label '{f.unit}' goes before")
+                    converted.add(f"not the FRFs, whose unit label '{f.unit}' takes precedence")
                 if factor != 1.0:
                     words = f"FRFs with the unit label {label} are multiplied by {factor:.6g} to SI"
                     self.notes.add(words, f"{words} ({f.place})")

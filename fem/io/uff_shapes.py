@@ -149,7 +149,7 @@ def _nodal_values(block: Block, count: int, first: int) -> tuple[NDArray[np.int6
         node = int(labels[counts > 1][0])
         same = values[nodes == node]
         if not (same == same[0]).all():
-            msg = f"node {node} stands in it {len(same)} times, with other values"
+            msg = f"node {node} has values in it {len(same)} times, and they differ"
             raise ValueError(msg)
         _, kept = np.unique(nodes, return_index=True)
         kept.sort()
@@ -177,7 +177,7 @@ def _nodal_values_by_width(
             if not found:
                 break
         if len(row) < count:
-            msg = f"node {nodes[-1]} has {len(row)} values of {count}"
+            msg = f"node {nodes[-1]} has {len(row)} value(s), and {count} are expected"
             raise ValueError(msg)
         rows.append(row)
     if not rows:
@@ -237,9 +237,9 @@ def _check(shape: Shape, file: str) -> None:
     if not shape.values.any():
         n = len(shape.nodes)
         msg = (
-            f"{file}: {shape.name} is zero at {'all ' if n > 1 else ''}{n} node{'s' if n > 1 else ''}, the "
-            f"first node {shape.nodes[0]}; a mode shape has at least one component that is not zero: "
-            "leave it out"
+            f"{file}: {shape.name} is zero at {'all ' if n > 1 else ''}{n} node{'s' if n > 1 else ''} "
+            f"(first: node {shape.nodes[0]}); a mode shape needs at least one component that is not zero: "
+            "delete this mode"
         )
         raise UffError(msg)
 

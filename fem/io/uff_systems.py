@@ -180,7 +180,7 @@ def _unit(vector: NDArray[np.float64], place: str) -> NDArray[np.float64]:
 def _rotation(axes: NDArray[np.float64], place: str) -> NDArray[np.float64]:
     """Return the rotation nearest to axes that have few digits."""
     if np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL_WITHIN or np.linalg.det(axes) < 0:
-        msg = f"whose axes are no three unit vectors at right angles, right-handed ({place})"
+        msg = f"whose axes are not three right-handed unit vectors at right angles ({place})"
         raise ValueError(msg)
     if np.array_equal(axes, np.eye(3)):
         return axes

@@ -93,14 +93,14 @@ class Measurement:
                 raise MeasurementError(msg)
         if self.scatter is not None and (self.scatter < 0).any():
             low = np.nanmin(self.scatter)
-            msg = f"the scatter of '{self.name}' goes down to {low:.3g}; a standard deviation is not negative"
+            msg = f"the scatter of '{self.name}' is as low as {low:.3g}; a standard deviation is at least 0"
             raise MeasurementError(msg)
         if self.averages is not None and self.averages < 1:
             msg = f"'{self.name}' has {self.averages} averages; at least 1 is needed"
             raise MeasurementError(msg)
         if self.coherence is not None and ((self.coherence < 0) | (self.coherence > 1)).any():
             low, high = np.nanmin(self.coherence), np.nanmax(self.coherence)
-            msg = f"the coherence of '{self.name}' goes from {low:.3g} to {high:.3g}; 0 to 1 is allowed"
+            msg = f"the coherence of '{self.name}' runs from {low:.3g} to {high:.3g}; 0 to 1 is allowed"
             raise MeasurementError(msg)
         for word, have, want in (
             ("responses", self.frf.outputs, self.sensors),

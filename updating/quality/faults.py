@@ -142,7 +142,7 @@ def set_right(measurement: Measurement, faults: Sequence[Fault]) -> Measurement:
     )
     kept = [s.name for k, s in enumerate(new.sensors) if right.mask[:, k].any()]
     if not kept:
-        msg = f"every sensor of '{measurement.name}' is said to sit at a wrong place; nothing is left"
+        msg = f"[[faults]] puts every sensor of '{measurement.name}' at a wrong place; one at least is needed"
         raise MeasurementError(msg)
     return new if len(kept) == len(new.sensors) else new.with_frf(new.frf.select(outputs=kept))
 

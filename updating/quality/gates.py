@@ -157,7 +157,7 @@ class Gates:
         return levels + tuple(
             f"the FRFs between {r.first} and {r.second} differ by {r.error_db:.2g} dB from one direction to "
             f"the other, and noise explains {r.noise_db:.2g} dB: a sensor or force is not as stated, or "
-            "something turns (gyroscopic effects are not reciprocal)"
+            "a part of the structure rotates (gyroscopic effects are not reciprocal)"
             for r in self.reciprocity
             if r.violated
         )
@@ -219,7 +219,8 @@ def _checks(
     noise = f"{gates.noise_db:.2f} dB, from {source}; {100 * share:.0f} % of the values count"
     out = [Check("noise", PASSED if share > 0.5 else FAILED, noise), phase_check(data.measurement)]
     if np.isfinite(gates.discretisation_db):
-        mesh = f"halving every element changes the FRFs by {gates.discretisation_db:.2f} dB: noise to a fit"
+        change = gates.discretisation_db
+        mesh = f"halving every element changes the FRFs by {change:.2f} dB, which a fit counts as noise"
         fine = gates.discretisation_db < max(gates.noise_db, LEAST_DIFFERENCE_DB)
         out.append(Check("mesh", PASSED if fine else FAILED, mesh if fine else f"{mesh}: refine the mesh"))
     out.append(_fault_check(gates, faults, ()))
@@ -281,7 +282,7 @@ def _fault_check(gates: Gates, faults: Sequence[Fault], withdrawn: Sequence[Faul
         few = f"{len(gates.sensors)} sensors cannot check one another; three are needed"
         return Check("sensors and forces", NOT_RUN, few)
     agree = (
-        "each sensor reads what the others say of the motion at its place; largest over median misfit "
+        "each sensor agrees with the motion that the others imply at its place; largest over median misfit "
         f"{gates.misfit_ratio:.2g} ({gates.worst_sensor})"
     )
     return Check("sensors and forces", PASSED, agree)
