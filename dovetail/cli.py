@@ -99,7 +99,9 @@ def _without_stdout(reason: BaseException) -> int:
 def _one_line(reason: BaseException) -> str:
     if isinstance(reason, OSError) and reason.filename is not None:
         return f"{reason.filename}: {reason.strerror}"
-    return "; ".join(line.strip() for line in str(reason).splitlines() if line.strip())
+    text = "; ".join(line.strip() for line in str(reason).split("\n") if line.strip())
+    # a name from a file may hold control characters, which a terminal would obey and not show
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
@@ -143,7 +145,7 @@ def build_parser() -> argparse.ArgumentParser:
     p = command(
         "check",
         commands.check,
-        "name what is probably not meant in the model: loose parts, crossings, mechanisms",
+        "list probable faults of the model: loose parts, crossings, mechanisms",
         "dovetail check study.toml --picture faults.png",
     )
     p.add_argument(

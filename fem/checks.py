@@ -29,7 +29,7 @@ Pairs = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fault:
-    """Something that is probably not meant.
+    """A probable mistake in a model.
 
     Attributes
     ----------

@@ -95,7 +95,7 @@ DENSITY_UNITS = (
 
 @dataclass(frozen=True, slots=True)
 class Suspicion:
-    """A value that is probably not meant.
+    """A value that is probably a mistake.
 
     Attributes
     ----------

@@ -87,7 +87,7 @@ def new(options: Options, progress: Progress) -> None:
 
 
 def check(options: Options, progress: Progress) -> None:
-    """Print what is probably not meant in the model; draw where it is."""
+    """Print probable faults of the model; draw where they are."""
     if options.picture is not None and options.picture.suffix.lower() != ".png":
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
@@ -126,7 +126,7 @@ def check(options: Options, progress: Progress) -> None:
         f"{study.name}: {mesh.n_points} points, {mesh.n_lines} elements, {len(mesh.members)} members",
         *(f"  {f.kind}: {f.message}" for f in faults),
         f"{len(faults)} fault(s) found" if faults else "no faults found",
-        *_read(study),
+        *mesh_notes(study),
     )
 
 
@@ -176,13 +176,13 @@ def modes(options: Options, progress: Progress) -> None:
         f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates",
         " mode  frequency Hz  damping %",
         *rows,
-        *_read(study),
+        *mesh_notes(study),
         *(
             [f"the model has {found.n_modes} modes in all"]
             if options.max is None and options.number and found.n_modes < found.n_rigid + options.number
             else []
         ),
-        *_assumed(study),
+        *assumed(study),
     )
 
 
@@ -194,7 +194,8 @@ def _read(study: Study) -> list[str]:
     ]
 
 
-def _assumed(study: Study) -> list[str]:
+def assumed(study: Study) -> list[str]:
+    """Return lines with what was assumed, converted or left out while the study was read."""
     return (
         ["", "notes and assumptions:", *(f"  - {text}" for text in study.assumptions)]
         if study.assumptions

@@ -447,7 +447,8 @@ def match(
         for c, label, s in (*rows, *columns):
             if s < 0:
                 notes.append(
-                    f"{r.name}: channel {label} is multiplied by -1, because {c.sensor.name} has the opposite direction"
+                    f"{r.name}: channel {label} is multiplied by -1, because {c.sensor.name} has the "
+                    "opposite direction"
                 )
         names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
         H = _in_convention(frf, [c for c, _, _ in rows], [c for c, _, _ in columns])

@@ -120,8 +120,8 @@ def note_shear_centres(members: Mapping[str, MemberProperties]) -> list[str]:
             out.setdefault(
                 member.section.label,
                 f"section {member.section.label} (member '{name}' …) has its shear centre "
-                f"{np.hypot(y, z):.3g} m from its centroid; it is taken to twist about the centroid, so that "
-                "bending and torsion are not coupled",
+                f"{np.hypot(y, z):.3g} m from its centroid; it is assumed to twist about the centroid, "
+                "so that bending and torsion are not coupled",
             )
     return list(out.values())
 

@@ -91,7 +91,7 @@ def with_values(text: str, changes: Mapping[Path, Any]) -> str:
         elif len(table) == 1 and table[0] not in tomllib.loads(text):
             end += "\n" + toml_table(f"[{toml_key(str(table[0]))}]", values)
         else:
-            msg = f"{'.'.join(map(str, table))} is written in a form that takes no new key; write it as a [table]"
+            msg = f"{'.'.join(map(str, table))} takes no new key in this form; write it as a [table]"
             raise ValueError(msg)
     for first, last, new in sorted(splices, key=lambda s: s[:2], reverse=True):
         text = text[:first] + new + text[last:]
