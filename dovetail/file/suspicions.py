@@ -208,8 +208,8 @@ def _axis_words(comparison: LazyComparison, beside: BesideModel) -> str:
     return (
         f"fit the model better if their frequencies, {f[0]:.4g} to {f[-1]:.4g}, are in {name} (median misfit "
         f"of the amplitudes {20 * best:.2g} dB; in Hz {20 * beside.misfit:.2g} dB): either they are in "
-        f'{name}, and frequency_unit = "{name}" converts them, or the model\'s natural frequencies are wrong '
-        "by this factor"
+        f'{name}, and frequency_unit = "{name}" converts them, or the model\'s natural frequencies are off '
+        f"by a factor of {FREQUENCY_UNITS[name]:.4g}"
     )
 
 

@@ -653,7 +653,7 @@ def _faults(result: RunResult) -> Markup:
         return section(
             "Faults of the measurement",
             paragraph(
-                "None was found: what each sensor reads agrees with what the others say of the motion at its "
+                "None was found: what each sensor reads agrees with the motion that the others imply at its "
                 "place, and signs and levels of the forces agree."
             ),
         )

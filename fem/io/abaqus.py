@@ -312,7 +312,7 @@ def _element_rows(
             more_words = ", or one more for its orientation" if more else ""
             msg = (
                 f"{rows.place(at[row])}: element {values[0] if values else '?'} of type {kind} has "
-                f"{max(len(values) - 1, 0)} node(s), and {count} are expected{more_words}"
+                f"{max(len(values) - 1, 0)} node(s); {count} are expected{more_words}"
             )
             raise MeshError(msg)
         nodes[row, :count] = values[1 : count + 1]

@@ -89,7 +89,10 @@ class Files:
         chain = (*parent.chain, parent.path)
         found = next((path for path in self._candidates(name, parent) if _is_file(path)), None)
         if found is None:
-            msg = f"{place}: the included file {_short(name)} does not exist in the folder of {parent.name}"
+            msg = (
+                f"{place}: the included file {_short(name)} cannot be read: the folder of {parent.name} has "
+                "none"
+            )
             raise MeshError(msg)
         resolved = found.resolve()
         if resolved in [path.resolve() for path in chain]:

@@ -207,10 +207,10 @@ class FileReader:
 
     def _say_units(self, units: Units, converted: set[str]) -> None:
         words = (
-            f"its units ('{units.description}', dataset 164) are not SI: lengths are divided by "
+            f"dataset 164 ('{units.description}') has unit factors other than 1: lengths are divided by "
             f"{units.length:g} and forces by {units.force:g} in "
         )
-        self.notes.add("units", words + "; ".join(sorted(converted)))
+        self.notes.add("units", words + ", ".join(sorted(converted)))
         if "coordinates" in converted:
             self.mesh_notes.add("units", f"{words}coordinates")
 
@@ -227,7 +227,10 @@ class FileReader:
             else:
                 label = " and ".join(f"'{label}'" for label in (f.unit, f.denominator_unit) if label)
                 if not units.is_si:
-                    converted.add(f"not the FRFs, whose unit label '{f.unit}' takes precedence")
+                    self.notes.add(
+                        "labels before units",
+                        f"the unit label '{f.unit}' of FRFs takes precedence over dataset 164 ({f.place})",
+                    )
                 if factor != 1.0:
                     words = f"FRFs with the unit label {label} are multiplied by {factor:.6g} to SI"
                     self.notes.add(words, f"{words} ({f.place})")

@@ -231,5 +231,5 @@ def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -
     response = 1.0 if turned else units.length
     reference = units.force * (units.length if moment else 1.0)
     factor = (motion or 1 / response) / (force or 1 / reference)
-    words = f"the unit label {' and '.join(unknown)} is not known for a {kind} and is ignored"
+    words = f"the unit label {' and '.join(unknown)} is not known for FRFs of kind {kind} and is ignored"
     return factor, reference / response, words if unknown and labels else ""

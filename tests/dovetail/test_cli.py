@@ -89,7 +89,7 @@ point = [0, 0, 0]
 
 def test_check_of_a_sound_model(portal, capsys):
     assert main(["check", str(portal)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "nothing found that is probably not meant"
+    assert capsys.readouterr().out.splitlines()[-1] == "no faults found"
 
 
 @pytest.mark.usefixtures("offscreen")

@@ -344,14 +344,19 @@ def test_commands_of_the_model_need_no_measurement(tmp_path, computed, capsys, c
     assert main([command, str(path)]) == 0
     after = capsys.readouterr()
     assert after.out.split("assumed")[0].splitlines()[1 : 1 + len(before)] == before
-    assert ("warning: left out, and not needed here: " in after.err) == (case != "conjugated")
+    assert ("warning: left out, because this command does not need it: " in after.err) == (
+        case != "conjugated"
+    )
 
 
 def test_frf_needs_sensors_and_no_measurement(tmp_path, capsys):
     path, out = tmp_path / "study.toml", tmp_path / "out.npz"
     path.write_text(STUDY + '[[measurements]]\nfile = "none.npz"\n', encoding="utf-8")
     assert main(["frf", str(path), "--out", str(out)]) == 0
-    assert "warning: left out, and not needed here: study.toml, line 43" in capsys.readouterr().err
+    assert (
+        "warning: left out, because this command does not need it: study.toml, line 43"
+        in capsys.readouterr().err
+    )
     assert read_npz(out).outputs == ("low", "mid", "top")
     path.write_text(STUDY.replace("[0.0, 0.0, 0.8]", "[9, 9, 9]"), encoding="utf-8")
     assert main(["frf", str(path), "--out", str(out)]) == 2

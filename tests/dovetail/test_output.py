@@ -189,10 +189,10 @@ def test_a_result_folder_that_holds_an_input_is_refused(tmp_path):
 
 def test_two_outputs_at_one_place_are_refused(tmp_path):
     one, two = Output("--json", tmp_path / "a"), Output("--out", tmp_path / "." / "a")
-    with pytest.raises(OutputError, match="are one place"):
+    with pytest.raises(OutputError, match="are the same place"):
         check_outputs((), one, two)
     folder, file = Output("--out", tmp_path, ("result.json",)), Output("--json", tmp_path / "result.json")
-    with pytest.raises(OutputError, match="are one place"):
+    with pytest.raises(OutputError, match="are the same place"):
         check_outputs((), folder, file)
     check_outputs((), Output("--json", Path("/dev/null")), Output("--out", Path("/dev/null")))
     check_outputs((), Output("--json", Path("-")), Output("--out", Path("-")))
@@ -215,7 +215,7 @@ def test_commands_refuse_before_they_compute(tmp_path, capsys, command):
 def test_a_study_that_is_there_is_not_started_anew(tmp_path, capsys):
     (tmp_path / "study.toml").write_text("my own work", encoding="utf-8")
     assert main(["new", str(tmp_path), "--force"]) == 2
-    assert "study.toml is there, and would be overwritten" in capsys.readouterr().err
+    assert "study.toml exists and would be overwritten" in capsys.readouterr().err
     assert (tmp_path / "study.toml").read_text(encoding="utf-8") == "my own work"
 
 
@@ -298,7 +298,9 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
     with pytest.raises(WriteError) as caught, replacing(file):
         no_space()
     assert caught.value.filename == str(file)
-    assert str(caught.value.strerror) == "No space left on device; the file that was there is as it was"
+    assert (
+        str(caught.value.strerror) == "No space left on device; the file that was there before is unchanged"
+    )
     assert json.loads(file.read_text(encoding="utf-8")) == {"old": 1}
     out = tmp_path / "out"
     with result_folder(out) as scratch:

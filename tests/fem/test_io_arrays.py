@@ -27,7 +27,9 @@ def test_columns_go_force_by_force(tmp_path):
     frf = read_frf(path, kind="mobility", outputs=["a", "b"], inputs=["p", "q"])
     np.testing.assert_array_equal(frf.H[0].real, [[1, 3], [2, 4]])
     assert read_frf(path, kind="mobility", outputs=["a", "b"]).inputs == ("in1", "in2")
-    with pytest.raises(TableError, match=r"a\.csv: 4 FRFs for 3 responses and 1 forces"):
+    with pytest.raises(
+        TableError, match=r"a\.csv: it has 4 FRFs for 3 responses and 1 forces; 3 are expected"
+    ):
         read_frf(path, kind="mobility", outputs=["a", "b", "c"])
 
 
@@ -71,7 +73,7 @@ def test_bad_tables_name_line_and_column(tmp_path, text, words):
 
 def test_the_kind_is_in_the_file_or_told(tmp_path):
     path = write(tmp_path / "a.csv", TABLE)
-    with pytest.raises(TableError, match="does not say the kind of the FRFs; give kind="):
+    with pytest.raises(TableError, match="does not say the kind of its FRFs; give kind, one of"):
         read_frf(path)
     with pytest.raises(TableError, match="allowed are receptance"):
         read_frf(path, kind="inertance")

@@ -205,7 +205,7 @@ def test_names_of_groups_that_are_wrong_or_unused(tmp_path):
     text = text.replace(b"$PhysicalNames\n8", b"$PhysicalNames\n9")
     said = notes(tmp_path, text)
     for words in (
-        "line 9, in $PhysicalNames, is no dimension, tag and name in quotes: 1 8 other",
+        "line 9, in $PhysicalNames, is left out: '1 8 other' is found where a dimension",
         "line 13, in $PhysicalNames, gives group 8 of dimension 1 the name 'other'; its name 'a beam'",
         "$PhysicalNames announces 9 names and has 8",
         "physical curves without elements: 'empty'",
@@ -303,7 +303,7 @@ def test_numbers_in_the_wrong_byte_order_are_named(tmp_path):
 
 
 def test_a_file_of_another_kind(tmp_path):
-    with pytest.raises(MeshError, match=r"a\.msh: it is no Gmsh file, which begins with \$MeshFormat"):
+    with pytest.raises(MeshError, match=r"a\.msh: this is not a Gmsh file; one begins with \$MeshFormat"):
         read(tmp_path, b'(0 "Fluent")\n(2 3)\n')
 
 

@@ -255,7 +255,7 @@ def test_bad_files_are_refused(tmp_path):
         read_matrices(tmp_path / "part.mtx")
     write_matrices(tmp_path / "part.mtx", matrices_of(assemble(beam(2))))
     (tmp_path / "part.K.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n2 2 1\n1 x 3\n")
-    with pytest.raises(MatricesError, match=r"part\.K\.mtx, line 3: '1 x 3' stands where"):
+    with pytest.raises(MatricesError, match=r"part\.K\.mtx, line 3: '1 x 3' is found where"):
         read_matrices(tmp_path / "part.mtx")
     (tmp_path / "part.npz").write_bytes(b"PK nothing")
     with pytest.raises(MatricesError, match=r"cannot be read as \.npz"):

@@ -99,17 +99,20 @@ def test_grdset_fills_blank_fields_but_not_zeros(tmp_path):
             "CORD1R,7,1,2,3\nCORD1C,7,1,2,3\n",
             "line 5: coordinate system 7 is defined at a.bdf: line 4 already",
         ),
-        ("CORD3G,7,1,2,3\n", "line 4: CORD3G is a coordinate system that is not read"),
+        ("CORD3G,7,1,2,3\n", r"line 4: CORD3G \(a coordinate system\) is not supported"),
         ("GRDSET,,7\nGRDSET,,8\n", "line 5: GRDSET gives other defaults than the one at a.bdf: line 4"),
         ("GRID,3,,1e999,0.,0.\n", "line 4: GRID 3, , 1e999.* is not a finite number"),
         ("GRID,3,,nan,0.,0.\n", "line 4: GRID 3, , nan"),
         ("GRID,3,,1_0.,0.,0.\n", "line 4: GRID 3.*'1_0.' is not a number"),
-        ("GRID,0,,1.,0.,0.\n", "line 4: GRID 0.*'0' is not a number from 1 on"),
+        ("GRID,0,,1.,0.,0.\n", "line 4: GRID 0.*'0' is not allowed; a number of at least 1"),
         ("GRID,2,,1.,5.,0.\n", "line 4: grid point 2 is defined at a.bdf: line 2 already, and differently"),
         ("CROD,1,1,1,2\n", "line 4: element 1 is defined at a.bdf: line 3 already, and differently"),
         ("CROD,2,1,1,1\n", "line 4: CROD 2 joins a grid point with itself"),
         ("CROD,2,1,1,77\n", "line 4: CROD 2 refers to grid point 77"),
-        ("GRID,3,,1.,0.,0.,,,,,1.,2.\n", "line 4: this line has 11 fields; 8 and a label fit"),
+        (
+            "GRID,3,,1.,0.,0.,,,,,1.,2.\n",
+            "line 4: this line has 11 fields; at most 8 and a label are allowed",
+        ),
         ("BEGIN SUPER=1\nGRID,3,,1.,0.,0.\n", "line 4: BEGIN SUPER=1 begins another model"),
         (
             "CBAR,2,1,1,2,0.,0.,1.,,+B1\nCROD,3,1,1,2\n+B1,5\n",
@@ -143,7 +146,7 @@ def test_offsets_and_pin_flags_are_counted_with_the_first(tmp_path, name):
     )
     notes = raw_of(tmp_path, TWO + more).notes
     assert notes[0].startswith(
-        f"1 cards with pin flags (first: {name} 1 at line 3, PA = 5, PB = 456); give the members release1"
+        f"1 card with pin flags (first: {name} 1 at line 3, PA = 5, PB = 456); give the members release1"
     )
     assert notes[1:] == [
         f"2 cards with offsets (first: {name} 1 at line 3, WA = 0, 0, 0.25); give the members "
@@ -162,7 +165,7 @@ def test_offsets_of_many_bars_are_not_lost_in_bulk(tmp_path):
     assert (
         raw_of(tmp_path, grids + bars)
         .notes[0]
-        .startswith("1 cards with pin flags (first: CBAR 17 at line 74, PB = 456)")
+        .startswith("1 card with pin flags (first: CBAR 17 at line 74, PB = 456)")
     )
 
 
@@ -182,7 +185,7 @@ def test_three_node_and_curved_beams(tmp_path):
     raw = raw_of(tmp_path, TWO + "GRID,3,,.5,.1,0.\nCBEAM3,1,1,1,2,3,0.,0.,1.\nCBEND,2,1,1,2,0.,0.,1.,1\n")
     assert raw.lines.tolist() == [[0, 1, 2], [0, 1, -1]]
     assert raw.notes == [
-        "1 cards with curved elements (first: CBEND 2 at line 5); they are read as straight "
+        "1 card with curved elements (first: CBEND 2 at line 5); they are read as straight "
         "lines between their ends"
     ]
 
@@ -210,16 +213,15 @@ def test_other_cards_are_counted_by_name(tmp_path):
     raw = raw_of(tmp_path, TWO + BAR + text)
     assert raw.left_out == {"CQUAD4 cards": 1}
     assert raw.notes == [
-        "line 16: DTI,UNITS says KG N MM S; coordinates are taken as they are, so give [mesh] "
-        "scale for what is not "
-        "in metres",
+        "line 16: DTI,UNITS says KG N MM S; coordinates are taken as they are; give [mesh] scale "
+        "if they are not in metres",
         "left out: CVISC (line 4), CELAS1 (2, first at line 5); give [[joints]] in the study file",
         "left out: RBE2 (line 7), MPC (line 8); tie the places with [[rigid_links]], "
         "[[joints]] or [[constraints]] "
         "in the study file",
         "left out: SPC1 (line 9); give [[supports]] in the study file",
         "left out: CONM2 (line 10); give [[masses]] in the study file",
-        "left out, as not known here: FOOBAR (line 12), MISPLACED (line 15)",
+        "left out, because their meaning is not known: FOOBAR (line 12), MISPLACED (line 15)",
     ]
 
 
@@ -272,7 +274,7 @@ def test_replication(tmp_path, rows):
     [
         ("=(3)\n", r"line 4: =\(3\) repeats no line with steps"),
         ("=,*(1),=,*(1),==\n=(900000000)\n", "line 5: .*at most 1000000"),
-        ("=,*(x),==\n", "line 4: the field '1' cannot go on in steps of 'x'"),
+        ("=,*(x),==\n", "line 4: the field '1' cannot be continued in steps of 'x'"),
         ("CBAR,5,1,1,2\n,5\n=,*(1),==\n", "line 6: = repeats a card that is not there or has several lines"),
         ("CROD,=,==\n", "line 4: CROD takes fields of a CBAR card"),
     ],
@@ -304,9 +306,7 @@ def test_includes_in_bulk_data_and_case_control(tmp_path, quote):
 def test_includes_that_do_not_end_or_are_not_there(tmp_path):
     write(tmp_path, "INCLUDE 'a.bdf'\n", "b.inc")
     refused(tmp_path, "INCLUDE 'b.inc'\n", r"^b\.inc: line 1: .*includes itself \(a\.bdf → b\.inc → a\.bdf\)")
-    refused(
-        tmp_path, "INCLUDE 'c.inc'\n", r"^a\.bdf: line 1: the file c\.inc that it includes cannot be read"
-    )
+    refused(tmp_path, "INCLUDE 'c.inc'\n", r"^a\.bdf: line 1: the included file c\.inc cannot be read")
     refused(
         tmp_path, "INCLUDE 'c.inc\n" + TWO * 20, "line 1: INCLUDE has a file name whose quote ' does not end"
     )

@@ -231,7 +231,9 @@ def test_units_are_converted_to_si_and_said_once(tmp_path):
 
 
 def test_a_unit_label_in_si_goes_before_the_units_of_the_file(tmp_path):
-    with pytest.warns(UserWarning, match=r"not the FRFs, whose unit label 'm/s\^2' goes before"):
+    with pytest.warns(
+        UserWarning, match=r"the unit label 'm/s\^2' of FRFs takes precedence over dataset 164"
+    ):
         file = read_bytes(tmp_path / "a.uff", UNITS_MM_N + text_record(VALUES))
     np.testing.assert_array_equal(file.frf().H[:, 0, 0], VALUES)
 

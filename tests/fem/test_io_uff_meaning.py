@@ -148,8 +148,8 @@ def test_systems_of_dataset_18_refer_to_others(path):
     [
         ((), r"node 2 at line 5 refers to coordinate system 8, which the file does not define"),
         ((system(8, 3, np.eye(3), (0, 0, 0)),), r"coordinate system 8, whose type is 3 \(dataset 2420, line"),
-        ((system(8, 0, np.ones((3, 3)), (0, 0, 0)),), r"whose axes are no three unit vectors"),
-        ((system(8, 0, np.diag([1, 1, -1]), (0, 0, 0)),), r"right-handed \(dataset 2420, line 1[0-9]\)"),
+        ((system(8, 0, np.ones((3, 3)), (0, 0, 0)),), r"whose axes are not three right-handed unit vectors"),
+        ((system(8, 0, np.diag([1, 1, -1]), (0, 0, 0)),), r"at right angles \(dataset 2420, line 1[0-9]\)"),
         (
             (system(8, 0, TURN, (0, 0, 0)), system(8, 0, TURN, (1, 0, 0), part=2)),
             r"which dataset 2420, line 1[0-9] and dataset 2420, line 2[0-9] define differently",
@@ -283,7 +283,7 @@ def test_groups_that_share_names_and_lines(path):
 def test_a_node_number_with_two_positions_is_refused_with_both_lines(path, kind):
     again = nodes((2, 0, 0, 5, 0, 0), kind=kind)
     with pytest.raises(
-        UffError, match=r"node 2 stands at line 5 and at line 12 with two positions, \(1, 0, 0\)"
+        UffError, match=r"node 2 is defined at line 5 and at line 12 with two positions, \(1, 0, 0\)"
     ):
         read(path, PLAIN, again)
     same = read(path, PLAIN, nodes((2, 0, 0, 1, 0, 0), kind=kind), LINES)
@@ -292,7 +292,9 @@ def test_a_node_number_with_two_positions_is_refused_with_both_lines(path, kind)
 
 
 def test_an_element_number_with_two_meanings_is_refused_with_both_lines(path):
-    with pytest.raises(UffError, match=r"element 1 stands at line 12 and, different, at line 21;"):
+    with pytest.raises(
+        UffError, match=r"element 1 is defined at line 12 and again, with other nodes or type, at line 21;"
+    ):
         read(path, PLAIN, LINES, beams((1, 3)))
     assert len(read(path, PLAIN, LINES, LINES).elements) == 2
 
@@ -405,7 +407,10 @@ def test_unit_labels_convert_frfs(path, y, force, ends, factor):
 @pytest.mark.parametrize("label", ["banana", "V", "m/s", "dB"])
 def test_a_unit_label_that_is_not_known_is_in_skipped(path, label):
     file = read(path, record(y=(12, label)))
-    assert f"the unit label '{label}' is not known for a accelerance and does not count" in file.skipped[0]
+    assert (
+        f"the unit label '{label}' is not known for FRFs of kind accelerance and is ignored"
+        in file.skipped[0]
+    )
 
 
 def test_powers_of_a_label_end_for_any_text():
@@ -527,7 +532,7 @@ def test_nodes_in_another_order_in_another_mode(path):
 def test_a_shape_of_zeros_is_refused_with_mode_and_node(path):
     zero = [(node, 0.0, 0, 0) for node in (4, 5)]
     with pytest.raises(
-        UffError, match=r"mode 2 at 20 Hz \(dataset 55 at line 18 .*is zero at all 2 nodes, the first node 4"
+        UffError, match=r"mode 2 at 20 Hz \(dataset 55 at line 18 .*is zero at all 2 nodes \(first: node 4\)"
     ):
         read(path, shape(FIRST), shape(zero, 20.0, 2))
 
@@ -549,7 +554,7 @@ def test_results_that_are_no_shapes_are_named(path):
 
 def test_a_node_twice_in_a_shape(path):
     assert read(path, shape([*FIRST, FIRST[0]])).modes[0].labels[-1] == "3Z+"
-    with pytest.raises(UffError, match="node 1 stands in it 2 times, with other values"):
+    with pytest.raises(UffError, match="node 1 has values in it 2 times, and they differ"):
         read(path, shape([*FIRST, (1, 7.0, 0, 0)]))
 
 
@@ -595,7 +600,7 @@ def test_numbers_that_touch_and_columns_that_are_empty(path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (LINES.replace(ints(2, 3), ints(2)), r"element 2 has 2 nodes, and 0 of them before line \d+"),
+        (LINES.replace(ints(2, 3), ints(2)), r"element 2 announces 2 node\(s\), but 0 come before line \d+"),
         (LINES.replace(ints(2, 21, 1, 1, 7, 2), ints(2, 21, 1, 1)), r"line 6 has 4 numbers where the 6"),
         (LINES.replace(f"{21:10d}", "        2x", 1), r"line 3 has '2x' where a whole number is expected"),
         (beams((1, 9)), r"element 1 at line 12 refers to node 9, which is not among the 3 points"),

@@ -35,7 +35,7 @@ $EndPeriodic
 NOTES = (
     "a.msh: sections left out: $Periodic (line 15)",
     "a.msh: 1 triangles left out (only lines are read)",
-    "a.msh: 1 points on no line left out and the others renumbered in their order",
+    "a.msh: 1 point on no line is left out, and the others are renumbered in their order",
 )
 STUDY = """[mesh]
 file = "a.msh"
@@ -82,13 +82,13 @@ def test_check_prints_the_notes_and_writes_them_as_json(file, capsys):
     out = file.with_name("out.json")
     assert main(["check", str(file.with_name("study.toml")), "--json", str(out)]) == 0
     printed = capsys.readouterr().out
-    assert "of the mesh file:\n" + "".join(f"  - {note}\n" for note in NOTES) in printed
+    assert "notes on the mesh file:\n" + "".join(f"  - {note}\n" for note in NOTES) in printed
     assert json.loads(out.read_text())["mesh_notes"] == list(NOTES)
 
 
 def test_modes_says_the_notes(file, capsys):
     assert main(["modes", str(file.with_name("study.toml")), "--number", "3"]) == 0
-    read, assumed = capsys.readouterr().out.split("assumed:")
+    read, assumed = capsys.readouterr().out.split("notes and assumptions:")
     assert all(f"  - {note}\n" in read and note not in assumed for note in NOTES)
 
 
@@ -156,7 +156,7 @@ def test_point_sets_that_name_nothing_are_named():
     assert mesh.notes == (
         "a.inp: point sets of more than 50 points give no names: 'many'",
         "a.inp: point sets without points: 'none'",
-        "a.inp: names that two point sets would give stay with the first: 'a.1'",
+        "a.inp: two point sets give these names, which the first keeps: 'a.1'",
     )
 
 

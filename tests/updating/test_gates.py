@@ -45,11 +45,11 @@ def test_noise_of_a_measurement_follows_its_lines_and_channels(sound):
     known = replace(m, scatter=np.full(frf.H.shape, 0.02))
     assert known.noise_source == "the scatter of repeats"
     assert (known.noise == 0.02).all()
-    with pytest.raises(MeasurementError, match=r"goes from .* to 1\.5; 0 to 1 is allowed"):
+    with pytest.raises(MeasurementError, match=r"runs from .* to 1\.5; 0 to 1 is allowed"):
         replace(m, coherence=coherence * 1.5)
     with pytest.raises(MeasurementError, match="shape"):
         replace(m, coherence=coherence[1:])
-    with pytest.raises(MeasurementError, match="a standard deviation is not negative"):
+    with pytest.raises(MeasurementError, match="a standard deviation is at least 0"):
         replace(m, scatter=np.full(frf.H.shape, -0.02))
 
 
@@ -234,7 +234,7 @@ def test_a_study_reads_coherence_from_arrays_and_repeats_from_files(tmp_path):
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ("averages = 8\n", "serves the coherence, and there is none"),
+        ("averages = 8\n", "averages is used with coherence only"),
         ("averages = 2.5\n", "a whole number of averages"),
         ('coherence = "none.npz"\naverages = 3\n', "there is no file"),
         ('coherence = "study.toml"\naverages = 3\n', "a universal file or .npz is needed"),
