@@ -161,7 +161,10 @@ class _Reader:
     def _nodes(self, block: Block) -> None:
         name, system = block.options.get("NSET"), block.options.get("SYSTEM", "")
         if "SPHERICAL".startswith(system or "?"):
-            self._name("φ is taken from the x-y plane, not from z", "spherical coordinates", block.place)
+            place = _short(block.place, self.path.name)
+            self.notes.append(
+                f"spherical coordinates ({place}): φ is measured from the x-y plane, not from z"
+            )
         for rows in self._parts_of(block):
             table = table_of(rows.texts, float, 4, 4)
             if table is None:

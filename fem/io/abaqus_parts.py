@@ -174,7 +174,7 @@ class Part:
         """
         row = self.nodes.find(number)
         if row is None:
-            msg = f"{place}: it refers to node {number}, which is not defined before"
+            msg = f"{place}: node {number} is not defined before this line"
             raise MeshError(msg)
         return self.nodes.values(row)
 

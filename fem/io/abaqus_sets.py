@@ -126,7 +126,10 @@ class Resolver:
             if loop is not None:
                 names = " and ".join(dict.fromkeys([key[1], loop[1]]))
                 msg = (
-                    f"{loop[2].place}: the {self.word} set {names} refers to itself"
+                    (
+                        f"{loop[2].place}: the {self.word} set {names} refers to itself, directly or through "
+                        "other sets"
+                    )
                     if key[1] == loop[1]
                     else (f"{loop[2].place}: the {self.word} sets {names} refer to each other")
                 )

@@ -329,7 +329,7 @@ class _Reader:
             k = np.flatnonzero(differ)[np.argmin(order[differ])]
             before, here = (self.bulk.place(int(rows[row])) for row in (first[k], order[k]))
             msg = (
-                f"{here}: {what} {numbers[order[k]]} is defined at {before} already, and differently; "
+                f"{here}: {what} {numbers[order[k]]} is already defined, differently, at {before}; "
                 "give one of them another number"
             )
             raise MeshError(msg)

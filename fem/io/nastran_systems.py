@@ -72,7 +72,8 @@ class Systems:
             same = (old.kind, old.reference, old.points, old.grids)
             if number < 1 or same != (kind, system.reference, system.points, system.grids):
                 msg = (
-                    f"{place}: coordinate system {number} is defined at {old.place} already, and differently"
+                    f"{place}: coordinate system {number} is already defined, differently, at {old.place}; "
+                    "give one of them another number"
                 )
                 if number < 1:
                     msg = f"{place}: coordinate system {number} is not allowed; numbers begin with 1"

@@ -89,7 +89,7 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
     notes = [*raw.notes]
     notes += [f"{n} {name} left out (only lines are read)" for name, n in raw.left_out.items()]
     if len(lines) > len(chains):
-        notes.append(f"{len(lines) - len(chains)} quadratic lines became two lines each")
+        notes.append(f"{len(lines) - len(chains)} quadratic line(s) became two lines each")
     sets = LineSets.of(raw.sets).over(*_first_and_count(origin, len(chains)))
     if empty := sets.empty():
         notes.append(f"sets without lines: {listed(empty)}")

@@ -106,13 +106,10 @@ class UffFile:
         if len(self.frfs) == 1:
             return self.frfs[0]
         if self.frfs:
-            msg = (
-                f"{self.name}: {len(self.frfs)} groups of FRFs, and one is expected; choose one with read_uff:\n"
-                + "\n".join(
-                    f"  {k}: {frf.kind}, {run}{frf.n_freq} lines to {frf.frequency[-1]:g} Hz, "
-                    f"responses {_few(frf.outputs)}, forces {_few(frf.inputs)}"
-                    for k, (frf, run) in enumerate(zip(self.frfs, self._runs(), strict=True))
-                )
+            msg = f"{self.name}: {len(self.frfs)} groups of FRFs; choose one with read_uff:\n" + "\n".join(
+                f"  {k}: {frf.kind}, {run}{frf.n_freq} lines to {frf.frequency[-1]:g} Hz, "
+                f"responses {_few(frf.outputs)}, forces {_few(frf.inputs)}"
+                for k, (frf, run) in enumerate(zip(self.frfs, self._runs(), strict=True))
             )
             raise UffError(msg)
         msg = f"{self.name}: no FRFs that can be used; it holds {self.contents}"

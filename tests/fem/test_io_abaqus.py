@@ -80,7 +80,9 @@ def test_system_ends_with_its_part_and_moves_with_its_instance(tmp_path):
 def test_spherical_nodes_are_read_from_the_plane_and_said(tmp_path):
     text = "*NODE, SYSTEM=S\n1, 2., 90., 30.\n"
     np.testing.assert_allclose(points_of(tmp_path, text)[1], [0, math.sqrt(3), 1], atol=1e-14)
-    assert "spherical coordinates (line 1)" in raw_of(tmp_path, text).notes[0]
+    assert (
+        "spherical coordinates (line 1): φ is measured from the x-y plane" in raw_of(tmp_path, text).notes[0]
+    )
 
 
 @pytest.mark.parametrize("value", ["1e999", "nan", "inf", "-Infinity", "1_0", "<length>", "x"])
@@ -197,7 +199,7 @@ def test_elcopy_copies_lines_and_counts_the_rest(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("*NGEN\n1, 9\n", r"line 8: it refers to node 9, which is not defined before"),
+        ("*NGEN\n1, 9\n", r"line 8: node 9 is not defined before this line"),
         ("*NGEN\n1, 2, 7\n", r"line 8: \*NGEN runs from node 1 to 2 in steps of 7"),
         ("*NODE\n900000001, 9, 0, 0\n*NGEN\n1, 900000001\n", r"line 10: .*at most 1000000 in one deck"),
         ("*ELGEN\n1, 5000, 0, 1, 5000, 0, 5000\n", r"line 8: \*ELGEN would make"),

@@ -67,7 +67,7 @@ def test_abaqus_other_elements_orientation_nodes_and_quadratic_beams(tmp_path):
     assert str(said[0].message) == (
         "a.inp: 1 MASS elements left out (only lines are read); "
         "1 S4 elements left out (only lines are read); "
-        "1 quadratic lines became two lines each; "
+        "1 quadratic line(s) became two lines each; "
         "sets without lines: 'M'; "
         "1 point on no line is left out, and the others are renumbered in their order"
     )
@@ -313,7 +313,7 @@ def test_cell_array_numbers_members_and_triangles_are_left_out(tmp_path):
     points = np.vstack([POINTS, [0, 1.5, 1.1]])
     data = {"part": [np.array([1, 2]), np.array([9]), np.array([4])]}
     meshio.write(tmp_path / "a.vtu", meshio.Mesh(points, cells, cell_data=data))
-    with pytest.warns(UserWarning, match="1 triangle cells left out.*1 quadratic lines became two"):
+    with pytest.warns(UserWarning, match=r"1 triangle cells left out.*1 quadratic line\(s\) became two"):
         mesh = read_mesh(tmp_path / "a.vtu", sets="part")
     assert members(mesh) == {"part 1": [0], "part 2": [1], "part 4": [2, 3]}
     np.testing.assert_array_equal(mesh.member_points("part 4"), [2, 4, 3])

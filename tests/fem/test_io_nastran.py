@@ -105,8 +105,8 @@ def test_grdset_fills_blank_fields_but_not_zeros(tmp_path):
         ("GRID,3,,nan,0.,0.\n", "line 4: GRID 3, , nan"),
         ("GRID,3,,1_0.,0.,0.\n", "line 4: GRID 3.*'1_0.' is not a number"),
         ("GRID,0,,1.,0.,0.\n", "line 4: GRID 0.*'0' is not allowed; a number of at least 1"),
-        ("GRID,2,,1.,5.,0.\n", "line 4: grid point 2 is defined at a.bdf: line 2 already, and differently"),
-        ("CROD,1,1,1,2\n", "line 4: element 1 is defined at a.bdf: line 3 already, and differently"),
+        ("GRID,2,,1.,5.,0.\n", "line 4: grid point 2 is already defined, differently, at a.bdf: line 2;"),
+        ("CROD,1,1,1,2\n", "line 4: element 1 is already defined, differently, at a.bdf: line 3;"),
         ("CROD,2,1,1,1\n", "line 4: CROD 2 joins a grid point with itself"),
         ("CROD,2,1,1,77\n", "line 4: CROD 2 refers to grid point 77"),
         (
