@@ -57,7 +57,7 @@ from dovetail.file.parts import (
     read_sections,
     read_supports,
 )
-from dovetail.file.plausible import implausible, path_of_request
+from dovetail.file.plausible import beside_implausible, implausible, path_of_request
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import Source, StudyError, Table, suggest
@@ -413,8 +413,9 @@ class _Reader:
         plan = UpdatePlan()
         with self._if_all_was_read():
             plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
+        odd = implausible(top, model, highest)
         if "measurements" in self.needs and measurements:
-            with top.at():
+            with beside_implausible(odd), top.at():
                 comparisons = LazyComparison.of(model, measurements)
                 evidence = check_phase(comparisons, raw, sensors, excitations, self.warnings)
                 self.warnings += suspicions(comparisons, raw, evidence)
@@ -425,7 +426,6 @@ class _Reader:
                 if not grounded
                 else f"no supports are given: {', '.join(grounded)} alone hold the structure"
             )
-        odd = implausible(top, model, highest)
         return Study(
             name,
             description,

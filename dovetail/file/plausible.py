@@ -1,11 +1,12 @@
 """What of a study is implausible, with file, line and key: what `fem.plausibility` finds, and of tests."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from dovetail.file.geometry import TooManyElementsError
 from dovetail.file.lines import Path
-from dovetail.file.table import Table
+from dovetail.file.table import StudyError, Table
 from fem.mesh import Mesh
 from fem.model import Model
 from fem.plausibility import Suspicion, suspicions
@@ -31,6 +32,18 @@ def implausible(top: Table, model: Model, max_frequency: float) -> tuple[str, ..
     found = [(path_of(s, tree, model.mesh), _with_remedy(s, tree)) for s in suspicions(model, max_frequency)]
     found += [*_uncertain(tree.get("uncertain", {}), ("uncertain",)), *_sensors(tree)]
     return tuple(dict.fromkeys(f"{top.source.place(path)}: {text}" for path, text in found))
+
+
+@contextmanager
+def beside_implausible(odd: Sequence[str]) -> Iterator[None]:
+    """Add what is implausible of a model to errors of computing with it, for it may be their cause."""
+    try:
+        yield
+    except StudyError as reason:
+        if not odd:
+            raise
+        msg = "; ".join([str(reason), *odd])
+        raise StudyError(msg) from reason
 
 
 def _with_remedy(s: Suspicion, tree: Tree) -> str:

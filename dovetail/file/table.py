@@ -97,7 +97,9 @@ class Table:
         if key in self.values:
             return self.values[key]
         if default is MISSING:
-            self.refuse("", f"'{key}' is missing")
+            close = difflib.get_close_matches(key, [k for k in self.values if k not in self._known], 1, 0.6)
+            hint = f"; is it the unknown key '{close[0]}'?" if close else ""
+            self.refuse("", f"'{key}' is missing{hint}")
         return default
 
     def number(

@@ -330,7 +330,7 @@ def test_channels_of_a_universal_file_are_found_by_node_and_turned(tmp_path):
     (m,) = study.measurements
     np.testing.assert_allclose(m.sensors[0].point, [1, 0, 0])
     np.testing.assert_allclose(m.frf.H, frf.H)  # turned twice: response and force
-    assert any("turned round" in a for a in study.assumptions)
+    assert any("multiplied by -1" in a for a in study.assumptions)
 
 
 def test_sensors_may_be_left_to_the_universal_file(tmp_path):

@@ -116,7 +116,7 @@ def test_too_few_lines_to_be_sure_are_judged_beside_the_model(load, computed):
     with pytest.raises(StudyError, match=r"imaginary parts have the other sign; give conjugate = true"):
         load(computed.H[some].conj(), **changes)
     (text,) = load(computed.H[some].conj(), text=STUDY.replace("210e9", "70e9"), **changes).warnings[:1]
-    assert "too little to be sure" in text
+    assert "too small to be sure" in text
 
 
 def test_one_conjugated_sensor_is_named_with_its_remedy(load, computed):
@@ -198,7 +198,7 @@ def test_a_unit_is_a_warning_that_the_report_of_compare_repeats(load, computed, 
 def test_amplitudes_without_phase_are_refused_alike(load, computed, tmp_path):
     size = np.abs(computed.H)
     path = tmp_path / "study.toml"
-    with pytest.raises(StudyError, match=r"without phase cannot be compared.*as frequency = "):
+    with pytest.raises(StudyError, match=r"without phase are not used as FRFs.*as frequency = "):
         load(size.astype(complex))
     np.savez(
         tmp_path / "m.npz", frequency=computed.frequency, H=size, kind="accelerance",
