@@ -89,6 +89,7 @@ def test_the_good_one_is_good(tmp_path, capsys):
         ("b = 0.03, ", "", ["line 12, members.bar.section: 'b' is missing"]),
         ('"rectangle"', '"rectangel"', ["members.bar.section.shape", "did you mean 'rectangle'?"]),
         ('"rectangle"', '"tube"', ["members.bar.section: 'd' is missing"]),
+        ("E = 210e9", "EE = 210e9", ["materials.steel: 'E' is missing; is it the unknown key 'EE'?"]),
         ("section = {", "#", ["line 9, members.bar", "'bar' has no section"]),
         ("E = 210e9", "E = 0", ["line 2, materials.steel.E: 0 is not allowed"]),
         ("E = 210e9", "E = 210e9\nnu = 0.7", ["line 1, materials.steel", "nu is 0.7"]),

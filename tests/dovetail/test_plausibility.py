@@ -7,6 +7,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
+from dovetail.file.plausible import beside_implausible
+from dovetail.file.table import StudyError
 from fem import AddedMass, Damping, Joint, Mesh, PropertyError, Section, check_model, solve_modes
 from fem.analysis.modes import MOST_VALUES
 from fem.effects import effect_classes
@@ -277,6 +279,15 @@ def test_studies_are_warned_of_with_file_line_and_key(old, new, words, tmp_path,
     study = load_study(file)
     assert any(words in text for text in study.implausible)
     assert set(study.implausible) <= set(study.warnings)
+
+
+def test_an_error_of_the_comparison_names_implausible_values_beside_it():
+    reason = StudyError("too many modes")
+    odd = ("E = 210e3 Pa is implausible",)
+    with pytest.raises(StudyError, match=r"^too many modes; E = 210e3 Pa is imp"), beside_implausible(odd):
+        raise reason
+    with pytest.raises(StudyError, match=r"^too many modes$"), beside_implausible(()):
+        raise reason
 
 
 def test_a_sound_study_is_not_warned_of(tmp_path):
