@@ -467,3 +467,10 @@ def test_what_only_rounding_moves_tells_no_unit(tmp_path, capsys, measured):
     (text,) = warned(tmp_path, capsys, GOOD + across + FILE)
     assert "in mm where m" in text
     assert "scale = 0.001" in text
+
+
+def test_control_characters_of_names_are_shown_and_not_obeyed(tmp_path, capsys):
+    file = tmp_path / "s.toml"
+    file.write_text('[points]\na = [0, 0, 0]\n[members.m]\nfrom = "a"\nto = "\\u001b[2J\\frac"\n')
+    assert main(["check", str(file)]) == 2
+    assert r"there is no point '\x1b[2J\x0crac'" in capsys.readouterr().err

@@ -97,7 +97,7 @@ def test_grdset_fills_blank_fields_but_not_zeros(tmp_path):
         ("CORD1R,7,1,2,99\nGRID,3,7,1.,1.,1.\n", "line 4: coordinate system 7 refers to grid point 99"),
         (
             "CORD1R,7,1,2,3\nCORD1C,7,1,2,3\n",
-            "line 5: coordinate system 7 is defined at a.bdf: line 4 already",
+            "line 5: coordinate system 7 is already defined, differently, at a.bdf: line 4;",
         ),
         ("CORD3G,7,1,2,3\n", r"line 4: CORD3G \(a coordinate system\) is not supported"),
         ("GRDSET,,7\nGRDSET,,8\n", "line 5: GRDSET gives other defaults than the one at a.bdf: line 4"),
