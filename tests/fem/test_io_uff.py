@@ -219,7 +219,7 @@ def test_points_beginning_with_minus_one(tmp_path):
 def test_units_are_converted_to_si_and_said_once(tmp_path):
     data = UNITS_MM_N + POINTS_15 + text_record(VALUES, unit="NONE") + text_record(VALUES, unit="mm/s^2")
     with pytest.warns(
-        UserWarning, match="lengths are divided by 1000 and forces by 1 in FRFs; coordinates"
+        UserWarning, match="lengths are divided by 1000 and forces by 1 in FRFs, coordinates"
     ) as said:
         file = read_bytes(tmp_path / "a.uff", data)
     assert len(said) == 1
