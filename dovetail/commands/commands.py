@@ -126,7 +126,7 @@ def check(options: Options, progress: Progress) -> None:
         f"{study.name}: {mesh.n_points} points, {mesh.n_lines} elements, {len(mesh.members)} members",
         *(f"  {f.kind}: {f.message}" for f in faults),
         f"{len(faults)} fault(s) found" if faults else "no faults found",
-        *mesh_notes(study),
+        *_read(study),
     )
 
 
@@ -176,31 +176,29 @@ def modes(options: Options, progress: Progress) -> None:
         f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates",
         " mode  frequency Hz  damping %",
         *rows,
-        *mesh_notes(study),
+        *_read(study),
         *(
             [f"the model has {found.n_modes} modes in all"]
             if options.max is None and options.number and found.n_modes < found.n_rigid + options.number
             else []
         ),
-        *assumed(study),
+        *_assumed(study),
     )
 
 
 def _read(study: Study) -> list[str]:
     """Say what the readers of the mesh file and of the measured files left out or found suspicious."""
-    notes = {"of the mesh file:": study.model.mesh.notes, "of the measured files:": study.measured_notes}
+    notes = {
+        "notes on the mesh file:": study.model.mesh.notes,
+        "notes on the measured files:": study.measured_notes,
+    }
     return [
         line for head, said in notes.items() if said for line in ("", head, *(f"  - {text}" for text in said))
     ]
 
 
-def assumed(study: Study) -> list[str]:
-    """Return lines with what was assumed, converted or left out while the study was read."""
-    return (
-        ["", "notes and assumptions:", *(f"  - {text}" for text in study.assumptions)]
-        if study.assumptions
-        else []
-    )
+def _assumed(study: Study) -> list[str]:
+    return ["", "assumed:", *(f"  - {text}" for text in study.assumptions)] if study.assumptions else []
 
 
 def frf(options: Options, progress: Progress) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dovetail.commands.commands import assumed, check_places, loaded, say
+from dovetail.commands.commands import check_places, loaded, say
 from dovetail.disk.output import Output, Progress, write_json
 
 if TYPE_CHECKING:

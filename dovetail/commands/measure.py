@@ -332,8 +332,8 @@ def _write_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) ->
         *(
             page.section(head, page.bullets(notes))
             for head, notes in (
-                ("Of the mesh file", study.model.mesh.notes),
-                ("Of the measured files", study.measured_notes),
+                ("Notes on the mesh file", study.model.mesh.notes),
+                ("Notes on the measured files", study.measured_notes),
             )
             if notes
         ),

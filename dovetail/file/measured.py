@@ -354,14 +354,16 @@ def _read(
     said.extend(str(w.message) for w in caught)
     out = [_renamed(t, frf, outputs, inputs) for frf in frfs]
     if kind is not None and any(frf.kind != kind for frf in out):
-        assumed.append(f"{path.name} calls its FRFs {out[0].kind}; the study's kind, {kind}, goes before")
+        assumed.append(
+            f"{path.name} calls its FRFs {out[0].kind}; the study's kind, {kind}, takes precedence"
+        )
         out = [replace(frf, kind=FRFKind(kind)) for frf in out]
     return _ReadFile(out, functions, axes or ((),) * len(out))
 
 
 def notes_of(file: UffFile) -> list[str]:
     """Return what there is to say about a universal file, a sentence each, with its name."""
-    runs = (f"{file.name} [{i}] is {run}" for i, run in enumerate(file.frf_runs, 1) if run)
+    runs = (f"{file.name} [{i}]: {run}" for i, run in enumerate(file.frf_runs, 1) if run)
     return [*(f"{file.name}: {line}" for line in (*file.notes, *file.skipped)), *runs]
 
 

@@ -50,8 +50,8 @@ _SMALL_LEVEL = 1e-3
 """FRFs smaller than this part of what their places could give (zero by symmetry) are judged against it."""
 
 WITHOUT_PHASE = (
-    "amplitudes without phase cannot be compared, for a phase decides what adds and what cancels; a model "
-    "can be updated to the frequencies of their peaks, as frequency = [...] (in a study: under [modes])"
+    "amplitudes without phase are not used as FRFs; a model can be updated to the frequencies of their "
+    "peaks, given as frequency = [...] (in a study: under [modes])"
 )
 """Why amplitudes are no FRFs, and what they can be used for; every reader says it."""
 

@@ -139,7 +139,8 @@ class UffFile:
             )
             msg = (
                 f"{self.name}: {len(self.modes)} groups of mode shapes where one is expected, which share "
-                f"fewer than half of their nodes or directions: {groups}; use read_uff and choose one"
+                f"fewer than half of their nodes or directions: {groups}; delete the others from "
+                "the file, or choose one with read_uff"
             )
             raise UffError(msg)
         return self.modes[0]

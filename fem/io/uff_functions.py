@@ -393,7 +393,7 @@ def _add_parts(out: FRFGroups, group: _Group, run: str, file: str) -> None:
         out.units.append((first.unit, first.denominator_unit))
         labels = (cells[o, i].x_label for i in inputs for o in outputs)
         out.axes.append(tuple(label for label in dict.fromkeys(labels) if label))
-        out.runs.append(", ".join(word for word in (run, "again" if group.again else "") if word))
+        out.runs.append(", ".join(word for word in (run, "repeated records" if group.again else "") if word))
 
 
 def _complete_parts(cells: dict[tuple[str, str], Function]) -> list[tuple[list[str], list[str]]]:

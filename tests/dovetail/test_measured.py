@@ -278,7 +278,7 @@ def test_notes_of_a_measured_file_reach_the_commands(tmp_path, computed, capsys)
         "m.uff: FRFs of 2 load cases (0, 7) are matrices of their own",
         "FRF 1X+/3X+: it comes again with the same values and counts once",
         "datasets of type 9999 are not read",
-        "m.uff [2] is load case 7",
+        "m.uff [2]: load case 7",
     ):
         assert sum(words in note for note in said) == 1
     assert not set(said) & set(load_study(path).assumptions)

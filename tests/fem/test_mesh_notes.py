@@ -88,7 +88,7 @@ def test_check_prints_the_notes_and_writes_them_as_json(file, capsys):
 
 def test_modes_says_the_notes(file, capsys):
     assert main(["modes", str(file.with_name("study.toml")), "--number", "3"]) == 0
-    read, assumed = capsys.readouterr().out.split("notes and assumptions:")
+    read, assumed = capsys.readouterr().out.split("assumed:")
     assert all(f"  - {note}\n" in read and note not in assumed for note in NOTES)
 
 
