@@ -564,7 +564,7 @@ class _Reader:
         }
         if assumed:
             notes.append(
-                "standard deviations that are not given are assumed: "
+                "default standard deviations, for those that are not given: "
                 f"{', '.join(words[key] for key in assumed)}"
             )
         std = {key: default[key] if value is None else value for key, value in std.items()}
