@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +29,8 @@ COHERENCE_TYPE = 6
 G0 = 9.80665
 """Standard gravity [m/s²]."""
 
+Complexes = NDArray[np.complex128]
+
 FREQUENCY_UNITS: dict[str, float] = {
     "Hz": 1.0, "kHz": 1e3, "rad/s": 1 / (2 * np.pi), "cpm": 1 / 60, "rpm": 1 / 60,
 }  # fmt: skip
@@ -54,6 +56,8 @@ class RawMeasurement:
     averages : int or None
     compared : Path or None
         File that says which values count.
+    axis_unit : str
+        ``frequency_unit``, the unit of the file's frequencies, one of ``FREQUENCY_UNITS``.
     """
 
     table: Table
@@ -66,6 +70,7 @@ class RawMeasurement:
     averages: int | None = None
     scatter: NDArray[np.float64] | None = None
     compared: Path | None = None
+    axis_unit: str = "Hz"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +143,9 @@ def read_files(
             label = name if len(frfs) == 1 else f"{name} [{i + 1}]"
             number = None if averages is None else int(averages)
             out.append(
-                RawMeasurement(t, cut, label, level, check, check_phase, known[0], number, known[1], compared)
+                RawMeasurement(
+                    t, cut, label, level, check, check_phase, known[0], number, known[1], compared, axis_unit
+                )
             )
     return out, nodes
 
@@ -197,8 +204,41 @@ def _repeats(
                 f"{file} has the same values as another file of this measurement, which would make it free "
                 "of noise; a repeat is measured by itself",
             )
+        for a, b in zip(frfs, first, strict=True):
+            turned = _turned(a.H, b.H)
+            if turned:
+                t.refuse(
+                    "repeats",
+                    f"the FRFs of {file} are nearer to those of the first file {turned}; their average would "
+                    "be wrong: correct the file, or give it as a measurement of its own",
+                )
         out.append(frfs)
     return out
+
+
+_TURNS: dict[str, Callable[[Complexes], Complexes]] = {
+    "": lambda H: H,
+    "conjugated (e^{-iωt} in place of e^{+iωt})": np.conj,
+    "with the opposite sign": lambda H: -H,
+    "multiplied by i": lambda H: 1j * H,
+    "multiplied by -i": lambda H: -1j * H,
+}
+
+
+def _turned(again: Complexes, first: Complexes) -> str:
+    """Return what brings repeated FRFs (n_freq, n_out, n_in) nearest to the first ones; empty for nothing.
+
+    Nearest in the mean over the FRFs of their relative square distance: noise of a repeat makes a
+    turned one the nearest only where it is larger than the signal.
+    """
+    size = (np.abs(first) ** 2).sum(axis=0)
+    heard = size > 0
+
+    def distance(words: str) -> float:
+        d = (np.abs(_TURNS[words](again) - first) ** 2).sum(axis=0)
+        return float((d[heard] / size[heard]).mean()) if heard.any() else 0.0
+
+    return min(_TURNS, key=distance)
 
 
 def _coherence(

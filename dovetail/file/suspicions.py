@@ -186,30 +186,35 @@ def suspicions(
         beside = c.beside if r.check_units else None
         if beside is None:
             continue
-        text = _axis_words(c, beside) or _size_words(c.measurement.frf, beside, e)
+        text = _axis_words(c, beside, r.axis_unit) or _size_words(c.measurement.frf, beside, e)
         if text:
             out.append(f"the FRFs of {r.name} {text}; check_units = false switches this check off")
     return out
 
 
-def _axis_words(comparison: LazyComparison, beside: BesideModel) -> str:
-    """Return of which other unit the frequencies look, for one that halves the misfit to the model."""
+def _axis_words(comparison: LazyComparison, beside: BesideModel, given: str) -> str:
+    """Return of which other unit the frequencies look, for one that halves the misfit to the model.
+
+    ``given`` is the unit that the study says.
+    """
     if not beside.misfit > POOR_DECADES:
         return ""
     best, name = 0.5 * beside.misfit, ""
-    first = {f: unit for unit, f in reversed(FREQUENCY_UNITS.items()) if f != 1}  # of units of one size
+    size = FREQUENCY_UNITS[given]
+    first = {f: unit for unit, f in reversed(FREQUENCY_UNITS.items()) if f != size}  # of units of one size
     for factor, unit in first.items():
-        other = comparison.on_axis(factor)
+        other = comparison.on_axis(factor / size)
         if other is not None and other.misfit < best:
             best, name = other.misfit, unit
     if not name:
         return ""
-    f = comparison.measurement.frf.frequency
+    f = comparison.measurement.frf.frequency / size
+    factor = FREQUENCY_UNITS[name] / size
     return (
         f"fit the model better if their frequencies, {f[0]:.4g} to {f[-1]:.4g}, are in {name} (median misfit "
-        f"of the amplitudes {20 * best:.2g} dB; in Hz {20 * beside.misfit:.2g} dB): either they are in "
+        f"of the amplitudes {20 * best:.2g} dB; in {given} {20 * beside.misfit:.2g} dB): either they are in "
         f'{name}, and frequency_unit = "{name}" converts them, or the model\'s natural frequencies are off '
-        f"by a factor of {FREQUENCY_UNITS[name]:.4g}"
+        f"by a factor of {factor:.4g}"
     )
 
 

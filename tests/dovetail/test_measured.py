@@ -185,6 +185,31 @@ def test_another_frequency_unit_is_a_warning_and_can_be_given(load, computed, un
     np.testing.assert_allclose(study.measurements[0].frf.frequency, computed.frequency, rtol=1e-12)
 
 
+def test_a_unit_that_the_study_gives_wrongly_is_named(load, computed):
+    study = load(computed.H, 'frequency_unit = "kHz"\n')
+    (text,) = [w for w in study.warnings if "frequenc" in w]
+    for words in ("are in Hz", "in kHz", 'frequency_unit = "Hz"', "factor of 0.001"):
+        assert words in text
+
+
+@pytest.mark.parametrize(
+    ("turn", "words"),
+    [
+        (np.conj, "conjugated"),
+        (lambda H: -H, "with the opposite sign"),
+        (lambda H: 1j * H, "multiplied by -i"),
+    ],
+)
+def test_a_repeat_in_another_convention_is_refused(load, computed, tmp_path, turn, words):
+    rng = np.random.default_rng(3)
+    noise = 0.3 * np.abs(computed.H) * (rng.standard_normal(computed.H.shape) + 1j)
+    write_npz(tmp_path / "again.npz", replace(computed, H=turn(computed.H) + noise))
+    with pytest.raises(StudyError, match=rf"again\.npz are nearer to those of the first file {words}"):
+        load(computed.H, 'repeats = ["again.npz"]\n')
+    write_npz(tmp_path / "again.npz", replace(computed, H=computed.H + noise))
+    load(computed.H, 'repeats = ["again.npz"]\n')
+
+
 def test_a_unit_is_a_warning_that_the_report_of_compare_repeats(load, computed, tmp_path, capsys):
     study = load(0.34 * computed.H)
     (text,) = study.warnings
