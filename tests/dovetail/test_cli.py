@@ -197,7 +197,7 @@ def test_faults_of_the_program_are_told_from_bad_input(portal, capsys, monkeypat
     def broken(*_):
         raise ValueError("from numpy")
 
-    monkeypatch.setattr("dovetail.commands.commands.assemble", broken)
+    monkeypatch.setattr("dovetail.commands.modes.assemble", broken)
     assert main(["modes", str(portal)]) == 1
     assert "--debug" in capsys.readouterr().err
     assert main(["modes", str(portal), "--debug"]) == 1

@@ -1,10 +1,12 @@
-"""The command ``dovetail validate``."""
+"""``dovetail validate``: how often a diagnosis is right, on frames drawn from a seed."""
 
 import argparse
 import json
 import sys
 from pathlib import Path
 
+from dovetail.commands.argument_types import whole, whole_up_to
+from dovetail.commands.common import Options
 from dovetail.disk.output import Progress, write_json
 from dovetail.validation.cases import SETS, Settings
 from dovetail.validation.judging import Record
@@ -12,7 +14,37 @@ from dovetail.validation.run import parse_case, plan, run_case, validate
 from dovetail.validation.table import as_markdown, summarise
 from fem.io.atomic import replacing
 
-Options = argparse.Namespace
+HELP = "measure how often a diagnosis is right, on frames and hidden effects drawn from a seed"
+EXAMPLE = "dovetail validate --seed 7 --cases 300 --nulls 200 --processes 4 --out out/seed-7"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument("--seed", type=whole, required=True, metavar="S", help="what the cases are drawn from")
+    p.add_argument(
+        "--cases",
+        type=whole_up_to(1_000_000),
+        default=33,
+        metavar="N",
+        help="cases of each set but null (default 33)",
+    )
+    p.add_argument(
+        "--nulls",
+        type=whole_up_to(1_000_000, 0),
+        metavar="M",
+        help="cases with nothing hidden (default: as many as the others)",
+    )
+    p.add_argument(
+        "--sets", metavar="LIST", help="of single, null, withheld, weak, two, faults (default: all)"
+    )
+    p.add_argument(
+        "--processes", type=whole_up_to(1000), default=1, metavar="P", help="cases at a time (default 1)"
+    )
+    p.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of the results; a run that was stopped goes on there"
+    )
+    p.add_argument("--case", metavar="CASE", help="run one case alone and print it, such as 12 or null:3")
+    p.add_argument("--small", action="store_true", help="small frames and few lines, to try the command")
 
 
 def run(options: Options, progress: Progress) -> None:

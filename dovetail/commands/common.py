@@ -1,0 +1,75 @@
+"""What several commands share: loading a study, printing, and checks of the places to write to."""
+
+import argparse
+import sys
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from dovetail.commands.labels import NodeNumbers
+from dovetail.disk.output import Output, check_outputs
+from dovetail.file.config import NEEDS, Study, load_study
+from dovetail.file.paths import InputFile, input_files
+from fem.io import write_uff
+from fem.io.atomic import goes_to_stdout
+
+Options = argparse.Namespace
+
+
+def say(options: Options, *lines: str) -> None:
+    """Print lines, unless quiet is asked for or standard output is wanted for JSON."""
+    target = getattr(options, "json", None)
+    taken = target is not None and (str(target) == "-" or goes_to_stdout(target))
+    if not options.quiet and not taken:
+        sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
+def loaded(options: Options, needs: Collection[str] = NEEDS) -> Study:
+    """Load the study of a command, and say on standard error what is probably wrong in it."""
+    study = load_study(options.study, needs)
+    warn(study.warnings)
+    return study
+
+
+def warn(sentences: Iterable[str]) -> None:
+    """Write warnings to standard error, whatever else is asked for."""
+    sys.stderr.write("".join(f"dovetail: warning: {text}\n" for text in sentences))
+
+
+def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] = ()) -> None:
+    """Refuse outputs over what a command reads, over one another, or where nothing can be written.
+
+    Parameters
+    ----------
+    options : Options
+        With the study and, if asked for, the file for JSON.
+    outputs : Output
+        All others.
+    more : sequence of InputFile
+        What is read besides the study.
+    """
+    check_outputs((*input_files(options.study), *more), *outputs, Output("--json", options.json))
+
+
+def write_with_nodes(path: Path, nodes: NodeNumbers, **data: Any) -> None:
+    """Write a universal file with the mesh, or with its points as the study's labels number them."""
+    if nodes.own:
+        write_uff(path, geometry=nodes.geometry(), trace_lines=nodes.lines(), **data)
+    else:
+        write_uff(path, mesh=nodes.mesh, **data)
+
+
+def notes_of_mesh(study: Study) -> list[str]:
+    """Say what the readers of the mesh file and of the measured files left out or found suspicious."""
+    notes = {
+        "notes on the mesh file:": study.model.mesh.notes,
+        "notes on the measured files:": study.measured_notes,
+    }
+    return [
+        line for head, said in notes.items() if said for line in ("", head, *(f"  - {text}" for text in said))
+    ]
+
+
+def assumptions(study: Study) -> list[str]:
+    """Return what the study did not say and was assumed, as lines."""
+    return ["", "assumed:", *(f"  - {text}" for text in study.assumptions)] if study.assumptions else []

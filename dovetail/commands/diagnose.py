@@ -1,0 +1,64 @@
+"""``dovetail diagnose``: the effect that the model lacks, without a report."""
+
+import argparse
+
+from dovetail.commands.argument_types import count
+from dovetail.commands.common import (
+    Options,
+    check_places,
+    loaded,
+    say,
+)
+from dovetail.commands.diagnosis_words import found_lines, staircase
+from dovetail.commands.tables import cell, width_of
+from dovetail.disk.output import Progress, write_json
+
+HELP = "find which effect the model lacks, without a report"
+EXAMPLE = "dovetail diagnose study.toml"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument("--number", type=count, default=20, metavar="N", help="candidates to print (default 20)")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Print what is missing and how all candidates did."""
+    from dovetail import pipeline, result
+    from dovetail.report import words
+    from updating.correlation import DB_PER_NEPER
+
+    check_places(options)
+    study = loaded(options)
+    found = pipeline.diagnose_study(study, progress)
+    progress.close()
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            **result.diagnosis_dict(found),
+            "notes": list(found.notes),
+            "measured_notes": study.measured_notes,
+            "warnings": study.warnings,
+            "seconds": found.seconds,
+        },
+    )
+    lines = [f"{study.name}: {found.verdict}; {found.reason}", *found_lines(found), "", *staircase(found)]
+    for k, ranked in enumerate(found.rounds):
+        if not ranked:
+            continue
+        shown = ranked[: options.number]
+        width = width_of([words.ranked_label(r) for r in shown])
+        lines += [
+            "",
+            f"round {k + 1}, {len(shown)} of {len(ranked)} candidates",
+            f"{'':{width}}  level dB  fitted dB  held-out dB  similarity",
+            *(
+                f"{words.ranked_label(r):{width}}  {r.level * DB_PER_NEPER:8.2f}  {r.fit_db:9.2f}  "
+                f"{cell(r.held_out_db, 11)}  "
+                f"{r.similarity:10.2f}  "
+                f"{words.parameters_text(r.parameters)}{'' if r.refined else ' (quick fit)'}"
+                for r in shown
+            ),
+        ]
+    say(options, *lines, *(f"note: {note}" for note in (*found.notes, *study.measured_notes)))

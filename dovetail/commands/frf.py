@@ -1,0 +1,132 @@
+"""``dovetail frf``: FRFs from the excitations to the sensors."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.commands.argument_types import positive
+from dovetail.commands.common import (
+    Options,
+    check_places,
+    loaded,
+    say,
+    write_with_nodes,
+)
+from dovetail.commands.labels import NodeNumbers, own_labels
+from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.file.config import MOST_LINES, Study
+from dovetail.file.measured import sensor_rows
+from dovetail.file.table import StudyError
+from fem.analysis.frf import FRF, compute_frf
+from fem.io import write_csv, write_npz
+from fem.system import assemble
+
+HELP = "compute FRFs from the excitations to the sensors"
+EXAMPLE = "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5"
+MOST_VALUES = 50_000_000
+"""Values of all FRFs together that are computed at once: 0.8 GB."""
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="file to write: .npz, .csv or .uff"
+    )
+    p.add_argument(
+        "--kind",
+        choices=["receptance", "mobility", "accelerance"],
+        help="kind of FRF (default: that of the measurement, or accelerance)",
+    )
+    for key, text in (
+        ("start", "first frequency"),
+        ("stop", "last frequency"),
+        ("step", "distance of the lines"),
+    ):
+        p.add_argument(
+            f"--{key}",
+            type=positive,
+            metavar="HZ",
+            help=f"{text} (default: the measurement's lines, or [frequency])",
+        )
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Compute FRFs and write them."""
+    writers = {".npz": write_npz, ".csv": write_csv, ".uff": None, ".unv": None}
+    suffix = options.out.suffix.lower()
+    if suffix not in writers:
+        msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
+        raise OutputError(msg)
+    check_places(options, Output("--out", options.out))
+    study = loaded(options, ("sensors",))
+    if not study.sensors or not study.excitations:
+        missing = "sensors" if not study.sensors else "excitations"
+        msg = f"{options.study}: it has no [[{missing}]]; FRFs need both sensors and excitations"
+        raise StudyError(msg)
+    parts = {"outputs": study.sensors, "inputs": study.excitations}
+    nodes = NodeNumbers(study) if writers[suffix] is None else None
+    labels = [
+        own_labels(part, study.labels[which]) if nodes is None else nodes.labels(which, part)
+        for which, part in parts.items()
+    ]
+    frequency = _lines(study, options)
+    kind = options.kind or (study.measurements[0].frf.kind if study.measurements else "accelerance")
+    progress("computing FRFs")
+    H = compute_frf(
+        assemble(study.model, reciprocal=False),
+        frequency,
+        sensor_rows(study.model, study.sensors),
+        sensor_rows(study.model, study.excitations),
+        kind,
+    )
+    names = [tuple(s.name for s in part) for part in (study.sensors, study.excitations)]
+    computed = FRF.from_arrays(frequency, H.H, kind, *labels)
+    writer = writers[suffix]
+    if writer is not None:
+        writer(options.out, computed)
+    elif nodes is not None:
+        write_with_nodes(options.out, nodes, frf=computed)
+    new = nodes.unnamed("outputs", study.sensors) if nodes is not None else ""
+    progress.close()
+    words = {
+        "file": str(options.out),
+        "kind": str(computed.kind),
+        "unit": computed.kind.unit,
+        "lines": computed.n_freq,
+        "first_Hz": frequency[0],
+        "last_Hz": frequency[-1],
+        "outputs": names[0],
+        "inputs": names[1],
+        "measured_notes": study.measured_notes,
+        "warnings": study.warnings,
+    }
+    write_json(options.json, words)
+    say(
+        options,
+        f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to "
+        f"{len(names[1])} force(s), "
+        f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
+        *([f"note: the file has {new}; give these labels in the study to read it back"] if new else []),
+    )
+
+
+def _lines(study: Study, options: Options) -> np.ndarray:
+    if options.start is None and options.stop is None and options.step is None:
+        return study.measurements[0].frf.frequency if study.measurements else study.frequency
+    base = study.measurements[0].frf.frequency if study.measurements else study.frequency
+    stop = options.stop or float(base[-1])
+    step = options.step or (float(base[1] - base[0]) if base.size > 1 else stop / 1000)
+    start = options.start or max(step, float(base[0]))
+    if start > stop:
+        msg = f"the first frequency, {start:g} Hz, lies above the last, {stop:g} Hz"
+        raise OutputError(msg)
+    n, values = (stop - start) / step, len(study.sensors) * len(study.excitations)
+    most = min(MOST_LINES, MOST_VALUES // values)
+    if n > most:
+        msg = (
+            f"{n:.3g} lines from {start:g} to {stop:g} Hz in steps of {step:g} Hz, of {values} FRFs, are too "
+            f"many; at most {most} are computed; give a larger --step"
+        )
+        raise OutputError(msg)
+    return start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1)

@@ -1,0 +1,138 @@
+"""``dovetail identify-joint``: a joint fitted to measured FRFs."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.commands.argument_types import not_negative, positive
+from dovetail.commands.common import (
+    Options,
+    check_places,
+    loaded,
+    say,
+)
+from dovetail.disk.output import Output, OutputError, Progress, write_json
+from fem.io.atomic import replacing
+
+HELP = "fit a joint to the measured FRFs, with its uncertainty, and propose it to the model"
+EXAMPLE = "dovetail identify-joint study.toml --joint J --directions rx --propose new.toml --picture Z.png"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument("--joint", required=True, metavar="NAME", help="name of the joint in the study")
+    p.add_argument(
+        "--directions",
+        required=True,
+        metavar="LIST",
+        help="relative motions to identify, such as z,rx; the others keep the study's values",
+    )
+    p.add_argument(
+        "--terms",
+        metavar="LIST",
+        default="K,D",
+        help="what each direction may have: some of K, C, D (stiffness, viscous and structural damping), or "
+        "one of zener, fractional_kelvin_voigt, fractional_zener (default K,D)",
+    )
+    p.add_argument("--coupled", action="store_true", help="let the stiffness couple the directions")
+    p.add_argument(
+        "--accuracy",
+        type=not_negative,
+        default=0.05,
+        metavar="X",
+        help="accuracy asked of the model, relative to each FRF; 0 takes it for exact (default 0.05)",
+    )
+    p.add_argument(
+        "--propose", type=Path, metavar="FILE", help="write the study with the identified joint, as .toml"
+    )
+    p.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw the dynamic stiffness over frequency, as .png"
+    )
+    p.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write values, covariance, and Z line by line with its condition numbers to an .npz file",
+    )
+    p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
+    p.add_argument(
+        "--amplification",
+        type=positive,
+        default=1e3,
+        metavar="X",
+        help="line by line: largest amplification of errors, cond(A)·cond(B), of a line that counts "
+        "(default 1000)",
+    )
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Fit a joint by output error; show it line by line beside; write what was found into a study."""
+    from dovetail.identify import estimate, identify, read_task, summarise
+    from dovetail.propose import write_proposal
+    from dovetail.report.joint import draw_joint, joint_result, joint_words
+    from joint import IdentificationError
+
+    for path, suffix, what in (
+        (options.out, ".npz", "the result"),
+        (options.propose, ".toml", "the proposed study"),
+        (options.picture, ".png", "the picture"),
+    ):
+        if path is not None and path.suffix.lower() != suffix:
+            msg = f"{path}: {what} is written as {suffix}"
+            raise OutputError(msg)
+    check_places(
+        options, Output("--out", options.out), Output("--propose", options.propose),
+        Output("--picture", options.picture),
+    )  # fmt: skip
+    study = loaded(options)
+    task = read_task(study, options.joint, options.directions, options.measurement)
+    terms = tuple(options.terms.replace(",", " ").split())
+    progress("line by line")
+    lines, reason = None, ""
+    try:
+        lines = identify(task, options.amplification)
+    except IdentificationError as refusal:
+        reason = str(refusal).partition(": ")[2]
+    progress("fitting the joint to all lines")
+    found = estimate(task, terms, coupled=options.coupled, accuracy=options.accuracy, lines=lines)
+    summary = [] if lines is None else summarise(lines, task.directions)
+    progress.close()
+    if options.out is not None:
+        _write_joint(options.out, found, lines)
+    if options.picture is not None:
+        draw_joint(found, options.picture, options.amplification)
+    proposal = write_proposal(found, options.propose) if options.propose is not None else ()
+    write_json(options.json, joint_result(study.name, found, lines, summary))
+    say(options, *joint_words(found, lines, summary, reason))
+    if proposal:
+        say(
+            options,
+            f"{options.propose} is written: the study with this joint. Check it with "
+            f"dovetail compare {options.propose}",
+        )
+
+
+def _write_joint(path: Path, found: Any, lines: Any) -> None:
+    fit = found.fit
+    arrays: dict[str, Any] = {
+        "directions": np.array(found.task.directions),
+        "names": np.array(fit.form.names),
+        "values": fit.values,
+        "covariance": fit.covariance,
+        "fit_frequency": fit.frequency,
+        "H": fit.H,
+        "measured": found.measured,
+    }
+    if lines is not None:
+        arrays |= {
+            "frequency": lines.frequency,
+            "Z": lines.z,
+            "regular": lines.regular,
+            "condition_A": lines.condition_A,
+            "condition_B": lines.condition_B,
+            "residual": lines.residual,
+        }
+    with replacing(path) as scratch, scratch.open("wb") as file:
+        np.savez_compressed(file, **arrays)

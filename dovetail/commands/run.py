@@ -1,0 +1,53 @@
+"""``dovetail run``: the whole loop, with a report."""
+
+import argparse
+from pathlib import Path
+
+from dovetail.commands.common import (
+    Options,
+    check_places,
+    loaded,
+    say,
+)
+from dovetail.commands.diagnosis_words import found_lines, staircase
+from dovetail.disk.output import Output, Progress, write_json
+
+HELP = "compare, locate, diagnose and write a report"
+EXAMPLE = "dovetail run study.toml --out out/report"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for report.html, result.json, frf.npz and pictures/",
+    )
+    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Do the whole loop and print the verdict."""
+    from dovetail import pipeline
+    from dovetail.report import words
+    from dovetail.result import NAMES, result_dict
+
+    out = Output("--out", options.out, NAMES)
+    check_places(options, out)
+    study = loaded(options)
+    done = pipeline.run(study, options.out, progress, force=options.force)
+    progress.close()
+    write_json(options.json, result_dict(done))
+    say(
+        options,
+        f"{study.name}: {done.diagnosis.verdict}",
+        words.headline(done),
+        *found_lines(done.diagnosis),
+        "",
+        *staircase(done.diagnosis, done.held_out_channels),
+        *(f"note: {note}" for note in (*done.notes, *study.measured_notes)),
+        "",
+        str(done.report),
+    )

@@ -1,0 +1,156 @@
+"""The report of an update: one HTML file with what changed, how surely, and what to doubt."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dovetail.update import StudyUpdate
+
+if TYPE_CHECKING:
+    from updating.correlation.pairing import ModeComparison
+    from updating.inference.update import UpdatedParameter
+
+
+REPORT = "report.html"
+
+
+def errors_before_and_after(result: StudyUpdate) -> list[str]:
+    """Return the errors at the start and at the end, in sentences."""
+    first, last = result.updated.path[0], result.updated.path[-1]
+    out = []
+    for label, a, b in (
+        ("natural frequencies, rms [%]", 100 * first.frequency_error, 100 * last.frequency_error),
+        ("MAC, mean", first.mac, last.mac),
+        ("FRFs, rms [dB]", first.frf_db, last.frf_db),
+    ):
+        if np.isfinite(a) and np.isfinite(b):
+            out.append(f"{label}: {a:.3g} before, {b:.3g} after")
+    return out
+
+
+def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) -> None:
+    """Write the report and its pictures into a folder."""
+    from dovetail.file.measured import sensor_rows
+    from dovetail.report import page
+    from fem.analysis.frf import compute_frf
+    from fem.system import assemble
+    from viz.correlation import plot_mode_pairs
+    from viz.curves import plot_frf
+    from viz.modal import plot_stabilisation
+    from viz.style import save
+    from viz.updating import plot_convergence, plot_correlation, plot_parameters
+
+    u, study = result.updated, result.study
+    pictures = folder / "pictures"
+    pictures.mkdir()
+
+    def picture(name: str, figure: Any, caption: str) -> page.Markup:
+        return page.image(save(figure, pictures / f"{name}.png"), caption, caption)
+
+    shown: list[page.Markup] = []
+    if result.after is not None and result.before is not None:
+        shown.append(page.section("Modes", _mode_table(result.before, result.after)))
+        caption = "Measured modes and those of the updated model."
+        shown.append(picture("modes", plot_mode_pairs(result.after), caption))
+    if result.identified is not None:
+        data = study.measurements[0].frf
+        caption = "Poles of all orders, and the modes that were taken."
+        shown.append(picture("stabilisation", plot_stabilisation(data, result.identified), caption))
+    m = result.measurement
+    if m is not None:
+        frf = m.frf.select(lines=m.frf.frequency > 0, band=study.band)
+        outputs, inputs = (sensor_rows(study.model, part) for part in (m.sensors, m.excitations))
+        models = {
+            label: type(frf).from_arrays(
+                frf.frequency, compute_frf(assemble(model), frf.frequency, outputs, inputs, frf.kind).H,
+                frf.kind, frf.outputs, frf.inputs,
+            )
+            for label, model in (("at the start", study.model), ("updated", u.model))
+        }  # fmt: skip
+        caption = "Measured FRFs, and those of the model at the start and at the end."
+        shown.append(page.section("FRFs", picture("frfs", plot_frf(frf, models), caption)))
+    head = ["parameter", "unit", "start", "bounds", "prior", "value", "std", "95 % interval", "change"]
+    related = [_most_correlated(result, i) for i in range(len(u.parameters))]
+    rows = [(*_cells(p), other) for p, other in zip(u.parameters, related, strict=True)]
+    words = [*study.warnings, *u.messages, *result.notes, *unsaid]
+    html = page.page(
+        f"{study.name}: updated",
+        page.tag("h1", study.name),
+        page.tag(
+            "div",
+            page.tag("p", f"Updated to {' and '.join(result.to)}", class_="kind"),
+            page.tag("p", f"{u.ending.value[0]}: {u.ending.cause}", class_="value"),
+            *(page.paragraph(text) for text in errors_before_and_after(result)),
+            class_="verdict " + ("nothing" if u.converged else "unexplained"),
+        ),
+        page.section(
+            "Parameters",
+            page.table([*head, "most correlated with"], rows, numbers=range(2, 9), at_most=60),
+            picture(
+                "parameters", plot_parameters(u), "Change from the start, with 95 % intervals and priors."
+            ),
+        ),
+        page.section("What to doubt", page.bullets(words)) if words else "",
+        *shown,
+        page.section(
+            "How it came about",
+            picture("convergence", plot_convergence(u), "Errors and parameters over the steps."),
+            picture("correlation", plot_correlation(u), "Correlations of the estimates.")
+            if len(u.parameters) > 1
+            else "",
+        ),
+        *(
+            page.section(head, page.bullets(notes))
+            for head, notes in (
+                ("Notes on the mesh file", study.model.mesh.notes),
+                ("Notes on the measured files", study.measured_notes),
+            )
+            if notes
+        ),
+        page.section("Assumptions", page.bullets(study.assumptions)) if study.assumptions else "",
+    )
+    (folder / REPORT).write_text(html, encoding="utf-8")
+
+
+def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
+    low, high = p.interval(0.95)
+    prior = "-" if p.prior_std is None else f"{100 * p.prior_std:.3g} %" if p.log else f"{p.prior_std:.3g}"
+    change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
+    mark = " at its bound" if p.at_bound else "" if p.determined else " not determined"
+    prior += " (dropped)" if p.released else ""
+    return (
+        p.name, p.unit, f"{p.start:.5g}", f"{p.lower:.4g} to {p.upper:.4g}", prior, f"{p.value:.5g}",
+        f"{p.std:.2g}" if np.isfinite(p.std) else "-",
+        f"{low:.5g} to {high:.5g}" if np.isfinite(p.std) else "-", change + mark,
+    )  # fmt: skip
+
+
+def _most_correlated(result: StudyUpdate, i: int) -> str:
+    row = np.abs(result.updated.correlation[i]).copy()
+    row[i] = 0.0
+    if row.size < 2 or not row.max() > 0.5:
+        return "-"
+    k = int(np.argmax(row))
+    return f"{result.updated.names[k]} ({result.updated.correlation[i, k]:+.2f})"
+
+
+def _mode_table(before: "ModeComparison", after: "ModeComparison") -> Any:
+    from dovetail.report import page
+
+    def by_measured(c: "ModeComparison") -> dict[int, tuple[float, float]]:
+        return {i: (float(c.frequency_computed[j]), float(c.mac[i, j])) for i, j in c.pairs}
+
+    first, last = by_measured(before), by_measured(after)
+    rows = []
+    for i, f in enumerate(after.frequency_measured):
+        cells = [str(i + 1), f"{f:.4g}"]
+        for found in (first, last):
+            if i in found:
+                g, likeness = found[i]
+                cells += [f"{g:.4g}", f"{100 * (g / f - 1):+.2f}", f"{likeness:.3f}"]
+            else:
+                cells += ["-", "-", "-"]
+        rows.append(cells)
+    head = ["mode", "measured [Hz]", "start [Hz]", "error [%]", "MAC", "updated [Hz]", "error [%]", "MAC"]
+    return page.table(head, rows, numbers=range(8))
