@@ -610,7 +610,7 @@ def _reweighted(data: FitData, fit: ModalFit) -> FitData:
     scale = np.maximum(np.sqrt(np.median((error / unit**2).mean(axis=2), axis=0) / free), ROUNDING * level)
     over_lines = (error / scale[:, None] ** 2).mean(axis=1)
     width = max(n_freq // 16, 9) | 1
-    along = np.maximum(median_filter(over_lines, (width, 1), mode="nearest") / free, 1e-6 * unit**2)
+    along = np.maximum(_running_median(over_lines, width) / free, 1e-6 * unit**2)
     size = (np.abs(fit.H) ** 2 / scale[:, None] ** 2).mean(axis=1)
     top = np.argsort(-size, axis=0, kind="stable")[: max(n_freq // 20, 5)]
     size_top, along_top = (np.take_along_axis(x, top, axis=0) for x in (size.clip(min=1e-300), along))
@@ -618,6 +618,11 @@ def _reweighted(data: FitData, fit: ModalFit) -> FitData:
     chance = np.sqrt(((along_top / size_top) ** 2).sum(axis=0) / data.frf.H.shape[1]) / len(top)
     proportion = np.where(proportion > 3 * chance, proportion, 0.0)
     return replace(data, scale=scale, spread=np.sqrt(along + proportion * size))
+
+
+def _running_median(values: Floats, width: int) -> Floats:
+    """Return running medians of columns: each by itself, as SciPy is fast in one dimension alone."""
+    return np.stack([median_filter(column, width, mode="nearest") for column in values.T], axis=1)
 
 
 def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
