@@ -66,10 +66,10 @@ class CondensedLines:
         """Return weighted values (n_nodes, n) of input i: real above imaginary parts, (2 n_nodes, n)."""
         n_single = self.weight.shape[1]
         out = np.empty((2, *values.shape))
-        for part, v in zip(out, (values.real, values.imag), strict=True):
-            part[:n_single] = v[:n_single] * self.weight[i][:, None]
+        for k, v in enumerate((values.real, values.imag)):
+            out[k, :n_single] = v[:n_single] * self.weight[i][:, None]
             nodes = v[n_single:].reshape(len(self.segments), N_NODES, v.shape[1])
-            part[n_single:] = (self.triangles[i] @ nodes).reshape(len(v) - n_single, v.shape[1])
+            out[k, n_single:] = (self.triangles[i] @ nodes).reshape(len(v) - n_single, v.shape[1])
         return out.reshape(2 * len(values), values.shape[1])
 
     def holds(self, poles: Complexes) -> bool:
