@@ -360,7 +360,7 @@ def test_without_data_or_unknowns(bracket, tmp_path, capsys):
     sure = path.with_name("sure.toml")
     sure.write_text(path.read_text(encoding="utf-8").replace("E = 0.1", "E = 0"), encoding="utf-8")
     assert main(["update", str(sure), "--out", str(tmp_path / "o")]) == 2
-    assert "nothing is uncertain" in capsys.readouterr().err
+    assert "no parameter is uncertain" in capsys.readouterr().err
 
 
 def test_geometry_in_other_axes_is_matched_and_drawn(bracket, tmp_path, capsys):

@@ -101,7 +101,7 @@ def test_exact_data_of_three_masses_give_the_eigensolution(kind):
 def test_bare_arrays_and_uneven_lines_do():
     lines = np.sort(np.random.default_rng(3).uniform(2, 40, 300))
     exact = superposed(lines, [10.0, 25.0], [0.01, 0.02], np.array([[1.0, 0.5], [0.4, -1.0]]), [0])
-    with pytest.warns(UserWarning, match="modal masses are unknown"):
+    with pytest.warns(UserWarning, match="Modal masses are unknown"):
         found = identify_modes(lines, exact.H)
     assert found.modes.frequency == pytest.approx([10, 25], rel=1e-8)
     assert not found.scaled
