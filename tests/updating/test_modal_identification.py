@@ -182,7 +182,7 @@ def test_modes_do_not_depend_on_the_units_of_channels():
 def test_noise_alone_has_no_modes():
     rng = np.random.default_rng(8)
     H = rng.standard_normal((400, 5, 2)) + 1j * rng.standard_normal((400, 5, 2))
-    with pytest.warns(UserWarning, match="modal masses"):
+    with pytest.warns(UserWarning, match="Modal masses"):
         found = identify_modes(np.linspace(1, 100, 400), H)
     assert found.modes.n_modes == 0
     assert all(candidate.reason for candidate in found.candidates)
