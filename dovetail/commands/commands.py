@@ -330,7 +330,11 @@ def identify_joint(options: Options, progress: Progress) -> None:
     write_json(options.json, joint_result(study.name, found, lines, summary))
     say(options, *joint_words(found, lines, summary, reason))
     if proposal:
-        say(options, f"the study with this joint is written: dovetail compare {options.propose}")
+        say(
+            options,
+            f"{options.propose} is written: the study with this joint. Check it with "
+            f"dovetail compare {options.propose}",
+        )
 
 
 def _write_joint(path: Path, found: Any, lines: Any) -> None:

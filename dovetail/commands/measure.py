@@ -93,7 +93,8 @@ def identify_modes(options: Options, progress: Progress) -> None:
     left = sum(not c.accepted for c in found.candidates)
     say(
         options,
-        f"{study.name}: {found.modes.n_modes} modes in {data.name}, {left} other pole(s) tried and left out",
+        f"{study.name}: {found.modes.n_modes} mode(s) identified from {data.name}; {left} other "
+        "pole(s) were tried and rejected",
         found.table(),
         *(f"warning: {text}" for text in said if text not in peak_words(found.unexplained)),
         *(f"note: {text}" for text in study.measured_notes),
@@ -347,7 +348,7 @@ def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
     prior = "-" if p.prior_std is None else f"{100 * p.prior_std:.3g} %" if p.log else f"{p.prior_std:.3g}"
     change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
     mark = " at its bound" if p.at_bound else "" if p.determined else " not determined"
-    prior += " (let go)" if p.released else ""
+    prior += " (dropped)" if p.released else ""
     return (
         p.name, p.unit, f"{p.start:.5g}", f"{p.lower:.4g} to {p.upper:.4g}", prior, f"{p.value:.5g}",
         f"{p.std:.2g}" if np.isfinite(p.std) else "-",
