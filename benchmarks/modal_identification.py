@@ -1,14 +1,19 @@
 """Identify 14 modes, two at 88.0 and 89.2 Hz, from 3 x 60 FRFs in noise; beside sdypy-EMA if it is there.
 
 OPENBLAS_NUM_THREADS=1 python -m benchmarks.modal_identification
+OPENBLAS_NUM_THREADS=1 python -m benchmarks.modal_identification lines
+
+The second command identifies 20 and 40 modes from 51 200 lines of nine FRFs, with one, three and nine forces.
 
 sdypy-EMA runs under an interpreter of its own, `.venv-peers/bin/python` or that of DOVETAIL_PEERS_PYTHON,
 after `make peers`. It takes the poles nearest to given frequencies: it gets the true ones.
 """
 
 import subprocess
+import sys
 import tempfile
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +84,44 @@ def sdypy(data: FRF, order: int) -> dict[str, np.ndarray]:
             return dict(found)
 
 
+def many_lines(n_out: int, n_in: int, n_modes: int, rng: np.random.Generator) -> tuple[FRF, np.ndarray]:
+    """Return 51 200 lines up to 3200 Hz of random modes with noise of 1 %, and the poles."""
+    lines = np.linspace(0.0625, 3200, 51200)
+    f, ratio = np.sort(rng.uniform(32, 3136, n_modes)), rng.uniform(0.002, 0.012, n_modes)
+    phi = rng.standard_normal((9, n_modes))
+    w, wn = 2 * np.pi * lines[:, None], 2 * np.pi * f
+    terms = -(w**2) / (wn**2 - w**2 + 2j * ratio * wn * w)
+    H = (terms @ (phi[:n_out, None] * phi[:n_in]).reshape(-1, n_modes).T).reshape(-1, n_out, n_in)
+    size = 0.01 * np.sqrt((np.abs(H) ** 2).mean(axis=0) / 2)
+    H = H + size * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    labels = [f"{k + 1}Z+" for k in range(9)]
+    poles = wn * (-ratio + 1j * np.sqrt(1 - ratio**2))
+    return FRF.from_arrays(lines, H, "accelerance", labels[:n_out], labels[:n_in]), poles
+
+
+def identify_many_lines() -> None:
+    """Print modes found, errors over half-widths and over stated deviations, and time of one core."""
+    for n_out, n_in in ((9, 1), (3, 3), (1, 9)):
+        for n_modes in (20, 40):
+            data, poles = many_lines(n_out, n_in, n_modes, np.random.default_rng(0))
+            start = time.process_time()
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # of weak modes that are left out
+                found = identify_modes(data)
+            seconds = time.process_time() - start
+            true = poles[np.argmin(np.abs(found.poles[:, None] - poles), axis=1)]
+            off = np.abs(found.poles - true) / -true.real
+            score = (found.modes.frequency - np.abs(true) / (2 * np.pi)) / found.frequency_std
+            print(
+                f"{n_out} x {n_in} FRFs, {n_modes} modes: {len(found.poles)} found   error {off.max():.4f} "
+                f"of a half-width, {np.sqrt((score**2).mean()):.2f} stated deviations rms   {seconds:.1f} s"
+            )
+
+
 if __name__ == "__main__":
+    if "lines" in sys.argv[1:]:
+        identify_many_lines()
+        sys.exit()
     print("largest errors of all modes; time of one core")
     for noise in (0.01, 0.05):
         data, phi = measured(noise, np.random.default_rng(0))

@@ -126,12 +126,12 @@ def update_study(study: Study) -> StudyUpdate:
     """
     plan = study.plan
     if study.modes is None and not study.measurements:
-        msg = f"{study.path}: it has neither [[measurements]] nor [modes]; there is nothing to update to"
+        msg = (
+            f"{study.path}: it has no [[measurements]] and no [modes]; an update needs measured FRFs or modes"
+        )
         raise StudyError(msg)
     if not plan.unknowns:
-        msg = (
-            f"{study.path}: nothing is uncertain in [uncertain]; say what to update in [[update.parameters]]"
-        )
+        msg = f"{study.path}: no parameter is uncertain; name some in [[update.parameters]] or [uncertain]"
         raise StudyError(msg)
     given = study.modes
     usual = "frf" if given is None else "modes" if given.sensors else "frequencies"
@@ -169,7 +169,10 @@ def update_study(study: Study) -> StudyUpdate:
 
 def _as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
     if not found.modes.n_modes:
-        msg = f"no mode was found in the FRFs of {data.name}; give [modes], or update to 'frf'"
+        msg = (
+            f"no mode could be identified from the FRFs of {data.name}; give [modes], or "
+            'set to = "frf" in [update]'
+        )
         raise StudyError(msg)
     return MeasuredModes(found.modes, data.sensors, *found.relative_std(), f"FRFs of {data.name}")
 

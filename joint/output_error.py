@@ -547,10 +547,10 @@ def _message(
     form: JointForm, known: Identifiability, at_bound: BoolArray, chi2: float, converged: bool
 ) -> str:
     """Say how a fit ended, and what to doubt."""
-    message = "converged" if converged else "the iterations ran out; this is the best point"
+    message = "converged" if converged else "not converged: the iterations ran out at the best point so far"
     if chi2 > 2:
         message += (
-            f"; the residual is {np.sqrt(chi2):.1f} times the noise: something else is missing or wrong"
+            f"; the residual is {np.sqrt(chi2):.1f} times the noise: the model lacks an effect or is wrong"
         )
     own = zip(form.names, known.determined, at_bound, strict=False)
     loose = [name for name, ok, bound in own if not ok and not bound]

@@ -116,9 +116,9 @@ class StiffnessLaw:
         )
         text = f"{self.name}: {self.best.words} ({shown})"
         if not self.explained:
-            text += f"; no law explains it: {self.best.misfit:.0%} stay"
+            text += f"; no law explains it: the best one leaves {self.best.misfit:.0%}"
         elif self.rivals:
-            text += f"; not told from {self.rivals[0].words}"
+            text += f"; cannot be distinguished from {self.rivals[0].words}"
         return text
 
 

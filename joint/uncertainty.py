@@ -26,9 +26,9 @@ LIKELY = 1.92
 """Fall of the log likelihood within which 95 % of one parameter's estimates lie [nats]."""
 
 OPEN_ENDS = {
-    "released": "cannot be told from none",
-    "rigid": "cannot be told from rigid",
-    "either": "anything from none to rigid fits",
+    "released": "cannot be distinguished from zero",
+    "rigid": "cannot be distinguished from rigid",
+    "either": "any value from zero to rigid fits",
 }
 """What is said of a parameter for which a limit fits the data as well as its value."""
 

@@ -118,7 +118,7 @@ def _fitted(found: Estimate) -> list[str]:
     n_out, n_in = found.measured.shape[1:]
     out = [
         f"joint {found.task.joint.name}: fitted to {n_out * n_in} FRFs at {fit.frequency.size} lines, "
-        f"{fit.frequency[0]:.4g}-{fit.frequency[-1]:.4g} Hz, from {stage.start}",
+        f"{fit.frequency[0]:.4g}-{fit.frequency[-1]:.4g} Hz; the fit started from {stage.start}",
         f"  parameter              value         std   95 % interval{'':18s}unit       study",
     ]
     for row in found.rows():
@@ -142,38 +142,43 @@ def _fitted(found: Estimate) -> list[str]:
             k = next(r["value"] for r in found.rows() if r["parameter"] == f"K {a} {a}")
             out[-1] += f"  loss factor {row['value'] / k:.3g}"
     levels = ", ".join(f"{error:.0%} up to {f:.0f} Hz" for f, error in stage.levels)
-    out.append(f"  misfit {found.misfit_db:.2f} dB; error of an FRF beside the model's {levels}")
+    out.append(f"  misfit {found.misfit_db:.2f} dB; model error of the FRFs, as the fit found it: {levels}")
     return out
 
 
 def _open(found: Estimate) -> list[str]:
     fit, out = found.fit, []
     if not fit.converged:
-        out.append("  the iterations ran out: this is the best point, not the minimum")
+        out.append(
+            "  the fit did not converge: its iterations ran out, and the values are the best it reached"
+        )
     if found.refused is not None:
         off = found.stages[-1].disagreement(found.refused)
         off = np.where(found.stages[-1].sharp, off, 0.0)
         k = int(np.argmax(off))
         out.append(
-            f"  lines above {fit.frequency[-1]:.0f} Hz are left out: up to {found.refused.highest:.0f} Hz "
-            f"{fit.form.names[k]} would be {found.refused.fit.values[k]:.4g}, {off[k]:.0f} deviations away: "
-            "the model is not right there"
+            f"  lines above {fit.frequency[-1]:.0f} Hz are not used: lines up to {found.refused.highest:.0f} "
+            f"Hz would change {fit.form.names[k]} to {found.refused.fit.values[k]:.4g}, by {off[k]:.0f} "
+            "standard deviations, so the model is wrong at these frequencies"
         )
     worst = max(error for _, error in found.stages[-1].levels)
     if found.misfit_db > POOR:
         out.append(
-            f"  a misfit of {found.misfit_db:.1f} dB is not that of a right model: the values are the "
-            "nearest that were found, and not to be relied on; name other directions, or look for what else "
-            "is missing"
+            f"  a misfit of {found.misfit_db:.1f} dB is too large for a correct model. Do not rely on these "
+            "values, which are the best that were found. Name other directions, or search for a missing "
+            "effect with dovetail run"
         )
     elif worst > WIDE:
         out.append(
-            f"  the model misses these FRFs by up to {worst:.0%}, which is no noise. The intervals take "
-            "it for one error of each mode's frequency"
+            f"  the model misses these FRFs by up to {worst:.0%}, which is more than noise. The intervals "
+            "allow for it as one error of the frequency of each mode"
         )
     loose = [row["parameter"] for row in found.rows() if not row["determined"] and not row["at_bound"]]
     if loose:
-        out.append(f"  the data do not determine {', '.join(loose)}: what they say is nearly all assumption")
+        out.append(
+            f"  the data do not determine {', '.join(loose)}: their values are little more than "
+            "the assumed start"
+        )
     own = set(fit.form.names)
     pairs = found.correlated(0.7)
     if pairs:
@@ -181,7 +186,7 @@ def _open(found: Estimate) -> list[str]:
         out.append(f"  correlated: {shown}{f', and {len(pairs) - 6} more' if len(pairs) > 6 else ''}")
         if any(b in own for _, b, _ in pairs):
             relative, words = fit.identifiability.weakest[0]
-            out.append(f"  known worst: {words}, to {relative:.0%}")
+            out.append(f"  least certain combination: {words}, known to {relative:.0%}")
     far = [
         f"{name} {value:.4g} ({moved:+.1f})"
         for name, value, moved in zip(fit.part_names, fit.part_values, found.moved(), strict=True)
@@ -189,8 +194,8 @@ def _open(found: Estimate) -> list[str]:
     ]
     if far:
         out.append(
-            f"  moved by more than {FAR:g} of their deviations: {', '.join(far)}; something else may be "
-            "missing: dovetail run looks for it"
+            f"  uncertain parameters that moved by more than {FAR:g} prior standard deviations: "
+            f"{', '.join(far)}. The model may lack an effect; search for it with dovetail run"
         )
     return out
 
@@ -201,16 +206,16 @@ def _line_by_line(lines: JointIdentification | None, summary: list[dict[str, Any
     f, regular = lines.frequency, lines.regular
     bands = np.array_split(np.arange(f.size), min(8, f.size))
     out = [
-        f"line by line: {int(regular.sum())} of {f.size} lines count (amplification at most "
+        f"line by line: {int(regular.sum())} of {f.size} lines are usable (error amplification at most "
         f"{lines.amplification_limit:g})",
-        "         band Hz   cond(A)   cond(B)  residual  lines that count",
+        "         band Hz   cond(A)   cond(B)  residual  usable lines",
         *(
             f"{f[b[0]]:8.1f}-{f[b[-1]]:<8.1f} {np.median(lines.condition_A[b]):8.2g}  "
             f"{np.median(lines.condition_B[b]):8.2g}  {_middle(lines.residual[b]):8.2g}  "
             f"{int(regular[b].sum())} of {b.size}"
             for b in bands
         ),
-        "medians over the lines that count, with the scatter of a single line:",
+        "medians over the usable lines, with the scatter of a single line:",
         *(
             f"  {s['direction']:>2}: k = {s['k']:.4g} {s['unit']} (scatter {s['k_scatter']:.2g}), loss "
             f"factor {s['eta']:.3g}, or viscous c = {s['c']:.3g} {s['unit_c']}"
@@ -223,7 +228,8 @@ def _line_by_line(lines: JointIdentification | None, summary: list[dict[str, Any
         out += [
             f"  {law.sentence}"
             if law.explained
-            else f"  {law.name}: no law explains the lines, {law.best.misfit:.0%} of them stay"
+            else f"  {law.name}: no law explains the lines; the best one leaves "
+            f"{law.best.misfit:.0%} of the stiffness"
             for law in laws
         ]
     return out
@@ -231,7 +237,7 @@ def _line_by_line(lines: JointIdentification | None, summary: list[dict[str, Any
 
 def _medians(summary: list[dict[str, Any]]) -> str:
     shown = ", ".join(f"{s['direction']} {s['k']:.4g} (scatter {s['k_scatter']:.2g})" for s in summary)
-    return f"  with the uncertain parameters as fitted: {shown}"
+    return f"  the same medians with the uncertain parameters at their fitted values: {shown}"
 
 
 def _middle(values: np.ndarray) -> float:

@@ -355,12 +355,12 @@ def test_without_data_or_unknowns(bracket, tmp_path, capsys):
     bare = tmp_path / "bare.toml"
     bare.write_text(path.read_text(encoding="utf-8").replace(MEASURED, ""), encoding="utf-8")
     assert main(["update", str(bare), "--out", str(tmp_path / "o")]) == 2
-    assert "there is nothing to update to" in capsys.readouterr().err
+    assert "an update needs measured FRFs or modes" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
     sure = path.with_name("sure.toml")
     sure.write_text(path.read_text(encoding="utf-8").replace("E = 0.1", "E = 0"), encoding="utf-8")
     assert main(["update", str(sure), "--out", str(tmp_path / "o")]) == 2
-    assert "nothing is uncertain" in capsys.readouterr().err
+    assert "no parameter is uncertain" in capsys.readouterr().err
 
 
 def test_geometry_in_other_axes_is_matched_and_drawn(bracket, tmp_path, capsys):

@@ -70,7 +70,7 @@ def test_rivals_are_named_where_the_band_is_too_narrow():
     z = noisy(2e6 * (1 + 0.1j) + np.zeros(60), 0.01)
     (found,) = explain_stiffness(lines, z[:, None, None], ["x"])
     assert {r.kinds for r in found.rivals} | {found.best.kinds} >= {("K", "C"), ("K", "D")}
-    assert "not told from" in found.sentence
+    assert "cannot be distinguished from" in found.sentence
 
 
 def test_the_effects_have_the_stiffness_that_was_found():

@@ -98,7 +98,7 @@ def test_what_is_released_is_said_in_words(slim):
     else:
         assert fit.open_end[3] == "released"
         assert fit.words(3).startswith("not determined: below ")
-        assert fit.words(3).endswith("(95 %), cannot be told from none")
+        assert fit.words(3).endswith("(95 %), cannot be distinguished from zero")
     assert " ± " in fit.words(4)
 
 
@@ -110,7 +110,7 @@ def test_a_released_direction_without_bounds_has_a_limit(slim):
     fit = fit_joint(form, slim, LINES, H, theta, noise=0.005)
     assert not fit.identifiability.determined[3]
     assert fit.open_end[3] == "released"
-    assert "cannot be told from none" in fit.words(3)
+    assert "cannot be distinguished from zero" in fit.words(3)
 
 
 def test_what_is_rigid_is_told_from_what_is_released(slim):
@@ -121,7 +121,7 @@ def test_what_is_rigid_is_told_from_what_is_released(slim):
     H = measured(few, form, 1e2 * K, 0.02, lines=lines)
     fit = fit_joint(form, few, lines, H, 1e2 * K, noise=0.02, positive=True)
     assert fit.open_end[0] == "rigid"
-    assert fit.words(0) == "not determined: cannot be told from rigid"
+    assert fit.words(0) == "not determined: cannot be distinguished from rigid"
 
 
 def test_a_direction_without_information_has_no_finite_deviation(slim):

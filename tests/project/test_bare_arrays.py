@@ -50,7 +50,7 @@ def record():
 
 def test_time_data_become_modes_in_three_lines(record, capsys):
     code = lines_of("modal-identification.md")[0]
-    with pytest.warns(UserWarning, match="modal masses are unknown"):
+    with pytest.warns(UserWarning, match="Modal masses are unknown"):
         found = run(code, force=record[0], response=record[1], sample_rate=RATE)["found"]
     # leakage of blocks of 4 s moves resonances by less than a tenth of a line; deviations leave it out
     assert np.abs(found.modes.frequency - [40, 90]).max() < 0.1 * RATE / 4096
@@ -97,9 +97,9 @@ def test_an_estimate_brings_its_deviations_and_the_decay_of_its_window():
     response = lfilter([0.0, pole.imag], [1.0, -2 * pole.real, abs(pole) ** 2], hit, axis=1)
     estimate = estimate_frf(hit, response, RATE, window="exponential", band=(20, 80), kind="receptance")
     assert estimate.added_decay == pytest.approx(np.log(100) * RATE / n)
-    with pytest.warns(UserWarning, match="modal masses are unknown"):
+    with pytest.warns(UserWarning, match="Modal masses are unknown"):
         found = identify_modes(estimate)
-    with pytest.warns(UserWarning, match="modal masses are unknown"):
+    with pytest.warns(UserWarning, match="Modal masses are unknown"):
         kept = identify_modes(estimate, added_decay=0.0)
     assert found.modes.zeta == pytest.approx([0.01], rel=1e-3)
     assert kept.modes.zeta == pytest.approx([0.01 + estimate.added_decay / (2 * np.pi * 40)], rel=1e-3)

@@ -101,7 +101,7 @@ def test_exact_data_of_three_masses_give_the_eigensolution(kind):
 def test_bare_arrays_and_uneven_lines_do():
     lines = np.sort(np.random.default_rng(3).uniform(2, 40, 300))
     exact = superposed(lines, [10.0, 25.0], [0.01, 0.02], np.array([[1.0, 0.5], [0.4, -1.0]]), [0])
-    with pytest.warns(UserWarning, match="modal masses are unknown"):
+    with pytest.warns(UserWarning, match="Modal masses are unknown"):
         found = identify_modes(lines, exact.H)
     assert found.modes.frequency == pytest.approx([10, 25], rel=1e-8)
     assert not found.scaled
@@ -182,7 +182,7 @@ def test_modes_do_not_depend_on_the_units_of_channels():
 def test_noise_alone_has_no_modes():
     rng = np.random.default_rng(8)
     H = rng.standard_normal((400, 5, 2)) + 1j * rng.standard_normal((400, 5, 2))
-    with pytest.warns(UserWarning, match="modal masses"):
+    with pytest.warns(UserWarning, match="Modal masses"):
         found = identify_modes(np.linspace(1, 100, 400), H)
     assert found.modes.n_modes == 0
     assert all(candidate.reason for candidate in found.candidates)

@@ -166,7 +166,7 @@ def test_a_peak_without_any_pole_says_so_and_peaks_are_counted():
     peaks = unexplained_peaks(f, H, np.zeros_like(H), sigma, (), nothing())
     assert len(peaks) == len(poles)
     np.testing.assert_allclose(sorted(p.frequency for p in peaks), poles, atol=0.2)
-    assert peaks[0].words.endswith("Hz has no mode: no order up to 8 has a pole there")
+    assert peaks[0].words.endswith("Hz has no mode: no model of an order up to 8 has a pole there")
     assert [p.level_db for p in peaks] == sorted((p.level_db for p in peaks), reverse=True)
     words = peak_words(peaks)
     assert len(words) == 13

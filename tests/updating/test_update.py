@@ -399,7 +399,7 @@ def test_a_prior_that_the_data_contradict_is_let_go_and_pulls_at_nothing():
     assert found["dE right change"].from_prior == pytest.approx(abs(found.values[1]) / 0.02)
     assert found["dE right change"].start == 0.0
     assert "data contradict priors, in standard deviations: dE right change by" in found.messages[0]
-    assert "(prior let go)" in found.table()
+    assert "(prior dropped)" in found.table()
     assert not any(p.released for p in kept.parameters)
     assert found.path[-1].stage == "again to 399 Hz"
 
@@ -714,7 +714,7 @@ def test_lines_that_a_comparison_leaves_out_do_not_count_in_an_update():
     assert result.ending is Ending.CONVERGED
     assert result.misfit["frf"] < 2
     assert result["frame E:steel"].value == pytest.approx(210e9, rel=2e-3)
-    assert not any("are missed by" in m for m in result.messages)
+    assert not any("the model misses the" in m for m in result.messages)
 
 
 def test_noise_that_is_given_masks_as_known_noise_does():

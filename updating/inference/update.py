@@ -119,7 +119,7 @@ class Ending(Enum):
     STUCK = (
         "stuck",
         "no step along the derivatives lowers the misfit, though they say it should",
-        "look whether modes change partners between steps; give shapes, a narrower band, or more starts",
+        "check whether modes change partners between steps; give shapes, a narrower band, or more starts",
     )
     NO_PARTNERS = (
         "no partners",
@@ -395,7 +395,7 @@ class Updated:
         for p in self.parameters:
             change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
             mark = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
-            mark += " (prior let go)" if p.released else ""
+            mark += " (prior dropped)" if p.released else ""
             std = f"{p.std:9.2g}" if np.isfinite(p.std) else f"{'-':>9}"
             lines.append(
                 f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {std}  {change:>8}  {p.unit}{mark}"
@@ -945,9 +945,9 @@ def _no_worse(problem: _Problem, found: Fitted, path: list[UpdateStep]) -> tuple
             continue
         if again[0].merit < found[0].merit:
             found = again
-            said = (f"the fit had ended worse than {what}: the values are those fitted from there",)
+            said = (f"the fit ended worse than {what}, and was repeated from there",)
     if said and len(path) == began:
-        said = (f"{said[0]}, which no step betters",)
+        said = (f"{said[0]}; no step lowered the misfit",)
     return found, said
 
 
@@ -1000,7 +1000,7 @@ def _released(base: _Problem) -> Updated:
         if again.ending in _FAILED or sum(again.misfit.values()) > _WORSE * sum(result.misfit.values()):
             kept = (
                 f"the data contradict the prior of {p.name} by {away[worst]:.0f} of its standard deviations, "
-                "but without it the fit gets lost; it was kept"
+                "but the fit fails without it; the prior was kept"
             )
             break
         gone[worst] = f"{p.name} by {away[worst]:.0f}"
@@ -1020,9 +1020,9 @@ def _released(base: _Problem) -> Updated:
         for k, p in enumerate(result.parameters)
     )  # fmt: skip
     said = (
-        f"the data contradict priors, in standard deviations: {', '.join(gone.values())}; these were let go "
-        "and all was fitted again. Where the value cannot be, the model lacks something there: look for it "
-        "(dovetail run, diagnose)"
+        f"the data contradict priors, in standard deviations: {', '.join(gone.values())}. They were dropped "
+        "and the fit was repeated. If a value is impossible, the model lacks an effect there: search for it "
+        "with dovetail run"
     )
     messages = (said, *([kept] if kept else []), *result.messages)
     return replace(result, parameters=parameters, messages=messages)
@@ -1229,13 +1229,13 @@ def _messages(
         out.append(f"{ending.value[0]}: {ending.cause}; {ending.remedy}")
     at = [p.name for p in done if p.at_bound]
     if at:
-        out.append(f"at a bound: {', '.join(at)}; the model may lack what they stand in for")
+        out.append(f"at a bound: {', '.join(at)}; they may stand in for an effect that the model lacks")
     away = [(p.name, p.from_prior) for p in done if np.isfinite(p.from_prior)]
     far = ", ".join(f"{name} by {z:.0f}" for name, z in away if z > AGAINST)
     if far:
         out.append(
-            f"against their priors, in standard deviations: {far}; wrong priors pull all that is correlated "
-            "with them: widen them, or look for what the model lacks"
+            f"values far from their priors, in standard deviations: {far}. Priors that are wrong bias every "
+            "correlated parameter: widen them, or look for an effect that the model lacks"
         )
     loose = [
         p.name
@@ -1247,7 +1247,9 @@ def _messages(
         and dict(away).get(p.name, 0.0) <= AGAINST
     ]
     if loose:
-        out.append(f"the data do not determine {', '.join(loose)}: the values are those of start or prior")
+        out.append(
+            f"the data do not determine {', '.join(loose)}: their values are those of the start or the prior"
+        )
     pairs_of = [
         f"{done[i].name} with {done[j].name} ({correlation[i, j]:+.3f})"
         for i in range(len(done))
@@ -1255,20 +1257,20 @@ def _messages(
         if abs(correlation[i, j]) > CORRELATED and done[i].refs and not (frozen[i] or frozen[j])
     ]
     if pairs_of:
-        out.append(f"correlated, better known together than each alone: {'; '.join(pairs_of[:8])}")
+        out.append(f"correlated, so that only a combination is well known: {'; '.join(pairs_of[:8])}")
     for name, q in misfit.items():
         if q > 2:
             what = "modes" if name == "modes" else "FRFs"
             out.append(
-                f"the {what} are missed by {np.sqrt(q):.1f} times the stated noise and model error; the "
-                "standard deviations are widened, but something else is missing or wrong, or the start was "
-                "too far (try more starts)"
+                f"the model misses the {what} by {np.sqrt(q):.1f} times the stated noise and model error. "
+                "Standard deviations are widened by it, but the model lacks an effect or is wrong, or the "
+                "start was too far off (try more starts)"
             )
     if pairs is not None and problem.modes is not None and pairs.lost:
         words = ", ".join(f"{problem.modes.frequency[i]:.4g} Hz" for i in pairs.lost)
         out.append(f"measured modes without a partner in the model: {words}")
     if problem.curve is not None and not problem.curve.distinct:
-        out.append("the L-curve has no distinct corner: the weight of the regularisation is arbitrary")
+        out.append("the L-curve has no distinct corner: the regularisation weight is arbitrary")
     return tuple(out)
 
 
@@ -1302,8 +1304,8 @@ def _unmoved(problem: _Problem, state: _State) -> list[str]:
     some = ", ".join(f"{data.frequency[i]:.4g} Hz ({100 * off[i]:+.2g} %)" for i in still[:6])
     more = f", and {still.size - 6} more" if still.size > 6 else ""
     return [
-        f"no parameter moves the modes paired with {some}{more}: look whether the measured modes are those "
-        "of the model in this order (numbers, or shapes, say which)"
+        f"no parameter moves the modes paired with {some}{more}: check that measured and computed modes are "
+        "the same ones, by giving shapes or mode numbers"
     ]
 
 

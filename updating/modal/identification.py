@@ -290,19 +290,19 @@ def identify_modes(
     stabilisation = fit_orders(data, orders, level, line_weight)
     tracks = track_poles(stabilisation)
     found, n_more = _search(task, tracks, orders)
-    noise = "estimated from what the fit leaves" if std is None else "as given"
+    noise = "estimated from the residual of the fit" if std is None else "as given"
     missed = float(np.sqrt((np.abs(found.fitted.misfit) ** 2).mean() / 2))
     if std is not None and missed > _MISSED:
         noise = (
-            f"the fit misses the data by {missed:.2g} times the given standard deviations, which leave out "
-            "what repeats (leakage, other motions): estimated from what the fit leaves"
+            f"estimated from the residual of the fit, which is {missed:.2g} times the given standard "
+            "deviations: they do not cover errors that repeat in every average, such as leakage"
         )
         found, n_more = _search(replace(task, estimate_noise=True), tracks, orders)
 
     choices = (
         f"{data.n_freq} of {whole.n_freq} lines, {data.frequency[0]:g} to {data.frequency[-1]:g} Hz",
-        f"orders {orders[0]} to {orders[-1]}: {len(tracks)} poles in at least {LEAST_ORDERS} of them; "
-        f"{n_more} more in what the first fit left",
+        f"model orders {orders[0]} to {orders[-1]}: {len(tracks)} poles persist over at least "
+        f"{LEAST_ORDERS} orders; the residual of the first fit has {n_more} more",
         *found.steps,
         f"noise: {noise}",
     )
@@ -370,15 +370,15 @@ def _lines(frf: FRF, band: tuple[float, float] | None) -> NDArray[np.int64]:
     lines = np.flatnonzero((frf.frequency > 0) & (frf.frequency >= low) & (frf.frequency <= high))
     if lines.size < 20:
         msg = (
-            f"{lines.size} line(s) lie in the band {low:g} to {high:g} Hz; at least 20 are needed, and the "
-            f"data cover {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz with {frf.n_freq}"
+            f"{lines.size} line(s) lie in the band {low:g} to {high:g} Hz; at least 20 are needed. The data "
+            f"have {frf.n_freq} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz: widen the band"
         )
         raise IdentificationError(msg)
     size = np.abs(frf.H[lines]).max(axis=0)
     for axis, names, word in ((1, frf.outputs, "response"), (0, frf.inputs, "force")):
         dead = np.flatnonzero(size.max(axis=axis) == 0)
         if dead.size:
-            msg = f"all FRFs of {word} '{names[dead[0]]}' are zero; leave it out with select(…)"
+            msg = f"all FRFs of {word} '{names[dead[0]]}' are zero in the band; leave this {word} out"
             raise IdentificationError(msg)
     return lines
 
@@ -447,8 +447,9 @@ def _driving_points(
         ]
         if not pairs:
             warnings.warn(
-                "no response has the label of a force, so that modal masses are unknown and shapes have a "
-                "largest entry of 1; name responses at the place of a force: driving=[(output, input), …]",
+                "there is no driving point: no response has the label of a force. Modal masses are unknown, "
+                "and each shape has a largest entry of 1. Measure a response at a force, or name one that "
+                "was: driving=[(response, force), …]",
                 stacklevel=3,
             )
         return tuple(pairs)
@@ -575,7 +576,7 @@ def _settle(task: _Task, state: _State) -> _State:
         steps = (
             *steps,
             f"{len(starts)} poles fitted in {fit.n_steps} steps"
-            + ("" if fit.converged else ", without convergence"),
+            + ("" if fit.converged else ", not converged yet"),
         )
         starts = tuple(
             _Start(complex(p), tuple(row.tolist()), s.n_orders)
@@ -610,7 +611,7 @@ def _reweighted(data: FitData, fit: ModalFit) -> FitData:
     scale = np.maximum(np.sqrt(np.median((error / unit**2).mean(axis=2), axis=0) / free), ROUNDING * level)
     over_lines = (error / scale[:, None] ** 2).mean(axis=1)
     width = max(n_freq // 16, 9) | 1
-    along = np.maximum(median_filter(over_lines, (width, 1), mode="nearest") / free, 1e-6 * unit**2)
+    along = np.maximum(_running_median(over_lines, width) / free, 1e-6 * unit**2)
     size = (np.abs(fit.H) ** 2 / scale[:, None] ** 2).mean(axis=1)
     top = np.argsort(-size, axis=0, kind="stable")[: max(n_freq // 20, 5)]
     size_top, along_top = (np.take_along_axis(x, top, axis=0) for x in (size.clip(min=1e-300), along))
@@ -618,6 +619,11 @@ def _reweighted(data: FitData, fit: ModalFit) -> FitData:
     chance = np.sqrt(((along_top / size_top) ** 2).sum(axis=0) / data.frf.H.shape[1]) / len(top)
     proportion = np.where(proportion > 3 * chance, proportion, 0.0)
     return replace(data, scale=scale, spread=np.sqrt(along + proportion * size))
+
+
+def _running_median(values: Floats, width: int) -> Floats:
+    """Return running medians of columns: each by itself, as SciPy is fast in one dimension alone."""
+    return np.stack([median_filter(column, width, mode="nearest") for column in values.T], axis=1)
 
 
 def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
@@ -639,9 +645,15 @@ def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
         elif zeta[k] > MATHEMATICAL_DAMPING:
             reasons[k] = f"damping ratio above {MATHEMATICAL_DAMPING:g}"
         elif deviation[k] > LARGEST_DEVIATION:
-            reasons[k] = f"uncertain by {deviation[k]:.2g} of its half-width, above {LARGEST_DEVIATION:g}"
+            reasons[k] = (
+                f"uncertain: the standard deviation of its frequency or decay is {deviation[k]:.2g} of its "
+                f"half-power half-width, above {LARGEST_DEVIATION:g}"
+            )
         elif gain[k] < needed:
-            reasons[k] = f"insignificant: lowers the sum of squares by {gain[k]:.3g}, below {needed:.3g}"
+            reasons[k] = (
+                f"insignificant: it lowers the weighted sum of squares by {gain[k]:.3g}, and a mode must "
+                f"do so by {needed:.3g}"
+            )
     alike = np.ones((fit.poles.size, fit.poles.size), dtype=bool)
     for vectors in (fit.shapes, fit.participation.T):
         real = real_shapes(vectors)
@@ -772,8 +784,8 @@ def _scaled(
     turned = np.abs(np.cos(mean_phase(phi)))
     if psi.size and (np.median(turned) < np.sqrt(0.5)):
         warnings.warn(
-            "the driving points' residues have the wrong sign in most modes: do the response and the force "
-            "point in opposite directions? The sizes of the shapes are right if so",
+            "the residues of the driving points have the wrong sign in most modes. Check whether response "
+            "and force point in opposite directions; if they do, the sizes of the shapes are right",
             stacklevel=4,
         )
     return phi, L / s[:, None]

@@ -155,10 +155,10 @@ def _reason(
     n_orders = np.unique(stabilisation.order[close]).size
     if n_orders:
         return (
-            f"poles near it are in {n_orders} of {stabilisation.orders.size} orders, and none of them "
-            f"persists over {LEAST_ORDERS}"
+            f"{n_orders} of {stabilisation.orders.size} model orders have a pole near it, but no pole "
+            f"persists over {LEAST_ORDERS} orders"
         )
-    return f"no order up to {stabilisation.orders[-1]} has a pole there"
+    return f"no model of an order up to {stabilisation.orders[-1]} has a pole there"
 
 
 def peak_words(peaks: Sequence[UnexplainedPeak]) -> list[str]:

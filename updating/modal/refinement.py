@@ -6,17 +6,18 @@ with d = 0, 1, 2 for receptance, mobility, accelerance; s in place of iω after 
 poles λ and participations L, the shapes ψ and the real residuals are a linear least squares problem, with the
 same matrix B for each output. What is left depends on λ and L alone (variable projection: Golub and Pereyra,
 *SIAM J. Numer. Anal.* 10, 1973, 413, in Kaufman's form, *BIT* 15, 1975, 49), and its derivatives for all
-outputs follow from one Gram matrix.
+outputs follow from one Gram matrix. Steps and covariances are computed at few nodes in place of the lines,
+which lose nothing (:mod:`updating.modal.condensed_lines`).
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from updating.modal.condensed_lines import CondensedLines, condense_lines
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -25,8 +26,8 @@ _CONVERGED = 1e-3
 """A step that lowers the sum of squares by less than this, relative to its mean for one value, is the last:
 on the scale on which a parameter that is wrong by its standard deviation raises it by 1."""
 
-_BLOCK = 2048
-"""Lines that are computed at a time."""
+_BLOCK = 4096
+"""Lines that are synthesised at a time."""
 
 _TALL = 1e8
 """Products in BᵀB beyond which B is made orthogonal by them."""
@@ -133,34 +134,26 @@ class FitData:
     upper: bool = True
     added_decay: float = 0.0
 
-    @property
-    def s(self) -> Complexes:
-        """Laplace's variable at the lines, shape (n_freq,) [1/s]."""
-        return np.asarray(1j * self.frf.omega + self.added_decay, dtype=complex)
+    def s(self, omega: Floats) -> Complexes:
+        """Return Laplace's variable at frequencies of rad/s [1/s]."""
+        return np.asarray(1j * omega + self.added_decay, dtype=complex)
 
-    @property
-    def target(self) -> Floats:
-        """Weighted FRFs as real columns, one for each output, shape (2 n_in n_freq, n_out)."""
-        return self.columns(self.frf.H.transpose(2, 0, 1)) / self.scale
+    def singular(self, poles: Complexes) -> Complexes:
+        """Return the complex frequencies at which terms of these poles and residuals are infinite [rad/s]."""
+        at = np.concatenate([poles, poles.conj(), [0.0]])
+        return np.asarray((at - self.added_decay) / 1j, dtype=complex)
 
-    def columns(self, values: Complexes) -> Floats:
-        """Return values (n_in, n_freq, n) over the spread, real above imaginary parts."""
-        weighted = (values / self.spread.T[:, :, None]).reshape(self.spread.size, values.shape[2])
-        return np.vstack([weighted.real, weighted.imag])
-
-    def values(self, columns: Floats) -> Complexes:
-        """Return the inverse of :meth:`columns` without the spread, shape (n_freq, n, n_in)."""
-        n = self.spread.size
-        shape = (self.spread.shape[1], self.spread.shape[0], columns.shape[1])
-        weighted = (columns[:n] + 1j * columns[n:]).reshape(shape)
-        return weighted.transpose(1, 2, 0)
+    def condensed(self, poles: Complexes) -> CondensedLines:
+        """Return the weighted FRFs at few nodes, for a fit of poles near given ones."""
+        H = self.frf.H / self.scale[:, None]
+        return condense_lines(self.frf.omega, H, self.spread, self.singular(poles))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Linear:
-    """The linear problem at given poles and participations."""
+    """The linear problem at given poles and participations, at the nodes of condensed lines."""
 
-    B: Floats
+    lines: CondensedLines
     norms: Floats
     Q: Floats
     R: Floats
@@ -169,7 +162,8 @@ class _Linear:
 
     @property
     def square(self) -> float:
-        return float((self.rest**2).sum())
+        """Return the sum of squares that is left at all lines."""
+        return self.lines.left + float((self.rest**2).sum())
 
     def shapes(self, n: int) -> Floats:
         """Return Re ψ and Im ψ over the outputs' scale, shape (n_modes, 2, n_out)."""
@@ -186,11 +180,12 @@ def fit_modes(data: FitData, poles: Complexes, participation: Complexes, most_st
     L: Complexes = np.array(participation, dtype=complex)
     pivot = np.argmax(np.abs(L), axis=1)
     L = L / L[np.arange(len(L)), pivot][:, None]
-    target = data.target
-    now = _solve(data, target, poles, L)
-    rounding = 1e-28 * float((target**2).sum())
+    lines = data.condensed(poles)
+    now = _solve(data, lines, poles, L)
+    rounding = 1e-28 * (lines.left + float((lines.target**2).sum()))
     damping, converged, step = 1e-6, False, 0
-    J2, gradient = _normal_equations(data, now, poles, L, pivot)
+    slopes = _slopes(data, now, poles, L, pivot)
+    J2, gradient = slopes.square(), slopes.gradient
     while poles.size and step < most_steps and not converged:
         step += 1
         size = np.sqrt(np.maximum(J2.diagonal(), 1e-300))
@@ -203,16 +198,20 @@ def fit_modes(data: FitData, poles: Complexes, participation: Complexes, most_st
         new_L = L.copy()
         rows, cols = _free(L.shape, pivot)
         new_L[rows, cols] += move[n::2] + 1j * move[n + 1 :: 2]
-        trial = _solve(data, target, new_poles, new_L)
+        if not lines.holds(data.singular(new_poles)):
+            lines = data.condensed(np.concatenate([poles, new_poles]))
+            now = _solve(data, lines, poles, L)
+        trial = _solve(data, lines, new_poles, new_L)
         if trial.square <= now.square:
             gain = now.square - trial.square
-            converged = gain <= max(_CONVERGED * now.square / target.size, rounding)
+            converged = gain <= max(_CONVERGED * now.square / lines.n_values, rounding)
             poles, L, now, damping = new_poles, new_L, trial, max(damping / 10, 1e-12)
-            J2, gradient = _normal_equations(data, now, poles, L, pivot)
+            slopes = _slopes(data, now, poles, L, pivot)
+            J2, gradient = slopes.square(), slopes.gradient
         else:
             damping = max(10 * damping, 1e-6)
             converged = damping > 1e6
-    return _fit(data, now, poles, L, pivot, converged, step)
+    return _fit(data, now, slopes, poles, L, pivot, converged, step)
 
 
 def _free(shape: tuple[int, ...], pivot: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -222,64 +221,48 @@ def _free(shape: tuple[int, ...], pivot: NDArray[np.int64]) -> tuple[NDArray[np.
     return rows[keep], cols[keep]
 
 
-def _factor(data: FitData) -> Complexes:
+def _factor(data: FitData, omega: Floats) -> Complexes:
     """Return s^d."""
-    return np.asarray(data.s**data.frf.kind.derivatives, dtype=complex)
+    return np.asarray(data.s(omega) ** data.frf.kind.derivatives, dtype=complex)
 
 
-def _fractions(data: FitData, poles: Complexes) -> tuple[Complexes, Complexes]:
+def _fractions(data: FitData, omega: Floats, poles: Complexes) -> tuple[Complexes, Complexes]:
     """Return s^d/(s - λ) and s^d/(s - λ*), shape (n_freq, n_modes)."""
-    s = data.s[:, None]
-    g = _factor(data)[:, None]
+    s = data.s(omega)[:, None]
+    g = _factor(data, omega)[:, None]
     return g / (s - poles), g / (s - poles.conj())
 
 
-def _pairs(p: Complexes, q: Complexes, L: Complexes) -> Complexes:
-    """Return what multiplies Re ψ and Im ψ, shape (n_in, n_freq, 2 n_modes)."""
-    out = np.empty((L.shape[1], p.shape[0], 2 * p.shape[1]), dtype=complex)
-    for i in range(L.shape[1]):
-        one, two = p * L[:, i], q * L[:, i].conj()
-        out[i, :, 0::2], out[i, :, 1::2] = one + two, 1j * (one - two)
+def _pairs(p: Complexes, q: Complexes, participation: Complexes) -> Complexes:
+    """Return what multiplies Re ψ and Im ψ for one input, shape (n_freq, 2 n_modes)."""
+    out = np.empty((p.shape[0], 2 * p.shape[1]), dtype=complex)
+    one, two = p * participation, q * participation.conj()
+    out[:, 0::2], out[:, 1::2] = one + two, 1j * (one - two)
     return out
 
 
-def _solve(data: FitData, target: Floats, poles: Complexes, L: Complexes) -> _Linear:
-    n_freq, n_in = data.spread.shape
-    n_columns = 2 * poles.size + n_in * (int(data.lower) + int(data.upper))
-    whole = np.empty((2, n_in, n_freq, n_columns))
-    for lines, part in _blocks(data):
-        whole[:, :, lines] = _basis(part, poles, L).reshape(2, n_in, -1, n_columns)
-    B = whole.reshape(-1, n_columns)
+def _statics(data: FitData, omega: Floats) -> list[Complexes]:
+    """Return what multiplies the residuals of modes below and above the band, shape (n_freq,) each."""
+    g = _factor(data, omega)
+    return [values for wanted, values in ((data.lower, g / data.s(omega) ** 2), (data.upper, g)) if wanted]
+
+
+def _solve(data: FitData, lines: CondensedLines, poles: Complexes, L: Complexes) -> _Linear:
+    n, n_in, n_nodes = 2 * poles.size, L.shape[1], lines.omega.size
+    p, q = _fractions(data, lines.omega, poles)
+    static = np.array(_statics(data, lines.omega), dtype=complex).reshape(-1, n_nodes).T
+    n_static = static.shape[1]
+    B = np.zeros((n_in, 2 * n_nodes, n + n_in * n_static))
+    for i in range(n_in):
+        columns = lines.columns(np.concatenate([_pairs(p, q, L[:, i]), static], axis=1), i)
+        B[i, :, :n] = columns[:, :n]
+        B[i, :, n + i :: n_in] = columns[:, n:]
+    B = B.reshape(-1, n + n_in * n_static)
     norms = np.maximum(np.linalg.norm(B, axis=0), 1e-300)
     Q, R = _orthogonal(B / norms)
-    y = Q.T @ target
+    y = Q.T @ lines.target
     x = _back(R, y) / norms[:, None]
-    return _Linear(B, norms, Q, R, x, target - Q @ y)
-
-
-def _blocks(data: FitData) -> Iterator[tuple[slice, FitData]]:
-    """Yield the data by blocks of lines: large temporary arrays cost more than what is computed."""
-    n_freq = len(data.spread)
-    if n_freq <= _BLOCK:
-        yield slice(0, n_freq), data
-        return
-    for first in range(0, n_freq, _BLOCK):
-        lines = slice(first, min(first + _BLOCK, n_freq))
-        frf = data.frf.select(lines=np.arange(lines.start, lines.stop))
-        yield lines, replace(data, frf=frf, spread=data.spread[lines])
-
-
-def _basis(data: FitData, poles: Complexes, L: Complexes) -> Floats:
-    """Return the columns of the linear problem, over the spread."""
-    n_freq, n_in = data.spread.shape
-    parts = [_pairs(*_fractions(data, poles), L)]
-    g = _factor(data)
-    for wanted, values in ((data.lower, g / data.s**2), (data.upper, g)):
-        if wanted:
-            static = np.zeros((n_in, n_freq, n_in), dtype=complex)
-            static[np.arange(n_in), :, np.arange(n_in)] = values
-            parts.append(static)
-    return data.columns(np.concatenate(parts, axis=2))
+    return _Linear(lines, norms, Q, R, x, lines.target - Q @ y)
 
 
 def _orthogonal(B: Floats) -> tuple[Floats, Floats]:
@@ -312,48 +295,102 @@ def _back(R: Floats, y: Floats) -> Floats:
     return np.asarray(x, dtype=float)
 
 
-def _derivatives(
-    data: FitData, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Return dB of (ln decay, frequency over decay) of the modes and of the free participations.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Slopes:
+    """Products of dB, the derivatives of B by the unknowns.
 
-    Columns go in twos, for Re ψ and Im ψ of the mode that the second value names for each unknown.
+    The unknowns are (ln decay, frequency over decay) of the modes, then the real and the imaginary part of
+    the free participations. Each has two columns in dB, for Re ψ and Im ψ of its mode.
+
+    Attributes
+    ----------
+    X : ndarray (n_modes, 2, n_out)
+        Shapes.
+    mode : ndarray of int (n,)
+        Mode of each unknown.
+    at : list of ndarray of int
+        Which columns of dB are not 0 at each input.
+    gram : list of ndarray
+        Products of these columns with each other, input by input.
+    with_Q : list of ndarray
+        Products of the columns of Q with them, input by input.
+    Q2 : list of ndarray
+        Products of the columns of Q with each other, input by input.
+    inside : ndarray (n_basis, 2 n)
+        Sum of ``with_Q``.
+    gradient : ndarray (n,)
+        -Jᵀr.
     """
-    n_freq, n_in = data.spread.shape
-    n, (rows, cols) = poles.size, _free(L.shape, pivot)
-    p, q = _fractions(data, poles)
-    s, decay = data.s[:, None], -poles.real
-    p2, q2 = p / (s - poles), q / (s - poles.conj())
-    D = np.zeros((n_in, n_freq, n + rows.size, 2, 2), dtype=complex)  # …, unknown, its two parts, ψ's parts
-    D[:, :, :n, 0] = _pairs(-decay * p2, -decay * q2, L).reshape(n_in, n_freq, n, 2)
-    D[:, :, :n, 1] = _pairs(1j * decay * p2, -1j * decay * q2, L).reshape(n_in, n_freq, n, 2)
-    for k, (mode, column) in enumerate(zip(rows, cols, strict=True), start=n):
-        a, b = p[:, mode], q[:, mode]
-        D[column, :, k, 0, 0], D[column, :, k, 0, 1] = a + b, 1j * (a - b)
-        D[column, :, k, 1, 0], D[column, :, k, 1, 1] = 1j * (a - b), -(a + b)
-    columns = data.columns(D.reshape(n_in, n_freq, 4 * (n + rows.size)))
-    return columns, np.repeat(np.concatenate([np.arange(n), rows]), 2)
+
+    X: Floats
+    mode: NDArray[np.int64]
+    at: list[NDArray[np.int64]]
+    gram: list[Floats]
+    with_Q: list[Floats]
+    Q2: list[Floats]
+    inside: Floats
+    gradient: Floats
+
+    def square(self) -> Floats:
+        """Return JᵀJ, (n, n)."""
+        G = -self.inside.T @ self.inside
+        for at, gram in zip(self.at, self.gram, strict=True):
+            G[np.ix_(at, at)] += gram
+        return _summed(G, self.X, self.X, self.mode)
+
+    def square_of(self, i: int, power: Floats) -> Floats:
+        """Return JᵀVJ over the lines of input i, V being a variance of each output, (n, n)."""
+        at, across = self.at[i], self.with_Q[i].T @ self.inside
+        G = self.inside.T @ self.Q2[i] @ self.inside
+        G[at] -= across
+        G[:, at] -= across.T
+        G[np.ix_(at, at)] += self.gram[i]
+        return _summed(G, self.X, self.X * power, self.mode)
 
 
-def _normal_equations(
-    data: FitData, now: _Linear, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]
-) -> tuple[Floats, Floats]:
-    """Return JᵀJ and -Jᵀr of what :func:`_derivatives` differentiates by."""
-    n_freq, n_in = data.spread.shape
-    Q, rest = (values.reshape(2, n_in, n_freq, -1) for values in (now.Q, now.rest))
-    n_unknown = 2 * (poles.size + L.size - len(L))
-    G = np.zeros((2 * n_unknown, 2 * n_unknown))
-    inside, left = np.zeros((Q.shape[3], len(G))), np.zeros((len(G), rest.shape[3]))
-    mode = np.zeros(0, dtype=np.int64)
-    for lines, part in _blocks(data):
-        columns, mode = _derivatives(part, poles, L, pivot)
-        G += columns.T @ columns
-        inside += Q[:, :, lines].reshape(len(columns), -1).T @ columns
-        left += columns.T @ rest[:, :, lines].reshape(len(columns), -1)
-    G -= inside.T @ inside
-    X = now.shapes(poles.size)
+def _slopes(data: FitData, now: _Linear, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]) -> _Slopes:
+    n, n_in, (rows, cols) = poles.size, L.shape[1], _free(L.shape, pivot)
+    mode = np.repeat(np.concatenate([np.arange(n), rows]), 2)
+    Q, rest = (values.reshape(n_in, 2 * now.lines.omega.size, -1) for values in (now.Q, now.rest))
+    X, inside = now.shapes(n), np.zeros((Q.shape[2], 2 * mode.size))
+    left = np.zeros((2 * mode.size, rest.shape[2]))
+    places, gram, with_Q = [], [], []
+    for i in range(n_in):
+        own = np.flatnonzero(cols == i)
+        columns = _derivatives(data, now.lines, poles, L, rows[own], i)
+        # Re L_ri has the columns (c, d), and Im L_ri has (d, -c)
+        pairs = 4 * n + 2 * np.arange(own.size)[:, None] + np.array([0, 1, 1, 0])
+        which = np.concatenate([np.arange(4 * n), pairs.ravel()])
+        sign = np.concatenate([np.ones(4 * n), np.tile([1.0, 1.0, 1.0, -1.0], own.size)])
+        unknown = np.concatenate([np.arange(n), n + own])
+        at = (4 * unknown[:, None] + np.arange(4)).ravel()
+        places.append(at)
+        gram.append((columns.T @ columns)[np.ix_(which, which)] * np.outer(sign, sign))
+        with_Q.append((Q[i].T @ columns)[:, which] * sign)
+        inside[:, at] += with_Q[i]
+        left[at] += (columns.T @ rest[i])[which] * sign[:, None]
     gradient = np.einsum("iao,iao->i", left.reshape(mode.size, 2, X.shape[2]), X[mode])
-    return _summed(G, X, X, mode), gradient
+    return _Slopes(X, mode, places, gram, with_Q, [q.T @ q for q in Q], inside, gradient)
+
+
+def _derivatives(
+    data: FitData, lines: CondensedLines, poles: Complexes, L: Complexes, modes: NDArray[np.int64], i: int
+) -> Floats:
+    """Return the different columns of dB at input i, (2 n_nodes, 4 n_modes + 2 n).
+
+    Four for each pole, and two for each of the modes whose participation is unknown there.
+    """
+    omega, n = lines.omega, poles.size
+    p, q = _fractions(data, omega, poles)
+    s, decay = data.s(omega)[:, None], -poles.real
+    p2, q2 = p / (s - poles), q / (s - poles.conj())
+    D = np.empty((omega.size, 4 * n + 2 * modes.size), dtype=complex)
+    of_poles = D[:, : 4 * n].reshape(omega.size, n, 2, 2)  # …, pole, its two unknowns, ψ's parts
+    of_poles[:, :, 0] = _pairs(-decay * p2, -decay * q2, L[:, i]).reshape(omega.size, n, 2)
+    of_poles[:, :, 1] = _pairs(1j * decay * p2, -1j * decay * q2, L[:, i]).reshape(omega.size, n, 2)
+    D[:, : 4 * n] = of_poles.reshape(omega.size, 4 * n)
+    D[:, 4 * n :] = _pairs(p[:, modes], q[:, modes], np.ones(modes.size, dtype=complex))
+    return lines.columns(D, i)
 
 
 def _summed(G: Floats, X: Floats, Y: Floats, mode: NDArray[np.int64]) -> Floats:
@@ -365,7 +402,7 @@ def _summed(G: Floats, X: Floats, Y: Floats, mode: NDArray[np.int64]) -> Floats:
 
 def _covariance(
     data: FitData,
-    now: _Linear,
+    slopes: _Slopes,
     poles: Complexes,
     L: Complexes,
     pivot: NDArray[np.int64],
@@ -381,18 +418,12 @@ def _covariance(
     rows, cols = _free(L.shape, pivot)
     if not n:
         return Scatter(np.zeros((0, 0)), rows, cols, np.zeros((0, n_out, 2, 2)), np.zeros((0, n_out, 2, 0)))
-    columns, mode = _derivatives(data, poles, L, pivot)
-    inside = now.Q.T @ columns
-    rest = (columns - now.Q @ inside).reshape(2, n_in, n_freq, -1)
-    X = now.shapes(n)
     freedom = 1 - min((n + n_in) / n_in, 0.5 * n_freq) / n_freq
     power = (np.abs(misfit) ** 2).mean(axis=0) / (2 * freedom)
-    J2, V = np.zeros((mode.size, mode.size)), np.zeros((mode.size, mode.size))
+    X, mode, J2 = slopes.X, slopes.mode, slopes.square()
+    V = np.zeros(J2.shape)
     for i in range(n_in):
-        part = rest[:, i].reshape(2 * n_freq, -1)
-        G = part.T @ part
-        J2 += _summed(G, X, X, mode)
-        V += _summed(G, X, X * power[:, i], mode)
+        V += slopes.square_of(i, power[:, i])
     size = np.sqrt(np.maximum(J2.diagonal(), 1e-300))
     values, vectors = np.linalg.eigh(J2 / np.outer(size, size))
     # what the data do not tell at all gets a large variance, not none
@@ -402,7 +433,7 @@ def _covariance(
         np.einsum("rak,rbk->rab", shapes, shapes)[:, None]
         * (data.scale**2 * power.mean(axis=1))[:, None, None]
     )
-    turned = (shapes.reshape(2 * n, -1) @ inside).reshape(n, 2, mode.size, 2)
+    turned = (shapes.reshape(2 * n, -1) @ slopes.inside).reshape(n, 2, mode.size, 2)
     slope = -np.einsum("raib,ibo,o->roai", turned, X[mode], data.scale, optimize=True)
     return Scatter(unsure @ V @ unsure, rows, cols, own, slope)
 
@@ -410,6 +441,7 @@ def _covariance(
 def _fit(
     data: FitData,
     now: _Linear,
+    slopes: _Slopes,
     poles: Complexes,
     L: Complexes,
     pivot: NDArray[np.int64],
@@ -422,21 +454,23 @@ def _fit(
     zero = np.zeros((x.shape[1], n_in))
     lower = static[0] if data.lower else zero
     upper = static[-1] if data.upper else zero
-    misfit = data.values(now.rest)
+    shapes = (x[0 : 2 * n : 2] + 1j * x[1 : 2 * n : 2]).T
+    H = _synthesised(data, poles, L, shapes, static)
+    misfit = (data.frf.H - H) / (data.spread[:, None, :] * data.scale[:, None])
     inverse = sla.solve_triangular(now.R, np.eye(len(now.R))) if _regular(now.R) else np.linalg.pinv(now.R)
     inverse = inverse / now.norms[:, None]
     rows = inverse[: 2 * n].reshape(n, 2, len(now.R))
-    scatter = _covariance(data, now, poles, L, pivot, misfit, inverse)
+    scatter = _covariance(data, slopes, poles, L, pivot, misfit, inverse)
     block = rows @ rows.transpose(0, 2, 1)
     X = now.shapes(n)
     energy = np.einsum("rao,rao->r", X, np.linalg.solve(block, X)) if n else np.zeros(0)
     return ModalFit(
         poles,
         L,
-        (x[0 : 2 * n : 2] + 1j * x[1 : 2 * n : 2]).T,
+        shapes,
         lower,
         upper,
-        data.frf.H - misfit * data.spread[:, None, :] * data.scale[:, None],
+        H,
         misfit,
         scatter.covariance[: 2 * n, : 2 * n],
         scatter,
@@ -449,11 +483,25 @@ def _fit(
 
 def synthesise(data: FitData, fit: ModalFit, which: NDArray[np.bool_]) -> Complexes:
     """Return what some of the modes of a fit are of its FRFs, (n_freq, n_out, n_in)."""
-    p, q = _fractions(data, fit.poles[which])
-    psi, L = fit.shapes[:, which], fit.participation[which]
-    return np.einsum("fr,or,ri->foi", p, psi, L, optimize=True) + np.einsum(
-        "fr,or,ri->foi", q, psi.conj(), L.conj(), optimize=True
-    )
+    return _synthesised(data, fit.poles[which], fit.participation[which], fit.shapes[:, which])
+
+
+def _synthesised(
+    data: FitData, poles: Complexes, L: Complexes, shapes: Complexes, static: Floats | None = None
+) -> Complexes:
+    """Return the sum of modes and of residuals (n, n_out, n_in) at all lines, (n_freq, n_out, n_in)."""
+    omega, n_out, n_in = data.frf.omega, len(shapes), L.shape[1]
+    residues = (shapes.T[:, :, None] * L[:, None, :]).reshape(poles.size, n_out * n_in)
+    out = np.empty((omega.size, n_out * n_in), dtype=complex)
+    for first in range(0, omega.size, _BLOCK):  # large temporary arrays cost more than what is computed
+        part = omega[first : first + _BLOCK]
+        p, q = _fractions(data, part, poles)
+        here = p @ residues + q @ residues.conj()
+        if static is not None:
+            for values, by in zip(_statics(data, part), static, strict=True):
+                here += np.outer(values, by)
+        out[first : first + _BLOCK] = here
+    return out.reshape(-1, n_out, n_in)
 
 
 def _regular(R: Floats) -> bool:
