@@ -20,10 +20,10 @@ from typing import TypeVar
 import numpy as np
 
 from dovetail.file.config import Study, load_study
-from dovetail.file.measured import sensor_rows
 from fem.analysis.frf import FRF, compute_frf
 from fem.io import write_npz
 from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 T = TypeVar("T")
 

@@ -13,11 +13,11 @@ from dovetail.file.lines import key_lines
 from dovetail.file.paths import input_files, with_paths
 from dovetail.file.table import StudyError
 from dovetail.file.toml import toml_value, without
-from dovetail.identify import Estimate
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic
 from fem.io.atomic import replacing
-from fem.model import DIRECTIONS, Effect
+from fem.model import DIRECTIONS, Effect, Model
+from joint.assembly_fit import Estimate
 from joint.form import LAWS
 
 SIDES = (
@@ -39,7 +39,7 @@ def proposed(found: Estimate) -> tuple[Effect, ...]:
     found : Estimate
     """
     task, fit = found.task, found.fit
-    joint, damping = task.joint, task.study.model.damping
+    joint, damping = task.joint, task.model.damping
     shared = damping.loss_factor + 2 * float(np.mean(damping.ratio_at(fit.frequency)))
     values = {
         name: float(value)
@@ -89,7 +89,7 @@ def proposed(found: Estimate) -> tuple[Effect, ...]:
     return new, *out
 
 
-def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
+def write_proposal(study: Study, found: Estimate, path: Path) -> tuple[Effect, ...]:
     """Write the study with the identified joint in it, ready to run.
 
     The text is the study's own; only the joint's keys are replaced. It is read back before it takes its
@@ -97,6 +97,7 @@ def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
 
     Parameters
     ----------
+    study : Study
     found : Estimate
     path : Path
         A .toml file; other files that the study names are named from there.
@@ -111,7 +112,7 @@ def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
     StudyError
         If the study does not give its joints as [[joints]] tables, or the copy cannot be read.
     """
-    study, effects = found.task.study, proposed(found)
+    effects = proposed(found)
     check_outputs(input_files(study.path), Output("the proposed study", path))
     joint = effects[0]
     assert isinstance(joint, Joint)
@@ -119,7 +120,7 @@ def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
     for element in effects[1:]:
         assert isinstance(element, Viscoelastic)
         text += _viscoelastic(study, joint.name, element)
-    text = with_paths(_without_known(text, study, joint.name), study.path.parent, path.parent)
+    text = with_paths(_without_known(text, found.task.model, joint.name), study.path.parent, path.parent)
     with replacing(path) as scratch:
         scratch.write_bytes(text.encode())
         model = load_study(scratch).model
@@ -133,13 +134,13 @@ def write_proposal(found: Estimate, path: Path) -> tuple[Effect, ...]:
     return effects
 
 
-def _without_known(text: str, study: Study, name: str) -> str:
+def _without_known(text: str, model: Model, name: str) -> str:
     """Return a text without the known effects whose stiffness the joint has by now, as comments."""
     gone = [
         ("effects", i)
         for i, one in enumerate(tomllib.loads(text).get("effects", []))
         if one["candidate"].startswith(f"joint_stiffness:{name}.")
-        and one.get("name", f"known {one['candidate']}") not in {e.name for e in study.model.effects}
+        and one.get("name", f"known {one['candidate']}") not in {e.name for e in model.effects}
     ]
     return without(text, *reversed(gone))
 

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.disk.output import Output, check_outputs
 from dovetail.file import config
 from dovetail.file.effects import candidates_of
-from dovetail.file.measured import sensor_rows
 from dovetail.file.paths import input_files, with_paths
 from dovetail.file.table import StudyError
 from dovetail.file.writing import (
@@ -43,6 +42,7 @@ from updating.diagnosis.diagnose import Diagnosis, propose
 from updating.diagnosis.findings import Finding
 from updating.inference.fit import FitProblem
 from updating.inference.preparation import fitted_model
+from updating.measurement.measurement import sensor_rows
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.file.config import Study, read_study
-from dovetail.file.measured import sensor_rows
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.paths import with_paths
 from dovetail.file.table import StudyError, suggest
@@ -19,7 +18,7 @@ from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
 from updating.inference.residuals import frf_data, mode_data
 from updating.inference.update import Updated, update
-from updating.measurement.measurement import Measurement
+from updating.measurement.measurement import Measurement, sensor_rows
 from updating.modal.identification import IdentifiedModes, identify_modes
 
 SAME = 1e-9

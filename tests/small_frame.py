@@ -3,11 +3,11 @@
 import numpy as np
 
 from dovetail import load_study
-from dovetail.file.measured import sensor_rows
 from fem.analysis.frf import FRF, compute_frf
 from fem.effects.added_mass import PointMass
 from fem.io import write_npz
 from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 STUDY = """
 [study]

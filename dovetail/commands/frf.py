@@ -16,11 +16,11 @@ from dovetail.commands.common import (
 from dovetail.commands.labels import NodeNumbers, own_labels
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from dovetail.file.config import MOST_LINES, Study
-from dovetail.file.measured import sensor_rows
 from dovetail.file.table import StudyError
 from fem.analysis.frf import FRF, compute_frf
 from fem.io import write_csv, write_npz
 from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 HELP = "compute FRFs from the excitations to the sensors"
 EXAMPLE = "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5"

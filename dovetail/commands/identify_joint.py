@@ -69,10 +69,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Fit a joint by output error; show it line by line beside; write what was found into a study."""
-    from dovetail.identify import estimate, identify, read_task, summarise
+    from dovetail.identify import read_task
     from dovetail.propose import write_proposal
     from dovetail.report.joint import draw_joint, joint_result, joint_words
     from joint import IdentificationError
+    from joint.assembly import identify, summarise
+    from joint.assembly_fit import estimate
 
     for path, suffix, what in (
         (options.out, ".npz", "the result"),
@@ -103,7 +105,7 @@ def run(options: Options, progress: Progress) -> None:
         _write_joint(options.out, found, lines)
     if options.picture is not None:
         draw_joint(found, options.picture, options.amplification)
-    proposal = write_proposal(found, options.propose) if options.propose is not None else ()
+    proposal = write_proposal(study, found, options.propose) if options.propose is not None else ()
     write_json(options.json, joint_result(study.name, found, lines, summary))
     say(options, *joint_words(found, lines, summary, reason))
     if proposal:

@@ -31,10 +31,10 @@ def errors_before_and_after(result: StudyUpdate) -> list[str]:
 
 def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) -> None:
     """Write the report and its pictures into a folder."""
-    from dovetail.file.measured import sensor_rows
     from dovetail.report import page
     from fem.analysis.frf import compute_frf
     from fem.system import assemble
+    from updating.measurement.measurement import sensor_rows
     from viz.correlation import plot_mode_pairs
     from viz.curves import plot_frf
     from viz.modal import plot_stabilisation

@@ -17,8 +17,7 @@ from fem.io.arrays import named_arrays
 from fem.io.uff import UffFile, read_quietly
 from fem.io.uff_types import Function
 from fem.io.uff_units import FREQUENCY, abscissa_factor
-from fem.model import Model
-from updating.measurement.measurement import Measurement, Sensor, at_values_of, sensor_point
+from updating.measurement.measurement import Measurement, at_values_of
 from updating.measurement.noise import noise_from_repeats
 from updating.quality.faults import Fault, set_right
 from updating.quality.phase import phase_evidence
@@ -583,15 +582,6 @@ def _refuse_zero(r: RawMeasurement, frf: FRF) -> None:
             f"{zero.sum()} of its FRFs are zero at all frequencies, the first "
             f"'{frf.outputs[i]}' to a force at '{frf.inputs[j]}'; leave dead channels out",
         )
-
-
-def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
-    """Return each sensor's reading as a row of a selection, shape (n, n_dof)."""
-    rows = np.zeros((len(sensors), model.n_dof))
-    for i, s in enumerate(sensors):
-        point = sensor_point(model.mesh, s)
-        rows[i, 6 * point : 6 * point + 3] = s.gain * s.direction
-    return rows
 
 
 def labels_of(raw: Sequence[RawMeasurement], which: str) -> list[str]:

@@ -11,12 +11,12 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.measured import FREQUENCY_UNITS, G0, RawMeasurement, sensor_rows
+from dovetail.file.measured import FREQUENCY_UNITS, G0, RawMeasurement
 from fem.analysis.condensed import frf_function
 from fem.analysis.frf import FRF, FRFKind
 from fem.model import Model
 from fem.system import System, assemble
-from updating.measurement.measurement import Measurement
+from updating.measurement.measurement import Measurement, sensor_rows
 from updating.quality.phase import PhaseEvidence
 
 SUSPECTS: tuple[tuple[float, str], ...] = (

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.file.config import load_study
-from dovetail.file.measured import sensor_rows
 from fem.analysis.frf import FRF, compute_frf
 from fem.effects.added_mass import AddedMass
 from fem.io import write_npz
 from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 
 def write_template(folder: Path) -> None:

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.identify import Estimate, summarise
 from fem.effects.joint import joint_unit
 from fem.model import DIRECTIONS
 from joint import JointIdentification, explain_stiffness
+from joint.assembly import summarise
+from joint.assembly_fit import Estimate
 from joint.form import LAWS
 
 WIDE = 0.08
@@ -43,7 +44,7 @@ def joint_result(
     lines : JointIdentification or None
         Line by line.
     summary : list of dict
-        Its medians (`dovetail.identify.summarise`).
+        Its medians (`joint.assembly.summarise`).
     """
     fit = found.fit
     refused = found.refused

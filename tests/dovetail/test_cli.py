@@ -9,10 +9,10 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from dovetail.file.measured import sensor_rows
 from fem.analysis.frf import FRF, compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
 from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 COMMANDS = ("new", "check", "modes", "frf", "identify-joint")
 

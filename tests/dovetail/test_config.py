@@ -7,7 +7,6 @@ import pytest
 
 from dovetail import load_study
 from dovetail.file.geometry import element_size
-from dovetail.file.measured import sensor_rows
 from dovetail.file.table import StudyError
 from fem.analysis.frf import FRF, compute_frf
 from fem.analysis.modes import solve_modes
@@ -16,6 +15,7 @@ from fem.elements.frame import Frame
 from fem.io import write_mesh, write_npz, write_uff
 from fem.mesh import Mesh
 from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 BEAM = """
 [materials.steel]

@@ -10,7 +10,6 @@ import pytest
 from dovetail import StudyError, load_study
 from dovetail.cli import main
 from dovetail.file.faults import fault_table
-from dovetail.file.measured import sensor_rows
 from dovetail.file.toml import toml_value
 from dovetail.file.writing import with_damping, with_effects, with_parameters
 from dovetail.found import found_text
@@ -27,7 +26,7 @@ from tests.dovetail.test_effects import JOINTED, candidates, loaded
 from tests.small_frame import STUDY, write_study
 from updating.diagnosis.diagnose import begin
 from updating.inference.parameters import DampingCurve
-from updating.measurement.measurement import Measurement
+from updating.measurement.measurement import Measurement, sensor_rows
 from updating.quality.faults import Fault
 
 LINES = np.array([20.0, 47.0, 130.0, 290.0])

@@ -8,11 +8,11 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from dovetail.file.measured import sensor_rows
 from fem.analysis.frf import FRF, compute_frf
 from fem.analysis.modes import Modes, solve_modes
 from fem.io import read_npz_modes, read_uff, write_npz, write_uff
 from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 pytestmark = pytest.mark.usefixtures("offscreen")
 

@@ -10,13 +10,15 @@ from numpy.testing import assert_allclose
 from benchmarks.joint_noise import ARMS, parts
 from dovetail.cli import main
 from dovetail.file.config import load_study
-from dovetail.identify import estimate, identify, read_task
+from dovetail.identify import read_task
 from dovetail.propose import write_proposal
 from fem import Damping, assemble
 from fem.analysis.frf import compute_frf
 from fem.effects.joint import Joint
 from fem.reduction.reduced import reduce_model
 from joint import ReleasedParts, couple, fit_joint, relative_coordinates, relative_form
+from joint.assembly import identify
+from joint.assembly_fit import estimate
 from updating.inference.parameters import DampingCurve, Nuisance
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
@@ -44,7 +46,7 @@ def test_the_springs_are_gone(released):
     zeta = np.exp(found.damping.hats(LINES[20:21]) @ np.log(found.damping.nominal))[0]
     D = joint.eta * K
     free = replace(joint, K=K, D=D, eta=0.0)
-    model = task.study.model
+    model = task.model
     effects = tuple(free if isinstance(e, Joint) else e for e in model.effects)
     plain = replace(model, effects=effects).with_damping(Damping.structural(0.004 + 2 * zeta))
     outputs, inputs, rows = task.vectors()
@@ -113,7 +115,7 @@ def test_the_joint_of_the_example_from_measured_frfs(tmp_path):
     spread = np.std(lines.z[lines.regular, 0, 0].real)
     assert spread > 50 * std
     (tmp_path / "sub").mkdir()
-    effects = write_proposal(found, tmp_path / "sub" / "new.toml")
+    effects = write_proposal(study, found, tmp_path / "sub" / "new.toml")
     assert effects[0].K[3, 3] == pytest.approx(k)
     assert load_study(tmp_path / "sub" / "new.toml").model.effect("J").K[3, 3] == pytest.approx(k, rel=1e-5)
 
@@ -200,9 +202,10 @@ def test_a_law_becomes_an_element_of_the_study(tmp_path):
     text = CROSS.replace("{k}", SPRINGS.replace("kry", "krx = 2980.0, kry"))
     text += f'{known}[[measurements]]\nfile = "m.npz"\n'
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
-    task = read_task(load_study(tmp_path / "study.toml"), "J", "rx")
+    study = load_study(tmp_path / "study.toml")
+    task = read_task(study, "J", "rx")
     found = estimate(task, ("zener",), accuracy=0.0)
-    write_proposal(found, tmp_path / "new.toml")
+    write_proposal(study, found, tmp_path / "new.toml")
     model = load_study(tmp_path / "new.toml").model
     element = model.effect("J.rx")
     assert element.K[3, 3] == pytest.approx(400, rel=0.01)

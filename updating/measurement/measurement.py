@@ -261,3 +261,18 @@ def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
         return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
 
     return Instruments(*places(measurement.sensors), *places(measurement.excitations))
+
+
+def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+    """Return each sensor's reading as a row of combinations of DOFs, shape (n, n_dof).
+
+    Raises
+    ------
+    MeasurementError
+        If the mesh has no point where a sensor sits (:func:`place_sensors`).
+    """
+    rows = np.zeros((len(sensors), model.n_dof))
+    for i, s in enumerate(sensors):
+        point = sensor_point(model.mesh, s)
+        rows[i, 6 * point : 6 * point + 3] = s.gain * s.direction
+    return rows

@@ -1,0 +1,404 @@
+"""A joint fitted to the FRFs of its assembly by output error, over ever wider bands."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.joint import joint_unit
+from fem.reduction.reduced import ReducedModel, reduce_model
+from joint.assembly import JointTask
+from joint.assembly_starts import SEARCHES, relative_distance, searched, starting_values, vague_prior, walked
+from joint.form import KINDS, LAWS, FormError, JointForm, relative_form
+from joint.identification import IdentificationError, JointIdentification
+from joint.identification import identify_joint as solve_directly
+from joint.interface import SubstructureFRF
+from joint.joint_fit import JointFit
+from joint.output_error import fit_joint
+from joint.released import ReleasedParts
+from updating.correlation import DB_PER_NEPER
+from updating.inference.fit import INDEPENDENT_PER_MODE, FitProblem
+from updating.inference.preparation import build_problem
+
+MOST_LINES = 800
+"""Lines that are fitted at most, as many in each band, unless the task says how many."""
+
+ROUNDS = 3
+"""Times the error levels of the bands are estimated anew at most."""
+
+SETTLED = 0.1
+"""Change of the error levels at which they are left alone [-]."""
+
+CONTRADICTION = 4.0
+"""Change of a parameter by a wider band, in standard deviations of the change, that is none of chance."""
+
+SHARP = 0.15
+"""Standard deviation of a parameter, over its value, up to which a band can contradict a wider one [-]."""
+
+
+RAYLEIGH_MEDIAN = float(np.sqrt(np.log(2)))
+"""Median of the amplitude of complex noise of standard deviation 1 [-]."""
+
+OUTLYING = 2.0
+"""Residual over its level from which a value counts less [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """A fit to the lines up to some frequency.
+
+    Attributes
+    ----------
+    fit : JointFit
+    measured : (n_freq, M, L) complex array
+        Receptances that were fitted, NaN where a value did not count [m/N, …].
+    levels : tuple of (float, float)
+        Upper end of each band [Hz] and the error that is left there, relative to each FRF [-].
+    start : str
+        Where the fit started.
+    parts : SubstructureFRF
+        The structure without the joint, as fitted.
+    given : (n_freq, M, L) complex array
+        All measured receptances, those that did not count too [m/N, …].
+    """
+
+    fit: JointFit
+    measured: NDArray[np.complex128]
+    levels: tuple[tuple[float, float], ...]
+    start: str
+    parts: SubstructureFRF
+    given: NDArray[np.complex128]
+
+    def line_by_line(self, amplification: float = 1e3) -> JointIdentification | None:
+        """Return Z_j line by line from the structure as fitted; None if sensors or inputs are too few."""
+        try:
+            return solve_directly(
+                self.parts, self.fit.frequency, self.given, amplification_limit=amplification
+            )
+        except IdentificationError:
+            return None
+
+    @property
+    def highest(self) -> float:
+        """Highest line [Hz]."""
+        return float(self.fit.frequency[-1])
+
+    @property
+    def sharp(self) -> NDArray[np.bool_]:
+        """Mark the parameters that it knows well if what is left is random, (n,)."""
+        std = np.sqrt(np.diag(self.fit.independent))
+        return ~self.fit.at_bound & (std < SHARP * np.abs(self.fit.values))
+
+    def disagreement(self, wider: "Stage") -> NDArray[np.float64]:
+        """Return how far a wider band moves the joint's parameters, in standard deviations of the change.
+
+        If the model is right, the wider band knows more and var(θ - θ') = var θ - var θ': Hausman,
+        Econometrica 46 (1978) 1251-1271.
+        """
+        own, other = np.diag(self.fit.independent), np.diag(wider.fit.independent)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a value at a bound has no deviation
+            off = np.abs(self.fit.values - wider.fit.values) / np.sqrt(np.maximum(own - other, 0.05 * own))
+        return np.nan_to_num(off, nan=0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """A joint as the FRFs of its assembly show it.
+
+    Attributes
+    ----------
+    task : JointTask
+    stages : tuple of Stage
+        Fits to ever wider bands that agree with each other; the last one counts. Covariances are those of as
+        many independent values as the modes in the band allow.
+    refused : Stage or None
+        The next wider band, which contradicts the last: the model is not right there.
+    prior, prior_std : (m,) arrays
+        Uncertain parameters of the model [their units], and relative standard deviations [-].
+    """
+
+    task: JointTask
+    stages: tuple[Stage, ...]
+    refused: Stage | None
+    prior: NDArray[np.float64]
+    prior_std: NDArray[np.float64]
+
+    @property
+    def fit(self) -> JointFit:
+        """The fit that counts."""
+        return self.stages[-1].fit
+
+    @property
+    def measured(self) -> NDArray[np.complex128]:
+        """What it was fitted to, (n_freq, M, L) [m/N, …]."""
+        return self.stages[-1].measured
+
+    def moved(self) -> NDArray[np.float64]:
+        """How far each uncertain parameter moved, in its standard deviations before the fit, (m,) [-]."""
+        return np.log(self.fit.part_values / self.prior) / self.prior_std
+
+    @property
+    def misfit_db(self) -> float:
+        """Root mean square of ln |H / measured| over all values that count [dB]."""
+        ratio = np.abs(self.fit.H) / np.abs(self.measured)
+        return float(np.sqrt(np.nanmean(np.log(ratio) ** 2)) * DB_PER_NEPER)
+
+    def determined(self, name: str) -> bool:
+        """Whether the data determine a parameter of the joint."""
+        known = self.fit.identifiability
+        return bool(known.determined[known.names.index(name)])
+
+    def correlated(self, limit: float = 0.5) -> list[tuple[str, str, float]]:
+        """Return pairs of a parameter of the joint and any other whose estimates depend on each other."""
+        known, n = self.fit.identifiability, len(self.fit.values)
+        pairs = [
+            (known.names[i], known.names[j], float(known.correlation[i, j]))
+            for i in range(n)
+            for j in range(i + 1, len(known.names))
+        ]
+        return sorted((p for p in pairs if abs(p[2]) > limit), key=lambda p: -abs(p[2]))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a table of the joint's parameters; those at a bound have no deviation."""
+        fit, units = self.fit, dict(self.fit.form.parameters)
+        return [
+            {
+                "parameter": name,
+                "value": float(value),
+                "std": _finite(std),
+                "low": _finite(low),
+                "high": _finite(high),
+                "unit": units[name],
+                "determined": self.determined(name),
+                "at_bound": bool(bound),
+                "open_end": end,
+                "words": fit.words(k),
+            }
+            for k, (name, value, std, (low, high), bound, end) in enumerate(
+                zip(
+                    fit.form.names,
+                    fit.values,
+                    fit.std,
+                    fit.interval(),
+                    fit.at_bound,
+                    fit.open_end,
+                    strict=True,
+                )
+            )
+        ]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def form_of(task: JointTask, terms: Sequence[str] = ("K", "D"), coupled: bool = False) -> JointForm:
+    """Return what the joint may be: stiffness, damping or a law in each direction.
+
+    Parameters
+    ----------
+    task : JointTask
+    terms : sequence of str
+        Some of K, C, D, or one viscoelastic law, which brings its own stiffness and damping.
+    coupled : bool
+        Whether K couples the directions.
+
+    Raises
+    ------
+    FormError
+        For terms that cannot be.
+    """
+    known = tuple(k for k in KINDS if k != "M")
+    for word in terms:
+        if word not in known:
+            msg = f"terms: there is no term '{word}'; allowed are {', '.join(known)}"
+            raise FormError(msg)
+    laws = [t for t in terms if t in LAWS]
+    if len(laws) != 1 and "K" not in terms:
+        msg = f"terms: {', '.join(terms) or 'nothing'} has no stiffness; give K or one of {', '.join(LAWS)}"
+        raise FormError(msg)
+    if laws and len(terms) > 1:
+        msg = f"terms: {laws[0]} has a stiffness and damping of its own; give it alone"
+        raise FormError(msg)
+    names, p = task.directions, len(task.directions)
+    B, one = np.eye(p), np.eye(p, dtype=bool)
+    K = relative_form(
+        task.interface.joint, B, (laws or ["K"])[:1], pattern=np.ones((p, p)) if coupled else one, names=names
+    )
+    for kind in (t for t in dict.fromkeys(terms) if t in ("C", "D")):
+        for i, d in enumerate(names):
+            K = K.with_term(
+                f"{kind} {d} {d}", kind, np.outer(B[i], B[i]), joint_unit(d, "c" if kind == "C" else "k")
+            )
+    return K
+
+
+def estimate(
+    task: JointTask,
+    terms: Sequence[str] = ("K", "D"),
+    *,
+    coupled: bool = False,
+    accuracy: float = 0.05,
+    lines: JointIdentification | None = None,
+) -> Estimate:
+    """Fit a joint to the measured FRFs by output error, with what is uncertain beside it.
+
+    The noise of a value is that of the data and, beside it, the accuracy that is asked of the model. Where
+    the fit leaves more, in any of four bands, the error of that band is taken to be what is left; values
+    beyond `OUTLYING` times it count less. An error of the model is common to neighbouring lines: these stand
+    for 8 independent values for each mode: deviations are those of that many.
+
+    The band grows by a quarter of the modes at a time for as long as the wider one agrees with the narrower
+    (`Stage.disagreement`): models are wrong at high frequencies first, and what is wrong there would move the
+    joint. With accuracy 0 the model is taken for exact, every value for independent, and all lines count.
+
+    Parameters
+    ----------
+    task : JointTask
+    terms, coupled
+        As `form_of`.
+    accuracy : float
+        Relative to each FRF [-].
+    lines : JointIdentification, optional
+        Line by line: its middle is tried as a start.
+
+    Raises
+    ------
+    FormError
+        For terms that cannot be.
+    IdentificationError
+        If a parameter has no influence, or there are fewer data than parameters.
+    """
+    form = form_of(task, terms, coupled)
+    nuisances = task.nuisances()
+    n_lines = task.n_lines or MOST_LINES
+    problem = build_problem(
+        task.tied(), task.measurement, nuisances,
+        damping_std=task.damping_std, n_lines=n_lines, model_error=0.0,
+    )  # fmt: skip
+    every = _bands(problem, problem.data.frequency)
+    step = np.concatenate([_spread(np.flatnonzero(every == b), n_lines, every) for b in np.unique(every)])
+    vectors = [rows.T for rows in task.vectors()]
+    reduced = reduce_model(
+        problem.reduced.model,
+        np.hstack(vectors),
+        float(problem.data.frequency[-1]),
+        margin=2.5,
+        n_krylov=2,
+        releasable=False,
+    )
+    bands = every[step]
+    ends = [int(np.flatnonzero(bands == b)[-1]) + 1 for b in np.unique(bands)]
+    fit_up_to = partial(_fit_stage, task, form, reduced, problem, step, bands, accuracy, lines)
+    whole = fit_up_to(ends[-1], ())
+    stages, refused = [whole], None
+    if accuracy and len(ends) > 1:
+        # the widest band has the most to start from; the narrowest is right first
+        stages = []
+        for count in ends:
+            stage = fit_up_to(count, (whole, *stages[-1:]))
+            if not stages and count < ends[-1] and (whole.sharp & ~stage.sharp).any():
+                continue  # it knows too little to contradict anything
+            if stages and stages[-1].disagreement(stage)[stages[-1].sharp].max(initial=0.0) > CONTRADICTION:
+                refused = stage
+                break
+            stages.append(stage)
+    prior_std = np.append([n.std for n in nuisances], np.full(len(problem.damping.knots), task.damping_std))
+    values = problem.reduced.model.values()
+    prior = np.append([values[n.effect, n.parameter] for n in nuisances], problem.damping.nominal)
+    return Estimate(task, tuple(stages), refused, prior, prior_std)
+
+
+def _fit_stage(
+    task: JointTask,
+    form: JointForm,
+    reduced: ReducedModel,
+    problem: FitProblem,
+    step: NDArray[np.int64],
+    bands: NDArray[np.int64],
+    accuracy: float,
+    lines: JointIdentification | None,
+    count: int,
+    before: Sequence[Stage],
+) -> Stage:
+    """Fit the first of the lines, with error levels of each band estimated from what is left."""
+    at, bands = step[:count], bands[:count]
+    mask, frequency = problem.data.mask[at], problem.data.frequency[at]
+    outputs, inputs, rows = (v.T for v in task.vectors())
+    parts = ReleasedParts.of(
+        reduced, frequency, task.interface, (outputs, inputs, rows), task.springs, task.nuisances(),
+        problem.damping,
+    )  # fmt: skip
+    size = np.abs(problem.data.H[at])
+    H = np.where(mask, problem.data.H[at], np.nan)
+    tried = starting_values(
+        task, form, parts, H, lines, [(stage.start, stage.fit.values) for stage in before]
+    )
+    # the model's error is common to neighbouring lines, so that they are not independent
+    share = np.searchsorted(problem.data.frequency, frequency[-1]) / len(problem.data.frequency)
+    independent = INDEPENDENT_PER_MODE * max(problem.n_modes * share, 1.0)
+    spread = np.sqrt(max(1.0, int(mask.sum()) / independent)) if accuracy else 1.0
+    plain = size * np.sqrt(accuracy**2 + 2 * problem.data.noise[at] ** 2)
+    plain = np.maximum(plain, 1e-6 * np.sqrt((size**2).mean(axis=0)))
+    levels, less = np.ones(bands.max() + 1), np.ones(mask.shape)
+    rounds = searches = 0
+    searching = not before and form.linear
+    while True:
+        fit = partial(
+            fit_joint, form, parts, frequency, H, noise=plain * levels[bands][:, None, None] * less * spread,
+            positive="K", tolerance=1e-5 if accuracy else 1e-6,
+        )  # fmt: skip
+        fits = [fit(theta, prior=vague_prior(task, form, theta)) for _, theta in tried]
+        best = int(np.argmin([each.chi2 for each in fits]))
+        found = fits[best]
+        tried = [(tried[best][0], found.values)]
+        if searching:
+            # what is uncertain beside the joint hides a better place from a search, until it is fitted
+            now, _ = parts.evaluate(parts.standard(found.part_values))
+            again = searched(task, form, found.values, partial(relative_distance, form, now, H))
+            searches += 1
+            if searches <= SEARCHES and (again != found.values).any():
+                tried.append(("a search over six decades", again))
+                continue
+            searching = False
+            stepped = walked(task, form, found, fit, parts.standard)
+            if stepped is not found:
+                x = parts.standard(stepped.part_values)
+                found = fit(stepped.values, prior=vague_prior(task, form, stepped.values), part_start=x)
+                tried = [("a walk along each stiffness", found.values)]
+        rounds += 1
+        if not accuracy or rounds == ROUNDS:
+            break
+        r = np.abs(np.nan_to_num(found.H - H)) / plain
+        new = np.ones(len(levels))
+        for b in np.unique(bands[mask.any(axis=(1, 2))]):
+            new[b] = max(1.0, float(np.median(r[bands == b][mask[bands == b]])) / RAYLEIGH_MEDIAN)
+        settled = np.abs(np.log(new / levels)).max() < SETTLED
+        levels = new
+        less = np.sqrt(np.maximum(1.0, r / levels[bands][:, None, None] / OUTLYING))
+        if settled:
+            break
+    left = []
+    for b in np.unique(bands[mask.any(axis=(1, 2))]):
+        use = mask & (bands == b)[:, None, None]
+        left.append((float(frequency[bands == b][-1]), float(levels[b] * np.median(plain[use] / size[use]))))
+    fitted, _ = parts.evaluate(parts.standard(found.part_values))
+    return Stage(found, H, tuple(left), tried[0][0], fitted, problem.data.H[at])
+
+
+def _bands(problem: FitProblem, frequency: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return which of up to four bands with equally many modes each line is in."""
+    knots = problem.damping.knots
+    edges = np.quantile(knots, [0.25, 0.5, 0.75]) if len(knots) > 4 else np.zeros(0)
+    return np.searchsorted(edges, frequency)
+
+
+def _spread(lines: NDArray[np.int64], n_lines: int, bands: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return evenly spread lines of a band: its share of all that are fitted."""
+    share = max(8, n_lines // len(np.unique(bands)))
+    if len(lines) <= share:
+        return lines
+    return lines[np.unique(np.linspace(0, len(lines) - 1, share).round().astype(np.int64))]
