@@ -8,6 +8,7 @@ VENV  := .venv
 PIP   := $(VENV)/bin/python -m pip --disable-pip-version-check
 READY := $(VENV)/.ready
 DEV   := $(VENV)/.ready-dev
+DOCS  := $(VENV)/.ready-docs
 IN    := . $(VENV)/bin/activate &&
 
 # other frame programs, to compare with: nothing of theirs is imported, they run in processes of their own
@@ -24,11 +25,14 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test slow fuzz independent a-frames solids foreign extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo test coverage slow docs dist fuzz independent a-frames solids foreign extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
+	@echo 'make coverage    the same, with the coverage of each package'
 	@echo 'make slow        the tests marked slow'
+	@echo 'make docs        build the documentation in out/site'
+	@echo 'make dist        build wheel and sdist in dist, and check them in clean environments; PYTHONS="python3.11 python3.13"'
 	@echo 'make fuzz        damaged files for every reader; MINUTES=10 SEED=3, or COUNT=50000 for each format'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
 	@echo 'make a-frames    the same of beams of OpenSees, made here; 15 minutes'
@@ -48,6 +52,19 @@ demo: $(READY)
 
 test: $(DEV)
 	$(IN) python -m pytest
+
+coverage: $(DEV)
+	$(IN) python -m pytest --cov --cov-report=term
+
+# pages run their commands and examples; MkDocs then works without any network
+docs: $(DOCS)
+	$(IN) python -m docs.make out/docs
+	$(IN) NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict
+	$(IN) python -m docs.make.offline out/site
+
+PYTHONS ?= $(PYTHON)
+dist: $(DEV)
+	$(IN) .ci/dist $(PYTHONS)
 
 # minutes for all formats together, or inputs for each; SEED=7 draws others, FORMATS=inp,bdf some of them
 fuzz: $(DEV)
@@ -123,6 +140,10 @@ $(DEV): $(READY) requirements-dev.lock
 	@$(PIP) install --quiet -r requirements-dev.lock
 	@touch $@
 
+$(DOCS): $(READY) requirements-docs.lock
+	@$(PIP) install --quiet -r requirements-docs.lock
+	@touch $@
+
 $(PEERS_READY): requirements-peers.lock
 	@echo 'Installing OpenSeesPy, PyNite, sdypy-EMA and scikit-fem into $(PEERS): once, 500 MB'
 	@test -x $(PEERS)/bin/pip || $(PYTHON) -m venv --clear $(PEERS)
@@ -133,7 +154,8 @@ $(PEERS_READY): requirements-peers.lock
 	@touch $@
 
 # Each lock file is whole and holds the hashes of all platforms' files: requirements.lock is what running needs,
-# -dev with what testing and checking need, -extras with the optional libraries, -peers the programs to compare with.
+# -dev with what testing and checking need, -docs what the documentation needs, -extras the optional libraries,
+# -peers the programs to compare with.
 # Versions stay as they are unless pyproject.toml asks for others; make lock UPGRADE=--upgrade takes the newest.
 COMPILE = .venv-lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate $(UPGRADE)
 lock:
@@ -143,6 +165,7 @@ lock:
 	echo 'setuptools>=77' | $(COMPILE) pyproject.toml - --extra dev --constraint requirements.lock --output-file requirements-dev.lock
 	echo 'setuptools>=77' | $(COMPILE) pyproject.toml - --extra dev --extra sections --extra accelerate \
 		--constraint requirements-dev.lock --output-file requirements-extras.lock
+	echo 'setuptools>=77' | $(COMPILE) pyproject.toml - --extra docs --constraint requirements-dev.lock --output-file requirements-docs.lock
 	printf '%s\n' openseespy PyNiteFEA scipy sdypy-EMA scikit-fem \
 		| $(subst --universal,--python-platform linux,$(COMPILE)) - --output-file requirements-peers.lock
 	rm -rf .venv-lock

@@ -41,23 +41,13 @@ def test_every_command_line_in_the_docs_can_be_given(root, capsys):
     assert seen > 20, capsys.readouterr()
 
 
-def shown_block(root):
-    """Return what README shows of the demo: its text, and the table of errors."""
-    text = (root / "README.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```text\n(Cross-beam: .*?)```", text, re.DOTALL)
-    return block
-
-
 @pytest.mark.slow
-def test_the_demo_prints_what_the_readme_shows(root, tmp_path, capsys, monkeypatch):
-    """And `compare` the same errors before, and after from the study that was found."""
+def test_the_demo_finds_what_the_readme_says(root, tmp_path, capsys, monkeypatch):
+    """And `compare` gives the errors of the run before, and those after for the study that was found."""
     monkeypatch.setattr("dovetail.report.pictures.can_draw", lambda: False)
     study, out = root / "examples" / "cross-beam" / "study.toml", tmp_path / "out"
     assert main(["run", str(study), "--out", str(out)]) == 0
     printed = capsys.readouterr().out
-    shown = shown_block(root)
-    first, last = " ".join(shown.split()), " ".join(printed.split())
-    assert first.rsplit(" ", 1)[0] == last.rsplit(" ", 1)[0]  # but for the folder's name
 
     def errors(*words):
         assert main(["compare", *words]) == 0
@@ -77,5 +67,6 @@ def test_the_demo_prints_what_the_readme_shows(root, tmp_path, capsys, monkeypat
     assert said
     value, std = said.groups()
     assert (float(value), float(std)) == (round(parameter["value"]), round(parameter["std"]))
+    assert f"{value} ± {std} N·m/rad" in (root / "README.md").read_text(encoding="utf-8")
     report = (out / "report.html").read_text(encoding="utf-8")
     assert re.search(rf"{value}\s±\s{std}", report)

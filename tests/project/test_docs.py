@@ -65,8 +65,8 @@ def test_every_page_is_in_the_index():
     assert {name for name in pages if name not in index} == set()
 
 
-def blocks(language):
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def blocks(language, page="README.md"):
+    text = (ROOT / page).read_text(encoding="utf-8")
     return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
 
 
@@ -84,15 +84,36 @@ def test_the_study_in_the_readme_is_part_of_the_example():
     check(tomllib.loads(text), whole)
 
 
+@pytest.mark.slow
 def test_the_python_in_the_readme_finds_the_effect(monkeypatch):
     (code,) = blocks("python")
+    assert len(code.splitlines()) == 10
     monkeypatch.chdir(ROOT)
     names = {}
     exec(code, names)
     (finding,) = names["found"].findings
+    (stiffness,) = finding.parameters
+    assert finding.effect.where == "joint J, rx"
+    said = f"{stiffness.value:.0f} ± {stiffness.std:.0f} N·m/rad"
+    assert said in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert names["better"].compare().total_db < 0.25 * names["study"].compare().total_db
+
+
+def test_a_study_from_python_is_saved_with_the_effect(monkeypatch, tmp_path):
+    """The first block of docs/python.md, with the candidates of the second, which take seconds."""
+    whole, chosen = blocks("python", "docs/python.md")
+    monkeypatch.chdir(ROOT)
+    names = {}
+    exec(chosen, names)
+    (finding,) = names["found"].findings
     assert finding.effect.where == "joint J, rx"
     assert finding.parameters[0].value == pytest.approx(200.0, rel=0.05)
     assert names["updated"].effect(finding.effect.name) is finding.effect
+    after = whole[whole.index("better = ") :].replace("better.toml", str(tmp_path / "better.toml"))
+    before = names["study"].compare()
+    exec(after, names | {"before": before})
+    better = names["dovetail"].load_study(tmp_path / "better.toml")
+    assert better.compare().total_db < 0.5 * before.total_db
 
 
 def test_the_readme_names_every_command():
@@ -101,6 +122,18 @@ def test_the_readme_names_every_command():
     )
     (parsers,) = (a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
     assert sorted(listed) == sorted(parsers.choices)
+
+
+def test_the_readme_is_short():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 120
+
+
+def test_one_version_is_stated_everywhere():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    newest = re.search(r"^## \[(\d.*?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert newest[1] == version
 
 
 def test_the_picture_is_small():

@@ -1,0 +1,30 @@
+"""Write the pages that MkDocs turns into the site: python -m docs.make out/docs.
+
+Pages of docs/ are copied. Their commands are run, and their output and pictures are put in (`pages`). Each
+example becomes a page with its output and pictures (`gallery`).
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+from docs.make import gallery, pages
+
+ROOT = Path(__file__).parents[2]
+
+
+def main(out: Path) -> None:
+    """Write all pages into a folder; its earlier contents are removed."""
+    shutil.rmtree(out, ignore_errors=True)
+    shutil.copytree(ROOT / "docs", out, ignore=shutil.ignore_patterns("make", "*.py", "*.md", "__pycache__"))
+    names = gallery.write(ROOT / "examples", out / "gallery")
+    for source, name in pages.sources(ROOT).items():
+        print(name, flush=True)
+        target = out / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        text = pages.with_site_links(source.read_text(encoding="utf-8"), source, ROOT, names)
+        target.write_text(pages.expand(text, target, ROOT), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

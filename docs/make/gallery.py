@@ -1,0 +1,108 @@
+"""The gallery: each example with its output and the pictures that it draws."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from docs.make.pages import PageError
+
+HEAD = """\
+# Gallery
+
+Each example is a script of fewer than 60 lines that ends in an assertion on a number. Outputs and pictures
+are those of this build.
+
+| | example | shows |
+|---|---|---|
+"""
+
+STUDIES = """
+The folder `examples` has larger studies as well:
+
+| folder | shows |
+|---|---|
+| `cross-beam` | a study with mesh file, universal file and an elastic joint; `make demo` runs it |
+| `first-frame` | the study of the [tutorial](../first-frame.md) |
+| `joint-study` | the numerical and the experimental study of the cross-beam paper, with their pictures |
+| `southampton-frame` | a study of a measured frame |
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Example:
+    """A script, its output, and its pictures, which lie beside its page."""
+
+    name: str
+    title: str
+    text: str
+    code: str
+    output: str
+    pictures: tuple[str, ...]
+
+
+def write(examples: Path, out: Path) -> tuple[str, ...]:
+    """Run all examples, write their pages and the index; return the names of the pages."""
+    out.mkdir(parents=True)
+    done = [run(path, out) for path in sorted(examples.glob("[0-9]*.py"))]
+    for example in done:
+        (out / f"{example.name}.md").write_text(page(example), encoding="utf-8")
+    (out / "index.md").write_text(index(done), encoding="utf-8")
+    return tuple(e.name for e in done)
+
+
+def run(path: Path, out: Path) -> Example:
+    """Run an example; its pictures, which it writes to a temporary folder, go to ``out``.
+
+    Raises
+    ------
+    PageError
+        If it fails.
+    """
+    print(path.name, flush=True)
+    code = path.read_text(encoding="utf-8")
+    module = ast.parse(code)
+    title, _, text = (ast.get_docstring(module) or path.stem).partition("\n")
+    body = "\n".join(code.splitlines()[module.body[0].end_lineno :]).strip()
+    with TemporaryDirectory() as folder:
+        paths = os.pathsep.join([str(path.parents[1]), os.environ.get("PYTHONPATH", "")])
+        environment = {**os.environ, "TMPDIR": folder, "PYTHONPATH": paths}
+        done = subprocess.run([sys.executable, path], env=environment, capture_output=True, text=True)
+        if done.returncode:
+            msg = f"{path.name}: exit code {done.returncode}\n{done.stderr}"
+            raise PageError(msg)
+        output = done.stdout
+        pictures = []
+        for picture in sorted(Path(folder).rglob("*.png")):
+            output = output.replace(str(picture), picture.name).replace(str(picture.parent), "a folder")
+            shutil.copy(picture, out / f"{path.stem}-{picture.name}")
+            pictures.append(f"{path.stem}-{picture.name}")
+    return Example(path.stem, title.rstrip("."), text.strip(), body, output.rstrip(), tuple(pictures))
+
+
+def page(example: Example) -> str:
+    """Return the page of an example."""
+    shown = "".join(f"![{_words(p, example)}]({p})\n\n" for p in example.pictures)
+    output = f"```text\n{example.output}\n```\n\n" if example.output else ""
+    text = f"{example.text}\n\n" if example.text else ""
+    return (
+        f"# {example.title}\n\n{text}{shown}{output}"
+        f"`examples/{example.name}.py`:\n\n```python\n{example.code}\n```\n"
+    )
+
+
+def index(examples: list[Example]) -> str:
+    """Return the table of all examples."""
+    rows = []
+    for e in examples:
+        picture = f"[![]({e.pictures[0]}){{ width=160 }}]({e.name}.md)" if e.pictures else ""
+        rows.append(f"| {picture} | [{e.name}]({e.name}.md) | {e.title} |\n")
+    return HEAD + "".join(rows) + STUDIES
+
+
+def _words(picture: str, example: Example) -> str:
+    return Path(picture).stem.removeprefix(f"{example.name}-").replace("-", " ")
