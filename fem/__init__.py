@@ -50,12 +50,13 @@ from fem.effects import (
     TabulatedStiffness,
     Viscoelastic,
 )
+from fem.materials import Material, PropertyError
 from fem.matrices import Matrices
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Constraint, Contribution, Damping, Effect, Model, ModelError, Parameter
-from fem.properties import Material, PropertyError, Section
 from fem.reduction.condensation import Reduction
 from fem.reduction.expansion import Expansion
+from fem.sections.section import Section
 from fem.sensitivity import FRFSensitivity, ModeSensitivity, differentiate_frf, differentiate_modes
 from fem.system import System, assemble, reassemble
 

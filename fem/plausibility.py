@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.joint import Joint
 from fem.effects.superelement import Superelement
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model
-from fem.sections.shapes import Section
+from fem.sections.section import Section
 
 MODULUS = (0.3e6, 1.22e12)
 """Young's moduli of solids: polymer foams … diamond [Pa]."""

@@ -8,12 +8,14 @@ from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.superelement import Attachment, Superelement
 from fem.effects.support import Support
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.io.matrices import matrices_of
 from fem.laws import FractionalZener
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model
-from fem.properties import Material, Section
+from fem.sections.section import Section
 from fem.system import assemble
 
 STEEL = Material("steel", 210e9, 7850.0)

@@ -24,10 +24,12 @@ from PIL import Image
 
 from fem.analysis.modes import Modes
 from fem.checks import Fault
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.properties import Material, Section
+from fem.sections.section import Section
 from updating.measurement.measurement import Sensor
 from viz import style
 from viz.layout import in_order, merge_names, place_labels, shorten

@@ -65,8 +65,8 @@ from fem.effects import candidate_kinds
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
+from fem.materials import Material
 from fem.model import DIRECTIONS, Effect, Model
-from fem.properties import Material
 from updating.diagnosis.patches import with_turning
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.parameters import Nuisance

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.table import Table, as_vector, suggest
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.io import read_mesh
 from fem.mesh import Mesh, MeshError, MeshWarning, merge_names
 from fem.model import Model
 from fem.plausibility import Suspicion, si_number, suspicions
-from fem.properties import Section
+from fem.sections.section import Section
 
 TOUCH = 1e-6
 """Points nearer than this part of the structure's size are one place."""

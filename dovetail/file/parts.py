@@ -12,12 +12,13 @@ from dovetail.file.table import Table, suggest
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass
 from fem.effects.support import Support
-from fem.elements.frame import MASSES, THEORIES, MemberProperties, local_axes
+from fem.elements.axes import local_axes
+from fem.elements.properties import MASSES, THEORIES, MemberProperties
 from fem.io import read_modes
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping
-from fem.properties import Material, Section
-from fem.sections.shapes import OPTIONS, SHAPES
+from fem.sections.section import OPTIONS, SHAPES, Section
 
 
 def read_materials(top: Table) -> dict[str, Material]:

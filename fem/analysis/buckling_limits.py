@@ -11,8 +11,9 @@ from fem.effects.prestress import Prestress
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.elements.geometric_stiffness import SectionForces
+from fem.elements.stretches import stiffness_of_stretch
 from fem.model import Contribution, Model
-from fem.sections.shapes import Section
+from fem.sections.section import Section
 
 if TYPE_CHECKING:
     from fem.analysis.statics import StaticSolution
@@ -117,7 +118,7 @@ def _of_warping(model: Model, frame: Frame, shape: NDArray[np.float64]) -> Itera
             continue
         k2 = np.pi**2 * 2 * (1 + p.material.nu) * _warping(p.section) / (p.section.J * length**2)
         whole = np.asarray(0.0), np.asarray(length)
-        twist = frame.strain_energy_matrix(model, member, *whole, (0, 0, 0, 1, 0, 0))
+        twist = stiffness_of_stretch(frame, model, member, *whole, (0, 0, 0, 1, 0, 0))
         rows = model.mesh.members[member]
         gain = k2 * _line_work(model, (replace(twist, lines=rows),), shape).sum() / strain
         if gain > ACCURACY:

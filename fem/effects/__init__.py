@@ -20,7 +20,8 @@ from fem.effects.superelement import Attachment, Superelement
 from fem.effects.support import Support
 from fem.effects.support_flexibility import SupportFlexibility
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.model import Effect
 
 __all__ = [

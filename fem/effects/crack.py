@@ -17,6 +17,7 @@ from fem.effects.places import (
     sheared_frame,
     welded_ends,
 )
+from fem.elements.cut import cut
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
@@ -73,7 +74,7 @@ class Crack(OnMember):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what one element loses of its stiffness, and its mass that follows the kink."""
         frame = sheared_frame(model)
-        return (frame.cut(model, self.member, self.position, self.direction, self.compliance),)
+        return (cut(frame, model, self.member, self.position, self.direction, self.compliance),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return what the member's elements depend on."""
@@ -118,7 +119,7 @@ class EndRelease(OnMember):
     """A rotational flexibility where a member's end is welded to others in the model: a soft weld, a hinge.
 
     The same as a spring of 1/compliance at the member's end (``spring1``, ``spring2`` in
-    :class:`~fem.elements.frame.MemberProperties`). A ``crack`` near the member's end is its twin.
+    :class:`~fem.elements.properties.MemberProperties`). A ``crack`` near the member's end is its twin.
 
     Attributes
     ----------
@@ -152,7 +153,7 @@ class EndRelease(OnMember):
         """Return what the end's element loses of its stiffness, and its mass that follows the turn."""
         frame = sheared_frame(model)
         position = 0.0 if self.end == 1 else model.mesh.member_length(self.member)
-        return (frame.cut(model, self.member, position, self.direction, self.compliance),)
+        return (cut(frame, model, self.member, position, self.direction, self.compliance),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return what the member's elements depend on."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
+from fem.elements.stretches import mass_of_stretch
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, refuse_negative
 
 
@@ -61,7 +62,8 @@ class DistributedMass(OnMember):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stretch's mass matrices."""
-        unit = frame_of(model).mass_matrix(
+        unit = mass_of_stretch(
+            frame_of(model),
             model,
             self.member,
             self.position - self.width / 2,
@@ -144,7 +146,7 @@ class FluidAddedMass(OnMember):
         """Return M = mass ∫ NᵀN dx with the motion in the one direction."""
         weights = [float(d == self.direction) for d in ("x", "y", "z", "rx", "ry", "rz")]
         length = model.mesh.member_length(self.member)
-        unit = frame_of(model).mass_matrix(model, self.member, 0.0, length, weights)
+        unit = mass_of_stretch(frame_of(model), model, self.member, 0.0, length, weights)
         assert unit.M is not None
         return (Contribution(unit.dofs, M=self.mass * unit.M),)
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.places import OnMember, elements_of, frame_of, is_bar, material_of, sheared_frame
-from fem.elements.frame import Frame, SectionChange, member_contribution
+from fem.elements.frame import Frame, member_contribution
+from fem.elements.lines import SectionChange
 from fem.model import Array, Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
 
 

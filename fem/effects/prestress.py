@@ -115,7 +115,7 @@ class Prestress(Effect):
     def line_tension(self, model: Model, member: str) -> NDArray[np.float64]:
         """Return the mean axial force of each line of a member at a load factor of 1, (n_lines,) [N]."""
         (frame,) = model.of_kind(Frame)
-        g, s = frame._lines(model.mesh, model.mesh.members[member]), model.mesh.member_positions(member)
+        g, s = frame.lines(model.mesh, model.mesh.members[member]), model.mesh.member_positions(member)
         out = np.zeros(len(g.L))
         for course in self.courses(member):
             samples = sample(g, s, course)
@@ -173,7 +173,7 @@ def _unit(held: _Held, frame: Frame, mesh: Mesh) -> Contribution:
     """Return the geometric stiffness of the lines at a load factor of 1."""
     dofs, K, lines = [np.zeros((0, 12), dtype=np.int64)], [np.zeros((0, 12, 12))], []
     for member in held.effect._members():
-        g, s = frame._lines(mesh, mesh.members[member]), mesh.member_positions(member)
+        g, s = frame.lines(mesh, mesh.members[member]), mesh.member_positions(member)
         dofs.append(g.dofs)
         parts = [stress_stiffness(g, sample(g, s, course)) for course in held.effect.courses(member)]
         K.append(np.sum(parts, axis=0))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fem.effects.joint import PointPair
 from fem.effects.places import elements_of, is_bar, member_ends, n_lines_at, sheared_frame
 from fem.elements.frame import Frame
+from fem.elements.stretches import stiffening
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01
@@ -58,7 +59,7 @@ class RigidEndZone(Effect):
             p, whole = frame.members[m], model.mesh.member_length(m)
             start, towards = (p.rigid1, 1) if end == 1 else (whole - p.rigid2, -1)
             zones.append((m, start, self.length, towards))
-        return (frame.stiffened(model, zones, _FLEXIBILITY),)
+        return (stiffening(frame, model, zones, _FLEXIBILITY),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return what the members' stiffness depends on."""

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.places import elements_of, frame_of, is_bar, section_extent, sheared_frame
-from fem.elements.frame import Frame, begun
+from fem.elements.frame import Frame
+from fem.elements.stretches import at_least, mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01
@@ -97,13 +98,13 @@ class SolidCorner(Effect):
         density = {m: frame.mass_per_length(m) for m in {z.member for z in self.zones}}
         for z in self.zones:
             inside = _at_most(self.size * z.depth, z.longest)
-            reach = begun(inside, 1e-9 * z.longest)
+            reach = at_least(inside, 1e-9 * z.longest)
             stiffer.append((z.member, z.start, z.factor * self.rigid_zone_factor * inside, z.towards))
             if z.overlap:
                 ends = sorted((z.start, z.start + z.towards * reach), key=np.real)
                 lighter.append((z.member, *ends, -z.overlap * density[z.member] * (inside / reach)))
-        out = (frame.stiffened(model, stiffer, _FLEXIBILITY),)
-        return (*out, frame.masses(model, lighter, (1, 1, 1, 0, 0, 0))) if lighter else out
+        out = (stiffening(frame, model, stiffer, _FLEXIBILITY),)
+        return (*out, mass_of_stretches(frame, model, lighter, (1, 1, 1, 0, 0, 0))) if lighter else out
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return what the members' elements depend on."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.places import elements_of, sheared_frame
+from fem.elements.stretches import stiffness_of_stretch
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
@@ -54,8 +55,8 @@ class StiffnessLoss(Effect):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the lost strain energy of the stretch."""
         frame = sheared_frame(model)
-        part = frame.strain_energy_matrix(
-            model, self.member, self.position - self.width / 2, self.position + self.width / 2
+        part = stiffness_of_stretch(
+            frame, model, self.member, self.position - self.width / 2, self.position + self.width / 2
         )
         return (
             Contribution(part.dofs, -self.loss * part.K, D=None if part.D is None else -self.loss * part.D),

@@ -19,20 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.elements.frame import (
-    _SIGN,
-    _Y,
-    _Z,
-    _flexible,
-    _gauss,
-    _Lines,
-    _plane,
-    _some,
-    _to_global,
-)
+from fem.elements.interpolation import XY_DOFS, XZ_DOFS, XZ_SIGNS, prismatic_bending
+from fem.elements.lines import Lines, flexible_fraction, some_lines
+from fem.elements.matrices import to_global
+from fem.elements.quadrature import gauss_points
 from fem.model import Array, lever_stiffness
 
-FORCE_NODES, _WEIGHTS = _gauss(4)
+FORCE_NODES, _WEIGHTS = gauss_points(4)
 """Fractions of a stretch at which section forces are given: a cubic through them has the moments of a load
 that is linear along the stretch, and products with the squares of slopes are integrated exactly."""
 
@@ -110,7 +103,7 @@ class Samples:
     ends: NDArray[np.float64]
 
 
-def sample(g: _Lines, s: NDArray[np.float64], forces: SectionForces) -> Samples:
+def sample(g: Lines, s: NDArray[np.float64], forces: SectionForces) -> Samples:
     """Return the section forces of one member's lines, which lie between arc lengths s (b + 1,)."""
     span = np.diff(s)
     zone = g.zone * (span / g.span)[:, None]  # offsets that change along a member lengthen its axis
@@ -130,7 +123,7 @@ def sample(g: _Lines, s: NDArray[np.float64], forces: SectionForces) -> Samples:
     )
 
 
-def stress_stiffness(g: _Lines, samples: Samples) -> Array:
+def stress_stiffness(g: Lines, samples: Samples) -> Array:
     """Return the geometric stiffness of lines under section forces, global, shape (b, 12, 12).
 
     The second derivative of ∫ (n·Γ₂ + m·κ₂) dx. In it N (v'² + w'²)/2 has the axis' whole slope, shear
@@ -140,19 +133,19 @@ def stress_stiffness(g: _Lines, samples: Samples) -> Array:
     on. Bars have N alone.
     """
     each = samples.line
-    parts = _some(g, each)
+    parts = some_lines(g, each)
     along = samples.xi * parts.span
     rigid = (along < parts.zone[:, 0]) | (along > parts.span - parts.zone[:, 1])
     forces = np.where(g.bar[each, None] != 0, samples.forces * [1, 0, 0, 0, 0, 0], samples.forces)
     radius = (1 - g.bar) * (g.Iy + g.Iz) / g.A
     S = _work(forces, radius[each]) * samples.weight[:, None, None]
-    B = _gradients(parts, _flexible(parts, samples.xi))
+    B = _gradients(parts, flexible_fraction(parts, samples.xi))
     work = np.swapaxes(B, 1, 2) @ S @ B
-    out = _to_global(_sum(work[~rigid], each[~rigid], len(g.L)), g.T)
+    out = to_global(_sum(work[~rigid], each[~rigid], len(g.L)), g.T)
     if rigid.any():
         B = _rigid_gradients(np.where(samples.xi[rigid] < 0.5, 0, 6))
         work = np.swapaxes(B, 1, 2) @ S[rigid] @ B
-        out = out + _to_global(_sum(work, each[rigid], len(g.L)), g.T_nodes)
+        out = out + to_global(_sum(work, each[rigid], len(g.L)), g.T_nodes)
     for k, sign in ((0, -1.0), (1, 1.0)):
         offset = g.end[:, k] + (sign * g.zone[:, k])[:, None] * g.R[:, 0]
         on_arm = sign * np.einsum("bij,bi->bj", g.R, samples.ends[:, k, :3])
@@ -186,16 +179,16 @@ def _work(forces: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[n
     return S
 
 
-def _gradients(g: _Lines, xi: Array) -> Array:
+def _gradients(g: Lines, xi: Array) -> Array:
     """Return (u' v' w' a b c a' b' c') at one place of each line's flexible part from its ends' motion."""
-    ry, cy, sy = _plane(xi, g.L, g.phi_y, "rcs")
-    rz, cz, sz = _plane(xi, g.L, g.phi_z, "rcs")
+    ry, cy, sy = prismatic_bending(xi, g.L, g.phi_y, "rcs")
+    rz, cz, sz = prismatic_bending(xi, g.L, g.phi_z, "rcs")
     B = np.zeros((len(xi), 9, 12), dtype=np.result_type(sy, sz))
     B[:, 0, 0] = B[:, 6, 3] = -1 / g.L
     B[:, 0, 6] = B[:, 6, 9] = 1 / g.L
     B[:, 3, 3], B[:, 3, 9] = 1 - xi, xi
-    B[:, 1, _Y], B[:, 5, _Y], B[:, 8, _Y] = sy, ry, cy
-    B[:, 2, _Z], B[:, 4, _Z], B[:, 7, _Z] = sz * _SIGN, -rz * _SIGN, -cz * _SIGN
+    B[:, 1, XY_DOFS], B[:, 5, XY_DOFS], B[:, 8, XY_DOFS] = sy, ry, cy
+    B[:, 2, XZ_DOFS], B[:, 4, XZ_DOFS], B[:, 7, XZ_DOFS] = sz * XZ_SIGNS, -rz * XZ_SIGNS, -cz * XZ_SIGNS
     bar = g.bar != 0
     if bar.any():
         B[bar] = 0.0

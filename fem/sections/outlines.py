@@ -160,3 +160,26 @@ def with_arcs(outline: ArrayLike, radii: Sequence[float], pieces: int = 5) -> Fl
         for phi in np.linspace(0, np.pi / 2, pieces):
             out.append(centre - radius * (b * np.cos(phi) + a * np.sin(phi)))
     return np.array(out)
+
+
+def turned(points: ArrayLike, centre: Floats, angle: float) -> Floats:
+    """Return points (n, 2) from a centre, in axes turned from y towards z by an angle [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    return (np.asarray(points, dtype=float) - centre) @ np.array([[c, -s], [s, c]])
+
+
+def box(b: float, h: float) -> Floats:
+    """Return the corners of a rectangle about its centre."""
+    return np.array([(-b / 2, -h / 2), (b / 2, -h / 2), (b / 2, h / 2), (-b / 2, h / 2)])
+
+
+def ring(b: float, h: float, n: int = 24) -> Floats:
+    """Return n corners on an ellipse of widths b and h about its centre."""
+    phi = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    return np.column_stack([b / 2 * np.cos(phi), h / 2 * np.sin(phi)])
+
+
+def regular_polygon(n: int, across: float) -> Floats:
+    """Return the corners of a regular polygon of n sides about its centre, one flat towards -z."""
+    phi = -np.pi / 2 + (2 * np.arange(n) - 1) * np.pi / n
+    return across / (2 * np.cos(np.pi / n)) * np.column_stack([np.cos(phi), np.sin(phi)])

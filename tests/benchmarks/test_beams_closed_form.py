@@ -8,10 +8,12 @@ from fem.analysis.modes import solve_modes
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.preload import Preload
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model, lever_matrix
-from fem.properties import Material, Section
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix, planar
 

@@ -12,10 +12,11 @@ from scipy.optimize import brentq
 from fem.analysis.buckling import solve_buckling
 from fem.analysis.modes import DENSE_LIMIT, solve_modes
 from fem.analysis.statics import LoadCase, prestressed, solve_static
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model, ModelError
-from fem.properties import Section
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, fix
 from tests.frames import planar as held_in_plane

@@ -15,10 +15,12 @@ from fem.analysis.statics import LineLoad, LoadCase
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import RigidLink
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Model
-from fem.properties import Material, Section
+from fem.sections.section import Section
 from tests.frames import STEEL, beam, fix
 
 STRIP = Section.rectangle(0.002, 0.06)

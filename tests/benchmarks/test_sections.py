@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material, PropertyError
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.properties import Material, PropertyError, Section
 from fem.sections.outlines import integrate
-from fem.sections.shapes import OPTIONS, SHAPES, shear_flexibility_of_rectangle
+from fem.sections.section import OPTIONS, SHAPES, Section
+from fem.sections.shear import shear_flexibility_of_rectangle
 from fem.sections.walls import wall_constants
 
 ENDS = {

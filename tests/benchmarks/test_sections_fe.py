@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.properties import PropertyError, Section
+from fem.materials import PropertyError
+from fem.sections.section import Section
 
 pytest.importorskip("sectionproperties", reason="needs dovetail[sections]")
 

@@ -5,10 +5,11 @@ import pytest
 
 from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
 from fem.effects.joint import Joint
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.properties import Section
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix
 

@@ -13,10 +13,10 @@ from fem import AddedMass, Damping, Joint, Mesh, PropertyError, Section, check_m
 from fem.analysis.modes import MOST_VALUES
 from fem.effects import effect_classes
 from fem.effects.added_mass import PointMass
+from fem.materials import Material
 from fem.mesh import MeshError
 from fem.model import Model, ModelError
 from fem.plausibility import suspicions, suspicions_of_material
-from fem.properties import Material
 from fem.system import assemble
 from tests.frames import beam, braced, cross_beam, fix, portal
 

@@ -6,11 +6,14 @@ import pytest
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.joint import Joint
 from fem.effects.member_change import MemberStiffness
-from fem.elements import frame as frames
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.closed_form import closed_stiffness, global_blocks
+from fem.elements.frame import Frame
+from fem.elements.matrices import local_stiffness
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Damping, Model, ModelError
-from fem.properties import Material, Section
+from fem.sections.section import Section
 from fem.system import assemble, reassemble
 from tests.frames import FLAT, STEEL, fix, mounted
 
@@ -74,7 +77,7 @@ def test_blocks_and_entries_have_the_same_sums(model):
 def test_batches_are_the_contributions(monkeypatch):
     model = everything(spring2={"z": 3e5})
     whole = by_entries(model)
-    monkeypatch.setattr("fem.elements.frame._BATCH", 3)
+    monkeypatch.setattr("fem.elements.frame.BATCH", 3)
     np.testing.assert_array_equal(by_entries(model), whole)
     (frame,) = model.of_kind(Frame)
     assert len(list(frame.batches(model))) > 6
@@ -202,8 +205,8 @@ def test_local_stiffness_is_that_along_the_global_axes():
     model = everything()
     (frame,) = model.of_kind(Frame)
     prismatic = np.setdiff1d(np.arange(model.mesh.n_lines), frame.tapered_lines(model.mesh))
-    lines = frame._lines(model.mesh, prismatic)
+    lines = frame.lines(model.mesh, prismatic)
     along = np.broadcast_to(np.eye(3), (len(prismatic), 3, 3))
-    K = frames._stiffness(lines)
-    np.testing.assert_array_equal(K, frames._spread(along, *frames._plain_stiffness(lines)))
+    K = local_stiffness(lines)
+    np.testing.assert_array_equal(K, global_blocks(along, *closed_stiffness(lines)))
     assert np.linalg.matrix_rank(K[0], tol=1e-9 * np.abs(K[0]).max()) == 6

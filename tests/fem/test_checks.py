@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from fem.analysis.modes import MechanismError, solve_modes
 from fem.checks import check_mesh, check_model
 from fem.effects.joint import Joint
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model
 from fem.system import assemble

@@ -11,8 +11,8 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic
 from fem.laws import Zener
+from fem.materials import Material
 from fem.model import Damping, ModelError
-from fem.properties import Material
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, mounted, planar
 

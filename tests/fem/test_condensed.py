@@ -9,10 +9,11 @@ from fem.analysis.condensed import condense, frf_function
 from fem.analysis.frf import FRFKind, compute_frf, dof_columns
 from fem.analysis.modes import solve_modes
 from fem.effects.rotor import Rotor
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
 from fem.model import Damping, Model
-from fem.properties import Section
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, braced, cross_beam, fix, mounted, portal, with_part
 

@@ -13,8 +13,8 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
+from fem.materials import Material
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
-from fem.properties import Material
 from fem.sensitivity import differentiate_frf, differentiate_modes
 from fem.system import assemble
 from tests.frames import beam, braced, cross_beam, fix, mounted, portal, welded, with_part

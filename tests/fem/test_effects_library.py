@@ -24,11 +24,13 @@ from fem.effects.rigid_end_zone import RigidEndZone
 from fem.effects.rotor import Rotor
 from fem.effects.section_shear import SectionShear
 from fem.effects.viscoelastic import Viscoelastic
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.elements.stretches import mass_of_stretch
 from fem.laws import FractionalKelvinVoigt, Zener
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model, ModelError, lever_matrix
-from fem.properties import Section
+from fem.sections.section import Section
 from fem.system import assemble, sum_contributions
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, propose
@@ -185,7 +187,7 @@ def test_mass_along_a_stretch_is_all_there_also_in_rigid_zones(start, stop):
     """Its momentum and angular momentum are those of a rod, whatever the ends are like."""
     model = beam(3, 0.9, theory="timoshenko", rigid1=0.05, rigid2=0.08, offset1=np.array([0, 0.01, 0.02]))
     (frame,) = model.of_kind(Frame)
-    unit = frame.mass_matrix(model, "beam", start, stop, (2.0, 2.0, 2.0, 0, 0, 0))
+    unit = mass_of_stretch(frame, model, "beam", start, stop, (2.0, 2.0, 2.0, 0, 0, 0))
     M = np.zeros((model.n_dof, model.n_dof))
     np.add.at(M, (unit.dofs[:, :, None], unit.dofs[:, None, :]), unit.M)
     rigid = np.vstack([lever_matrix(p) for p in model.mesh.points])

@@ -13,10 +13,11 @@ from fem.analysis.frf import compute_frf
 from fem.analysis.statics import solve_static
 from fem.effects.joint import Joint
 from fem.effects.joint_patch import JointPatch, turning_parameters, with_patch
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
 from fem.model import Damping, Model, dofs_of, lever_matrix
-from fem.properties import Section
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, fix
 from updating import Measurement, Nuisance, Sensor, diagnose, place_sensors, update

@@ -9,12 +9,13 @@ from fem.analysis.frf import FRFError, compute_frf, dof_vectors, frf_blocks
 from fem.analysis.modes import solve_modes
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.laws import Zener
 from fem.mesh import Mesh
 from fem.model import Damping, Model
-from fem.properties import Section
 from fem.reduction.reduced import ParametricFRF, reduce_model
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, cross_beam
 

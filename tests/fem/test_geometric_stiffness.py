@@ -10,11 +10,12 @@ from fem.analysis.modes import solve_modes
 from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, prestressed, solve_static
 from fem.effects.prestress import Prestress
 from fem.effects.superelement import Attachment, Superelement
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.io.matrices import matrices_of
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Model, ModelError, lever_stiffness
-from fem.properties import Section
+from fem.sections.section import Section
 from fem.system import assemble, sum_contributions
 from tests.frames import STEEL, beam, braced, fix, planar, portal
 

@@ -8,10 +8,13 @@ import pytest
 from dovetail import load_study
 from fem.analysis.modes import solve_modes
 from fem.effects.preload import Preload
-from fem.elements.frame import Frame, MemberProperties, end_slips
+from fem.elements.connections import end_slips
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import PropertyError
 from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Model, ModelError, dofs_of, lever_matrix
-from fem.properties import PropertyError, Section
+from fem.sections.section import Section
 from fem.system import assemble, rigid_motions
 from tests.frames import FLAT, STEEL, beam, braced, fix, planar, welded
 

@@ -7,10 +7,11 @@ from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.frf import FRF, FRFError, compute_frf
 from fem.analysis.modes import solve_modes
 from fem.effects.joint import Joint
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material, PropertyError
 from fem.mesh import Mesh, MeshError
 from fem.model import Damping, Model, ModelError, direction_vector, directions_from
-from fem.properties import Material, PropertyError
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, cross_beam, fix
 

@@ -13,13 +13,14 @@ from fem.analysis.statics import solve_static
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.preload import Preload
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.linalg.lanczos import RitzPairs
 from fem.mesh import Mesh
 from fem.model import Damping, Model, ModelError
-from fem.properties import Section
 from fem.reduction.condensation import reduce_craig_bampton, reduce_guyan, reduce_irs, reduce_serep
 from fem.reduction.expansion import expand_smooth
+from fem.sections.section import Section
 from fem.sensitivity import differentiate_modes
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, fix, portal

@@ -12,7 +12,6 @@ from fem.analysis.modes import solve_modes
 from fem.effects import Joint
 from fem.mesh import Mesh
 from fem.model import Contribution, Damping, Effect, Model, ModelError, dofs_of
-from fem.properties import Section
 from fem.reduction.condensation import (
     frequency_errors,
     reduce_craig_bampton,
@@ -21,6 +20,7 @@ from fem.reduction.condensation import (
     reduce_irs,
     reduce_serep,
 )
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import STEEL, beam, cross_beam, fix, planar, portal
 

@@ -15,7 +15,7 @@ from fem.analysis.frf import FRFError, compute_frf
 from fem.analysis.modes import solve_eigenpairs, solve_modes
 from fem.effects import AddedMass, MemberStiffness, SupportFlexibility
 from fem.model import Contribution, Damping, Effect, ModelError, Parameter, dofs_of
-from fem.properties import Section
+from fem.sections.section import Section
 from fem.sensitivity import differentiate_frf, differentiate_matrices, differentiate_modes
 from fem.system import assemble
 from tests.frames import beam, cross_beam, fix, portal

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from fem.analysis.frf import compute_frf, dof_vectors
 from fem.analysis.modes import solve_modes
 from fem.effects.superelement import Attachment, Superelement
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.io.matrices import matrices_of, read_matrices
 from fem.matrices import Matrices
 from fem.mesh import Mesh

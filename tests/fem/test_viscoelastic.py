@@ -11,7 +11,8 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.laws import FractionalKelvinVoigt, FractionalZener, Table, Zener
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Model, ModelError, lever_matrix

@@ -10,10 +10,12 @@ import pytest
 
 from fem.analysis.modes import solve_modes
 from fem.effects.added_mass import AddedMass
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.properties import Material, Section
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.benchmarks.test_beams_closed_form import timoshenko_pinned
 from tests.frames import beam, fix, planar

@@ -11,10 +11,11 @@ from fem.analysis.frf import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.effects.joint import Joint
 from fem.effects.support import Support
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Constraint, Damping, Model, lever_matrix
-from fem.properties import Section
+from fem.sections.section import Section
 from fem.system import assemble, null_space
 from joint.interface import Interface, coordinates_of, partition_frf, stack_substructures
 from joint.synthesis import couple, joint_impedance

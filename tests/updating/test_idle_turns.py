@@ -7,7 +7,8 @@ from fem.analysis.modes import solve_modes
 from fem.analysis.statics import solve_static
 from fem.effects.joint import Joint
 from fem.effects.support import Support
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
 from fem.model import Model, ModelError
 from fem.system import assemble, reassemble

@@ -13,10 +13,12 @@ from PIL import Image
 from fem.analysis.modes import Modes, solve_modes
 from fem.checks import check_mesh, check_model
 from fem.effects.support import Support
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.properties import Material, Section
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import chain, fix, with_part
 from updating.measurement.measurement import Sensor
@@ -212,7 +214,7 @@ def test_projection_agrees_with_what_is_drawn(cross, tmp_path):
 def test_pictures_need_no_display_and_print_nothing(tmp_path):
     code = (
         "from fem.mesh import Mesh; from fem.model import Model\n"
-        "from fem.properties import Material, Section\n"
+        "from fem.materials import Material; from fem.sections.section import Section\n"
         "from fem.elements.frame import Frame, MemberProperties; from viz.render import render_model\n"
         "m = Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {'a': [0]})\n"
         "p = MemberProperties(Material('s', 2e11, 7850), Section.rectangle(0.03, 0.01))\n"

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from fem.elements.frame import Frame, MemberProperties
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Model
-from fem.properties import Material, Section
+from fem.sections.section import Section
 from viz import shapes
 from viz.layout import merge_names, place_labels
 

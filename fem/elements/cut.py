@@ -1,0 +1,87 @@
+"""A cut: a place of a member that gives way in one direction, as a crack or a joint within it does."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from fem.elements.connections import mass_from_nodes, with_connections, with_rigid_ends
+from fem.elements.frame import Frame
+from fem.elements.lines import Lines, flexible_fraction
+from fem.elements.matrices import local_mass, local_stiffness, to_global
+from fem.mesh import Mesh
+from fem.model import DIRECTIONS, Array, Contribution, Model
+
+
+def cut(
+    frame: Frame, model: Model, member: str, position: Any, direction: str, compliance: Any
+) -> Contribution:
+    """Return the change of K, M and D where a member gives way at a place, in one direction.
+
+    The two sides of the cut slip by the compliance c times the force that is passed. With m the motion
+    of the element's second end that a unit slip lets it have, and K of the element between its points,
+
+        ΔK = -c K m mᵀ K / (1 + c mᵀ K m),
+
+    which is exact: the element's flexibility grows by c times the square of the force at the cut
+    (Przemieniecki, Theory of Matrix Structural Analysis, ch. 8). At a member's end it equals a spring of
+    1/c. The element's shapes N get the kink ψ = r - N m of a unit slip, r the rigid motion of the
+    part beyond, so that with a = c / (1 + c mᵀ K m), μ the mass per length and q = K m
+
+        ΔM = a (b qᵀ + q bᵀ) + a² β q qᵀ,   b = ∫ Nᵀ μ ψ dx,   β = ∫ ψᵀ μ ψ dx.
+
+    Without that the mass follows the nodes, and frequencies err with the cube of the element's part of
+    the member. Lumps stay with the nodes.
+
+    Parameters
+    ----------
+    frame : Frame
+    model : Model
+    member : str
+    position : float
+        Arc length [m]; complex for derivatives.
+    direction : str
+        x y z rx ry rz, local.
+    compliance : float
+        c [m/N or rad/(N·m)].
+    """
+    mesh = model.mesh
+    at = mesh.locate(member, float(np.real(position)))
+    g, K0, whole = _uncut_line(frame, mesh, at.line)
+    xi = at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0.0)
+    x = flexible_fraction(g, np.atleast_1d(xi))[0]
+    i = DIRECTIONS.index(direction)
+    m = np.zeros(12, dtype=np.result_type(x))
+    m[6 + i] = 1.0
+    arm = (1 - x) * g.L[0]
+    if direction == "ry":
+        m[8] = -arm
+    if direction == "rz":
+        m[7] = arm
+    q = K0 @ m
+    slip = compliance / (1 + compliance * (m @ q))
+    K = to_global((-slip * np.outer(q, q))[None], g.T_nodes)
+    M = None
+    if not g.lumped[0]:
+        rigid = m.copy()
+        rigid[i] = 1.0
+        if direction == "ry":
+            rigid[2] = x * g.L[0]
+        if direction == "rz":
+            rigid[1] = -x * g.L[0]
+        beyond = whole * (1.0 - x) if x in (0.0, 1.0) else mass_from_nodes(g, local_mass(g, x))[0]
+        b = beyond @ rigid - whole @ m
+        beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ whole @ m
+        bent = slip * np.outer(b, q)
+        M = to_global((bent + bent.T + slip**2 * beta * np.outer(q, q))[None], g.T_nodes)
+    return Contribution(g.dofs, K, M, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+
+
+@lru_cache(maxsize=16)  # cuts of one line are asked for together, in all directions
+def _uncut_line(frame: Frame, mesh: Mesh, line: int) -> tuple[Lines, Array, Array]:
+    """Return a line of the mesh and its local stiffness and mass (12, 12) from node to node."""
+    g = frame.lines(mesh, [line])
+    K, M = with_connections(g, local_stiffness(with_rigid_ends(g)))[0], mass_from_nodes(g, local_mass(g))[0]
+    for shared in (g.dofs, g.T, K, M):
+        shared.flags.writeable = False
+    return g, K, M

@@ -1,0 +1,141 @@
+"""Shape functions of elements: the motion, strains and slopes along them from the motion of their ends.
+
+They solve the static Timoshenko equations exactly (Friedman & Kosmatka, Computers & Structures 47, 1993,
+473-481); for tapered lines `fem.elements.tapered` integrates them.
+"""
+
+import numpy as np
+
+from fem.elements import tapered
+from fem.elements.lines import COLUMNS, Lines, cross_matrices, flexible_fraction
+from fem.mesh import Mesh
+from fem.model import Array
+
+XY_DOFS = [1, 5, 7, 11]  # v and θz of both ends
+XZ_DOFS = [2, 4, 8, 10]  # w and θy of both ends
+XZ_SIGNS = np.array([1.0, -1.0, 1.0, -1.0])  # θy = -dw/dx
+
+
+def prismatic_bending(xi: Array, L: Array, phi: Array, wanted: str) -> list[Array]:
+    """Return shape functions of a prismatic beam for (v1, θ1, v2, θ2), each (…, b, 4), at places xi (…, b).
+
+    ``wanted`` has a letter for each: v deflection, r rotation, c curvature, s slope.
+    """
+
+    def of(which: str) -> list[Array]:
+        if which == "v":
+            return [
+                2 * xi**3 - 3 * xi**2 - phi * xi + 1 + phi,
+                L * (xi**3 - (2 + phi / 2) * xi**2 + (1 + phi / 2) * xi),
+                -2 * xi**3 + 3 * xi**2 + phi * xi,
+                L * (xi**3 - (1 - phi / 2) * xi**2 - phi / 2 * xi),
+            ]
+        if which == "r":
+            turn = 6 * (xi**2 - xi) / L
+            return [turn, 3 * xi**2 - (4 + phi) * xi + 1 + phi, -turn, 3 * xi**2 - (2 - phi) * xi]
+        if which == "c":
+            bend = (12 * xi - 6) / L**2
+            return [bend, (6 * xi - 4 - phi) / L, -bend, (6 * xi - 2 + phi) / L]
+        rise = (6 * xi**2 - 6 * xi - phi) / L
+        return [rise, 3 * xi**2 - (4 + phi) * xi + 1 + phi / 2, -rise, 3 * xi**2 - (2 - phi) * xi - phi / 2]
+
+    d = (1 / (1 + phi))[:, None]
+    return [d * np.stack(of(which), axis=-1) for which in wanted]
+
+
+def bending_shapes(g: Lines, xi: Array, d: str, wanted: str) -> list[Array]:
+    """Return shape functions of bending in x-y (d = "y") or x-z (d = "z"), also of tapered lines.
+
+    As :func:`prismatic_bending` has them.
+    """
+    out = prismatic_bending(xi, g.L, g.phi_y if d == "y" else g.phi_z, wanted)
+    t = np.flatnonzero(g.tapered)
+    if not t.size:
+        return out
+    I, shear = (g.stations[t][..., COLUMNS[key]] for key in ("Iz" if d == "y" else "Iy", f"s{d}"))
+    own = tapered.bending(xi[..., t], g.L[t], I, shear, wanted)
+    out = [np.array(a, dtype=np.result_type(a, b)) for a, b in zip(out, own, strict=True)]
+    for a, b in zip(out, own, strict=True):
+        a[..., t, :] = b
+    return out
+
+
+def end_share(g: Lines, xi: Array, key: str, derivative: bool = False) -> Array:
+    """Return the fraction of the second end's stretch (A) or twist (J) at places xi (…, b), or its slope."""
+    out = np.ones_like(xi) if derivative else xi
+    t = np.flatnonzero(g.tapered if key == "A" else g.tapered & (g.bar == 0))
+    if t.size:
+        own = tapered.extension(xi[..., t], g.stations[t][..., COLUMNS[key]], derivative)
+        out = np.array(out, dtype=np.result_type(out, own))
+        out[..., t] = own
+    return out
+
+
+def shape_matrix(g: Lines, xi: Array) -> Array:
+    """Return the local motion (…, b, 6, 12) of places xi (…, b) on the flexible parts from their ends'."""
+    vy, ry = bending_shapes(g, xi, "y", "vr")
+    vz, rz = bending_shapes(g, xi, "z", "vr")
+    N = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(vy, vz))
+    N[..., 1, XY_DOFS], N[..., 5, XY_DOFS] = vy, ry
+    N[..., 2, XZ_DOFS], N[..., 4, XZ_DOFS] = vz * XZ_SIGNS, -rz * XZ_SIGNS
+    bar = g.bar != 0
+    if bar.any():
+        N[..., bar, :, :] = _bar_shapes(xi[..., bar], g.L[bar])
+    for d, key in ((0, "A"), (3, "J")):
+        share = end_share(g, xi, key)
+        N[..., d, d], N[..., d, d + 6] = 1 - share, share
+    return N
+
+
+def _bar_shapes(xi: Array, L: Array) -> Array:
+    """Return the motion of a bar: straight between its ends; about its own axis it turns as they do."""
+    N = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(xi, L))
+    for d in range(4):
+        N[..., d, d], N[..., d, 6 + d] = 1 - xi, xi
+    N[..., 4, 2], N[..., 4, 8] = 1 / L, -1 / L
+    N[..., 5, 1], N[..., 5, 7] = -1 / L, 1 / L
+    return N
+
+
+def strain_matrix(g: Lines, xi: Array) -> Array:
+    """Return the strains (…, b, 6, 12) at places xi (…, b) on the flexible parts from their ends' motion."""
+    ry, cy, sy = bending_shapes(g, xi, "y", "rcs")
+    rz, cz, sz = bending_shapes(g, xi, "z", "rcs")
+    B = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(cy, cz))
+    for d, key in ((0, "A"), (3, "J")):
+        stretch = end_share(g, xi, key, derivative=True) / g.L
+        B[..., d, d], B[..., d, d + 6] = -stretch, stretch
+    B[..., 1, XY_DOFS], B[..., 5, XY_DOFS] = sy - ry, cy
+    B[..., 2, XZ_DOFS], B[..., 4, XZ_DOFS] = (sz - rz) * XZ_SIGNS, -cz * XZ_SIGNS
+    return B
+
+
+def slope_matrix(g: Lines, xi: Array) -> Array:
+    """Return v' and w' of the axis (b, 2, 12) at places xi (b,) from the ends' motion."""
+    S = np.zeros((len(g.L), 2, 12), dtype=np.result_type(g.phi_y, g.phi_z))
+    (S[:, 0, XY_DOFS],) = bending_shapes(g, xi, "y", "s")
+    (rise,) = bending_shapes(g, xi, "z", "s")
+    S[:, 1, XZ_DOFS] = rise * XZ_SIGNS
+    bar = g.bar != 0
+    if bar.any():
+        S[bar] = 0.0
+        for row, d in ((0, 1), (1, 2)):
+            S[bar, row, d], S[bar, row, 6 + d] = -1 / g.L[bar], 1 / g.L[bar]
+    return S
+
+
+def motion_matrix(g: Lines, mesh: Mesh, xi: Array) -> Array:
+    """Return the motion of places on the mesh's lines, global axes, from the DOFs, shape (b, 6, 12)."""
+    x = flexible_fraction(g, xi)
+    G = np.zeros((len(xi), 6, 6))
+    G[:, :3, :3] = G[:, 3:, 3:] = np.swapaxes(g.R, 1, 2)
+    at_node = (np.imag(x) == 0) & ((np.real(x) < 1e-9) | (np.real(x) > 1 - 1e-9))
+    T = np.where(at_node[:, None, None], g.T_nodes, g.T)
+    N = G @ shape_matrix(g, x) @ T
+    ends = mesh.points[mesh.lines[g.rows]]
+    arm = xi[:, None] * (ends[:, 1] - ends[:, 0]) - g.end[:, 0] - (x * g.L)[:, None] * g.R[:, 0]
+    arm = np.where(
+        np.abs(arm) < 1e-12 * g.span[:, None], 0.0, arm
+    )  # rounding would load rotations without stiffness
+    N[:, :3] = N[:, :3] - cross_matrices(arm) @ N[:, 3:]
+    return N

@@ -1,0 +1,308 @@
+"""Layout of a mesh's lines: the properties, end connections and axes of every line, whatever the moduli.
+
+Members share properties, so that each line has a row in a table of kinds. Layouts are kept for the last few
+meshes: a fit changes moduli and densities, which are not part of them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.elements import tapered
+from fem.elements.axes import axes_of, is_parallel, parallel_message, turned
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
+from fem.mesh import Mesh
+from fem.model import ModelError
+from fem.sections.section import Section
+
+MANY_LINES = 100_000
+"""Axes and lengths of all lines are kept for meshes of at most this many lines."""
+EQUAL = 1e-10
+"""Relative difference of lengths and axes up to which elements count as equal: coordinates are rounded."""
+CONSTANTS = ("A", "Iy", "Iz", "Ip", "J", "ky", "kz")
+"""Constants of a section that elements use."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """Properties of every line of a mesh: its row in a table of kinds, and where its axis begins and ends."""
+
+    kind: NDArray[np.int64]  # (n_lines,) row of the table
+    table: dict[str, NDArray[np.float64]]  # (n_kinds, ...)
+    materials: tuple[Material, ...]  # of each kind
+    offset: NDArray[np.float64]  # (n_lines, 2, 3): from the nodes to the ends of the axis
+    zone: NDArray[np.float64]  # (n_lines, 2): lengths of the rigid zones
+    soft: NDArray[np.int64]  # (n_lines,): row of ends, -1 for rigid end connections
+    ends: NDArray[np.float64]  # (n_soft, 12): stiffness of the connections
+    plain: NDArray[np.bool_]  # (n_lines,): prismatic, point to point, no rigid zones, rigid connections
+    taper: NDArray[np.int64]  # (n_lines,): row of knots, -1 for prismatic lines
+    knots: NDArray[np.float64]  # (n_tapers, N_KNOTS, 7): constants along members
+    along: NDArray[np.float64]  # (n_lines, 2): fractions of the member where lines with a taper begin and end
+
+
+class Identity:
+    """A key of a cache for an object without a hash: it equals another key of the same object.
+
+    It holds the object, so that its id is not used again while the key is kept.
+    """
+
+    def __init__(self, held: Any) -> None:
+        self.held = held
+
+    def __hash__(self) -> int:
+        return id(self.held)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Identity) and other.held is self.held
+
+
+def layout_of(members: Mapping[str, MemberProperties], mesh: Mesh) -> Layout:
+    """Return the layout of a mesh, whatever the values of moduli and densities."""
+    return _kept_layout(Identity(members), mesh)
+
+
+@lru_cache(maxsize=8)  # one object `members` serves all frames of a fit
+def _kept_layout(members: Identity, mesh: Mesh) -> Layout:
+    made_of: Mapping[str, MemberProperties] = members.held
+    names = list(mesh.members)
+    try:
+        of_member = [made_of[name] for name in names]
+    except KeyError:
+        missing = next(name for name in names if name not in made_of)
+        msg = f"member '{missing}' of the mesh has no material and section; given are {', '.join(made_of)}"
+        raise ModelError(msg) from None
+    different = list({id(p): p for p in of_member}.values())
+    number = {id(p): i for i, p in enumerate(different)}
+    owner = np.array([number[id(p)] for p in of_member])
+    chains, member = mesh.chains()
+    made = np.empty(mesh.n_lines, dtype=np.int64)
+    made[chains] = owner[member]
+
+    uneven = [p.section2 is not None or not np.array_equal(p.offset1, p.offset2) for p in different]
+    along = mesh.arc_fractions() if any(uneven) else np.zeros((mesh.n_lines, 2))
+    kind, kinds = _kinds(different, made, along)
+    offset = np.zeros((1, 2, 3))
+    if any(p.offset1.any() or p.offset2.any() for p in different):
+        first, second = (
+            np.array([getattr(p, key) for p in different])[made] for key in ("offset1", "offset2")
+        )
+        offset = first[:, None] + along[:, :, None] * (second - first)[:, None]
+    zone, soft, ends = _end_lines(different, owner, mesh)
+    taper, knots = _tapers(different, made)
+    plain = (soft < 0) & (taper < 0)
+    for part in (offset, zone):
+        plain &= ~part.any(axis=tuple(range(1, part.ndim)))
+    layout = Layout(
+        kind,
+        _table(kinds),
+        tuple(p.material for p, _ in kinds),
+        np.broadcast_to(offset, (mesh.n_lines, 2, 3)),
+        np.broadcast_to(zone, (mesh.n_lines, 2)),
+        soft,
+        ends,
+        plain,
+        taper,
+        knots,
+        along,
+    )
+    _check_layout(layout, mesh)
+    return layout
+
+
+def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, NDArray[np.float64]]:
+    """Return the properties of each kind in columns."""
+    table = {
+        **{key: np.array([getattr(s, key) for _, s in kinds]) for key in (*CONSTANTS, "angle")},
+        "nu": np.array([p.material.nu for p, _ in kinds]),
+        "eta": np.array([p.material.loss_factor for p, _ in kinds]),
+        "rotary": np.array([float(p.theory == "timoshenko") for p, _ in kinds]),
+        "bar": np.array([float(p.theory == "bar") for p, _ in kinds]),
+        "higher": np.array([float(p.mass == "higher-order") for p, _ in kinds]),
+        "lumped": np.array([float(p.mass == "lumped") for p, _ in kinds]),
+        "tension": np.array([p.pretension for p, _ in kinds]),
+        "up": np.array([np.full(3, np.nan) if p.orientation is None else p.orientation for p, _ in kinds]),
+    }
+    for d in ("y", "z"):
+        # theories without shear have k = 0; section changes may ask for Timoshenko's value all the same
+        table[f"k_full_{d}"] = table[f"k{d}"].copy()
+        table[f"k{d}"][table["rotary"] == 0] = 0.0
+    return table
+
+
+def _kinds(
+    different: list[MemberProperties], made: NDArray[np.int64], along: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], list[tuple[MemberProperties, Section]]]:
+    """Return the row of each line in a list of properties with sections, and the list."""
+    kinds = [(p, p.section) for p in different]
+    kind = made.copy()
+    for i, p in enumerate(different):
+        if p.section2 is None:
+            continue
+        rows = np.flatnonzero(made == i)
+        middle, which = np.unique(along[rows].mean(axis=1), return_inverse=True)
+        kind[rows] = len(kinds) + which
+        kinds += [(p, Section.between(p.section, p.section2, float(x))) for x in middle]
+    return kind, kinds
+
+
+def _tapers(
+    different: list[MemberProperties], made: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the row of each line in a table of tapers, -1 for none, and constants at the tapers' knots."""
+    row, knots = np.full(len(made), -1), []
+    for i, p in enumerate(different):
+        if p.section2 is not None:
+            row[made == i] = len(knots)
+            sections = [Section.between(p.section, p.section2, float(x)) for x in tapered.KNOTS]
+            knots.append([[getattr(s, key) for key in CONSTANTS] for s in sections])
+    return row, np.array(knots).reshape(-1, tapered.N_KNOTS, len(CONSTANTS))
+
+
+def _end_lines(
+    different: list[MemberProperties], owner: NDArray[np.int64], mesh: Mesh
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the rigid zones (n_lines, 2), and rows and stiffness of the connections of members' ends."""
+    n = mesh.n_lines
+    chains, member = mesh.chains()
+    at = np.searchsorted(member, np.arange(len(owner) + 1))
+    edge = chains[at[:-1]], chains[at[1:] - 1]  # first and last line of each member
+    zone, soft = np.zeros((1, 2)), np.full(n, -1)
+    zones = np.array([[p.rigid1, p.rigid2] for p in different])
+    if zones.any():
+        zone = np.zeros((n, 2))
+        for k in range(2):
+            zone[edge[k], k] = zones[owner, k]
+    springs = np.array([p.end_stiffness for p in different])
+    ends = np.zeros((0, 12))
+    if np.isfinite(springs).any():
+        lines = np.unique(
+            np.concatenate(
+                [edge[k][np.isfinite(springs[owner, 6 * k : 6 * k + 6]).any(axis=1)] for k in range(2)]
+            )
+        )
+        soft[lines] = np.arange(len(lines))
+        ends = np.full((len(lines), 12), np.inf)
+        for k in range(2):
+            mine = soft[edge[k]] >= 0
+            part = slice(6 * k, 6 * k + 6)
+            ends[soft[edge[k][mine]], part] = springs[owner[mine], part]
+    return zone, soft, ends
+
+
+def _check_layout(layout: Layout, mesh: Mesh) -> None:
+    """Refuse orientations along a member, bars that can turn freely, and rigid zones that do not fit."""
+    _check_orientations(layout, mesh)
+    _check_bars(layout, mesh)
+    _check_rigid_zones(layout, mesh)
+
+
+def _check_orientations(layout: Layout, mesh: Mesh) -> None:
+    rows = np.flatnonzero(np.isfinite(layout.table["up"][layout.kind, 0]))
+    if rows.size:
+        t = axis_vectors(layout, mesh, rows)
+        up = layout.table["up"][layout.kind[rows]]
+        parallel = is_parallel(t, up)
+        if parallel.any():
+            i = int(np.flatnonzero(parallel)[0])
+            raise ModelError(parallel_message(_member(mesh, rows[i]), up[i]))
+
+
+def _check_bars(layout: Layout, mesh: Mesh) -> None:
+    bars = np.flatnonzero((layout.table["bar"][layout.kind] != 0) & layout.offset.any(axis=(1, 2)))
+    if bars.size:
+        chains, member = mesh.chains()
+        of, count = np.empty(mesh.n_lines, dtype=np.int64), np.bincount(member)
+        of[chains] = member
+        loose = bars[count[of[bars]] > 1]
+        if loose.size:
+            msg = (
+                f"bar '{_member(mesh, loose[0])}' has an offset and {count[of[loose[0]]]} elements; nothing "
+                "keeps the points between them from turning about its axis: give it one element, or no "
+                "offset"
+            )
+            raise ModelError(msg)
+
+
+def _check_rigid_zones(layout: Layout, mesh: Mesh) -> None:
+    rows = np.flatnonzero(layout.zone.any(axis=1))
+    if not rows.size:
+        return
+    zone, span = layout.zone[rows], np.linalg.norm(axis_vectors(layout, mesh, rows), axis=1)
+    for k, room in ((0, span - zone[:, 0]), (1, span - zone.sum(axis=1))):
+        bad = np.flatnonzero((zone[:, k] > 0) & (room <= 0.001 * span))
+        if bad.size:
+            i = int(bad[0])
+            msg = (
+                f"member '{_member(mesh, rows[i])}': the rigid end zone of {zone[i, k]:g} m does not fit "
+                f"into the element at that end ({span[i]:g} m); use larger elements"
+            )
+            raise ModelError(msg)
+
+
+def _member(mesh: Mesh, line: int) -> str:
+    return str(mesh.member_of_line()[int(line)])
+
+
+def axis_vectors(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the vectors along the axes of lines, shape (b, 3) [m]; offsets that change turn them."""
+    line = mesh.lines[rows]
+    return mesh.points[line[:, 1]] - mesh.points[line[:, 0]] + layout.offset[rows, 1] - layout.offset[rows, 0]
+
+
+def place(
+    layout: Layout, mesh: Mesh, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part.
+
+    They are kept for all lines of meshes with at most `MANY_LINES`.
+    """
+    if mesh.n_lines > MANY_LINES:
+        return _places_of(layout, mesh, rows)
+    axes, arms, span, L = _kept_places(layout, mesh)
+    return axes[rows], arms[rows], span[rows], L[rows]
+
+
+@lru_cache(maxsize=8)
+def _kept_places(
+    layout: Layout, mesh: Mesh
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    return _places_of(layout, mesh, np.arange(mesh.n_lines))
+
+
+def _places_of(
+    layout: Layout, mesh: Mesh, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    t = axis_vectors(layout, mesh, rows)
+    kind = layout.kind[rows]
+    R = turned(axes_of(t, layout.table["up"][kind]), layout.table["angle"][kind])
+    span = np.linalg.norm(t, axis=1)
+    zone = layout.zone[rows]
+    end = layout.offset[rows] + (zone * [1.0, -1.0])[:, :, None] * R[:, None, 0]
+    return R, end, span, span - zone.sum(axis=1)
+
+
+def constants_at(layout: Layout, rows: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the constants of tapered lines at fractions x (b, q) of them, shape (b, q, 7)."""
+    first, last = layout.along[rows].T[:, :, None]
+    return tapered.between_knots(first + x * (last - first)) @ layout.knots[layout.taper[rows]]
+
+
+def alike(members: Mapping[str, MemberProperties], mesh: Mesh, member: str) -> bool:
+    """Return whether all elements of a member have the same matrices.
+
+    They have where they are equally long, in one line, and without offsets, rigid zones and end connections.
+    """
+    return _kept_alike(Identity(members), mesh, member)
+
+
+@lru_cache(maxsize=1024)
+def _kept_alike(members: Identity, mesh: Mesh, member: str) -> bool:
+    layout, rows = _kept_layout(members, mesh), mesh.members[member]
+    R, _, _, L = place(layout, mesh, rows)
+    same = layout.plain[rows].all() and (layout.kind[rows] == layout.kind[rows[0]]).all()
+    return bool(same and np.ptp(L) <= EQUAL * L[0] and np.abs(R - R[0]).max() <= EQUAL)

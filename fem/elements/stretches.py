@@ -1,0 +1,202 @@
+"""Parts of members between two arc lengths: their strain energy, layers of mass on them, stiffer stretches.
+
+Ends may lie within elements, and may be complex for derivatives with respect to them (complex step).
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fem.elements import tapered
+from fem.elements.connections import with_connections
+from fem.elements.frame import Frame
+from fem.elements.interpolation import shape_matrix, strain_matrix
+from fem.elements.lines import COLUMNS, Lines, flexible_fraction, n_gauss, rigidities, some_lines
+from fem.elements.matrices import to_global
+from fem.elements.quadrature import gauss_points
+from fem.elements.rigid_zones import masses_in_rigid_zones
+from fem.mesh import Mesh
+from fem.model import Array, Contribution, Model
+
+
+def stiffness_of_stretch(
+    frame: Frame,
+    model: Model,
+    member: str,
+    start: Array,
+    stop: Array,
+    factors: ArrayLike = (1, 1, 1, 1, 1, 1),
+) -> Contribution:
+    """Return stiffness and structural damping of the part of a member between two arc lengths.
+
+    Parameters
+    ----------
+    frame : Frame
+    model : Model
+    member : str
+    start, stop : float
+        Arc lengths [m]; cut to the member.
+    factors : array_like (6,)
+        Weights of the axial, shear y, shear z, torsion, bending y and bending z parts [-].
+    """
+    lines, first, last = _fractions(model.mesh, member, start, stop)
+    g = frame.lines(model.mesh, lines)
+    lo, hi = flexible_fraction(g, first), flexible_fraction(g, last)
+    x, weight = (each[:, None] for each in gauss_points(n_gauss(g, 3)))
+    at = lo + x * (hi - lo)
+    B = strain_matrix(g, at)
+    scale = (weight * (hi - lo) * g.L)[..., None] * rigidities(g, at) * np.asarray(factors)
+    K = to_global((np.swapaxes(B, -1, -2) @ (scale[..., None] * B)).sum(axis=0), g.T)
+    return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+
+
+def mass_of_stretch(
+    frame: Frame, model: Model, member: str, start: Any, stop: Any, weights: ArrayLike
+) -> Contribution:
+    """Return the mass of a layer on a member between two arc lengths.
+
+    M = ∫ Nᵀ diag(weights) N dx with the motion N of the member's axis in local axes; rigid zones move with
+    their nodes.
+
+    Parameters
+    ----------
+    frame : Frame
+    model : Model
+    member : str
+    start, stop : float
+        Arc lengths [m]; cut to the member. Complex ones give derivatives (complex step).
+    weights : array_like (6,)
+        Mass and rotary inertia per length in local x y z rx ry rz [kg/m, kg·m].
+    """
+    return mass_of_stretches(frame, model, [(member, start, stop, 1.0)], weights)
+
+
+def mass_of_stretches(
+    frame: Frame, model: Model, stretches: Sequence[tuple[str, Any, Any, Any]], weights: ArrayLike
+) -> Contribution:
+    """Return :func:`mass_of_stretch` of several stretches: member, both arc lengths, and a factor of each."""
+    lines, first, last, which = _fractions_of(model.mesh, [s[:3] for s in stretches])
+    factor = np.array([s[3] for s in stretches])[which]
+    g, per_length = frame.lines(model.mesh, lines), np.asarray(weights, dtype=float)
+    a, b = flexible_fraction(g, first), flexible_fraction(g, last)
+    x, weight = (each[:, None] for each in gauss_points(n_gauss(g, 4)))
+    N = shape_matrix(g, a + x * (b - a))
+    scale = (weight * (b - a) * g.L)[..., None] * per_length
+    M = to_global((np.swapaxes(N, -1, -2) @ (scale[..., None] * N)).sum(axis=0), g.T)
+    if g.zone.any():
+        for k, part in enumerate(masses_in_rigid_zones(g, first * g.span, last * g.span, per_length)):
+            M[:, 6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += part
+    return Contribution(g.dofs, M=factor[:, None, None] * M)
+
+
+def stiffening(
+    frame: Frame, model: Model, zones: Sequence[tuple[str, float, Any, int]], flexibility: float
+) -> Contribution:
+    """Return the increase of K and D where stretches of members are stiffer.
+
+    Of the elements' flexibility F = ∫ bᵀ f b dx, b the section forces of unit forces at the second end,
+    the stretches keep a part: exact for any length, also within an element. M stays.
+
+    Parameters
+    ----------
+    frame : Frame
+    model : Model
+    zones : sequence of (str, float, float, int)
+        Member, arc length at which the stretch begins, its length [m], and 1 or -1 for up or down the
+        member. A length may be complex, for derivatives. Stretches must not overlap.
+    flexibility : float
+        Part of its flexibility that a stretch keeps [-].
+    """
+    stretches, lost = [], []
+    for member, start, length, towards in zones:
+        reach = at_least(length, 1e-9 * model.mesh.member_length(member))
+        ends = (start, start + reach) if towards > 0 else (start - reach, start)
+        stretches.append((member, *ends))
+        lost.append((1 - flexibility) * (length / reach))
+    lines, lo, hi, which = _fractions_of(model.mesh, stretches)
+    touched, each = np.unique(lines, return_inverse=True)
+    g = frame.lines(model.mesh, touched)
+    parts = some_lines(g, each)
+    less = np.array(lost)[which, None, None] * _end_flexibility(
+        parts, flexible_fraction(parts, lo), flexible_fraction(parts, hi)
+    )
+    F = _end_flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L))).astype(less.dtype)
+    before = with_connections(g, _stiffness_from_flexibility(g, F))
+    np.subtract.at(F, each, less)
+    K = to_global(with_connections(g, _stiffness_from_flexibility(g, F)) - before, g.T_nodes)
+    return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+
+
+def at_least(length: Any, least: float) -> Any:
+    """Return a length, or a least one with the length's imaginary part.
+
+    A stretch of length 0 has a derivative with respect to its length: that of the stretch that begins.
+    """
+    if np.real(length) > least:
+        return length
+    return least + 1j * length.imag if np.iscomplexobj(length) else least
+
+
+def _fractions_of(
+    mesh: Mesh, stretches: Sequence[tuple[str, Any, Any]]
+) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.int64]]:
+    """Return :func:`_fractions` of several stretches, one after the other, and each line's stretch."""
+    lines, lo, hi = zip(*(_fractions(mesh, *each) for each in stretches), strict=True)
+    which = np.repeat(np.arange(len(stretches)), [len(part) for part in lines])
+    return np.concatenate(lines), np.concatenate(lo), np.concatenate(hi), which
+
+
+def _fractions(mesh: Mesh, member: str, start: Any, stop: Any) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return the lines of a member between two arc lengths, and the fractions of the lines between them."""
+    s = mesh.member_positions(member)
+    first: Any = start if np.real(start) > 0 else 0.0
+    last: Any = stop if np.real(stop) < s[-1] else float(s[-1])
+    touched = np.flatnonzero((s[1:] > np.real(first)) & (s[:-1] < np.real(last)))
+    h = s[touched + 1] - s[touched]
+    lo = np.array([(first - s[k]) if np.real(first) >= s[k] else 0.0 for k in touched]) / h
+    hi = np.array([(last - s[k]) if np.real(last) <= s[k + 1] else h[i] for i, k in enumerate(touched)]) / h
+    return mesh.members[member][touched], lo, hi
+
+
+def _end_flexibility(g: Lines, lo: Array, hi: Array) -> Array:
+    """Return the motion of the second ends by unit forces there, from the flexibility between two places.
+
+    Local, with the first ends held; places are fractions of the flexible parts. Shape (b, 6, 6).
+    """
+    arm1, arm2 = g.L * (1 - lo), g.L * (1 - hi)
+    one, first, second = arm1 - arm2, (arm1**2 - arm2**2) / 2, (arm1**3 - arm2**3) / 3
+    F: Array = np.zeros((len(g.L), 6, 6), dtype=np.result_type(one, g.E, g.A, g.J, g.phi_y, g.phi_z))
+    F[:, 0, 0] = one / (g.E * g.A)
+    F[:, 3, 3] = one * 2 * (1 + g.nu) / (g.E * g.J)
+    for v, r, I, phi, sign in ((1, 5, g.Iz, g.phi_y, 1.0), (2, 4, g.Iy, g.phi_z, -1.0)):
+        EI = g.E * I
+        F[:, v, v] = (second + phi * g.L**2 / 12 * one) / EI
+        F[:, v, r] = F[:, r, v] = sign * first / EI
+        F[:, r, r] = one / EI
+    t = np.flatnonzero(g.tapered)
+    if not t.size:
+        return F
+    lo, hi, some = lo[t], hi[t], some_lines(g, t)
+    of = {key: some.stations[..., k] for key, k in COLUMNS.items()}
+    ds = (tapered.weights_at(hi, 1) - tapered.weights_at(lo, 1)) * some.L[:, None]
+    own = np.zeros((t.size, 6, 6), dtype=np.result_type(F, ds, of["A"]))
+    own[:, 0, 0] = (ds / of["A"]).sum(axis=1)
+    own[:, 3, 3] = 2 * (1 + some.nu) * (ds / of["J"]).sum(axis=1)
+    for v, r, I, shear, sign in ((1, 5, "Iz", "sy", 1.0), (2, 4, "Iy", "sz", -1.0)):
+        bent = tapered.end_flexibility(some.L, of[I], of[shear], lo, hi)
+        own[:, v, v], own[:, r, r] = bent[:, 0, 0], bent[:, 1, 1]
+        own[:, v, r] = own[:, r, v] = sign * bent[:, 0, 1]
+    F = F.astype(own.dtype)
+    F[t] = own / some.E[:, None, None]
+    return F
+
+
+def _stiffness_from_flexibility(g: Lines, F: Array) -> Array:
+    """Return the local stiffness (b, 12, 12) of elements from the flexibility of their second ends."""
+    E = np.zeros((len(g.L), 6, 12))  # motion of the second end beside that of the first as a rigid body
+    E[:, :, 6:] = np.eye(6)
+    E[:, :, :6] = -np.eye(6)
+    E[:, 1, 5], E[:, 2, 4] = -g.L, g.L
+    return np.swapaxes(E, 1, 2) @ np.linalg.inv(F) @ E
