@@ -24,17 +24,16 @@ from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.buckling import BucklingModes, solve_buckling
 from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
 from fem.analysis.frf import FRF, Accuracy, FRFError, FRFKind, compute_frf, frf_blocks
-from fem.analysis.modes import MechanismError, Modes, UnstableError, solve_modes
-from fem.analysis.participation import Energies, Participation, compute_energies, compute_participation
-from fem.analysis.statics import (
+from fem.analysis.initial_stress import prestressed
+from fem.analysis.loads import (
     InitialStrain,
     LineLoad,
     LoadCase,
     MemberForce,
-    StaticSolution,
-    prestressed,
-    solve_static,
 )
+from fem.analysis.modes import MechanismError, Modes, UnstableError, solve_modes
+from fem.analysis.participation import Energies, Participation, compute_energies, compute_participation
+from fem.analysis.statics import StaticSolution, solve_static
 from fem.checks import Fault, check_mesh, check_model
 from fem.effects import (
     AddedMass,

@@ -5,10 +5,11 @@ import numpy as np
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
-from fem.effects.superelement import Attachment, Superelement
+from fem.effects.superelement import Superelement
 from fem.effects.support import Support
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
 from fem.elements.frame import Frame
+from fem.elements.part_ties import Attachment
 from fem.elements.properties import MemberProperties
 from fem.io.matrices import matrices_of
 from fem.laws import FractionalZener

@@ -8,8 +8,9 @@ import numpy as np
 
 from benchmarks.peers.exchange import PeerFrame, PeerResult, serve
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
+from fem.analysis.loads import LineLoad, LoadCase
 from fem.analysis.modes import solve_modes
-from fem.analysis.statics import LineLoad, LoadCase, StaticSolution, solve_static
+from fem.analysis.statics import StaticSolution, solve_static
 from fem.model import DIRECTIONS
 from fem.system import sum_contributions
 

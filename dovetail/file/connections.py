@@ -13,8 +13,9 @@ from dovetail.file.geometry import Geometry
 from dovetail.file.table import Table, as_vector, suggest
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
-from fem.effects.superelement import TIES, Attachment, Superelement
+from fem.effects.superelement import Superelement
 from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
+from fem.elements.part_ties import TIES, Attachment
 from fem.io.abaqus import read_node_sets
 from fem.io.matrices import read_matrices
 from fem.model import DIRECTIONS, Effect

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from fem.analysis.buckling_limits import limits
+from fem.analysis.initial_stress import prestressed
 from fem.analysis.modes import DENSE_LIMIT
-from fem.analysis.statics import StaticSolution, factor_held, prestressed, solve_static
+from fem.analysis.statics import StaticSolution, factor_held, solve_static
 from fem.model import Model, ModelError
 from fem.system import System, assemble, sum_contributions
 
@@ -58,7 +59,7 @@ def solve_buckling(
 
     -K_G φ = μ K φ with μ = 1/λ, so that the factors nearest to 0 are the largest eigenvalues. A factor that
     comes several times is found as often. Loads keep their directions; moments at points are semitangential
-    (see :func:`fem.analysis.statics.prestressed`).
+    (see :func:`fem.analysis.initial_stress.prestressed`).
 
     Warns where something that is left out may change the lowest factor by more than 1 %: a shear centre off
     the centroid, warping stiffness, displacements before buckling, reduced parts.

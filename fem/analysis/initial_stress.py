@@ -1,10 +1,13 @@
-"""Courses of section forces and forces on rigid arms of a static solution, for its geometric stiffness."""
+"""Geometric stiffness of a static state: section forces along members, and forces on rigid arms."""
 
-from typing import TYPE_CHECKING
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.analysis.line_loads import line_dofs
+from fem.analysis.section_forces import line_stiffness, section_forces
+from fem.analysis.statics import StaticSolution
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import PointPair
 from fem.effects.preload import Preload
@@ -12,20 +15,78 @@ from fem.effects.prestress import LeverForces, Prestress
 from fem.effects.rigid_link import RigidLink
 from fem.elements.frame import Frame
 from fem.elements.geometric_stiffness import FORCE_NODES, SectionForces
-from fem.model import DIRECTIONS, Constraint
+from fem.model import DIRECTIONS, Constraint, Model, ModelError
 
-if TYPE_CHECKING:
-    from fem.analysis.statics import StaticSolution
+_ROUNDING = 1e-13
+"""Section forces below this, relative to the largest term of their sum, are rounding."""
+
+
+def prestressed(
+    model: Model,
+    solution: StaticSolution,
+    case: int | str = 0,
+    *,
+    factor: float = 1.0,
+    name: str = "prestress",
+) -> Model:
+    """Return a model with the geometric stiffness of a static state.
+
+    The section forces of the solution's members, as functions of arc length, go into one effect, so that they
+    do not depend on the mesh; the effect also holds the forces on rigid arms of links, joints and added
+    masses. Loads keep their directions, also those in local axes, and moments at points are semitangential:
+    they do the work M·θ on a rotation vector θ. A moment about a fixed axis has no potential, and that of two
+    forces on a rigid bar needs a model of the bar (`RigidLink`).
+
+    Parameters
+    ----------
+    model : Model
+        With the members of the solution's model, on the same or another mesh.
+    solution : StaticSolution
+    case : int or str
+        Load case, by its column or name.
+    factor : float
+        Load factor, the effect's parameter [-].
+    name : str
+        Name of the effect.
+
+    Raises
+    ------
+    ModelError
+        If the load case does not exist, or a member of the solution is not in the model.
+    """
+    column = solution.case(case) if isinstance(case, str) else case
+    if not -solution.n_cases <= column < solution.n_cases:
+        msg = f"there is no load case {column}; the solution has {solution.n_cases}, counted from 0"
+        raise ModelError(msg)
+    mesh = solution.model.mesh
+    for member in mesh.members:
+        if member not in model.mesh.members:
+            known = ", ".join(model.mesh.members)
+            msg = f"the solution's member '{member}' is not in the model; it has {known}"
+            raise ModelError(msg)
+    forces = MappingProxyType(section_courses(solution, column, _force_rounding(solution, column)))
+    levers = lever_forces(solution, column)
+    return model.with_effect(Prestress(name=name, forces=forces, levers=levers, factor=factor))
+
+
+def _force_rounding(solution: StaticSolution, column: int) -> NDArray[np.float64]:
+    """Return the rounding of each section force of the lines, shape (n_lines, 6)."""
+    model = solution.model
+    u = abs(solution.displacements[line_dofs(model), column])
+    terms = np.einsum("bij,bj->bi", abs(line_stiffness(model)), u)
+    terms[:, :6] += abs(solution.equilibrium.fixed[:, :, column])
+    largest = terms.reshape(-1, 2, 2, 3).max(axis=(1, 3))
+    return _ROUNDING * np.repeat(largest, 3, axis=1)
 
 
 def section_courses(
-    solution: "StaticSolution", column: int, rounding: NDArray[np.float64]
+    solution: StaticSolution, column: int, rounding: NDArray[np.float64]
 ) -> dict[str, SectionForces]:
     """Return the section forces along each member, in stretches between loads that are cubic at most.
 
-    What is less than ``rounding`` (n_lines, 6) is zero.
+    Forces below ``rounding`` (n_lines, 6) are zero.
     """
-    mesh, spread = solution.model.mesh, solution._spread
+    mesh, spread = solution.model.mesh, solution.equilibrium.loads
     every = np.arange(mesh.n_lines)
     breaks = np.concatenate([np.repeat([[0.0, 1.0]], mesh.n_lines, axis=0).ravel(), spread.xi.ravel()])
     line = np.concatenate([np.repeat(every, 2), np.repeat(spread.line, 2)])
@@ -33,7 +94,8 @@ def section_courses(
     first = np.flatnonzero((cuts[1:, 0] == cuts[:-1, 0]) & (np.diff(cuts[:, 1]) > 1e-12))
     line, lo, hi = cuts[first, 0].astype(np.int64), cuts[first, 1], cuts[first + 1, 1]
     xi = lo[:, None] + (hi - lo)[:, None] * FORCE_NODES
-    values = solution._cut(np.repeat(line, 4), xi.ravel())[:, :, column].reshape(-1, 4, 6)
+    u, places = solution.displacements, (np.repeat(line, 4), xi.ravel())
+    values = section_forces(solution.model, solution.equilibrium, u, *places)[:, :, column].reshape(-1, 4, 6)
     values = np.where(abs(values) > rounding[line][:, None], values, 0.0)
     out = {}
     for member, rows in mesh.members.items():
@@ -48,10 +110,10 @@ def section_courses(
     return out
 
 
-def lever_forces(solution: "StaticSolution", column: int) -> LeverForces:
+def lever_forces(solution: StaticSolution, column: int) -> LeverForces:
     """Return the forces on rigid arms: of elements between points, of rigid links, and of bodies' weight."""
     model, mesh = solution.model, solution.model.mesh
-    u, gravity = solution.displacements[:, column], solution._gravity[:, column]
+    u, gravity = solution.displacements[:, column], solution.equilibrium.gravity[:, column]
     reactions = {key: value[column] for key, value in solution.reactions.items()}
     constraints: dict[str, list[Constraint]] = {}
     for c in model.constraints():

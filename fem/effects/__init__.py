@@ -16,11 +16,12 @@ from fem.effects.preload import Preload
 from fem.effects.prestress import Prestress
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.stiffness_loss import StiffnessLoss
-from fem.effects.superelement import Attachment, Superelement
+from fem.effects.superelement import Superelement
 from fem.effects.support import Support
 from fem.effects.support_flexibility import SupportFlexibility
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
 from fem.elements.frame import Frame
+from fem.elements.part_ties import Attachment
 from fem.elements.properties import MemberProperties
 from fem.model import Effect
 

@@ -13,4 +13,5 @@ tapered          bending and extension of tapered elements
 geometric_stiffness    under all six section forces
 frame            the effect `Frame`
 stretches, cut   parts of members between two arc lengths, and places that give way
+part_ties, part_reduction    parts from other programs: ties to points, fixed-interface modes
 """

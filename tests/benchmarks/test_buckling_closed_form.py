@@ -10,8 +10,10 @@ import pytest
 from scipy.optimize import brentq
 
 from fem.analysis.buckling import solve_buckling
+from fem.analysis.initial_stress import prestressed
+from fem.analysis.loads import LoadCase
 from fem.analysis.modes import DENSE_LIMIT, solve_modes
-from fem.analysis.statics import LoadCase, prestressed, solve_static
+from fem.analysis.statics import solve_static
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh

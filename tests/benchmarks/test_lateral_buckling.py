@@ -11,7 +11,7 @@ import scipy.linalg as sla
 from scipy.optimize import brentq
 
 from fem.analysis.buckling import solve_buckling
-from fem.analysis.statics import LineLoad, LoadCase
+from fem.analysis.loads import LineLoad, LoadCase
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import RigidLink

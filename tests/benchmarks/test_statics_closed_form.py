@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
+from fem.analysis.loads import (
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    MemberForce,
+)
+from fem.analysis.statics import solve_static
 from fem.effects.joint import Joint
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties

@@ -11,8 +11,14 @@ from scipy import special
 from scipy.optimize import brentq
 
 from dovetail.file.geometry import refine
+from fem.analysis.loads import (
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    MemberForce,
+)
 from fem.analysis.modes import solve_modes
-from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
+from fem.analysis.statics import solve_static
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.elements.stretches import stiffness_of_stretch

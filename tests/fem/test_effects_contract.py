@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from fem.analysis.frf import compute_frf
+from fem.analysis.initial_stress import prestressed
+from fem.analysis.loads import LoadCase
 from fem.analysis.modes import solve_modes
-from fem.analysis.statics import LoadCase, prestressed, solve_static
+from fem.analysis.statics import solve_static
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear

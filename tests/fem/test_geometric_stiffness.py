@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from fem.analysis.buckling import solve_buckling
+from fem.analysis.initial_stress import prestressed
+from fem.analysis.loads import (
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    MemberForce,
+)
 from fem.analysis.modes import solve_modes
-from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, prestressed, solve_static
+from fem.analysis.statics import solve_static
 from fem.effects.prestress import Prestress
 from fem.effects.superelement import Attachment, Superelement
 from fem.elements.frame import Frame

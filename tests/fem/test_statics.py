@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
+from fem.analysis.initial_stress import prestressed
+from fem.analysis.loads import (
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    MemberForce,
+)
 from fem.analysis.modes import solve_modes
-from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, prestressed, solve_static
+from fem.analysis.statics import solve_static
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.joint import Joint
 from fem.effects.member_change import MemberDensity, MemberStiffness

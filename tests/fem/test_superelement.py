@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from fem.analysis.frf import compute_frf, dof_vectors
 from fem.analysis.modes import solve_modes
-from fem.effects.superelement import Attachment, Superelement
+from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
+from fem.elements.part_ties import Attachment
 from fem.elements.properties import MemberProperties
 from fem.io.matrices import matrices_of, read_matrices
 from fem.matrices import Matrices

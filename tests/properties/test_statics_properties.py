@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.statics import InitialStrain, LineLoad, LoadCase, MemberForce, solve_static
+from fem.analysis.loads import (
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    MemberForce,
+)
+from fem.analysis.statics import solve_static
 from fem.model import DIRECTIONS
 from fem.system import assemble
 from tests.frames import beam, fix, portal

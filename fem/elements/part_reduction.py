@@ -1,0 +1,150 @@
+"""Reduction of a part to its points and to modes with these points held (Craig & Bampton 1968)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fem.elements.part_ties import FREE_RESISTANCE
+from fem.linalg.lanczos import lowest_eigenpairs
+from fem.linalg.solvers import Factor, SingularMatrixError, factorise
+from fem.mesh import Mesh
+from fem.model import ModelError, lever_matrix
+
+DENSE = 600
+"""Parts with at most this many coordinates inside are solved densely."""
+
+
+def reduce_inside(
+    K: sp.csc_array, M: sp.csc_array, n_b: int, n_modes: int | None, max_frequency: float | None, where: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
+    """Reduce the inside to constraint modes and fixed-interface modes.
+
+    Returns
+    -------
+    psi : ndarray (n_z, n_b)
+        Constraint modes.
+    modes : ndarray (n_z, k)
+        Fixed-interface modes, M-normalised.
+    omega2 : ndarray (k,)
+        Their ω² [rad²/s²].
+    rest : ndarray (n_b, n_b)
+        Σ p pᵀ/ω² of those that were left out.
+    following : float
+        The lowest ω² left out.
+    """
+    n_z = K.shape[0] - n_b
+    if n_z == 0:
+        nothing = np.zeros((0, 0))
+        return np.zeros((0, n_b)), nothing, np.zeros(0), np.zeros((n_b, n_b)), np.inf
+    Kzz, Kzb = sp.csc_array(K[n_b:, n_b:]), K[n_b:, :n_b].toarray()
+    Mzz, Mzb = sp.csc_array(M[n_b:, n_b:]), M[n_b:, :n_b].toarray()
+    if Kzz.diagonal().min() <= 0:
+        msg = f"{where}: K is not that of a part: it has {Kzz.diagonal().min():.3g} on its diagonal"
+        raise ModelError(msg)
+    scale = 1 / np.sqrt(Kzz.diagonal())
+    S = sp.diags_array(scale)
+    try:
+        factor = factorise(S @ Kzz @ S)
+    except SingularMatrixError as reason:
+        raise ModelError(_mechanism(where)) from reason
+    _check_held_inside(S @ Kzz @ S, factor, where)
+
+    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
+        by_row = scale.reshape(-1, *([1] * (b.ndim - 1)))
+        return by_row * factor.solve(by_row * b)
+
+    psi = -solve(Kzb)
+    if Mzz.diagonal().min() < 0:
+        msg = f"{where}: M is not positive semidefinite: it has {Mzz.diagonal().min():.3g} on its diagonal"
+        raise ModelError(msg)
+    modes, omega2 = _fixed_modes(Kzz, Mzz, solve, n_modes, max_frequency)
+    keep = len(omega2) - 1
+    if max_frequency is not None and n_modes is None:
+        keep = int((omega2 <= (2 * np.pi * max_frequency) ** 2).sum())
+    elif n_modes is not None:
+        keep = min(n_modes, len(omega2))
+    following = float(omega2[keep]) if keep < len(omega2) else np.inf
+    modes, omega2 = modes[:, :keep], omega2[:keep]
+    P = Mzz @ psi + Mzb
+    p = modes.T @ P
+    rest = symmetrised(P.T @ solve(P) - (p.T / omega2) @ p)
+    if not np.isfinite(following):
+        rest = np.zeros((n_b, n_b))
+    return psi, modes, omega2, rest, following
+
+
+def _fixed_modes(
+    K: sp.csc_array, M: sp.csc_array, solve: Any, n_modes: int | None, max_frequency: float | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the lowest modes with the points held, M-normalised, one more than is asked for if there is one.
+
+    M may have no mass in some directions, which then have no mode.
+    """
+    n = K.shape[0]
+    limit = -np.inf if max_frequency is None else (2 * np.pi * max_frequency) ** 2
+    want = n_modes + 1 if n_modes is not None else 1
+    if n > DENSE and want <= n // 3:
+        pairs = lowest_eigenpairs(solve, M, 0.0, want, limit)
+        return pairs.vectors, pairs.eigenvalues
+    scale = 1 / np.sqrt(K.diagonal())
+    outer = np.outer(scale, scale)
+    nu, vectors = sla.eigh(outer * M.toarray(), outer * K.toarray())
+    order = np.argsort(-nu)
+    order = order[nu[order] > 1e-13 * max(nu[-1], 0.0)]
+    modes = scale[:, None] * vectors[:, order]
+    return modes / np.sqrt(np.maximum(np.einsum("ij,ij->j", modes, M @ modes), 1e-300)), 1 / nu[order]
+
+
+def _mechanism(where: str) -> str:
+    return f"{where}: with its points held, the part still has motions without stiffness; it is a mechanism"
+
+
+def _check_held_inside(A: Any, factor: Factor, where: str) -> None:
+    """Raise an error if the stiffness inside, scaled to a unit diagonal, is singular but for rounding."""
+    x = np.random.default_rng(0).standard_normal(A.shape[0])
+    for _ in range(3):
+        x = factor.solve(x / np.linalg.norm(x))
+    lowest = float(x @ (A @ x) / (x @ x)) if np.isfinite(x).all() else 0.0
+    if abs(lowest) < 1e-14:
+        raise ModelError(_mechanism(where))
+    if lowest < 0 or (factor.backend == "multifrontal" and factor.count_negative()):
+        msg = f"{where}: K is not positive semidefinite: with the points held it has negative eigenvalues"
+        raise ModelError(msg)
+
+
+def without_rigid_resistance(
+    K: NDArray[np.float64], before: NDArray[np.float64], mesh: Mesh, points: Sequence[int]
+) -> NDArray[np.float64]:
+    """Return K of the points without the resistance to rigid-body motions that rounding in the file leaves.
+
+    ``before`` is the diagonal of K before the inside followed the points: it scales metres and radians alike.
+    """
+    if len(points) == 1:
+        return np.zeros_like(K)
+    places = mesh.points[list(points)]
+    R = np.vstack([lever_matrix(p) for p in places - places.mean(axis=0)])
+    weight = np.sqrt(before)
+    Q, _ = np.linalg.qr(weight[:, None] * R)
+    P = np.eye(len(K)) - Q @ Q.T
+    return symmetrised(weight[:, None] * (P @ (K / np.outer(weight, weight)) @ P) * weight)
+
+
+def check_definite(X: NDArray[np.float64], diagonal: NDArray[np.float64], name: str, where: str) -> None:
+    """Raise an error if a reduced matrix, scaled by a diagonal, has eigenvalues below 0 beyond rounding."""
+    scale = np.sqrt(np.maximum(diagonal, 1e-14 * np.abs(diagonal).max(initial=1e-300)))
+    lowest = float(np.linalg.eigvalsh(X / np.outer(scale, scale))[0])
+    if diagonal.min(initial=0.0) < 0 or lowest < -FREE_RESISTANCE:
+        msg = (
+            f"{where}: {name} is not positive semidefinite: reduced and scaled to a unit diagonal it has the "
+            f"eigenvalue {lowest:.3g}"
+        )
+        raise ModelError(msg)
+
+
+def symmetrised(X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the symmetric part of a matrix."""
+    return (X + X.T) / 2
