@@ -10,7 +10,7 @@ from updating.correlation import comac, compare_modes, ecomac, eliminate_coordin
 from updating.measurement.matching import match_geometry
 from updating.measurement.pretest import plan_pretest
 from viz.correlation import plot_coordinates, plot_mode_pairs
-from viz.curves import save
+from viz.style import save
 
 steel = Material("steel", E=210e9, rho=7850.0)
 points = [[0, 0, 0], [0, 0, 1.0], [0.7, 0, 1.0], [0.7, 0.4, 1.0]]  # m: a post, an arm and a stub

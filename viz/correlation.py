@@ -19,7 +19,8 @@ from updating.correlation.pairing import ModeComparison
 from updating.measurement.matching import GeometryMatch
 from updating.measurement.pretest import PretestPlan
 from viz import style
-from viz.curves import legend_above, plot_misfit_matrix
+from viz.axes import legend_above
+from viz.heat_maps import plot_misfit_matrix
 from viz.shapes import view_axes
 
 
@@ -369,7 +370,7 @@ def plot_pretest(plan: PretestPlan, title: str = "") -> Figure:
 
 def render_pretest(model: Model, plan: PretestPlan, path: str | Path, title: str = "") -> Path:
     """Draw the sensors and exciters of a pretest plan on the structure, and return the file."""
-    from viz.render import render_model  # the rest of this module needs no PyVista
+    from viz.render import render_model
 
     return render_model(model, path, plan.sensors, plan.exciters, title=title)
 

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from fem.analysis.frf import FRF
 from updating.modal.identification import IdentifiedModes
 from viz import style
-from viz.curves import legend_above, plot_frf
+from viz.axes import legend_above
+from viz.curves import plot_frf
 
 __all__ = ["plot_stabilisation", "plot_synthesis"]
 

@@ -16,7 +16,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING
 from updating.diagnosis.findings import Ranked
 from updating.diagnosis.fitted_modes import ModePair, modes_of, most_changed, pair_modes
-from viz import curves, style
+from viz import curves, heat_maps, search, style
 from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.style import save
 
@@ -135,7 +135,7 @@ def _draw_errors(result: RunResult, album: Album) -> None:
         album.add(
             f"misfit-bands-{name}",
             lambda p, v=values[order], o=[c.outputs[i] for i in order], b=bands: save(
-                curves.plot_misfit_matrix(v, o, b, "error [dB]", (0.0, top)), p, DPI
+                heat_maps.plot_misfit_matrix(v, o, b, "error [dB]", (0.0, top)), p, DPI
             ),
             f"Heat map of the error of each sensor in {len(bands)} frequency bands, {what}.",
             f"Error of each sensor in each band, {what}"
@@ -148,7 +148,7 @@ def _draw_errors(result: RunResult, album: Album) -> None:
         album.add(
             f"chance-{k + 1}",
             lambda p, t=tried, g=gain, w=what: save(
-                curves.plot_chance(t.gains, g, f"measured, {w}" if w else ""), p, DPI
+                search.plot_chance(t.gains, g, f"measured, {w}" if w else ""), p, DPI
             ),
             words.chance_text(tried, d),
             "By how much the best of all candidates lowers the residual level in measurements that the "
@@ -158,7 +158,7 @@ def _draw_errors(result: RunResult, album: Album) -> None:
 
 
 def _save_staircase(steps: Sequence[tuple[str, float, float | None]], floor_db: float, path: Path) -> None:
-    figure = curves.plot_staircase(steps, floor_db, ylabel="error of the amplitude [dB]")
+    figure = search.plot_staircase(steps, floor_db, ylabel="error of the amplitude [dB]")
     low, high = figure.axes[0].get_ylim()
     figure.axes[0].set_ylim(low, high + 0.17 * (high - low))  # room for the legend over the last step
     save(figure, path, DPI)
@@ -199,7 +199,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
         how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
 
     def draw(path: Path) -> None:
-        figure = curves.plot_ranking(
+        figure = search.plot_ranking(
             labels,
             levels,
             baseline,
@@ -397,7 +397,7 @@ def _draw_structure(result: RunResult, album: Album) -> None:
 
 
 def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
-    from viz import render
+    from viz import animation, render
 
     _, without, fitted = modes_of(result.diagnosis)
     model = result.diagnosis.model
@@ -424,7 +424,7 @@ def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
     title = mode_heading(k, fitted.n_rigid, pair.fitted, pair.fitted_zeta)
     album.add(
         "mode-changed",
-        lambda p: render.animate_mode(model, fitted, k, p, title=title),
+        lambda p: animation.animate_mode(model, fitted, k, p, title=title),
         f"Animated shape of the mode that the effect changes most, at {pair.fitted:.4g} Hz.",
         f"The mode that the effect changes most: {_moved(pair)}.",
         ".gif",

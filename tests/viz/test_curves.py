@@ -9,7 +9,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from fem.analysis.frf import FRF
-from viz import curves, style
+from viz import curves, heat_maps, joints, search, style
 
 F = np.linspace(1.0, 100.0, 200)
 
@@ -109,7 +109,7 @@ def test_errors_need_the_measured_lines(measured):
 
 def test_misfit_matrix_shows_values_sensors_and_bands():
     values = np.array([[-30.0, -5.0], [np.nan, -12.5], [-20.0, -7.0]])
-    figure = curves.plot_misfit_matrix(values, ["a", "b", "c"], [(10, 20), (20, 40.5)], title="Fitted")
+    figure = heat_maps.plot_misfit_matrix(values, ["a", "b", "c"], [(10, 20), (20, 40.5)], title="Fitted")
     ax, bar = figure.axes
     assert np.allclose(ax.images[0].get_array().filled(np.nan), values, equal_nan=True)
     assert texts(ax) == ["−30.0", "−5.0", "−12.5", "−20.0", "−7.0"]
@@ -120,17 +120,17 @@ def test_misfit_matrix_shows_values_sensors_and_bands():
 
 
 def test_large_misfit_matrices_have_no_numbers():
-    figure = curves.plot_misfit_matrix(np.zeros((66, 5)), [str(k) for k in range(66)], ["b"] * 5)
+    figure = heat_maps.plot_misfit_matrix(np.zeros((66, 5)), [str(k) for k in range(66)], ["b"] * 5)
     assert texts(figure.axes[0]) == []
 
 
 def test_matrix_sizes_must_agree():
     with pytest.raises(ValueError, match=r"shape \(2, 2\) for 3 outputs and 2 bands"):
-        curves.plot_misfit_matrix(np.zeros((2, 2)), ["a", "b", "c"], ["x", "y"])
+        heat_maps.plot_misfit_matrix(np.zeros((2, 2)), ["a", "b", "c"], ["x", "y"])
 
 
 def test_ranking_puts_the_best_on_top_and_tells_accepted_from_twins():
-    figure = curves.plot_ranking(
+    figure = search.plot_ranking(
         ["mass", "joint", "crack"], [-12.0, -30.0, -29.5], -10.0, -33.0, {"crack"}, "joint"
     )
     (ax,) = figure.axes
@@ -152,14 +152,14 @@ def test_ranking_puts_the_best_on_top_and_tells_accepted_from_twins():
 
 
 def test_long_rankings_say_what_they_leave_out():
-    figure = curves.plot_ranking([f"c{k}" for k in range(30)], -np.arange(30.0), 0.0, at_most=8)
+    figure = search.plot_ranking([f"c{k}" for k in range(30)], -np.arange(30.0), 0.0, at_most=8)
     assert len(figure.axes[0].containers) == 8
     assert "22 worse candidates not shown" in figure.axes[0].get_xlabel()
 
 
 def test_staircase_prints_every_value_and_the_floor():
     steps = [("nominal", -3.0, -2.5), ("fitted", -14.6, None), ("+ joint", -38.0, -36.0)]
-    figure = curves.plot_staircase(steps, -39.5)
+    figure = search.plot_staircase(steps, -39.5)
     (ax,) = figure.axes
     assert set(texts(ax)) == {"noise floor −39.5 dB", "−3.0", "−2.5", "−14.6", "−38.0", "−36.0"}
     assert [t.get_text() for t in ax.get_xticklabels()] == ["nominal", "fitted", "+ joint"]
@@ -173,11 +173,11 @@ def test_staircase_prints_every_value_and_the_floor():
 
 
 def test_staircase_without_held_out_lines_needs_no_legend():
-    assert legend_texts(curves.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])) == []
+    assert legend_texts(search.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])) == []
 
 
 def test_mac_shows_values_and_both_sets_of_modes():
-    figure = curves.plot_mac(
+    figure = heat_maps.plot_mac(
         [[1.0, 0.1, 0.0], [0.05, 0.93, 0.2]], (["10 Hz", "20 Hz"], ["11 Hz", "21 Hz", "31 Hz"])
     )
     ax, bar = figure.axes
@@ -190,7 +190,7 @@ def test_joint_stiffness_has_units_by_direction_and_prefixes():
     w = 2 * np.pi * F
     Z = np.zeros((F.size, 2, 2), dtype=complex)
     Z[:, 0, 0], Z[:, 1, 1] = 2e6 + 30j * w, 900 + 0.1j * w
-    figure = curves.plot_joint_stiffness(F, Z, ["z", "U11:rx"], {"with spring": Z}, held_out=[(20, 30)])
+    figure = joints.plot_joint_stiffness(F, Z, ["z", "U11:rx"], {"with spring": Z}, held_out=[(20, 30)])
     labels = [ax.get_ylabel() for ax in figure.axes]
     assert ["[MN/m]" in labels[0], "[N·m/rad]" in labels[2]] == [True, True]
     assert [label[:2] for label in labels] == ["Re", "Im", "Re", "Im"]
@@ -202,10 +202,10 @@ def test_joint_stiffness_has_units_by_direction_and_prefixes():
 def test_joint_stiffness_takes_the_diagonal_alone_and_gaps():
     Z = np.full((F.size, 1), 5e3 + 10j)
     Z[50:60] = np.nan
-    figure = curves.plot_joint_stiffness(F, Z, ["ry"])
+    figure = joints.plot_joint_stiffness(F, Z, ["ry"])
     assert "[kN·m/rad]" in figure.axes[0].get_ylabel()
     with pytest.raises(ValueError, match="200 frequencies and 2 directions"):
-        curves.plot_joint_stiffness(F, Z, ["ry", "rz"])
+        joints.plot_joint_stiffness(F, Z, ["ry", "rz"])
 
 
 def test_position_marks_the_best_place():
@@ -218,7 +218,7 @@ def test_position_marks_the_best_place():
         "floor": -33,
         "member": "lower",
     }
-    figure = curves.plot_position(s, error, **more)
+    figure = search.plot_position(s, error, **more)
     (ax,) = figure.axes
     assert ax.get_xlabel() == "place along lower [m]"
     assert ax.get_ylabel() == "error [dB]"
@@ -231,7 +231,7 @@ def test_position_marks_the_best_place():
 @pytest.mark.parametrize(("found", "scale"), [(1.04, "linear"), (4.0, "log"), (None, "linear")])
 def test_chance_stacks_what_was_simulated_beside_what_was_found(found, scale):
     gains = [1.0, 1.0, 1.0, 1.01, 0.998]
-    figure = curves.plot_chance(gains, found, "a mass")
+    figure = search.plot_chance(gains, found, "a mass")
     (ax,) = figure.axes
     assert ax.get_xscale() == scale
     x, y = ax.lines[0].get_data()
@@ -247,21 +247,21 @@ def test_chance_stacks_what_was_simulated_beside_what_was_found(found, scale):
 
 
 def test_figures_are_saved_at_their_size_and_as_bytes(tmp_path):
-    figure = curves.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])
+    figure = search.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])
     data = style.figure_png(figure, dpi=100)
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     width, height = (int.from_bytes(data[k : k + 4], "big") for k in (16, 20))
     assert (width, height) == (round(figure.get_figwidth() * 100), round(figure.get_figheight() * 100))
     for suffix in ("png", "svg", "pdf"):
-        path = curves.save(figure, tmp_path / "new" / f"a.{suffix}")
+        path = style.save(figure, tmp_path / "new" / f"a.{suffix}")
         assert path.stat().st_size > 3000
 
 
 def test_nothing_is_drawn_outside_the_figure(measured):
     for figure in (
         curves.plot_frf(measured, {"nominal": measured}, title="A title", held_out=[(2, 3)]),
-        curves.plot_mac(np.eye(8), ([f"{k} Hz" for k in range(8)],) * 2, title="MAC"),
-        curves.plot_ranking(
+        heat_maps.plot_mac(np.eye(8), ([f"{k} Hz" for k in range(8)],) * 2, title="MAC"),
+        search.plot_ranking(
             ["a rather long name of a candidate effect on a member"], [-3.0], -1.0, title="Ranking"
         ),
     ):

@@ -22,8 +22,9 @@ from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import chain, fix, with_part
 from updating.measurement.measurement import Sensor
-from viz import render, style
-from viz.render import view_axes
+from viz import animation, render, shapes, style
+from viz.scene import DPI, Scene
+from viz.shapes import view_axes
 
 STEEL = Material("steel", 210e9, 7850)
 
@@ -83,7 +84,7 @@ def test_model_picture_shows_members_sensors_excitations_and_highlights(cross, t
         title="Cross",
     )
     picture = pixels(path)
-    assert picture.shape[1] == round(style.WIDTH * render.DPI)
+    assert picture.shape[1] == round(style.WIDTH * DPI)
     assert looks_drawn(picture)
     for colour in (style.SENSOR, style.EXCITATION, style.HIGHLIGHT, style.INK):
         assert near(picture, colour) > 100
@@ -117,7 +118,7 @@ def test_mode_title_names_rigid_modes_frequency_and_damping(cross):
 
 def test_animation_moves_and_is_small(cross, tmp_path):
     model, modes, _ = cross
-    path = render.animate_mode(model, modes, 1, tmp_path / "mode.gif", frames=10, width=3.0)
+    path = animation.animate_mode(model, modes, 1, tmp_path / "mode.gif", frames=10, width=3.0)
     assert path.stat().st_size < 1_000_000
     with Image.open(path) as gif:
         assert gif.n_frames == 10
@@ -137,7 +138,7 @@ def test_a_complex_mode_travels(cross, tmp_path):
     model, modes, _ = cross
     phase = np.repeat(np.linspace(0, 1.2, 18), 6)
     wave = Modes(modes.frequency, modes.shapes * np.exp(1j * phase)[:, None])
-    path = render.animate_mode(model, wave, 1, tmp_path / "mode.gif", frames=8, width=2.5)
+    path = animation.animate_mode(model, wave, 1, tmp_path / "mode.gif", frames=8, width=2.5)
     with Image.open(path) as gif:
         frames = []
         for k in (2, 6):
@@ -202,9 +203,9 @@ def test_no_member_is_seen_from_its_end(extent):
 
 def test_projection_agrees_with_what_is_drawn(cross, tmp_path):
     model, *_ = cross
-    scene = render._Scene(model.mesh.points)
+    scene = Scene(model.mesh.points)
     tail = np.array([[0.1, 0.05, 0.0]])
-    scene.add_arrows(render.Arrows(tail, tail + np.array([0, 0, 1e-6])), "#ff0000", 1e-7, balls=0.006)
+    scene.add_arrows(shapes.Arrows(tail, tail + np.array([0, 0, 1e-6])), "#ff0000", 1e-7, balls=0.006)
     with scene.open() as stage:
         picture = stage.photograph().astype(int)
     rows, columns = np.nonzero((picture[..., 0] - picture[..., 1]) > 60)
@@ -232,10 +233,10 @@ def test_faults_are_coloured_and_a_mechanism_moves(tmp_path):
     faults = check_mesh(mesh)
     assert {fault.kind for fault in faults} == {"loose part", "unconnected crossing"}
     picture = pixels(render.render_faults(mesh, faults, tmp_path / "mesh.png"))
-    for colour in render._FAULTS[:2]:  # of the lines and of the ring and its name
+    for colour in render.FAULT_COLOURS[:2]:  # of the lines and of the ring and its name
         assert near(picture, colour) > 300
     bare = pixels(render.render_faults(mesh, (), tmp_path / "bare.png"))
-    for colour in render._FAULTS[:2]:
+    for colour in render.FAULT_COLOURS[:2]:
         assert near(bare, colour) < 50
     model = chain(2, 4, (fix(0),))
     faults = check_model(model)

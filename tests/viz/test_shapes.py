@@ -9,8 +9,9 @@ from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Model
 from fem.sections.section import Section
-from viz import shapes
+from viz import models, shapes, surfaces
 from viz.layout import merge_names, place_labels
+from viz.triangles import circle_of_area, triangulate
 
 STEEL = Material("steel", 210e9, 7850)
 BOX = Section.hollow_rectangle(0.04, 0.06, 0.003)
@@ -29,8 +30,8 @@ def signed_volume(vertices, triangles):
 
 def one_line(section, motion=None, pieces=6, **more):
     points, lines = np.array([[0.1, 0.2, 0.3], [1.1, 1.2, 0.8]]), [[0, 1]]
-    R = shapes.line_rotations(points, lines)
-    return shapes.extrude(points, lines, R, [section.outlines], motion, pieces=pieces, **more), points, R[0]
+    R = surfaces.line_rotations(points, lines)
+    return surfaces.extrude(points, lines, R, [section.outlines], motion, pieces=pieces, **more), points, R[0]
 
 
 @pytest.mark.parametrize("name", SECTIONS)
@@ -52,7 +53,7 @@ def test_end_faces_are_triangulated_without_overlap(name):
     loops = SECTIONS[name].outlines
     turned = [loop if i == 0 else loop[::-1] for i, loop in enumerate(loops)]  # both are given anticlockwise
     xy = np.vstack(turned)
-    triangles = shapes.triangulate(loops)
+    triangles = triangulate(loops)
     a, b, c = (xy[triangles[:, k]] for k in range(3))
     areas = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     assert (areas > 0).all()
@@ -94,8 +95,8 @@ def test_large_deformations_keep_cross_sections_at_right_angles_to_the_bent_axis
     L = 2.0
     motion = np.array([[0, 0, 0, 0, 0, 0], [0, 0, 0.3, 0, -0.6, 0.0]])
     points = np.array([[0.0, 0, 0], [L, 0, 0]])
-    R = shapes.line_rotations(points, [[0, 1]])
-    surface = shapes.extrude(points, [[0, 1]], R, [BOX.outlines], motion, pieces=200)
+    R = surfaces.line_rotations(points, [[0, 1]])
+    surface = surfaces.extrude(points, [[0, 1]], R, [BOX.outlines], motion, pieces=200)
     rings = surface.deformed(1.0).reshape(201, 8, 3)
     axis = np.gradient(rings.mean(axis=1), axis=0)[1:-1]
     across = (rings - rings.mean(axis=1, keepdims=True))[1:-1]
@@ -109,7 +110,7 @@ def test_hermite_interpolation_reproduces_a_cubic_in_both_planes():
     v, w = np.poly1d([0.4, -1.1, 0.7, 0.2]), np.poly1d([-0.3, 0.5, 0.9, -0.4])
     ends = [[0.1, v(0), w(0)], [0.3, v(L), w(L)]]
     rotations = [[0.5, -w.deriv()(0), v.deriv()(0)], [-0.1, -w.deriv()(L), v.deriv()(L)]]
-    u, theta = shapes.hermite(xi, L, ends, rotations)
+    u, theta = surfaces.hermite(xi, L, ends, rotations)
     assert np.allclose(u, np.stack([0.1 + 0.2 * xi, v(x), w(x)], axis=1), atol=1e-14)
     assert np.allclose(theta, np.stack([0.5 - 0.6 * xi, -w.deriv()(x), v.deriv()(x)], axis=1), atol=1e-13)
 
@@ -118,8 +119,8 @@ def test_rigid_arms_carry_the_axis_with_the_node():
     arms = np.array([[[0, 0, 0.1], [0, 0, 0.1]]])
     points = np.array([[0.0, 0, 0], [1, 0, 0]])
     motion = np.array([[0, 0, 0, 0, 0.2, 0], [0, 0, -0.2, 0, 0.2, 0.0]])  # rigid rotation about y
-    R = shapes.line_rotations(points, [[0, 1]])
-    surface = shapes.extrude(
+    R = surfaces.line_rotations(points, [[0, 1]])
+    surface = surfaces.extrude(
         points, [[0, 1]], R, [BOX.outlines], motion, arms=arms, rigid=[[0.1, 0.2]], pieces=4
     )
     assert np.allclose(surface.displacement, np.cross([0, 0.2, 0], surface.rest), atol=1e-15)
@@ -129,11 +130,11 @@ def test_rigid_arms_carry_the_axis_with_the_node():
 
 
 def test_a_section_without_outline_becomes_a_circle_of_about_its_area():
-    loop = shapes.circle_of_area(2e-4, n=400)
+    loop = circle_of_area(2e-4, n=400)
     assert np.allclose(np.linalg.norm(loop, axis=1) ** 2 * np.pi, 2e-4)
     frame = Frame(members={"bar": MemberProperties(STEEL, Section(2e-4, 1e-8, 1e-8, 1e-8))})
     model = Model(Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {"bar": [0]}), (frame,))
-    surface = shapes.model_surface(model)
+    surface = models.model_surface(model)
     assert np.allclose(np.linalg.norm(surface.arm, axis=1), np.sqrt(2e-4 / np.pi))
 
 
@@ -159,14 +160,14 @@ def test_model_displacements_beside_the_axis_follow_the_cross_section():
     theta, u = np.array([0.2, -0.3, 0.4]), np.array([0.05, 0.02, -0.01])
     motion = np.concatenate([[*(u + np.cross(theta, p)), *theta] for p in mesh.points])
     places = np.array([[0.3, 0, 0.03], [1.7, 0.02, 0], [1.0, 0, 0]])
-    assert np.allclose(shapes.displacement_at(model, motion, places), u + np.cross(theta, places), atol=1e-14)
-    assert np.allclose(shapes.displacement_at(model, 1j * motion, places).imag, u + np.cross(theta, places))
+    assert np.allclose(models.displacement_at(model, motion, places), u + np.cross(theta, places), atol=1e-14)
+    assert np.allclose(models.displacement_at(model, 1j * motion, places).imag, u + np.cross(theta, places))
 
 
 def test_corners_are_filled_to_the_outside_and_inner_faces_left_out():
     mesh = Mesh.from_lines([[0, 0, 0], [0, 0, 1], [1, 0, 1]], [[0, 1], [1, 2]], {"column": [0], "beam": [1]})
     p = MemberProperties(STEEL, Section.rectangle(0.04, 0.1))
-    surface = shapes.model_surface(Model(mesh, (Frame(members={"column": p, "beam": p}),)))
+    surface = models.model_surface(Model(mesh, (Frame(members={"column": p, "beam": p}),)))
     assert surface.rest[:, 2].max() == pytest.approx(1.05, abs=2e-3)
     assert surface.rest[:, 0].min() == pytest.approx(-0.05, abs=2e-3)
     assert surface.centre[:, 2].min() == 0
@@ -177,7 +178,7 @@ def test_refining_a_member_leaves_its_surface_closed():
     frame = Frame(members={"bar": MemberProperties(STEEL, BOX)})
     volume = [
         signed_volume(s.rest, s.triangles)
-        for s in (shapes.model_surface(Model(mesh.refined(counts={"bar": n}), (frame,))) for n in (1, 7))
+        for s in (models.model_surface(Model(mesh.refined(counts={"bar": n}), (frame,))) for n in (1, 7))
     ]
     assert volume[0] == pytest.approx(BOX.A, rel=1e-9)
     assert volume[1] == pytest.approx(BOX.A, rel=1e-9)
@@ -186,7 +187,7 @@ def test_refining_a_member_leaves_its_surface_closed():
 def test_arrows_begin_outside_the_section():
     mesh = Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {"bar": [0]})
     model = Model(mesh, (Frame(members={"bar": MemberProperties(STEEL, BOX)}),))
-    places = shapes.surface_places(model, [[0.5, 0, 0]] * 3, [[0, 0, 2], [0, -1, 0], [1, 0, 0]], [0, 0, 1])
+    places = models.surface_places(model, [[0.5, 0, 0]] * 3, [[0, 0, 2], [0, -1, 0], [1, 0, 0]], [0, 0, 1])
     assert np.allclose(places, [[0.5, 0, 0.03], [0.5, -0.02, 0], [0.5, 0, 0.03]])
 
 

@@ -1,0 +1,81 @@
+"""Elements that figures share: legends, shaded bands, heat maps and numbers."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from viz import style
+
+Band = tuple[float, float]
+"""Lowest and highest frequency [Hz]."""
+
+
+def shade(ax: Axes, bands: Sequence[Band]) -> None:
+    """Shade bands of frequency that were held out from the fit."""
+    for low, high in bands:
+        ax.axvspan(low, high, color=style.HELD_OUT, linewidth=0, zorder=0)
+
+
+def curve_keys(ax: Axes, held_out: Sequence[Band] = (), *, floor: bool = False) -> list[Any]:
+    """Return the legend's keys of the curves, of bands held out and of the noise."""
+    keys: list[Any] = list(ax.get_legend_handles_labels()[0])
+    if held_out:
+        keys.append(
+            Patch(facecolor=style.HELD_OUT, edgecolor="#e6d9a8", linewidth=0.5, label="held out from the fit")
+        )
+    if floor:
+        keys.append(Patch(color=style.NOISE, label="below the noise, 1 σ"))
+    return keys
+
+
+def legend_above(figure: Figure, title: str, keys: Sequence[Any]) -> None:
+    """Set the heading and the legend above the axes, in as many columns as the width allows."""
+    longest = max((len(str(key.get_label())) for key in keys), default=1)
+    columns = max(1, int(figure.get_figwidth() / (0.6 + 0.066 * longest)))
+    legend = figure.legend(
+        handles=keys,
+        loc="outside upper left",
+        ncols=min(columns, len(keys)),
+        columnspacing=1.4,
+        title=title or None,
+    )
+    legend.set_alignment("left")
+    legend.get_title().set(fontsize=9.5, fontweight="bold")
+
+
+def heat_map(
+    ax: Axes, values: NDArray[np.float64], cmap: Any, norm: Normalize, digits: int, *, numbers: bool
+) -> Any:
+    """Draw a matrix as coloured cells with white seams and, if wanted, its numbers."""
+    n, m = values.shape
+    cmap = cmap.with_extremes(bad="#f0f1f3")
+    image = ax.imshow(values, cmap=cmap, norm=norm, aspect="auto", interpolation="nearest")
+    ax.grid(visible=False)
+    ax.set_xticks(np.arange(m + 1) - 0.5, minor=True)
+    ax.set_yticks(np.arange(n + 1) - 0.5, minor=True)
+    ax.grid(visible=True, which="minor", color="white", linewidth=0.8, alpha=1)
+    ax.tick_params(which="both", length=0)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    if numbers:
+        for (i, j), value in np.ndenumerate(values):
+            if np.isfinite(value):
+                ink = style.ink_on(cmap(norm(value)))
+                ax.text(j, i, number(value, digits), ha="center", va="center", fontsize=6.8, color=ink)
+    return image
+
+
+def number(value: float, digits: int) -> str:
+    """Return a number with a proper minus sign."""
+    return f"{value:.{digits}f}".replace("-", "−")
+
+
+def digits_for(span: float) -> int:
+    """Return the digits after the point for numbers over a span."""
+    return 1 if span >= 2 else 2

@@ -1,0 +1,266 @@
+"""Surfaces of frames and their deformation, as arrays: nothing here needs a screen.
+
+Each line of a frame is drawn as its section swept along its axis. The axis of a vibrating line follows the
+cubic Hermite polynomials of its end displacements and rotations, so that bending looks smooth with few
+elements, and each cross-section moves as a rigid body.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viz.triangles import Floats, Ints, Outlines, anticlockwise, triangulate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """The surface of a frame, at rest and moving.
+
+    Attributes
+    ----------
+    centre : ndarray (n, 3)
+        Point of the axis at the cross-section of each vertex [m].
+    arm : ndarray (n, 3)
+        Vertex minus centre, at rest [m].
+    translation, rotation : ndarray (n, 3)
+        Motion of the cross-section of each vertex [m, rad].
+    triangles : ndarray of int (n_triangles, 3)
+        Vertices of each triangle, anticlockwise seen from outside.
+    edges : ndarray of int (n_edges, 2)
+        Vertices of the sharp edges, to be drawn as lines.
+    line : ndarray of int (n_triangles,)
+        Index of the line that each triangle belongs to.
+    """
+
+    centre: Floats
+    arm: Floats
+    translation: Floats
+    rotation: Floats
+    triangles: Ints
+    edges: Ints
+    line: Ints
+
+    @property
+    def rest(self) -> Floats:
+        """Vertices at rest, shape (n, 3) [m]."""
+        return self.centre + self.arm
+
+    @property
+    def displacement(self) -> Floats:
+        """Displacement of the vertices to first order, u + θ × arm, shape (n, 3) [m]."""
+        return self.translation + np.cross(self.rotation, self.arm)
+
+    def deformed(self, scale: float = 1.0) -> Floats:
+        """Return the vertices with the motion multiplied by a scale, shape (n, 3) [m].
+
+        Cross-sections turn by the angle atan |scale θ| about θ, so that they keep their dimensions however
+        large the scale is and stay at right angles to the bent axis.
+        """
+        theta = scale * self.rotation
+        size = np.linalg.norm(theta, axis=1, keepdims=True)
+        axis = np.divide(theta, size, out=np.zeros_like(theta), where=size > 0)
+        cosine = 1 / np.sqrt(1 + size**2)
+        along = np.einsum("ij,ij->i", axis, self.arm)[:, None] * axis
+        turned = cosine * self.arm + size * cosine * np.cross(axis, self.arm) + (1 - cosine) * along
+        return self.centre + scale * self.translation + turned
+
+    def with_motion(self, translation: Floats, rotation: Floats) -> "Surface":
+        """Return the surface with another motion."""
+        return replace(self, translation=translation, rotation=rotation)
+
+
+def hermite(xi: ArrayLike, length: float, ends: ArrayLike, rotations: ArrayLike) -> tuple[Floats, Floats]:
+    """Interpolate the motion of a line's axis between its ends, in local axes.
+
+    Axial displacement and twist are linear. Deflections v and w are the cubics with the end values and the
+    end slopes v' = θz and w' = -θy; the rotations in between are the slopes of the cubics.
+
+    Parameters
+    ----------
+    xi : array_like (n,)
+        Fractions of the length, 0 to 1 [-].
+    length : float
+        Length of the line [m].
+    ends : array_like (2, 3)
+        Displacements of the two ends along local x, y, z [m].
+    rotations : array_like (2, 3)
+        Rotations of the two ends about local x, y, z [rad].
+
+    Returns
+    -------
+    displacement, rotation : ndarray (n, 3)
+        In local axes [m, rad].
+    """
+    xi = np.asarray(xi, dtype=float)
+    u, theta = np.asarray(ends, dtype=float), np.asarray(rotations, dtype=float)
+    linear = np.stack([1 - xi, xi], axis=1)
+    value = np.stack([1 - 3 * xi**2 + 2 * xi**3, 3 * xi**2 - 2 * xi**3], axis=1)
+    slope = length * np.stack([xi - 2 * xi**2 + xi**3, xi**3 - xi**2], axis=1)
+    d_value = np.stack([-6 * xi + 6 * xi**2, 6 * xi - 6 * xi**2], axis=1) / length
+    d_slope = np.stack([1 - 4 * xi + 3 * xi**2, 3 * xi**2 - 2 * xi], axis=1)
+    v, w = (value @ u[:, k] + sign * slope @ theta[:, r] for k, r, sign in ((1, 2, 1), (2, 1, -1)))
+    dv, dw = (d_value @ u[:, k] + sign * d_slope @ theta[:, r] for k, r, sign in ((1, 2, 1), (2, 1, -1)))
+    return np.stack([linear @ u[:, 0], v, w], axis=1), np.stack([linear @ theta[:, 0], -dw, dv], axis=1)
+
+
+def line_rotations(points: ArrayLike, lines: ArrayLike) -> Floats:
+    """Return default local axes of lines: x along, z as upright as possible, shape (n_lines, 3, 3).
+
+    Vertical lines take global y for their local y.
+    """
+    points, lines = np.asarray(points, dtype=float), np.asarray(lines, dtype=np.int64)
+    x = points[lines[:, 1]] - points[lines[:, 0]]
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    y = np.cross([0.0, 0.0, 1.0], x)
+    upright = np.linalg.norm(y, axis=1) < 1e-6
+    y[upright] = [0.0, 1.0, 0.0]
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+def extrude(
+    points: ArrayLike,
+    lines: ArrayLike,
+    rotations: ArrayLike,
+    outlines: Sequence[Outlines],
+    motion: ArrayLike | None = None,
+    *,
+    arms: ArrayLike | None = None,
+    rigid: ArrayLike | None = None,
+    closed: ArrayLike | None = None,
+    pieces: int = 6,
+) -> Surface:
+    """Sweep each line's section along its axis.
+
+    Parameters
+    ----------
+    points : array_like (n_points, 3)
+        Coordinates [m].
+    lines : array_like of int (n_lines, 2)
+        Point indices.
+    rotations : array_like (n_lines, 3, 3)
+        Local x, y, z axes of each line as rows, in global coordinates.
+    outlines : sequence of sequence of ndarray (n, 2)
+        Outlines of each line's section in (y, z) [m].
+    motion : array_like (n_points, 6), optional
+        Displacements and rotations of the points [m, rad]; at rest unless given.
+    arms : array_like (n_lines, 2, 3), optional
+        From each end's point to the end of the axis, rigid, in global coordinates [m].
+    rigid : array_like (n_lines, 2), optional
+        Lengths at the ends of the axis that do not bend [m].
+    closed : array_like of bool (n_lines, 2), optional
+        Ends that have an end face; all unless given. Between the lines of a member there need be none.
+    pieces : int
+        Number of straight pieces that a line is drawn with.
+
+    Raises
+    ------
+    ValueError
+        If an array does not have one row for each point or line.
+    """
+    points, lines = np.asarray(points, dtype=float), np.asarray(lines, dtype=np.int64)
+    R = np.asarray(rotations, dtype=float)
+    motion = np.zeros((len(points), 6)) if motion is None else np.asarray(motion, dtype=float)
+    arms = np.zeros((len(lines), 2, 3)) if arms is None else np.asarray(arms, dtype=float)
+    rigid = np.zeros((len(lines), 2)) if rigid is None else np.asarray(rigid, dtype=float)
+    closed = np.ones((len(lines), 2), dtype=bool) if closed is None else np.asarray(closed, dtype=bool)
+    n = len(lines)
+    for name, have, want in (
+        ("motion", motion.shape, (len(points), 6)),
+        ("rotations", R.shape, (n, 3, 3)),
+        ("outlines", (len(outlines),), (n,)),
+        ("arms", arms.shape, (n, 2, 3)),
+        ("rigid", rigid.shape, (n, 2)),
+        ("closed", closed.shape, (n, 2)),
+    ):
+        if have != want:
+            msg = f"{name} has shape {have}; {want} is expected for {len(points)} points and {n} lines"
+            raise ValueError(msg)
+
+    caps: dict[int, tuple[Outlines, Ints]] = {}
+    parts: list[tuple[Any, ...]] = []
+    start = 0
+    for k, (a, b) in enumerate(lines):
+        centre, moved, turned = _axis(points[[a, b]], motion[[a, b]], R[k], arms[k], rigid[k], pieces)
+        loops = outlines[k]
+        if id(loops) not in caps:
+            caps[id(loops)] = (loops, triangulate(loops))
+        ring = np.vstack([anticlockwise(loop, hole=i > 0) for i, loop in enumerate(loops)])
+        arm = ring @ R[k, 1:]
+        m, stations = len(ring), len(centre)
+        triangles, edges, rim = _sweep(loops, stations)
+        cap, last = caps[id(loops)][1], m * (stations - 1)
+        if closed[k, 0]:
+            triangles, edges = np.vstack([triangles, cap[:, ::-1]]), np.vstack([edges, rim])
+        if closed[k, 1]:
+            triangles, edges = np.vstack([triangles, cap + last]), np.vstack([edges, rim + last])
+        parts.append(
+            (
+                np.repeat(centre, m, axis=0),
+                np.tile(arm, (stations, 1)),
+                np.repeat(moved, m, axis=0),
+                np.repeat(turned, m, axis=0),
+                triangles + start,
+                edges + start,
+                np.full(len(triangles), k),
+            )
+        )
+        start += m * stations
+    return Surface(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _axis(
+    ends: Floats, motion: Floats, R: Floats, arms: Floats, rigid: Floats, pieces: int
+) -> tuple[Floats, Floats, Floats]:
+    """Return centres, displacements and rotations of stations along a line's axis, (n_stations, 3)."""
+    outer = ends + arms
+    inner = outer + np.outer([1.0, -1.0], R[0]) * rigid[:, None]
+    length = float(np.linalg.norm(inner[1] - inner[0]))
+    turn = motion[:, 3:]
+
+    def rigid_to(places: Floats) -> Floats:
+        return motion[:, :3] + np.cross(turn, places - ends)
+
+    xi = np.linspace(0, 1, pieces + 1)
+    local_u, local_theta = hermite(xi, length, rigid_to(inner) @ R.T, turn @ R.T)
+    centre = inner[0] + xi[:, None] * (inner[1] - inner[0])
+    moved, turned = local_u @ R, local_theta @ R
+    if rigid.any():
+        moved_ends = rigid_to(outer)
+        centre = np.vstack([outer[:1], centre, outer[1:]])
+        moved = np.vstack([moved_ends[:1], moved, moved_ends[1:]])
+        turned = np.vstack([turn[:1], turned, turn[1:]])
+    return centre, moved, turned
+
+
+def _sweep(loops: Outlines, stations: int) -> tuple[Ints, Ints, Ints]:
+    """Return side triangles, sharp edges and the first rim of a section swept over stations.
+
+    Vertices run station by station.
+    """
+    m = sum(len(loop) for loop in loops)
+    triangles, edges, rim = [], [np.empty((0, 2), dtype=np.int64)], []
+    first = 0
+    for i, loop in enumerate(loops):
+        loop = anticlockwise(loop, hole=i > 0)
+        n = len(loop)
+        a = first + np.arange(n)
+        b = first + (np.arange(n) + 1) % n
+        step = m * np.arange(stations - 1)[:, None]
+        a0, b0 = (a + step).ravel(), (b + step).ravel()
+        triangles += [np.stack([a0, b0, b0 + m], axis=1), np.stack([a0, b0 + m, a0 + m], axis=1)]
+        if i == 0:
+            side = np.roll(loop, -1, axis=0) - loop
+            before = np.roll(side, 1, axis=0)
+            turn = np.arctan2(
+                before[:, 0] * side[:, 1] - before[:, 1] * side[:, 0], np.einsum("ij,ij->i", before, side)
+            )
+            corner = a[np.abs(turn) > np.deg2rad(30)]
+            along = (corner + step).ravel()
+            edges.append(np.stack([along, along + m], axis=1))
+        rim.append(np.stack([a, b], axis=1))
+        first += n
+    return np.vstack(triangles), np.vstack(edges), np.vstack(rim)
