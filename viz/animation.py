@@ -14,9 +14,7 @@ from viz.overlay import (
 )
 from viz.render import mode_title, shape_phase
 from viz.scene import Scene
-from viz.shapes import (
-    amplification,
-)
+from viz.shapes import amplification
 from viz.surfaces import Surface
 
 

@@ -39,11 +39,7 @@ from viz.overlay import (
     draw_triad,
     occupied_pixels,
 )
-from viz.shapes import (
-    Arrows,
-    arrows,
-    view_axes,
-)
+from viz.shapes import Arrows, arrows, view_axes
 from viz.stage import Actor, Stage, View
 from viz.surfaces import Surface
 from viz.triangles import Floats

@@ -28,8 +28,8 @@ from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
 from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Damping, Model
-from fem.sections.section import Section
 from fem.reduction.reduced import ModeErrors, ParametricFRF, ReducedModel, reduce_model, values_of
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import STEEL, beam, cross_beam, fix, portal
 

@@ -16,8 +16,9 @@ from fem.analysis.loads import (
 from fem.analysis.modes import solve_modes
 from fem.analysis.statics import solve_static
 from fem.effects.prestress import Prestress
-from fem.effects.superelement import Attachment, Superelement
+from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
+from fem.elements.part_ties import Attachment
 from fem.elements.properties import MemberProperties
 from fem.io.matrices import matrices_of
 from fem.mesh import Mesh
