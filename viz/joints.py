@@ -15,7 +15,7 @@ from joint.substructuring import LCurve
 from viz import style
 from viz.axes import Band, curve_keys, legend_above, shade
 
-__all__ = ["plot_l_curve", "plot_stiffness_entries", "plot_stiffness_laws"]
+__all__ = ["plot_joint_stiffness", "plot_l_curve", "plot_stiffness_entries", "plot_stiffness_laws"]
 
 _PARTS = ((np.real, "Re"), (np.imag, "Im"))
 
@@ -119,7 +119,7 @@ def plot_stiffness_entries(
 
 
 def plot_stiffness_laws(laws: Sequence[StiffnessLaw], title: str = "") -> Figure:
-    """Plot what each direction of a joint is made of: the identified stiffness and the law that fits it best.
+    """Plot the identified stiffness of each direction of a joint and the law that fits it best.
 
     Parameters
     ----------

@@ -250,7 +250,7 @@ def render_faults(
         rgb[np.isin(surface.line, fault.lines)] = to_rgb(colour[fault.kind])
     scene.add_surface(surface, surface.rest, rgb=rgb)
     if motions.size:
-        moved = moved + 10 * scene.lift  # in front of what has not moved
+        moved = moved + 10 * scene.lift  # in front of the structure at rest
         veil = polydata(moved, ghost.triangles)
         scene.actors.append((veil, {"color": colour["mechanism"], "opacity": 0.3, "culling": "back"}))
         scene.actors.append(

@@ -133,7 +133,7 @@ def plot_chance(
     found : float, optional
         Gain of the effect in the measurement [-].
     label : str
-        What the effect is.
+        Name of the effect.
     title, xlabel : str
         Heading and axis label.
     """
@@ -179,7 +179,7 @@ def plot_staircase(
     title: str = "",
     ylabel: str = "relative error [dB]",
 ) -> Figure:
-    """Plot how the error falls from the nominal model over the fitted one to each added effect.
+    """Plot the error of the nominal model, of the fitted one, and after each added effect.
 
     Parameters
     ----------

@@ -306,7 +306,7 @@ def factor_held(system: System) -> Factor:
     with np.errstate(invalid="ignore", over="ignore"):
         opposed = x @ (K @ x) / max(x @ (K.diagonal() * x), 1e-300)
     if factor is None or not np.isfinite(opposed) or opposed < _LEAST_RESISTANCE or n_negative(K, factor):
-        solve_eigenpairs(system, 1)  # names the mechanism, or what makes the structure unstable
+        solve_eigenpairs(system, 1)  # raises the error that names the mechanism or instability
         if factor is None or not np.isfinite(opposed):
             msg = "the stiffness matrix is singular; a motion meets no resistance"
             raise ModelError(msg)

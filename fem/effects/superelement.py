@@ -92,7 +92,7 @@ class Superelement(Effect):
         """Reduce a part and tie it to points of a mesh.
 
         The interface nodes are replaced by the points they are tied to; everything else follows statically
-        from the points (exact in statics, whatever modes are left out), plus the lowest modes with the points
+        from the points (exact in statics with any number of modes), plus the lowest modes with the points
         held.
 
         Parameters

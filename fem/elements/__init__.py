@@ -2,7 +2,7 @@
 
 properties       material, section, beam theory, mass and end connections of a member
 axes             local axes
-layout           properties and axes of every line of a mesh, whatever the moduli
+layout           properties and axes of every line of a mesh, without moduli
 lines            geometry and properties of some lines in arrays, with moduli and section changes
 interpolation    shape functions, strains and slopes
 closed_form      matrices of prismatic elements in closed form

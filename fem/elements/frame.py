@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.elements.closed_form import closed_mass, closed_stiffness, global_blocks
 from fem.elements.connections import connect_ends, with_rigid_ends
 from fem.elements.interpolation import motion_matrix
-from fem.elements.layout import alike, layout_of, place
+from fem.elements.layout import alike, axes_and_arms, layout_of
 from fem.elements.lines import (
     NO_CHANGE,
     Lines,
@@ -146,7 +146,7 @@ class Frame(Effect):
     def rotations(self, mesh: Mesh, lines: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the local axes of some or all lines of the mesh as rows, shape (n_lines, 3, 3)."""
         rows = np.arange(mesh.n_lines) if lines is None else np.asarray(lines, dtype=np.int64)
-        return place(layout_of(self.members, mesh), mesh, rows)[0]
+        return axes_and_arms(layout_of(self.members, mesh), mesh, rows)[0]
 
     def alike(self, mesh: Mesh, member: str) -> bool:
         """Return whether all elements of a member have the same matrices (`fem.elements.layout.alike`)."""
@@ -196,6 +196,7 @@ class Frame(Effect):
         if (layout.soft >= 0).any():
             return None
         differs = (new != old).any(axis=0)
+        # a frame with the differences as its values has the differences of the matrices
         rest = {
             f"{q}:{m.name}": new[i, k] - old[i, k]
             for k, m in enumerate(layout.materials)
@@ -287,6 +288,7 @@ class Frame(Effect):
     def interpolate_slope(self, mesh: Mesh, locations: list[Location]) -> Array:
         """Return the derivative of :meth:`interpolate`'s N by arc length, shape (n, 6, 12) [1/m]."""
         g = self.lines(mesh, [at.line for at in locations])
+        # complex step: no cancellation, so the step may be tiny and the derivative is exact
         step = 1j * 1e-200 / mesh.lengths()[g.rows]
         return np.imag(motion_matrix(g, mesh, np.array([at.xi for at in locations]) + step)) / 1e-200
 

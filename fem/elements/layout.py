@@ -1,4 +1,4 @@
-"""Layout of a mesh's lines: the properties, end connections and axes of every line, whatever the moduli.
+"""Layout of a mesh's lines: the properties, end connections and axes of every line, without moduli.
 
 Members share properties, so that each line has a row in a table of kinds. Layouts are kept for the last few
 meshes: a fit changes moduli and densities, which are not part of them.
@@ -62,38 +62,37 @@ class Identity:
 
 
 def layout_of(members: Mapping[str, MemberProperties], mesh: Mesh) -> Layout:
-    """Return the layout of a mesh, whatever the values of moduli and densities."""
+    """Return the layout of a mesh, which does not depend on moduli and densities."""
     return _kept_layout(Identity(members), mesh)
 
 
 @lru_cache(maxsize=8)  # one object `members` serves all frames of a fit
 def _kept_layout(members: Identity, mesh: Mesh) -> Layout:
-    made_of: Mapping[str, MemberProperties] = members.held
+    properties: Mapping[str, MemberProperties] = members.held
     names = list(mesh.members)
     try:
-        of_member = [made_of[name] for name in names]
+        of_member = [properties[name] for name in names]
     except KeyError:
-        missing = next(name for name in names if name not in made_of)
-        msg = f"member '{missing}' of the mesh has no material and section; given are {', '.join(made_of)}"
+        missing = next(name for name in names if name not in properties)
+        msg = f"member '{missing}' of the mesh has no material and section; given are {', '.join(properties)}"
         raise ModelError(msg) from None
     different = list({id(p): p for p in of_member}.values())
     number = {id(p): i for i, p in enumerate(different)}
     owner = np.array([number[id(p)] for p in of_member])
     chains, member = mesh.chains()
-    made = np.empty(mesh.n_lines, dtype=np.int64)
-    made[chains] = owner[member]
-
+    row = np.empty(mesh.n_lines, dtype=np.int64)  # of each line in `different`
+    row[chains] = owner[member]
     uneven = [p.section2 is not None or not np.array_equal(p.offset1, p.offset2) for p in different]
     along = mesh.arc_fractions() if any(uneven) else np.zeros((mesh.n_lines, 2))
-    kind, kinds = _kinds(different, made, along)
+    kind, kinds = _kinds(different, row, along)
     offset = np.zeros((1, 2, 3))
     if any(p.offset1.any() or p.offset2.any() for p in different):
         first, second = (
-            np.array([getattr(p, key) for p in different])[made] for key in ("offset1", "offset2")
+            np.array([getattr(p, key) for p in different])[row] for key in ("offset1", "offset2")
         )
         offset = first[:, None] + along[:, :, None] * (second - first)[:, None]
     zone, soft, ends = _end_lines(different, owner, mesh)
-    taper, knots = _tapers(different, made)
+    taper, knots = _tapers(different, row)
     plain = (soft < 0) & (taper < 0)
     for part in (offset, zone):
         plain &= ~part.any(axis=tuple(range(1, part.ndim)))
@@ -135,15 +134,16 @@ def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, NDArray[n
 
 
 def _kinds(
-    different: list[MemberProperties], made: NDArray[np.int64], along: NDArray[np.float64]
+    different: list[MemberProperties], row: NDArray[np.int64], along: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], list[tuple[MemberProperties, Section]]]:
     """Return the row of each line in a list of properties with sections, and the list."""
     kinds = [(p, p.section) for p in different]
-    kind = made.copy()
+    kind = row.copy()
     for i, p in enumerate(different):
         if p.section2 is None:
             continue
-        rows = np.flatnonzero(made == i)
+        rows = np.flatnonzero(row == i)
+        # a tapered line has the constants of its middle; its matrices integrate those at the stations
         middle, which = np.unique(along[rows].mean(axis=1), return_inverse=True)
         kind[rows] = len(kinds) + which
         kinds += [(p, Section.between(p.section, p.section2, float(x))) for x in middle]
@@ -151,16 +151,16 @@ def _kinds(
 
 
 def _tapers(
-    different: list[MemberProperties], made: NDArray[np.int64]
+    different: list[MemberProperties], row: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the row of each line in a table of tapers, -1 for none, and constants at the tapers' knots."""
-    row, knots = np.full(len(made), -1), []
+    taper, knots = np.full(len(row), -1), []
     for i, p in enumerate(different):
         if p.section2 is not None:
-            row[made == i] = len(knots)
+            taper[row == i] = len(knots)
             sections = [Section.between(p.section, p.section2, float(x)) for x in tapered.KNOTS]
             knots.append([[getattr(s, key) for key in CONSTANTS] for s in sections])
-    return row, np.array(knots).reshape(-1, tapered.N_KNOTS, len(CONSTANTS))
+    return taper, np.array(knots).reshape(-1, tapered.N_KNOTS, len(CONSTANTS))
 
 
 def _end_lines(
@@ -202,6 +202,7 @@ def _check_layout(layout: Layout, mesh: Mesh) -> None:
 
 
 def _check_orientations(layout: Layout, mesh: Mesh) -> None:
+    """Refuse orientations parallel to the axis."""
     rows = np.flatnonzero(np.isfinite(layout.table["up"][layout.kind, 0]))
     if rows.size:
         t = axis_vectors(layout, mesh, rows)
@@ -213,6 +214,7 @@ def _check_orientations(layout: Layout, mesh: Mesh) -> None:
 
 
 def _check_bars(layout: Layout, mesh: Mesh) -> None:
+    """Refuse bars of several elements with an offset: their inner points have no rotational stiffness."""
     bars = np.flatnonzero((layout.table["bar"][layout.kind] != 0) & layout.offset.any(axis=(1, 2)))
     if bars.size:
         chains, member = mesh.chains()
@@ -229,6 +231,7 @@ def _check_bars(layout: Layout, mesh: Mesh) -> None:
 
 
 def _check_rigid_zones(layout: Layout, mesh: Mesh) -> None:
+    """Refuse rigid zones that leave less than a thousandth of their element to bend."""
     rows = np.flatnonzero(layout.zone.any(axis=1))
     if not rows.size:
         return
@@ -245,6 +248,7 @@ def _check_rigid_zones(layout: Layout, mesh: Mesh) -> None:
 
 
 def _member(mesh: Mesh, line: int) -> str:
+    """Return the name of the member that a line belongs to."""
     return str(mesh.member_of_line()[int(line)])
 
 
@@ -254,7 +258,7 @@ def axis_vectors(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> NDArray
     return mesh.points[line[:, 1]] - mesh.points[line[:, 0]] + layout.offset[rows, 1] - layout.offset[rows, 0]
 
 
-def place(
+def axes_and_arms(
     layout: Layout, mesh: Mesh, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part.
@@ -262,19 +266,19 @@ def place(
     They are kept for all lines of meshes with at most `MANY_LINES`.
     """
     if mesh.n_lines > MANY_LINES:
-        return _places_of(layout, mesh, rows)
-    axes, arms, span, L = _kept_places(layout, mesh)
+        return _axes_and_arms_of(layout, mesh, rows)
+    axes, arms, span, L = _kept_axes_and_arms(layout, mesh)
     return axes[rows], arms[rows], span[rows], L[rows]
 
 
 @lru_cache(maxsize=8)
-def _kept_places(
+def _kept_axes_and_arms(
     layout: Layout, mesh: Mesh
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    return _places_of(layout, mesh, np.arange(mesh.n_lines))
+    return _axes_and_arms_of(layout, mesh, np.arange(mesh.n_lines))
 
 
-def _places_of(
+def _axes_and_arms_of(
     layout: Layout, mesh: Mesh, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     t = axis_vectors(layout, mesh, rows)
@@ -303,6 +307,6 @@ def alike(members: Mapping[str, MemberProperties], mesh: Mesh, member: str) -> b
 @lru_cache(maxsize=1024)
 def _kept_alike(members: Identity, mesh: Mesh, member: str) -> bool:
     layout, rows = _kept_layout(members, mesh), mesh.members[member]
-    R, _, _, L = place(layout, mesh, rows)
+    R, _, _, L = axes_and_arms(layout, mesh, rows)
     same = layout.plain[rows].all() and (layout.kind[rows] == layout.kind[rows[0]]).all()
     return bool(same and np.ptp(L) <= EQUAL * L[0] and np.abs(R - R[0]).max() <= EQUAL)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.elements import tapered
-from fem.elements.layout import CONSTANTS, Identity, Layout, constants_at, place
+from fem.elements.layout import CONSTANTS, Identity, Layout, axes_and_arms, constants_at
 from fem.mesh import Mesh
 from fem.model import Array, dofs_of
 
@@ -125,7 +125,7 @@ def form_lines(
     change : SectionChange
         Factors of the sections' constants.
     """
-    R, end, span, L = place(layout, mesh, rows)
+    R, end, span, L = axes_and_arms(layout, mesh, rows)
     kind = layout.kind[rows]
     table = _constants_of(layout, kind, shear_factors, change)
     E, rho = _moduli(layout, kind, values)

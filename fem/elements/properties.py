@@ -69,9 +69,9 @@ class MemberProperties:
     pretension: float = 0.0
 
     def __post_init__(self) -> None:
-        for what, value, allowed in (("beam theory", self.theory, THEORIES), ("mass", self.mass, MASSES)):
+        for name, value, allowed in (("beam theory", self.theory, THEORIES), ("mass", self.mass, MASSES)):
             if value not in allowed:
-                msg = f"the {what} is '{value}'; allowed are {', '.join(allowed)}"
+                msg = f"the {name} is '{value}'; allowed are {', '.join(allowed)}"
                 raise ModelError(msg)
         if self.rigid1 < 0 or self.rigid2 < 0:
             msg = f"rigid end zones are {self.rigid1:g} and {self.rigid2:g} m; they cannot be negative"

@@ -1,6 +1,6 @@
 """Beams whose section changes along them, from the section's constants at a few stations.
 
-Forces at its ends load a beam with constant N, T and V and a linear M, whatever its section. The strains
+Forces at its ends load a beam with constant N, T and V and a linear M, for any section. The strains
 follow from the local flexibility, and displacements from integrating these once or twice:
 
     θ(x) = ∫₀ˣ M / EI ds,   v(x) = ∫₀ˣ (x - s) M / EI ds + ∫₀ˣ V / kGA ds.
@@ -87,9 +87,9 @@ def extension(x: Array, area: Array, derivative: bool = False) -> Array:
 
 
 def bending(x: Array, L: Array, I: Array, shear: Array, wanted: str) -> list[Array]:
-    """Return what is wanted of v, r, c and s, each (…, b, 4): deflection, rotation, curvature and slope.
+    """Return shape functions for the ends' motion (v1, θ1, v2, θ2), each (…, b, 4).
 
-    For the ends' motion (v1, θ1, v2, θ2).
+    ``wanted`` has a letter for each: v deflection, r rotation, c curvature, s slope.
 
     Parameters
     ----------

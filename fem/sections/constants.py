@@ -34,7 +34,7 @@ class SectionConstants:
     outlines : tuple of ndarray (n, 2)
         Closed polygons in the (y, z) plane for drawing, the outer first, then holes [m].
     label : str
-        How it was made, for reports.
+        Name for reports, such as its shape and dimensions.
     Ip : float
         Polar second moment for rotary inertia about x [m⁴]; ``Iy + Iz`` unless given.
     shape : str

@@ -45,7 +45,7 @@ def shear_flexibility_of_rectangle(b: float, h: float, nu: float) -> float:
 
 
 def cowper_rectangle(nu: float) -> float:
-    """Return k of a rectangle, whatever its sides (Cowper 1966)."""
+    """Return k of a rectangle of any sides (Cowper 1966)."""
     return 10 * (1 + nu) / (12 + 11 * nu)
 
 

@@ -20,7 +20,7 @@ class SolidShapes(SectionConstants):
         """Solid rectangle: width b along y, height h along z [m].
 
         J from the series of Timoshenko & Goodier, *Theory of Elasticity*, art. 109; k of each direction from
-        :func:`shear_coefficient_of_rectangle`, 5/6 for ν = 0 whatever the sides.
+        :func:`shear_coefficient_of_rectangle`, 5/6 for ν = 0 and any sides.
         """
         check_positive("rectangle", b=b, h=h)
         long, short = max(b, h), min(b, h)

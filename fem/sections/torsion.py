@@ -1,6 +1,6 @@
 """Torsion constants of the walls, junctions and corners of open sections.
 
-St Venant's torsion: open sections are stiffer near ends that cannot warp than their J says.
+St Venant's torsion: open sections are stiffer near ends that cannot warp than by J alone.
 """
 
 import numpy as np

@@ -10,7 +10,7 @@ from fem.materials import PropertyError
 
 
 class Warping(NamedTuple):
-    """What the warping of a section gives.
+    """Constants of a section from its warping.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ def warping_constants(outlines: Sequence[NDArray[np.float64]], nu: float, n_tria
     nu : float
         Poisson's ratio [-].
     n_triangles : int
-        About how many there are.
+        About the number of triangles.
 
     Raises
     ------
