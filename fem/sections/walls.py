@@ -11,8 +11,8 @@ and Design of Elastic Beams*, 2002). Then
 
     1 / (kz A) = ∫ (q/V_z)² / t ds
 
-and the flow's moment about the centroid is V_z times the shear centre's y. This k is that of Cowper's formulas
-for thin walls (J. Appl. Mech. 33, 1966, 335-340) at ν = 0.
+and the flow's moment about the centroid is V_z times the shear centre's y. This k is that of Cowper's
+formulas for thin walls (J. Appl. Mech. 33, 1966, 335-340) at ν = 0.
 """
 
 from collections.abc import Sequence
