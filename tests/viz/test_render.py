@@ -216,7 +216,8 @@ def test_pictures_need_no_display_and_print_nothing(tmp_path):
     code = (
         "from fem.mesh import Mesh; from fem.model import Model\n"
         "from fem.materials import Material; from fem.sections.section import Section\n"
-        "from fem.elements.frame import Frame, MemberProperties; from viz.render import render_model\n"
+        "from fem.elements.frame import Frame; from fem.elements.properties import MemberProperties\n"
+        "from viz.render import render_model\n"
         "m = Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {'a': [0]})\n"
         "p = MemberProperties(Material('s', 2e11, 7850), Section.rectangle(0.03, 0.01))\n"
         f"render_model(Model(m, (Frame(members={{'a': p}}),)), {str(tmp_path / 'a.png')!r})\n"
