@@ -19,7 +19,7 @@ from dovetail.file.writing import (
 )
 from dovetail.result import FRFS, RunResult
 from fem.connection_damping import ConnectionDamping
-from fem.effects.joint_patch import JointPatch
+from fem.effects.joint import Spread
 from fem.model import Damping, Model, ParameterRef
 from updating.inference.fit import FitProblem, FitResult
 
@@ -86,7 +86,7 @@ def fitted_damping(
     return Damping.modal(members, at, powers=True), (at, others[0]) if connected else None
 
 
-def patches(result: RunResult) -> tuple[JointPatch, ...]:
+def patches(result: RunResult) -> tuple[Spread, ...]:
     """Return the joints' patches that the fitted model has and the study has not, with its values."""
     known, model = {e.name for e in result.study.model.effects}, result.diagnosis.model
-    return tuple(e.fitted_in(model) for e in model.of_kind(JointPatch) if e.name not in known)
+    return tuple(e.fitted_in(model) for e in model.of_kind(Spread) if e.name not in known)

@@ -7,10 +7,9 @@ import numpy as np
 from dovetail.file.config import Study
 from dovetail.file.table import StudyError, suggest
 from fem.connection_damping import ConnectionDamping
-from fem.effects.joint import Joint
-from fem.effects.joint_patch import JointPatch
-from fem.effects.joint_stiffness import JointStiffness
-from fem.model import DIRECTIONS, Model, directions_from
+from fem.directions import directions_from
+from fem.effects.joint import Joint, Spread
+from fem.model import Model
 from joint.assembly import JointTask
 from updating.measurement.measurement import Measurement
 
@@ -68,20 +67,15 @@ def _with_known(study: Study, name: str) -> Model:
             model = model.without_effect(effect.name).with_effect(replace(effect, but=(*effect.but, name)))
         if effect.name == name or name not in (getattr(effect, "joint", ""), *getattr(effect, "joints", ())):
             continue
-        if isinstance(effect, JointPatch):
+        if isinstance(effect, Spread):
             continue  # it says where the joint acts
-        if not isinstance(effect, JointStiffness) or effect.joints != (name,):
+        new = effect.merged_into(model.effect(name))
+        if new is None:
             msg = (
                 f"{study.path}: the effect '{effect.name}' in [[effects]] acts on joint '{name}'; what is "
                 "identified would be beside it: take it out"
             )
             raise StudyError(msg)
-        joint = model.effect(name)
-        assert isinstance(joint, Joint)
-        i, K = DIRECTIONS.index(effect.direction), np.array(joint.K, dtype=float)
-        K[i, i] = effect.stiffness
-        rigid = tuple(d for d in joint.rigid if d != effect.direction)
-        new = replace(joint, K=K, rigid=rigid)
         kept = (e for e in model.effects if e.name != effect.name)
         model = replace(model, effects=tuple(new if e.name == name else e for e in kept))
     return model

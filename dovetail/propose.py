@@ -120,7 +120,7 @@ def write_proposal(study: Study, found: Estimate, path: Path) -> tuple[Effect, .
     for element in effects[1:]:
         assert isinstance(element, Viscoelastic)
         text += _viscoelastic(study, joint.name, element)
-    text = with_paths(_without_known(text, found.task.model, joint.name), study.path.parent, path.parent)
+    text = with_paths(_without_known(text, found.task.model), study.path.parent, path.parent)
     with replacing(path) as scratch:
         scratch.write_bytes(text.encode())
         model = load_study(scratch).model
@@ -134,13 +134,12 @@ def write_proposal(study: Study, found: Estimate, path: Path) -> tuple[Effect, .
     return effects
 
 
-def _without_known(text: str, model: Model, name: str) -> str:
+def _without_known(text: str, model: Model) -> str:
     """Return a text without the known effects whose stiffness the joint has by now, as comments."""
     gone = [
         ("effects", i)
         for i, one in enumerate(tomllib.loads(text).get("effects", []))
-        if one["candidate"].startswith(f"joint_stiffness:{name}.")
-        and one.get("name", f"known {one['candidate']}") not in {e.name for e in model.effects}
+        if one.get("name", f"known {one['candidate']}") not in {e.name for e in model.effects}
     ]
     return without(text, *reversed(gone))
 

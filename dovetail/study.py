@@ -33,7 +33,6 @@ from dovetail.result import RunResult
 from fem.analysis.frf import FRF, FRFKind, compute_frf
 from fem.analysis.modes import Modes, first_modes
 from fem.connection_damping import ConnectionDamping
-from fem.effects.joint_patch import JointPatch, with_patch
 from fem.io.atomic import replacing
 from fem.model import Effect, Model
 from fem.system import assemble
@@ -149,7 +148,7 @@ class Study(config.Study):
         new = tuple(e.effect if isinstance(e, Finding) else e for e in effects)
         model = self.model
         for effect in new:
-            model = with_patch(model, effect) if isinstance(effect, JointPatch) else model.with_effect(effect)
+            model = effect.added_to(model)
         return replace(self, model=model, added=(*self.added, *new))
 
     def fit(self) -> "Study":

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.declarations import Role
 from fem.model import Array, Contribution, Damping, Effect, Model, Parameter, ParameterRef, power_between
 
 
@@ -51,6 +52,7 @@ class ConnectionDamping(Effect):
     """
 
     kind: ClassVar[str] = "connection_damping"
+    role: ClassVar[Role] = Role.DISSIPATION
     name: str = "connection_damping"
     frequency: NDArray[np.float64]
     ratio: NDArray[np.float64]

@@ -5,14 +5,15 @@ stiffness are effects, one file each in ``fem.effects``. Effects are additive an
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.mesh import Mesh
+from fem.declarations import ArmForce, Entry, Marker, Role, StaticState, Yardstick
+from fem.mesh import Location, Mesh
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The six degrees of freedom of a point, in their order."""
@@ -42,28 +43,6 @@ def dofs_of(points: ArrayLike) -> NDArray[np.int64]:
     return 6 * np.asarray(points, dtype=np.int64)[..., None] + np.arange(6)
 
 
-def direction_vector(direction: str | ArrayLike) -> NDArray[np.float64]:
-    """Return a unit vector for ``"x"``, ``"-z"`` or three components, shape (3,).
-
-    Raises
-    ------
-    ModelError
-        If it is not a direction.
-    """
-    if isinstance(direction, str):
-        sign, letter = (-1.0, direction[1:]) if direction[:1] == "-" else (1.0, direction.removeprefix("+"))
-        if letter.lower() in ("x", "y", "z"):
-            return sign * np.eye(3)["xyz".index(letter.lower())]
-    else:
-        v = np.asarray(direction, dtype=float)
-        if v.shape == (3,) and np.isfinite(v).all() and np.linalg.norm(v) > 0:
-            return v / np.linalg.norm(v)
-    msg = (
-        f"{direction!r} is not a direction; use x, y, z, -x, -y, -z or three components that are not all zero"
-    )
-    raise ModelError(msg)
-
-
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A parameter of an effect.
@@ -83,6 +62,8 @@ class Parameter:
     linear : bool
         True if K, M, C and D are affine functions of all the effect's linear parameters together while the
         others are fixed.
+    position : bool
+        True if it is an arc length along the effect's member, which says where the effect is.
     """
 
     name: str
@@ -93,6 +74,7 @@ class Parameter:
     upper: float
     log: bool = False
     linear: bool = False
+    position: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,13 +174,31 @@ class Effect(ABC):
     spread : str
         Name of the parameter, if any, at whose lower bound the effect is a simpler one that is proposed, too,
         as a mass on a short stretch is a point mass, and a foundation with little damping a flexible support.
+    role : Role
+        Which part of a model it belongs to.
+    within_members : bool
+        Whether all its elements are those of members' lines, which no motion of a rigid body strains.
+    reduced_part : bool
+        Whether it is a part given by matrices, of whose mass and inner forces nothing else is known.
+    marker : Marker or None
+        How pictures mark it; the drawing chooses where it is None.
+    statement : str
+        Sentence of a finding: a format string with the fields of `dovetail.report.words.sentence`.
+    entry : Entry or None
+        Its row in the documentation; of kinds that a search proposes.
     """
 
     kind: ClassVar[str]
+    role: ClassVar[Role]
     reciprocal: ClassVar[bool] = True
     amplitude_dependent: ClassVar[bool] = False
     connection: ClassVar[bool] = False
     spread: ClassVar[str] = ""
+    within_members: ClassVar[bool] = False
+    reduced_part: ClassVar[bool] = False
+    marker: ClassVar[Marker | None] = None
+    statement: ClassVar[str] = ""
+    entry: ClassVar[Entry | None] = None
     name: str
 
     @abstractmethod
@@ -289,6 +289,35 @@ class Effect(ABC):
     def locations(self, model: "Model") -> NDArray[np.float64]:
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))
+
+    def added_to(self, model: "Model") -> "Model":
+        """Return a model with it; an effect that stands for values of others changes these, too."""
+        return model.with_effect(self)
+
+    def merged_into(self, other: "Effect") -> "Effect | None":
+        """Return another effect whose values say what this one does; None if they cannot."""
+        return None
+
+    def acts_along(self, model: "Model", direction: str) -> bool:
+        """Whether it acts in a direction of the model's, x … rz; also one that names no direction does."""
+        own = getattr(self, "direction", None)
+        return not isinstance(own, str) or own.lstrip("+-") == direction
+
+    def on_lines(self, model: "Model") -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
+        """Return those of its elements that belong to lines of the mesh, with these lines (b,)."""
+        return ()
+
+    def point_masses(self, model: "Model") -> tuple[tuple[Location, float], ...]:
+        """Return masses between the ends of lines, which gravity pulls there: places, and masses [kg]."""
+        return ()
+
+    def arm_forces(self, model: "Model", state: StaticState) -> tuple[ArmForce, ...]:
+        """Return the forces of a static state at the ends of rigid arms, but for those of its stiffness."""
+        return ()
+
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield parameters or fields whose values are implausible, each with a sentence that says why."""
+        yield from ()
 
 
 def parameter_values(effect: Effect) -> dict[str, float]:
@@ -548,24 +577,3 @@ def lever_stiffness(arm: NDArray[np.float64], force: NDArray[Any]) -> NDArray[An
     outer = force[:, :, None] * arm[:, None, :]
     trace = np.einsum("bii->b", outer)
     return (outer + np.swapaxes(outer, 1, 2)) / 2 - trace[:, None, None] * np.eye(3)
-
-
-def directions_from(text: str | Sequence[str], what: str) -> tuple[str, ...]:
-    """Read a set of DOF directions: ``"all"``, ``"translations"``, ``"rotations"`` or some of x y z rx ry rz.
-
-    Raises
-    ------
-    ModelError
-        If a word is not one of these.
-    """
-    named = {"all": DIRECTIONS, "translations": DIRECTIONS[:3], "rotations": DIRECTIONS[3:]}
-    words: Iterable[str] = named.get(text, text.replace(",", " ").split()) if isinstance(text, str) else text
-    words = tuple(words)
-    for word in words:
-        if word not in DIRECTIONS:
-            msg = (
-                f"{what}: '{word}' is not a direction; allowed are {', '.join(DIRECTIONS)}, all, "
-                "translations, rotations"
-            )
-            raise ModelError(msg)
-    return tuple(d for d in DIRECTIONS if d in words)

@@ -16,14 +16,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.added_mass import AddedMass, PointMass
-from fem.effects.joint import Joint
-from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.materials import Material
 from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Damping, Model
+from fem.model import Damping, Model
 from fem.sections.section import Section
 
 MODULUS = (0.3e6, 1.22e12)
@@ -60,9 +57,6 @@ LOOSE_RATIO = 1e-9
 
 MOST_PRESTRAIN = 0.02
 """Strain of a pretension above that at which steel wire breaks [-]."""
-
-SPRINGS = ("foundation", "foundation_dashpot", "ground_spring", "side_spring", "support_flexibility")
-"""Kinds of effects that have a stiffness of their own."""
 
 _LOOKED_AT = 100
 """Members of one kind of mistake that are looked at."""
@@ -425,69 +419,27 @@ def _of_members(members: Sequence[_Alike]) -> Iterator[Suspicion]:
 # Effects and damping ----------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Structure:
+    """The members as the yardstick of effects."""
+
+    members: Sequence[_Alike]
+    mass: float
+    size: float
+
+    def odd_stiffness(self, direction: str, stiffness: float) -> str:
+        """Return in words why a stiffness is absurd, empty where it is not."""
+        return _odd_stiffness(direction, stiffness, self.members)
+
+
 def _of_effects(model: Model, members: Sequence[_Alike]) -> Iterator[Suspicion]:
-    # what superelements weigh is not known here
-    structure = np.inf if model.of_kind(Superelement) else sum(m.mass for m in members)
+    # the mass of reduced parts is not known here
+    unknown = any(e.reduced_part for e in model.effects)
+    mass = np.inf if unknown else sum(m.mass for m in members)
+    structure = _Structure(members, mass, model.mesh.size)
     for e in model.effects:
-        if isinstance(e, AddedMass | PointMass):
-            yield from _of_mass(model, e, structure)
-        elif isinstance(e, Joint):
-            yield from _of_joint(e, members, structure)
-        else:
-            for p in e.parameters() if e.kind in SPRINGS else ():
-                k = float(np.real(p.value))
-                if p.unit in ("N/m", "N·m/rad") and 0 < k < np.inf:
-                    d = "x" if p.unit == "N/m" else "rx"
-                    if text := _odd_stiffness(d, k, members):
-                        yield Suspicion(
-                            ("effect", e.name, p.name), f"{e.kind} '{e.name}': {p.name} is {text}"
-                        )
-
-
-def _of_mass(model: Model, e: AddedMass | PointMass, structure: float) -> Iterator[Suspicion]:
-    mass = float(np.real(e.mass))
-    if mass > structure:
-        hint = f"; is it in grams ({mass / 1000:.4g} kg)?" if mass / 1000 < structure else ""
-        yield Suspicion(
-            ("effect", e.name, "mass"),
-            f"'{e.name}' has {mass:.4g} kg, more than all members together ({structure:.4g} kg){hint}",
-        )
-    if isinstance(e, PointMass):
-        return
-    size = model.mesh.size
-    arm = float(np.linalg.norm(e.arm))
-    if arm > size:
-        yield Suspicion(
-            ("effect", e.name, "arm"),
-            f"'{e.name}' has an arm of {arm:.4g} m on a structure of {size:.4g} m; is it in mm?",
-        )
-    radius = np.sqrt(max(float(np.abs(e.inertia).max()), 0.0) / mass) if mass > 0 else 0.0
-    if radius > size:
-        yield Suspicion(
-            ("effect", e.name, "inertia"),
-            f"'{e.name}' has a radius of gyration of {radius:.4g} m on a structure of {size:.4g} m; is its "
-            "inertia in kg·m²?",
-        )
-
-
-def _of_joint(e: Joint, members: Sequence[_Alike], structure: float) -> Iterator[Suspicion]:
-    for d in e.elastic:
-        k = float(np.real(e.K[DIRECTIONS.index(d), DIRECTIONS.index(d)]))
-        if k > 0 and (text := _odd_stiffness(d, k, members)):
-            yield Suspicion(("effect", e.name, f"k{d}"), f"joint '{e.name}': k{d} is {text}")
-    eta = float(np.real(e.eta))
-    if eta > 1:
-        yield Suspicion(
-            ("effect", e.name, "eta"),
-            f"joint '{e.name}': its loss factor eta = {eta:g} is implausible; joints have up to 1; in per "
-            f"cent it would be {eta / 100:g}",
-        )
-    mass = float(np.real(np.diag(e.M)[:3]).max())
-    if mass > structure:
-        yield Suspicion(
-            ("effect", e.name, "M"),
-            f"joint '{e.name}' has {mass:.4g} kg, more than all members together ({structure:.4g} kg)",
-        )
+        for key, text in e.doubts(structure):
+            yield Suspicion(("effect", e.name, key), text)
 
 
 def _odd_stiffness(d: str, k: float, members: Sequence[_Alike]) -> str:

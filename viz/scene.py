@@ -23,7 +23,7 @@ from fem.model import Model
 from updating.measurement.measurement import Sensor
 from viz import style
 from viz.layout import merge_names
-from viz.markers import MARKERS, OTHER_MARKERS
+from viz.markers import COLOURS, OTHER_MARKERS, SHAPES
 from viz.meshes import arrow_mesh, polydata, wire_mesh
 from viz.models import surface_places
 from viz.overlay import (
@@ -169,18 +169,20 @@ class Scene:
     def add_effects(self, model: Model) -> None:
         """Add a marker at every place where an effect other than the frame acts."""
         others = iter(OTHER_MARKERS * 4)
-        marker = dict(MARKERS)
-        seen: list[str] = []
+        seen: dict[str, tuple[str, str]] = {}
         for effect in model.effects:
             places = effect.locations(model)
             if not len(places):
                 continue
-            if effect.kind not in marker:
-                marker[effect.kind] = (next(others), style.GREEN)
-            shape, colour = marker[effect.kind]
+            if effect.kind in seen:
+                shape, colour = seen[effect.kind]
+            elif effect.marker is None:
+                shape, colour = next(others), style.GREEN
+            else:
+                shape, colour = SHAPES[effect.marker.shape], COLOURS[effect.marker.colour]
             self.marks += [(place, shape, colour, 7.0) for place in places]
             if effect.kind not in seen:
-                seen.append(effect.kind)
+                seen[effect.kind] = shape, colour
                 key = Line2D(
                     [], [], linestyle="", marker=shape, color=colour, markersize=6, markeredgecolor="white"
                 )

@@ -10,8 +10,8 @@ import numpy as np
 from dovetail.file.table import Table, suggest
 from dovetail.file.toml import toml_table
 from fem.effects import candidate_kinds, effect_classes
+from fem.effects.joint import Spread
 from fem.effects.joint_nonlinear import AmplitudeDependent
-from fem.effects.joint_patch import JointPatch, with_patch
 from fem.model import Effect, Instruments, Model, Parameter
 from updating.measurement.measurement import Sensor, sensor_point
 
@@ -50,11 +50,13 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
         names.add(own)
         t.finish()
         effect = replace(effect.with_values(**values), name=own)
-        if isinstance(effect, JointPatch):
-            model = with_patch(model, effect)
+        if isinstance(effect, Spread):
+            model = effect.added_to(model)
         else:
             out.append(effect)
-    return model.with_effect(*out)
+    for effect in out:
+        model = effect.added_to(model)
+    return model
 
 
 def read_values(top: Table, model: Model) -> Model:

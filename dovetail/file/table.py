@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.lines import Path
-from fem.model import direction_vector, directions_from
+from fem.directions import direction_vector, directions_from
 
 MOST = 2**63 - 1
 """Largest whole number that is read."""

@@ -13,7 +13,6 @@ import numpy as np
 from dovetail.file.effects import effect_table
 from dovetail.file.lines import Path, Places, places_of
 from dovetail.file.toml import toml_key, toml_table, with_values, without
-from fem.effects.joint_stiffness import JointStiffness
 from fem.model import DIRECTIONS, Damping, Effect, Model, ParameterRef, parameter_values
 
 Tree = Mapping[str, Any]
@@ -124,9 +123,11 @@ def with_effects(text: str, effects: Sequence[Effect]) -> str:
         entries = _tables(tomllib.loads(text), "effects")
         names = [e.get("name", f"known {e['candidate']}") for e in entries]
         same = [i for i, e in enumerate(entries) if e["candidate"] == candidate]
-        instead = [names.index(name) for name, _ in effect.replaces() if name in names]
-        if isinstance(effect, JointStiffness) and instead and set(instead) <= set(same):
-            text = with_values(text, {("effects", instead[0], "stiffness"): float(effect.stiffness)})
+        own = parameter_values(effect)
+        instead = [(names.index(name), key) for name, key in effect.replaces() if name in names]
+        if instead and {i for i, _ in instead} <= set(same) and instead[0][1] in own:
+            i, key = instead[0]
+            text = with_values(text, {("effects", i, key): float(own[key])})
             continue
         name = f"known {candidate}"
         number = 2

@@ -192,28 +192,34 @@ def headline(result: RunResult) -> str:
 
 
 def sentence(finding: Finding) -> str:
-    """Return what a finding says about the structure, in a plain sentence."""
+    """Return a finding as a plain sentence about the structure, the effect's own statement where it has one.
+
+    Fields of a statement: ``where`` (place and direction), ``thing`` (the place alone), ``direction``,
+    ``member`` and ``at`` of a place along a member, and ``label``; by the sign of the change ``stiffer``,
+    ``heavier`` and ``tension``; by the number of places ``are``, ``act`` and ``give``.
+    """
     where = place(finding.effect.where)
     thing, comma, direction = where.rpartition(", ")
     thing, direction = (thing, direction) if comma else (where, "")
     member, _, at = where.partition(" at ")
     change = _change(finding)
-    stiffer, heavier = ("stiffer", "heavier") if change > 0 else ("softer", "lighter")
+    more = change > 0
     several = "supports" in thing or "joints" in thing
-    give, are = ("give", "are") if several else ("gives", "is")
-    text = {
-        "joint_stiffness": f"{thing} {are} {stiffer} {direction} than in the model",
-        "joint_viscous_damping": f"{thing} has a damper {direction} that the model lacks",
-        "joint_structural_damping": f"{thing} dissipates more than in the model",
-        "member_density": f"{where} is {heavier} than in the model",
-        "member_stiffness": f"{where} is {stiffer} than in the model",
-        "joint_patch": f"{thing} {'act' if several else 'acts'} over an area",
-        "solid_corner": "the structure has solid corners, whose size centre lines leave out",
-        "point_mass": f"{member} carries a mass at {at} that the model lacks",
-        "preload": f"{where} is under {'tension' if change > 0 else 'compression'} that the model lacks",
-        "stiffness_loss": f"{member} has lost stiffness at {at}",
-        "support_flexibility": f"{thing} {give} way {direction}, which the model takes to be rigid",
-    }.get(finding.effect.kind, f"the model lacks {effect_label(finding.effect.kind, finding.effect.where)}")
+    statement = finding.effect.statement or "the model lacks {label}"
+    text = statement.format(
+        label=effect_label(finding.effect.kind, finding.effect.where),
+        where=where,
+        thing=thing,
+        direction=direction,
+        member=member,
+        at=at,
+        stiffer="stiffer" if more else "softer",
+        heavier="heavier" if more else "lighter",
+        tension="tension" if more else "compression",
+        are="are" if several else "is",
+        act="act" if several else "acts",
+        give="give" if several else "gives",
+    )
     n = len(finding.twins)
     if n:
         others = "another effect" if n == 1 else f"one of {n} others"

@@ -9,8 +9,6 @@ from scipy.optimize import linear_sum_assignment
 from dovetail.validation.cases import Case, Implant
 from dovetail.validation.hidden import KINDS, Place
 from fem.effects import candidate_kinds
-from fem.effects.places import frame_of
-from fem.effects.side_spring import SideSpring
 from fem.model import Effect, Model
 from updating.correlation import log_ratio, rms_db
 from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, Diagnosis, propose
@@ -19,8 +17,6 @@ from updating.quality.faults import Fault
 
 FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""
-
-_PARALLEL = np.cos(np.radians(5))
 
 FAULT_KINDS = ("sensor_gain", "sensor_sign", "sensor_delay", "sensor_swap", "sensor_tilt", "sensor_position")
 """What faults a diagnosis is asked for."""
@@ -48,17 +44,10 @@ def same_place(effect: Effect, model: Model, place: Place) -> bool:
             have = getattr(effect, several, None) or (getattr(effect, one, None),)
             if tuple(have) != (want,):
                 return False
-    direction = getattr(effect, "direction", None)
-    if place.direction is not None and isinstance(direction, str):
-        if isinstance(effect, SideSpring):  # along an axis of the section, where the place has a global one
-            line = model.mesh.locate(effect.member, float(effect.position)).line
-            axes = frame_of(model).rotations(model.mesh, [line])[0]
-            along = axes["xyz".index(direction), "xyz".index(place.direction)]
-            if abs(along) < _PARALLEL:
-                return False
-        elif direction.lstrip("+-") != place.direction:
-            return False
-    if place.turns and (getattr(effect, "member", None), direction) not in place.turns:
+    if place.direction is not None and not effect.acts_along(model, place.direction):
+        return False
+    turned = getattr(effect, "member", None), getattr(effect, "direction", None)
+    if place.turns and turned not in place.turns:
         return False
     pair = (getattr(effect, "first", None), getattr(effect, "second", None))
     if place.pair and set(pair) != set(place.pair):

@@ -1,13 +1,15 @@
 """A point mass, at a point of the mesh or at any position along a member."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import ArmForce, Entry, Marker, Role, StaticState, Yardstick
 from fem.elements.frame import Frame
+from fem.mesh import Location
 from fem.model import (
     Contribution,
     Effect,
@@ -37,6 +39,8 @@ class AddedMass(Effect):
     """
 
     kind: ClassVar[str] = "added_mass"
+    role: ClassVar[Role] = Role.MASS
+    marker: ClassVar[Marker | None] = Marker("circle", "green")
     point: int
     mass: Any
     inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
@@ -71,6 +75,29 @@ class AddedMass(Effect):
         T = lever_matrix(self.arm)
         return (Contribution(dofs_of(self.point)[None], M=(T.T @ G @ T)[None]),)
 
+    def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
+        """Return its weight at its arm."""
+        return (ArmForce(self.point, self.arm, -np.real(self.mass) * state.gravity),)
+
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield a mass above that of the members, and an arm or an inertia larger than the structure."""
+        yield from _too_heavy(self.name, self.mass, structure)
+        arm = float(np.linalg.norm(self.arm))
+        if arm > structure.size:
+            yield (
+                "arm",
+                f"'{self.name}' has an arm of {arm:.4g} m on a structure of {structure.size:.4g} m; is it in "
+                "mm?",
+            )
+        mass = float(np.real(self.mass))
+        radius = np.sqrt(max(float(np.abs(self.inertia).max()), 0.0) / mass) if mass > 0 else 0.0
+        if radius > structure.size:
+            yield (
+                "inertia",
+                f"'{self.name}' has a radius of gyration of {radius:.4g} m on a structure of "
+                f"{structure.size:.4g} m; is its inertia in kg·m²?",
+            )
+
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Its centre of mass."""
         return (model.mesh.points[self.point] + self.arm)[None]
@@ -90,6 +117,14 @@ class PointMass(Effect):
     """
 
     kind: ClassVar[str] = "point_mass"
+    role: ClassVar[Role] = Role.MASS
+    marker: ClassVar[Marker | None] = Marker("circle", "green")
+    statement: ClassVar[str] = "{member} carries a mass at {at} that the model lacks"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`mass` [kg], `position` [m]",
+        meaning="a mass anywhere along a member",
+        places="along each member",
+    )
     member: str
     position: Any
     mass: Any
@@ -108,7 +143,7 @@ class PointMass(Effect):
         """Mass and position."""
         return (
             Parameter("mass", "kg", self.mass, 0.0, 0.0, 20 * self.scale, linear=True),
-            Parameter("position", "m", self.position, self.position, *self.span),
+            Parameter("position", "m", self.position, self.position, *self.span, position=True),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -117,6 +152,18 @@ class PointMass(Effect):
         dofs, N = frame.shapes_at(model.mesh, self.member, self.position)
         N = N[:3]
         return (Contribution(dofs[None], M=(self.mass * (N.T @ N))[None]),)
+
+    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
+        """Return all its elements."""
+        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
+
+    def point_masses(self, model: Model) -> tuple[tuple[Location, float], ...]:
+        """Return the mass at its place."""
+        return ((model.mesh.locate(self.member, float(np.real(self.position))), np.real(self.mass)),)
+
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield a mass above that of the members."""
+        yield from _too_heavy(self.name, self.mass, structure)
 
     @classmethod
     def propose(cls, model: Model) -> tuple["Effect", ...]:
@@ -151,3 +198,14 @@ class PointMass(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the place on the member."""
         return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
+
+
+def _too_heavy(name: str, mass: Any, structure: Yardstick) -> Iterator[tuple[str, str]]:
+    """Yield a mass above that of all members."""
+    mass = float(np.real(mass))
+    if mass > structure.mass:
+        hint = f"; is it in grams ({mass / 1000:.4g} kg)?" if mass / 1000 < structure.mass else ""
+        yield (
+            "mass",
+            f"'{name}' has {mass:.4g} kg, more than all members together ({structure.mass:.4g} kg){hint}",
+        )

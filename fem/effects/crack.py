@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.places import (
     OnMember,
     bending_stiffness,
@@ -50,6 +51,16 @@ class Crack(OnMember):
     """
 
     kind: ClassVar[str] = "crack"
+    role: ClassVar[Role] = Role.STIFFNESS
+    marker: ClassVar[Marker | None] = Marker("cross", "orange")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`compliance` [rad/(N·m)], `position` [m]",
+        meaning=(
+            "a rotational flexibility at a place of a member, half its depth from its ends at least, "
+            "for bending in one plane"
+        ),
+        places="along each member, in both planes",
+    )
     position: Any
     compliance: Any
     direction: str
@@ -67,7 +78,13 @@ class Crack(OnMember):
         return (
             Parameter("compliance", "rad/(N·m)", self.compliance, 0.0, 0.0, 5 * self.reference),
             Parameter(
-                "position", "m", self.position, self.position, self.nearest, self.length - self.nearest
+                "position",
+                "m",
+                self.position,
+                self.position,
+                self.nearest,
+                self.length - self.nearest,
+                position=True,
             ),
         )
 
@@ -135,6 +152,13 @@ class EndRelease(OnMember):
     """
 
     kind: ClassVar[str] = "end_release"
+    role: ClassVar[Role] = Role.STIFFNESS
+    marker: ClassVar[Marker | None] = Marker("thin_diamond", "orange")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`compliance` [rad/(N·m)]",
+        meaning="a rotational flexibility where a member's end is welded in the model",
+        places="each welded end of a member",
+    )
     end: int
     direction: str
     compliance: Any

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretch
@@ -36,6 +37,13 @@ class DistributedMass(OnMember):
     """
 
     kind: ClassVar[str] = "distributed_mass"
+    role: ClassVar[Role] = Role.MASS
+    marker: ClassVar[Marker | None] = Marker("octagon", "green")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`mass` [kg/m], `position` [m], `width` [m]",
+        meaning="a mass per length on a stretch of a member around the position",
+        places="along each member",
+    )
     spread: ClassVar[str] = "width"
     mass: Any
     position: Any
@@ -56,7 +64,15 @@ class DistributedMass(OnMember):
         short = 0.1 * self.length
         return (
             Parameter("mass", "kg/m", self.mass, 0.0, 0.0, 20 * self.reference, linear=True),
-            Parameter("position", "m", self.position, self.position, short / 2, self.length - short / 2),
+            Parameter(
+                "position",
+                "m",
+                self.position,
+                self.position,
+                short / 2,
+                self.length - short / 2,
+                position=True,
+            ),
             Parameter("width", "m", self.width, self.width, short, 0.8 * self.length),
         )
 
@@ -126,6 +142,13 @@ class FluidAddedMass(OnMember):
     """
 
     kind: ClassVar[str] = "fluid_added_mass"
+    role: ClassVar[Role] = Role.MASS
+    marker: ClassVar[Marker | None] = Marker("octagon", "sky")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`mass` [kg/m]",
+        meaning="a mass per length that only motion along one of a member's local axes feels",
+        places="both axes of each member",
+    )
     direction: str
     mass: Any
     reference: float

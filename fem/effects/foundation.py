@@ -1,6 +1,6 @@
 """Supports that give way and dissipate: soil, rubber mounts, bolted feet."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, ClassVar, Self
@@ -8,7 +8,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role, Yardstick
 from fem.effects.joint import joint_unit
+from fem.effects.places import odd_stiffness
 from fem.effects.support_flexibility import SupportFlexibility
 from fem.model import DIRECTIONS, Array, Contribution, Effect, Model, Parameter, dofs_of
 
@@ -61,6 +63,10 @@ class _Foundation(Effect):
             if isinstance(e, SupportFlexibility)
         )
 
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield an absurd stiffness."""
+        yield from odd_stiffness(self, structure)
+
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the supports."""
         return np.vstack([model.effect(name).locations(model) for name in self.supports])
@@ -86,6 +92,13 @@ class Foundation(_Foundation):
     """
 
     kind: ClassVar[str] = "foundation"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    marker: ClassVar[Marker | None] = Marker("triangle_down", "vermilion")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m or N·m/rad], `loss_factor` [-]",
+        meaning="a support that gives way and dissipates in a direction in which the model holds it",
+        places="each held direction of each support, and of all alike",
+    )
     spread: ClassVar[str] = "loss_factor"
     loss_factor: Any
 
@@ -128,6 +141,13 @@ class FoundationDashpot(_Foundation):
     """
 
     kind: ClassVar[str] = "foundation_dashpot"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    marker: ClassVar[Marker | None] = Marker("triangle_down", "purple")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m or N·m/rad], `tau` [s]",
+        meaning="the same with a dashpot of `tau` times the stiffness",
+        places="each held direction of each support, and of all alike",
+    )
     spread: ClassVar[str] = "tau"
     tau: Any
 

@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from fem.declarations import Entry, Role
 from fem.effects.ground_spring import GroundSpring
 from fem.effects.places import OnPoint, typical_mass
 from fem.model import DIRECTIONS, Contribution, Model, Parameter
@@ -29,6 +30,12 @@ class GroundDamper(OnPoint):
     """
 
     kind: ClassVar[str] = "ground_damper"
+    role: ClassVar[Role] = Role.DISSIPATION
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`damping` [N·s/m]",
+        meaning="a dashpot to the ground at a member's end or a joint",
+        places="ends of members, and joints within them",
+    )
     damping: Any
     reference: float
 

@@ -1,13 +1,14 @@
 """Springs from points of the structure to the ground that the model lacks: suspensions, cables, stops."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
+from fem.declarations import Entry, Marker, Role, Yardstick
 from fem.effects.joint import Joint, PointPair, joint_unit
-from fem.effects.places import OnPoint, fastening_places, held_directions, typical_stiffness
+from fem.effects.places import OnPoint, fastening_places, held_directions, odd_stiffness, typical_stiffness
 from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter
@@ -29,6 +30,13 @@ class GroundSpring(OnPoint):
     """
 
     kind: ClassVar[str] = "ground_spring"
+    role: ClassVar[Role] = Role.STIFFNESS
+    marker: ClassVar[Marker | None] = Marker("triangle_down", "green")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m or N·m/rad]",
+        meaning="a spring to the ground at a member's end or a joint",
+        places="ends of members, and joints within them",
+    )
     connection: ClassVar[bool] = True
     stiffness: Any
     reference: float
@@ -45,6 +53,10 @@ class GroundSpring(OnPoint):
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a soft suspension, 10⁻³ of a member's stiffness, to a support."""
         return tuple({"stiffness": float(f * self.reference)} for f in np.geomspace(1e-3, 1e5, 17))
+
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield an absurd stiffness."""
+        yield from odd_stiffness(self, structure)
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.places import AtPoint, typical_mass, typical_stiffness
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of, refuse_negative
@@ -57,6 +58,13 @@ class SensorMass(_InstrumentMass):
     """
 
     kind: ClassVar[str] = "sensor_mass"
+    role: ClassVar[Role] = Role.MASS
+    marker: ClassVar[Marker | None] = Marker("dot", "green")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`mass` [kg]",
+        meaning="the same mass at every place of sensors",
+        places="all places of sensors, together",
+    )
 
     @property
     def where(self) -> str:
@@ -89,6 +97,13 @@ class DriverMass(_InstrumentMass):
     """
 
     kind: ClassVar[str] = "driver_mass"
+    role: ClassVar[Role] = Role.MASS
+    marker: ClassVar[Marker | None] = Marker("star", "green")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`mass` [kg]",
+        meaning="a mass where an excitation is, whatever is driven",
+        places="each place of an excitation, and all alike",
+    )
     names: tuple[str, ...]
 
     @property
@@ -140,6 +155,13 @@ class Stinger(AtPoint):
     """
 
     kind: ClassVar[str] = "stinger"
+    role: ClassVar[Role] = Role.STIFFNESS
+    marker: ClassVar[Marker | None] = Marker("star", "purple")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m]",
+        meaning="a stiffness along or across an excitation where it acts, whatever is driven",
+        places="each excitation, along and across it",
+    )
     place: str
     axis: tuple[float, float, float]
     across: bool

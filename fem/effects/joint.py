@@ -4,12 +4,14 @@ A joint has 6×6 K, C, D and M at a place, from which lever arms lead to the poi
 """
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import ArmForce, Marker, Role, StaticState, Yardstick
 from fem.model import (
     DIRECTIONS,
     Constraint,
@@ -67,6 +69,17 @@ def relative_rows(
     )
 
 
+def forces_at(
+    model: Model, dofs: NDArray[np.int64], location: NDArray[np.float64], force: NDArray[np.float64]
+) -> list[ArmForce]:
+    """Return forces on the DOFs of one or two points as such at a place that rigid arms lead to."""
+    points = (int(dof // 6) for dof in dofs[::6])
+    return [
+        ArmForce(point, location - model.mesh.points[point], force[k : k + 3])
+        for point, k in zip(points, range(0, len(dofs), 6), strict=True)
+    ]
+
+
 class Spread(Effect):
     """An effect that lets elements between two points act on stretches of members rather than on points."""
 
@@ -84,6 +97,10 @@ class Spread(Effect):
         point, other : int
             The point, and that on the other side of the element; None is the ground.
         """
+
+    @abstractmethod
+    def fitted_in(self, model: Model) -> Self:
+        """Return it with the values that a model's elements have by now."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -139,6 +156,19 @@ class PointPair(Effect):
                 return np.concatenate([first[0], second[0]]), np.hstack([B1, -B2])
         return None
 
+    @property
+    def rigid_directions(self) -> tuple[str, ...]:
+        """Directions of its axes in which it has no relative motion."""
+        return ()
+
+    def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
+        """Return the forces of its constraints at its place."""
+        dofs, out = self.relative(model)[0], []
+        for c in self.constraints(model) if len(dofs) in (6, 12) else ():
+            if c.key in state.reactions:
+                out += forces_at(model, dofs, self.location, -state.reactions[c.key] * c.coefficients)
+        return tuple(out)
+
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Where it acts."""
         return self.location[None]
@@ -165,6 +195,8 @@ class Joint(PointPair):
     """
 
     kind: ClassVar[str] = "joint"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.MASS | Role.DISSIPATION
+    marker: ClassVar[Marker | None] = Marker("diamond", "joint")
     K: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
     C: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
     D: NDArray[Any] = field(default_factory=lambda: np.zeros((6, 6)))
@@ -193,6 +225,11 @@ class Joint(PointPair):
     def where(self) -> str:
         """The joint's name."""
         return f"joint {self.name}"
+
+    @property
+    def rigid_directions(self) -> tuple[str, ...]:
+        """Return ``rigid``."""
+        return self.rigid
 
     @property
     def elastic(self) -> tuple[str, ...]:
@@ -243,6 +280,27 @@ class Joint(PointPair):
                 T = np.kron(np.eye(2), self.axes) @ lever_matrix(self.location - model.mesh.points[point])
                 parts.append(Contribution(dofs_of(point)[None], M=(T.T @ self.M @ T)[None] / len(sides)))
         return tuple(parts)
+
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield absurd stiffnesses, a loss factor above 1, and a mass above that of the members."""
+        for d in self.elastic:
+            k = float(np.real(self.K[DIRECTIONS.index(d), DIRECTIONS.index(d)]))
+            if k > 0 and (text := structure.odd_stiffness(d, k)):
+                yield f"k{d}", f"joint '{self.name}': k{d} is {text}"
+        eta = float(np.real(self.eta))
+        if eta > 1:
+            yield (
+                "eta",
+                f"joint '{self.name}': its loss factor eta = {eta:g} is implausible; joints have up to 1; in "
+                f"per cent it would be {eta / 100:g}",
+            )
+        mass = float(np.real(np.diag(self.M)[:3]).max())
+        if mass > structure.mass:
+            yield (
+                "M",
+                f"joint '{self.name}' has {mass:.4g} kg, more than all members together "
+                f"({structure.mass:.4g} kg)",
+            )
 
     def constraints(self, model: Model) -> tuple[Constraint, ...]:
         """No relative motion in the rigid directions."""

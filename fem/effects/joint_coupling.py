@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fem.declarations import Entry, Role
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
@@ -35,6 +36,14 @@ class JointCoupling(OnJoint):
     """
 
     kind: ClassVar[str] = "joint_coupling"
+    role: ClassVar[Role] = Role.STIFFNESS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`coupling` [-]",
+        meaning=(
+            "an entry beside the diagonal of a joint's stiffness, in multiples of the root of the two on it"
+        ),
+        places="each pair of elastic directions of each joint",
+    )
     first: str
     second: str
     coupling: Any

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.places import parameters_of
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
@@ -27,6 +28,14 @@ class JointViscousDamping(Effect):
     """
 
     kind: ClassVar[str] = "joint_viscous_damping"
+    role: ClassVar[Role] = Role.DISSIPATION
+    marker: ClassVar[Marker | None] = Marker("hexagon", "purple")
+    statement: ClassVar[str] = "{thing} has a damper {direction} that the model lacks"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`damping` [N·s/m or N·m·s/rad]",
+        meaning="a dashpot in one direction of a joint",
+        places="each elastic direction of each joint",
+    )
     joint: str
     direction: str
     damping: Any
@@ -97,6 +106,14 @@ class JointStructuralDamping(Effect):
     """
 
     kind: ClassVar[str] = "joint_structural_damping"
+    role: ClassVar[Role] = Role.DISSIPATION
+    marker: ClassVar[Marker | None] = Marker("hexagon_flat", "purple")
+    statement: ClassVar[str] = "{thing} dissipates more than in the model"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`loss_factor` [-]",
+        meaning="a loss factor on all stiffnesses of a joint, beyond the model's",
+        places="each joint with elastic directions",
+    )
     joint: str
     loss_factor: Any
 

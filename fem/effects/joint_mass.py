@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint, typical_length, typical_mass
 from fem.model import Array, Contribution, Effect, Model, Parameter, dofs_of, lever_matrix, refuse_negative
@@ -42,6 +43,13 @@ class JointMass(_JointBody):
     """
 
     kind: ClassVar[str] = "joint_mass"
+    role: ClassVar[Role] = Role.MASS
+    marker: ClassVar[Marker | None] = Marker("diamond", "green")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`mass` [kg]",
+        meaning="a mass at a joint",
+        places="each joint",
+    )
     mass: Any
 
     def __post_init__(self) -> None:
@@ -81,6 +89,12 @@ class JointInertia(_JointBody):
     """
 
     kind: ClassVar[str] = "joint_inertia"
+    role: ClassVar[Role] = Role.MASS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`inertia` [kg·m²]",
+        meaning="a rotary inertia at a joint, alike about all axes",
+        places="each joint",
+    )
     inertia: Any
 
     def __post_init__(self) -> None:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Role
 from fem.effects.joint import TRANSLATIONS, Joint, joint_unit
 from fem.effects.places import OnJoint
 from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
@@ -104,6 +105,12 @@ class JointCubic(AmplitudeDependent):
     """
 
     kind: ClassVar[str] = "joint_cubic"
+    role: ClassVar[Role] = Role.STIFFNESS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`cubic` [N/m³ or N·m/rad³]",
+        meaning="a cubic spring beside a joint's own, from two force levels",
+        places="each elastic direction of each joint, with two force levels",
+    )
     cubic: Any
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -153,6 +160,12 @@ class JointGap(AmplitudeDependent):
     """
 
     kind: ClassVar[str] = "joint_gap"
+    role: ClassVar[Role] = Role.STIFFNESS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m or N·m/rad], `gap` [m or rad]",
+        meaning="a spring beside a joint's own that acts beyond a gap on either side, from two force levels",
+        places="each elastic direction of each joint, with two force levels",
+    )
     stiffness: Any
     gap: Any
 
@@ -218,6 +231,12 @@ class JointFriction(AmplitudeDependent):
     """
 
     kind: ClassVar[str] = "joint_friction"
+    role: ClassVar[Role] = Role.DISSIPATION
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`force` [N or N·m]",
+        meaning="dry friction beside a joint's spring, from two force levels",
+        places="each elastic direction of each joint, with two force levels",
+    )
     force: Any
 
     def parameters(self) -> tuple[Parameter, ...]:

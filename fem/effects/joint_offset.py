@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint, frame_of, parameters_of
 from fem.elements.frame import Frame
@@ -44,6 +45,13 @@ class JointOffset(OnJoint):
     """
 
     kind: ClassVar[str] = "joint_offset"
+    role: ClassVar[Role] = Role.GEOMETRY
+    marker: ClassVar[Marker | None] = Marker("diamond", "orange")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`offset` [m]",
+        meaning="a joint that sits elsewhere along one of its axes",
+        places="each axis of each joint",
+    )
     direction: str
     offset: Any
     reach: float

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint, PointPair, Spread
 from fem.effects.places import frame_of, is_bar, section_extent
 from fem.elements.frame import Frame
@@ -62,6 +63,22 @@ class JointPatch(Spread):
     """
 
     kind: ClassVar[str] = "joint_patch"
+    role: ClassVar[Role] = Role.GEOMETRY
+    marker: ClassVar[Marker | None] = Marker("square", "sky")
+    statement: ClassVar[str] = "{thing} {act} over an area"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`size` [-], `twist` [-]",
+        meaning=(
+            "joints that act on the mean motion of a stretch of each member, `size` times as long as "
+            "the other one is broad; where `twist` is not 0, joints that are rigid otherwise turn "
+            "about the normal of the flats, with `twist` times the stiffness of discs as broad as the "
+            "members. Chosen before the search, named in `notes` and written to `found.toml`, and "
+            "none of `effects`"
+        ),
+        places=(
+            "all joints between members that lie on each other and cross, together; chosen before the search"
+        ),
+    )
     sides: tuple[tuple[_Side, _Side], ...]
     joints: tuple[str, ...]
     size: float = 0.0
@@ -120,6 +137,10 @@ class JointPatch(Spread):
                 gives = sum(1 / _disc(model, side, own, across) for side, own in zip(pair, axes, strict=True))
                 out[name, f"k{DIRECTIONS[3 + int(about[0])]}"] = 1 / gives
         return out
+
+    def added_to(self, model: Model) -> Model:
+        """Return a model whose joints turn about their normals if the patches have a ``twist``."""
+        return with_patch(model, self)
 
     def fitted_in(self, model: Model) -> Self:
         """Return patches whose ``twist`` is that of a model's joints, the geometric mean of several."""

@@ -4,12 +4,13 @@ They are softer or stiffer than the model has them, or flexible where the model 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
@@ -35,6 +36,16 @@ class JointStiffness(Effect):
     """
 
     kind: ClassVar[str] = "joint_stiffness"
+    role: ClassVar[Role] = Role.STIFFNESS
+    marker: ClassVar[Marker | None] = Marker("diamond", "purple")
+    statement: ClassVar[str] = "{thing} {are} {stiffer} {direction} than in the model"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m or N·m/rad]",
+        meaning=(
+            "a joint's stiffness in one direction, in place of the model's; also where the model is rigid"
+        ),
+        places="each direction of each joint, and of all that are alike",
+    )
     connection: ClassVar[bool] = True
     joints: tuple[str, ...]
     direction: str
@@ -79,6 +90,14 @@ class JointStiffness(Effect):
         return (
             tuple((name, f"k{self.direction}") for name in self.joints) if np.isfinite(self.assumed) else ()
         )
+
+    def merged_into(self, other: Effect) -> Joint | None:
+        """Return the joint with this stiffness, if it is of that joint alone."""
+        if not isinstance(other, Joint) or self.joints != (other.name,):
+            return None
+        i, K = DIRECTIONS.index(self.direction), np.array(other.K, dtype=float)
+        K[i, i] = self.stiffness
+        return replace(other, K=K, rigid=tuple(d for d in other.rigid if d != self.direction))
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the joints' loss factors."""

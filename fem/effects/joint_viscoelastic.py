@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.places import OnJoint
 from fem.laws import Maxwell, SpringPot
@@ -104,6 +105,13 @@ class JointZener(_JointViscoelastic):
     """
 
     kind: ClassVar[str] = "joint_zener"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    marker: ClassVar[Marker | None] = Marker("diamond", "sky")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`ratio` [-], `tau` [s], `stiffness` [N/m or N·m/rad] where the model is rigid",
+        meaning="a spring and a dashpot in series beside a joint's spring",
+        places="each direction of each joint",
+    )
     ratio: Any
     tau: Any
 
@@ -157,6 +165,13 @@ class JointFractional(_JointViscoelastic):
     """
 
     kind: ClassVar[str] = "joint_fractional"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    marker: ClassVar[Marker | None] = Marker("diamond", "vermilion")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`strength` [-], `exponent` [-], `stiffness` [N/m or N·m/rad] where the model is rigid",
+        meaning="a spring-pot beside a joint's spring: a fractional Kelvin-Voigt joint, `strength` at 100 Hz",
+        places="each direction of each joint",
+    )
     strength: Any
     exponent: Any
 

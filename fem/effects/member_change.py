@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.elements.frame import Frame, member_contribution, nominal
 from fem.model import Contribution, Effect, Model, Parameter, parameter_values
 
@@ -29,6 +30,10 @@ class _MemberChange(Effect):
     def _parts(self, model: Model) -> tuple[Contribution, ...]:
         (frame,) = model.of_kind(Frame)
         return member_contribution(nominal(frame), model, self.member)
+
+    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
+        """Return all its elements."""
+        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
     def rebased(self, model: Model) -> Self:
         """Return the change relative to the present modulus or density, which stays the same amount."""
@@ -67,6 +72,15 @@ class MemberStiffness(_MemberChange):
     """
 
     kind: ClassVar[str] = "member_stiffness"
+    role: ClassVar[Role] = Role.STIFFNESS
+    within_members: ClassVar[bool] = True
+    marker: ClassVar[Marker | None] = Marker("square", "orange")
+    statement: ClassVar[str] = "{where} is {stiffer} than in the model"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`change` [-]",
+        meaning="relative change of one member's Young's and shear modulus",
+        places="each member of several",
+    )
     of: ClassVar[str] = "E"
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -90,6 +104,14 @@ class MemberDensity(_MemberChange):
     """
 
     kind: ClassVar[str] = "member_density"
+    role: ClassVar[Role] = Role.MASS
+    marker: ClassVar[Marker | None] = Marker("square", "green")
+    statement: ClassVar[str] = "{where} is {heavier} than in the model"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`change` [-]",
+        meaning="relative change of one member's mass per length",
+        places="each member of several",
+    )
     of: ClassVar[str] = "rho"
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:

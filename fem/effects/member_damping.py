@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from fem.declarations import Entry, Role
 from fem.effects.places import OnMember, frame_of, material_of
 from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -23,6 +24,12 @@ class MemberDamping(OnMember):
     """
 
     kind: ClassVar[str] = "member_damping"
+    role: ClassVar[Role] = Role.DISSIPATION
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`loss_factor` [-]",
+        meaning="a loss factor of one member, beyond its material's",
+        places="each member of several",
+    )
     loss_factor: Any = 0.0
 
     def parameters(self) -> tuple[Parameter, ...]:

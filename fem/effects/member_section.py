@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.places import OnMember, elements_of, frame_of, is_bar, material_of, sheared_frame
 from fem.elements.frame import Frame, member_contribution
 from fem.elements.lines import SectionChange
@@ -77,6 +78,13 @@ class MemberSection(OnMember):
     """
 
     kind: ClassVar[str] = "member_section"
+    role: ClassVar[Role] = Role.GEOMETRY
+    marker: ClassVar[Marker | None] = Marker("square", "sky")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`change` [-]",
+        meaning="relative change of a section's size along a local axis, with A, I, J and mass",
+        places="both axes of each member",
+    )
     direction: str
     change: Any = 0.0
 
@@ -136,6 +144,12 @@ class MemberTorsion(OnMember):
     """
 
     kind: ClassVar[str] = "member_torsion"
+    role: ClassVar[Role] = Role.STIFFNESS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`change` [-]",
+        meaning="relative change of one member's torsion constant",
+        places="each member",
+    )
     change: Any = 0.0
     affine: bool = True
 
@@ -187,6 +201,12 @@ class MemberShear(OnMember):
     """
 
     kind: ClassVar[str] = "member_shear"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.MASS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`share` [-]",
+        meaning="shear flexibility of a member in multiples of what its section has by Timoshenko's theory",
+        places="each member whose section has shear coefficients",
+    )
     euler: bool
     share: Any
 

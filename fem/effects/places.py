@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Yardstick
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint, PointPair
 from fem.effects.section_shear import SectionShear
@@ -124,6 +125,16 @@ class OnPoint(AtPoint):
         return dofs_of(self.point)[[DIRECTIONS.index(self.direction)]][None]
 
 
+def odd_stiffness(effect: Effect, structure: Yardstick) -> Iterator[tuple[str, str]]:
+    """Yield the stiffnesses of an effect that are absurd beside those of the structure."""
+    for p in effect.parameters():
+        k = float(np.real(p.value))
+        if p.unit in ("N/m", "N·m/rad") and 0 < k < np.inf:
+            direction = "x" if p.unit == "N/m" else "rx"
+            if text := structure.odd_stiffness(direction, k):
+                yield p.name, f"{effect.kind} '{effect.name}': {p.name} is {text}"
+
+
 def parameters_of(effect: Effect) -> tuple[ParameterRef, ...]:
     """Return the parameters of an effect, each with its name."""
     return tuple((effect.name, p.name) for p in effect.parameters())
@@ -216,7 +227,7 @@ def section_extent(
     return float(np.abs(side) @ half)
 
 
-_PARALLEL = np.cos(np.radians(5))
+PARALLEL = np.cos(np.radians(5))
 """Cosine of the angle up to which two axes count as one [-]."""
 
 
@@ -267,7 +278,7 @@ def welded_ends(model: Model) -> tuple[tuple[str, int, tuple[str, ...]], ...]:
             continue
         own = axes[model.mesh.members[member][0 if end == 1 else -1]]
         known = first.get(point, np.zeros((0, 3))) if count[point] == 2 and point not in others else own[:0]
-        new = ~(np.abs(own @ known.T) > _PARALLEL).any(axis=1)
+        new = ~(np.abs(own @ known.T) > PARALLEL).any(axis=1)
         out.append((member, end, tuple(d for d, yes in zip(DIRECTIONS[3:], new, strict=True) if yes)))
         first.setdefault(point, own)
     return tuple(out)

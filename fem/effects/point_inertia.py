@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Role
 from fem.effects.places import OnMember, frame_of, member_mass
 from fem.elements.frame import Frame
 from fem.model import Contribution, Model, Parameter, refuse_negative
@@ -32,6 +33,12 @@ class PointInertia(OnMember):
     """
 
     kind: ClassVar[str] = "point_inertia"
+    role: ClassVar[Role] = Role.MASS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`inertia` [kg·m²], `position` [m]",
+        meaning="a rotary inertia anywhere along a member",
+        places="along each member",
+    )
     position: Any
     inertia: Any
     length: float
@@ -49,7 +56,7 @@ class PointInertia(OnMember):
         """Return inertia and position."""
         return (
             Parameter("inertia", "kg·m²", self.inertia, 0.0, 0.0, 20 * self.reference, linear=True),
-            Parameter("position", "m", self.position, self.position, 0.0, self.length),
+            Parameter("position", "m", self.position, self.position, 0.0, self.length, position=True),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -26,6 +27,15 @@ class Preload(Effect):
     """
 
     kind: ClassVar[str] = "preload"
+    role: ClassVar[Role] = Role.INITIAL_STRESS
+    within_members: ClassVar[bool] = True
+    marker: ClassVar[Marker | None] = Marker("plus", "sky")
+    statement: ClassVar[str] = "{where} is under {tension} that the model lacks"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`tension` [N]",
+        meaning="an axial force in a member that stiffens or softens its bending",
+        places="each member of several",
+    )
     member: str
     tension: Any
     buckling: float
@@ -47,6 +57,10 @@ class Preload(Effect):
         """Return the geometric stiffness."""
         (frame,) = model.of_kind(Frame)
         return (frame.geometric_stiffness(model, self.member, self.tension),)
+
+    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
+        """Return all its elements."""
+        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's modulus of a member on springs."""

@@ -1,14 +1,15 @@
 """The section forces of a static state, which stiffen or soften all members."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Role
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.elements.geometric_stiffness import SectionForces, sample, stress_stiffness
@@ -68,6 +69,8 @@ class Prestress(Effect):
     """
 
     kind: ClassVar[str] = "prestress"
+    role: ClassVar[Role] = Role.INITIAL_STRESS
+    within_members: ClassVar[bool] = True
     tension: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(
         default_factory=lambda: _EMPTY
     )
@@ -139,6 +142,16 @@ class Prestress(Effect):
             K[:, 3:, 3:] = lever_stiffness(self.levers.arms, self.levers.forces)
             out.append(Contribution(dofs_of(self.levers.points), self.factor * K))
         return tuple(out)
+
+    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
+        """Return its elements but those of forces on rigid arms."""
+        return tuple((c.lines, c) for c in self.contribute(model) if c.lines is not None)
+
+    def axial(self) -> Self:
+        """Return the same without shear forces, moments and forces on rigid arms."""
+        only = np.array([1, 0, 0, 0, 0, 0])
+        forces = {m: SectionForces(f.start, f.stop, f.values * only) for m, f in self.forces.items()}
+        return replace(self, forces=forces, levers=None)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's moduli of members on springs."""

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Role
 from fem.model import Contribution, Effect, Model, Parameter
 
 
@@ -41,6 +42,7 @@ class MassDamping(_Proportional):
     """
 
     kind: ClassVar[str] = "mass_damping"
+    role: ClassVar[Role] = Role.DISSIPATION
     alpha: Any
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -67,6 +69,7 @@ class StiffnessDamping(_Proportional):
     """
 
     kind: ClassVar[str] = "stiffness_damping"
+    role: ClassVar[Role] = Role.DISSIPATION
     beta: Any
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import PointPair
 from fem.effects.places import elements_of, is_bar, member_ends, n_lines_at, sheared_frame
 from fem.elements.frame import Frame
@@ -36,6 +37,13 @@ class RigidEndZone(Effect):
     """
 
     kind: ClassVar[str] = "rigid_end_zone"
+    role: ClassVar[Role] = Role.GEOMETRY
+    marker: ClassVar[Marker | None] = Marker("thin_diamond", "sky")
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`length` [m]",
+        meaning="nearly rigid stretches at joined ends of members",
+        places="each joined end of a member, and all alike",
+    )
     ends: tuple[tuple[str, int], ...]
     length: Any
     longest: float

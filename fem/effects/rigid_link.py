@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import ArmForce, Role, StaticState
 from fem.effects.joint import relative_rows
 from fem.model import DIRECTIONS, Constraint, Effect, Model, ModelError, Parameter
 
@@ -25,6 +26,7 @@ class RigidLink(Effect):
     """
 
     kind: ClassVar[str] = "rigid_link"
+    role: ClassVar[Role] = Role.CONSTRAINT
     point: int
     dependents: tuple[int, ...]
     directions: tuple[str, ...] = DIRECTIONS
@@ -58,6 +60,17 @@ class RigidLink(Effect):
                 out.append(Constraint(key, dofs[used], row[used], releasable=False))
         return tuple(out)
 
+    def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
+        """Return the forces of its constraints on the dependent points."""
+        out = []
+        for c in self.constraints(model):
+            point, _, direction = c.key[1].partition(" ")
+            axis = DIRECTIONS.index(direction)
+            if axis < 3 and c.key in state.reactions:
+                arm = model.mesh.points[int(point)] - model.mesh.points[self.point]
+                out.append(ArmForce(self.point, arm, state.reactions[c.key] * np.eye(3)[axis]))
+        return tuple(out)
+
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the points."""
         return model.mesh.points[[self.point, *self.dependents]]
@@ -74,6 +87,7 @@ class MultiPointConstraint(Effect):
     """
 
     kind: ClassVar[str] = "multi_point_constraint"
+    role: ClassVar[Role] = Role.CONSTRAINT
     terms: tuple[tuple[int, str, float], ...]
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Role
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.places import (
@@ -43,6 +44,12 @@ class Rotor(AtPoint):
     """
 
     kind: ClassVar[str] = "rotor"
+    role: ClassVar[Role] = Role.GYROSCOPIC
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`momentum` [kg·m²/s]",
+        meaning="the angular momentum of what spins at a member's end, a joint or a body",
+        places="the local axes at ends, joints and bodies",
+    )
     reciprocal: ClassVar[bool] = False
     axis: tuple[float, float, float]
     momentum: Any

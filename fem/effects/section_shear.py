@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Role
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
@@ -33,6 +34,7 @@ class SectionShear(Effect):
     """
 
     kind: ClassVar[str] = "section_shear"
+    role: ClassVar[Role] = Role.STIFFNESS
     name: str = "section_shear"
     groups: Mapping[str, tuple[str, ...]]
     directions: Mapping[str, tuple[str, ...]]

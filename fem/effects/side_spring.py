@@ -1,13 +1,14 @@
 """A spring to the ground somewhere along a member: a stop, a hanger, a guide, an elastic support."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.places import OnMember, frame_of, is_bar, typical_stiffness
+from fem.declarations import Entry, Role, Yardstick
+from fem.effects.places import PARALLEL, OnMember, frame_of, is_bar, odd_stiffness, typical_stiffness
 from fem.elements.frame import Frame
 from fem.model import Contribution, Model, Parameter
 
@@ -35,6 +36,12 @@ class SideSpring(OnMember):
     """
 
     kind: ClassVar[str] = "side_spring"
+    role: ClassVar[Role] = Role.STIFFNESS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m], `position` [m]",
+        meaning="a spring to the ground across a member, anywhere along it",
+        places="along each member, across it along both axes",
+    )
     connection: ClassVar[bool] = True
     direction: str
     position: Any
@@ -52,7 +59,7 @@ class SideSpring(OnMember):
         edge = 0.03 * self.length
         return (
             Parameter("stiffness", "N/m", self.stiffness, 0.0, 0.0, 1e8 * self.reference, linear=True),
-            Parameter("position", "m", self.position, self.position, edge, self.length - edge),
+            Parameter("position", "m", self.position, self.position, edge, self.length - edge, position=True),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -88,6 +95,16 @@ class SideSpring(OnMember):
                     )
                 )  # fmt: skip
         return tuple(out)
+
+    def acts_along(self, model: Model, direction: str) -> bool:
+        """Whether its axis of the section lies within 5° of a global direction."""
+        line = model.mesh.locate(self.member, float(self.position)).line
+        axes = frame_of(model).rotations(model.mesh, [line])[0]
+        return bool(abs(axes["xyz".index(self.direction), "xyz".index(direction)]) >= PARALLEL)
+
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield an absurd stiffness."""
+        yield from odd_stiffness(self, structure)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the place on the member."""

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.places import elements_of, frame_of, is_bar, section_extent, sheared_frame
 from fem.elements.frame import Frame
 from fem.elements.stretches import at_least, mass_of_stretches, stiffening
@@ -74,6 +75,17 @@ class SolidCorner(Effect):
     """
 
     kind: ClassVar[str] = "solid_corner"
+    role: ClassVar[Role] = Role.GEOMETRY
+    marker: ClassVar[Marker | None] = Marker("square", "purple")
+    statement: ClassVar[str] = "the structure has solid corners, whose size centre lines leave out"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`size` [-], `rigid_zone_factor` [-]",
+        meaning=(
+            "welded corners of finite size: as many times as large as the sections say, and which "
+            "part of that is nearly rigid; it may stand beside other effects where nothing else is"
+        ),
+        places="all points where members with an outline are welded, together",
+    )
     zones: tuple[_Zone, ...]
     n_corners: int
     size: Any = 0.0

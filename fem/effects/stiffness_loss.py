@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role
 from fem.effects.places import elements_of, sheared_frame
 from fem.elements.stretches import stiffness_of_stretch
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -32,6 +33,17 @@ class StiffnessLoss(Effect):
     """
 
     kind: ClassVar[str] = "stiffness_loss"
+    role: ClassVar[Role] = Role.STIFFNESS
+    within_members: ClassVar[bool] = True
+    marker: ClassVar[Marker | None] = Marker("cross", "vermilion")
+    statement: ClassVar[str] = "{member} has lost stiffness at {at}"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`loss` [-], `position` [m]",
+        meaning=(
+            "lost fraction of the stiffness of a stretch, a tenth of the member long, around the position"
+        ),
+        places="along each member",
+    )
     member: str
     position: Any
     loss: Any
@@ -48,7 +60,13 @@ class StiffnessLoss(Effect):
         return (
             Parameter("loss", "-", self.loss, 0.0, 0.0, 0.98, linear=True),
             Parameter(
-                "position", "m", self.position, self.position, self.width / 2, self.length - self.width / 2
+                "position",
+                "m",
+                self.position,
+                self.position,
+                self.width / 2,
+                self.length - self.width / 2,
+                position=True,
             ),
         )
 
@@ -61,6 +79,10 @@ class StiffnessLoss(Effect):
         return (
             Contribution(part.dofs, -self.loss * part.K, D=None if part.D is None else -self.loss * part.D),
         )
+
+    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
+        """Return all its elements."""
+        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return what the member's stiffness depends on."""

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fem.declarations import Role
 from fem.elements.part_reduction import (
     DENSE,
     check_definite,
@@ -62,6 +63,8 @@ class Superelement(Effect):
     """
 
     kind: ClassVar[str] = "superelement"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.MASS | Role.DISSIPATION
+    reduced_part: ClassVar[bool] = True
     points: tuple[int, ...]
     K: NDArray[np.float64]
     M: NDArray[np.float64]

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from fem.declarations import Marker, Role
 from fem.effects.places import AtPoint
 from fem.model import DIRECTIONS, Constraint, Model, Parameter
 
@@ -23,6 +24,8 @@ class Support(AtPoint):
     """
 
     kind: ClassVar[str] = "support"
+    role: ClassVar[Role] = Role.CONSTRAINT
+    marker: ClassVar[Marker | None] = Marker("triangle", "support")
     fixed: tuple[str, ...] = DIRECTIONS
 
     @property

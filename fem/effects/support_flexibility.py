@@ -1,13 +1,15 @@
 """A support that gives way in a direction in which the model holds it rigidly."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Entry, Marker, Role, Yardstick
 from fem.effects.joint import joint_unit
+from fem.effects.places import odd_stiffness
 from fem.effects.support import Support
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, dofs_of
 
@@ -27,6 +29,14 @@ class SupportFlexibility(Effect):
     """
 
     kind: ClassVar[str] = "support_flexibility"
+    role: ClassVar[Role] = Role.STIFFNESS
+    marker: ClassVar[Marker | None] = Marker("triangle_down", "support")
+    statement: ClassVar[str] = "{thing} {give} way {direction}, which the model takes to be rigid"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m or N·m/rad]",
+        meaning="a support that gives way in a direction in which the model holds it",
+        places="each held direction of each support, and of all alike",
+    )
     connection: ClassVar[bool] = True
     supports: tuple[str, ...]
     direction: str
@@ -80,6 +90,10 @@ class SupportFlexibility(Effect):
                 for g in groups
             ]
         return tuple(out)
+
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield an absurd stiffness."""
+        yield from odd_stiffness(self, structure)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the supports."""

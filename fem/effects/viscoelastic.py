@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Role
 from fem.effects.joint import PointPair, joint_unit
 from fem.laws import FractionalKelvinVoigt, FractionalZener, Table, Zener, check_table
 from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
@@ -29,6 +30,7 @@ class Viscoelastic(PointPair):
     """
 
     kind: ClassVar[str] = "viscoelastic"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
     K: NDArray[Any]
     law: Zener | FractionalKelvinVoigt | FractionalZener
 
@@ -102,6 +104,7 @@ class TabulatedStiffness(PointPair):
     """
 
     kind: ClassVar[str] = "tabulated_stiffness"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
     frequency: NDArray[np.float64]
     K: NDArray[np.complex128]
     factor: Any = field(default=1.0)

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.declarations import Role
 from fem.elements.closed_form import closed_mass, closed_stiffness, global_blocks
 from fem.elements.connections import connect_ends, with_rigid_ends
 from fem.elements.interpolation import motion_matrix
@@ -75,6 +76,7 @@ class Frame(Effect):
     """
 
     kind: ClassVar[str] = "frame"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.MASS | Role.DISSIPATION
     name: str = "frame"
     members: Mapping[str, MemberProperties]
     values: Mapping[str, Any] = field(default_factory=dict)

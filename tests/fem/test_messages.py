@@ -6,12 +6,13 @@ import pytest
 from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.frf import FRF, FRFError, compute_frf
 from fem.analysis.modes import solve_modes
+from fem.directions import direction_vector, directions_from
 from fem.effects.joint import Joint
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.materials import Material, PropertyError
 from fem.mesh import Mesh, MeshError
-from fem.model import Damping, Model, ModelError, direction_vector, directions_from
+from fem.model import Damping, Model, ModelError
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, cross_beam, fix
 

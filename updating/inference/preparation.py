@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.connection_damping import ConnectionDamping
-from fem.effects.joint import Joint, PointPair
+from fem.effects.joint import PointPair
 from fem.elements.frame import Frame
 from fem.linalg.solvers import factorise
 from fem.model import Model
@@ -56,8 +56,7 @@ def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.floa
     columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
     for element in model.of_kind(PointPair):
         dofs, B = element.relative(model)
-        rigid = element.rigid if isinstance(element, Joint) else ()
-        held = [d not in rigid for d in ("x", "y", "z", "rx", "ry", "rz")]
+        held = [d not in element.rigid_directions for d in ("x", "y", "z", "rx", "ry", "rz")]
         block = np.zeros((model.n_dof, 6))
         block[dofs] = B.T
         columns.append(block[:, held])

@@ -1,0 +1,107 @@
+"""What an effect declares of itself, so that no one has to ask for its class: role, marker, documentation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Flag, auto
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Role(Flag):
+    """Which part of a model an effect belongs to; several for one that is, say, a spring and a dashpot."""
+
+    STIFFNESS = auto()
+    """Adds to K, and to D the material damping that goes with it."""
+    MASS = auto()
+    """Adds to M."""
+    DISSIPATION = auto()
+    """Adds to C and D, or has a law of stiffness and loss."""
+    GYROSCOPIC = auto()
+    """Adds a skew C, which does no work."""
+    GEOMETRY = auto()
+    """Moves, lengthens or stiffens parts whose size or place the model simplifies."""
+    CONSTRAINT = auto()
+    """Ties or holds DOFs."""
+    INITIAL_STRESS = auto()
+    """Adds the geometric stiffness of forces that are there before the structure vibrates."""
+
+    @property
+    def words(self) -> str:
+        """The parts in words, such as ``"stiffness and dissipation"``."""
+        return " and ".join(str(r.name).lower().replace("_", " ") for r in self)
+
+
+class Marker(NamedTuple):
+    """How a picture marks an effect: names of a shape and a colour that the drawing knows."""
+
+    shape: str
+    colour: str
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """The row of an effect in tables of the documentation, in Markdown.
+
+    Attributes
+    ----------
+    quantities : str
+        Its parameters with their units.
+    meaning : str
+        What it is.
+    places : str
+        Where a search proposes it.
+    """
+
+    quantities: str
+    meaning: str
+    places: str
+
+
+class ArmForce(NamedTuple):
+    """A force at the end of a rigid arm that a point of the mesh holds.
+
+    ``arm`` leads from the point to the end (3,) [m]; ``force`` is that of the point on the end (3,) [N].
+    """
+
+    point: int
+    arm: NDArray[np.float64]
+    force: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StaticState:
+    """One load case of a static solution, as effects see it.
+
+    Attributes
+    ----------
+    displacements : ndarray (n_dof,)
+        [m, rad].
+    gravity : ndarray (3,)
+        [m/s²].
+    reactions : mapping of (str, str) to float
+        Forces of constraints on the structure, by their keys [N, N·m].
+    """
+
+    displacements: NDArray[np.float64]
+    gravity: NDArray[np.float64]
+    reactions: Mapping[tuple[str, str], float]
+
+
+class Yardstick(Protocol):
+    """Sizes of a structure by which an effect judges whether its values are plausible."""
+
+    @property
+    def mass(self) -> float:
+        """Mass of all members [kg]; infinite where it is not known."""
+        ...
+
+    @property
+    def size(self) -> float:
+        """Largest extent [m]."""
+        ...
+
+    def odd_stiffness(self, direction: str, stiffness: float) -> str:
+        """Return in words why a stiffness in x … rz is absurd, or an empty string [N/m, N·m/rad]."""
+        ...
