@@ -18,7 +18,8 @@ from dovetail.validation.frames import (
     perturbed,
     sensors_of,
 )
-from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, Hidden, draw_hidden
+from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, draw_hidden
+from dovetail.validation.hiding import Hidden
 from dovetail.validation.truth import TrueFrame
 from fem.analysis.frf import FRF
 from fem.model import DIRECTIONS, Model

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from dovetail.validation.cases import Case, Implant
-from dovetail.validation.hidden import KINDS, Place
+from dovetail.validation.hidden import KINDS
+from dovetail.validation.hiding import Place
 from fem.effects import candidate_kinds
 from fem.model import Effect, Model
 from updating.correlation import log_ratio, rms_db

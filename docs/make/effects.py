@@ -1,0 +1,80 @@
+"""Write the documentation's tables of effects from what these declare: python -m docs.make.effects.
+
+A page holds a table between ``<!-- effects NAME -->`` and ``<!-- end -->``; `TABLES` has the names. A test
+compares the pages with these tables.
+"""
+
+import re
+import textwrap
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from fem.declarations import Entry
+from fem.effects import candidate_kinds, effect_classes
+from fem.model import Effect
+
+ROOT = Path(__file__).parents[2]
+
+PAGES = ("study-file.md", "result.md", "finding-effects.md")
+"""Pages of docs/ with tables of effects."""
+
+BLOCK = re.compile(r"(<!-- effects (\w+) -->\n\n).*?(\n<!-- end -->\n)", re.DOTALL)
+
+
+def candidates() -> dict[str, tuple[type[Effect], Entry]]:
+    """Return the classes that a search proposes, with their rows in the documentation, by kind.
+
+    Raises
+    ------
+    LookupError
+        If one of them declares no row.
+    """
+    classes = effect_classes()
+    out = {}
+    for kind in candidate_kinds():
+        entry = classes[kind].entry
+        if entry is None:
+            msg = f"{kind} is proposed by a search and declares no entry for the documentation"
+            raise LookupError(msg)
+        out[kind] = classes[kind], entry
+    return out
+
+
+def list_of_kinds() -> str:
+    """Return the names of all kinds as a paragraph."""
+    names = ", ".join(f"`{kind}`" for kind in candidates())
+    return textwrap.fill(f"Kinds of effect: {names}.", 118, break_long_words=False) + "\n"
+
+
+def table_of_parameters() -> str:
+    """Return a table with the parameters and the meaning of each kind."""
+    rows = [f"| `{kind}` | {e.quantities} | {e.meaning} |" for kind, (_, e) in candidates().items()]
+    return "\n".join(["| kind | parameters | meaning |", "|---|---|---|", *rows, ""])
+
+
+def table_of_places() -> str:
+    """Return a table of the places at which kinds are proposed, with their roles."""
+    groups: dict[str, list[str]] = {}
+    for kind, (cls, e) in candidates().items():
+        groups.setdefault(e.places, []).append(f"`{kind}` ({cls.role.words})")
+    rows = [f"| {places} | {', '.join(names)} |" for places, names in sorted(groups.items())]
+    return "\n".join(["| where | candidates, and what they change |", "|---|---|", *rows, ""])
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "kinds": list_of_kinds,
+    "parameters": table_of_parameters,
+    "places": table_of_places,
+}
+"""What a page can hold, by the name in its comment."""
+
+
+def with_tables(text: str) -> str:
+    """Return the text of a page with its tables as the effects declare them."""
+    return BLOCK.sub(lambda m: f"{m[1]}{TABLES[m[2]]()}{m[3]}", text)
+
+
+if __name__ == "__main__":
+    for name in PAGES:
+        page = ROOT / "docs" / name
+        page.write_text(with_tables(page.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,0 +1,177 @@
+"""Places on a true frame, and effects that are hidden there with their strength still open."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.validation.frames import Draft, Generator
+from dovetail.validation.spectral import Law
+from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
+
+NEAR = 0.05
+"""A place is right within this part of the member's length [-]."""
+
+Readings = tuple[Reading, ...]
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where something is hidden; what is None or empty need not agree.
+
+    Attributes
+    ----------
+    words : str
+    member : str or None
+    xyz : ndarray (3,) or None
+        [m].
+    tolerance : float
+        How far from there a found effect may lie [m].
+    joint, direction, support : str or None
+    pair : tuple of str
+        Two directions that are coupled.
+    of_member : bool
+        Whether an effect at a corner must be of the very member.
+    sensors : tuple of str
+        Of faults.
+    turns : tuple of (str, str)
+        Members and local directions of which one must agree, as one rotation at a corner has several names.
+    """
+
+    words: str
+    member: str | None = None
+    xyz: NDArray[np.float64] | None = None
+    tolerance: float = 0.0
+    joint: str | None = None
+    direction: str | None = None
+    support: str | None = None
+    pair: tuple[str, ...] = ()
+    of_member: bool = False
+    sensors: tuple[str, ...] = ()
+    turns: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hidden:
+    """An effect at a place, its strength still open.
+
+    Attributes
+    ----------
+    kind : str
+    place : Place
+    bounds : (float, float)
+        Least and largest amplitude.
+    change : callable
+        From the true frame and the amplitude to the frame with the effect.
+    values : callable
+        From the amplitude to parameters as the candidates name them; only those that can be compared.
+    readings : callable or None
+        From the sensors to the places and directions where they really are.
+    data : callable or None
+        From frequencies (n_freq,), exact FRFs (n_freq, n_out, n_in) and the amplitude to what is recorded.
+    """
+
+    kind: str
+    place: Place
+    bounds: tuple[float, float]
+    change: Callable[[TrueFrame, float], TrueFrame] = lambda frame, a: frame
+    values: Callable[[float], dict[str, float]] = lambda a: {}
+    readings: Callable[[Readings, float], Readings] | None = None
+    data: Callable[[NDArray[np.float64], NDArray[Any], float], NDArray[Any]] | None = None
+
+
+Draw = Callable[[Generator, Draft, TrueFrame], Hidden | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of effect or fault.
+
+    Attributes
+    ----------
+    name : str
+    found_as : tuple of str
+        Kinds of candidates (of faults, for faults) that are the right answer. The program may not know any
+        of them yet.
+    draw : callable
+        Gives a place, or None if the frame has none.
+    fault : bool
+        True for faults of the measurement.
+    """
+
+    name: str
+    found_as: tuple[str, ...]
+    draw: Draw = field(repr=False)
+    fault: bool = False
+
+
+def some_member(rng: Generator, draft: Draft) -> tuple[str, Member]:
+    """Return the name of a member drawn at random, and the member."""
+    name = str(rng.choice(list(draft.frame.members)))
+    return name, draft.frame.members[name]
+
+
+def bending_stiffnesses(m: Member) -> tuple[float, float]:
+    """Return E Iy and E Iz of the nominal member [N·m²]."""
+    _, Iy, Iz, _ = rectangle_constants(m.b, m.h)
+    return m.E * Iy, m.E * Iz
+
+
+def on_member(draft: Draft, name: str, position: float) -> Place:
+    """Return the place at an arc length along a member [m]."""
+    m = draft.frame.members[name]
+    return Place(f"member {name} at {position:.3f} m", name, m.place(position), NEAR * m.length)
+
+
+def whole_member(name: str) -> Place:
+    """Return a member as a place."""
+    return Place(f"member {name}", name)
+
+
+def some_place(rng: Generator, draft: Draft) -> tuple[str, Member, float]:
+    """Return a place along a member drawn at random: its name, the member, the arc length [m]."""
+    name, m = some_member(rng, draft)
+    return name, m, float(rng.uniform(0.06, 0.94) * m.length)
+
+
+def some_fastening(rng: Generator, draft: Draft) -> tuple[str, Member, float]:
+    """Return a member's end that is no foot, or a joint's place: where things are fastened."""
+    feet = [s.at for s in draft.frame.supports]
+    places = [Cut(name, x) for name, m in draft.frame.members.items() for x in (0.0, m.length)]
+    places += [c for j in draft.frame.joints for c in (j.first, j.second)]
+    free = [p for p in places if p not in feet]
+    at = free[int(rng.integers(len(free)))]
+    return at.member, draft.frame.members[at.member], at.position
+
+
+def some_joint(rng: Generator, draft: Draft, elastic: bool = False) -> int | None:
+    """Return the index of a joint drawn at random, None if there is none."""
+    allowed = [i for i, j in enumerate(draft.frame.joints) if not (elastic and j.rigid[0])]
+    return int(rng.choice(allowed)) if allowed else None
+
+
+def middle_of_band(draft: Draft) -> float:
+    """Return the middle of the band, geometric [rad/s]."""
+    return float(2 * np.pi * np.sqrt(draft.frequency[0] * draft.frequency[-1]))
+
+
+def one_entry(d: int, value: float) -> Matrix:
+    """Return a 6×6 matrix with one entry on the diagonal."""
+    out = np.zeros((6, 6))
+    out[d, d] = value
+    return out
+
+
+def felt_stiffness(draft: Draft, member: str, d: int) -> float:
+    """Return a stiffness that a member feels in a direction, for scale [N/m or N·m/rad]."""
+    m = draft.frame.members[member]
+    EI = min(bending_stiffnesses(m))
+    return 300 * EI / m.length if d > 2 else 1e5 * EI / m.length**3
+
+
+def product_of_laws(law: Law | None, other: Law) -> Law:
+    """Return the product of two laws of frequency; None stands for 1."""
+    return other if law is None else lambda omega: law(omega) * other(omega)
