@@ -177,7 +177,7 @@ class Effect(ABC):
     role : Role
         Which part of a model it belongs to.
     within_members : bool
-        Whether all its elements are those of members' lines, which no motion of a rigid body strains.
+        Whether it acts within members (:meth:`on_lines`), so that it does not hold the structure.
     reduced_part : bool
         Whether it is a part given by matrices, of whose mass and inner forces nothing else is known.
     marker : Marker or None

@@ -15,10 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from fem.analysis.frf import FRF, FRFError, FRFKind, Selection, compute_frf, dof_vectors
 from fem.analysis.participation import rigid_motion_field
 from fem.analysis.statics import factor_held
-from fem.effects.member_change import MemberStiffness
-from fem.effects.preload import Preload
-from fem.effects.prestress import Prestress
-from fem.effects.stiffness_loss import StiffnessLoss
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Law, Model, ModelError
 from fem.system import System, law_change, particular
@@ -182,7 +178,7 @@ def _grounded(model: Model) -> tuple[str, ...]:
     rigid = rigid_motion_field(model, model.mesh.points.mean(axis=0))
     out = []
     for effect in model.effects:
-        if isinstance(effect, Frame | Preload | Prestress | MemberStiffness | StiffnessLoss):
+        if isinstance(effect, Frame) or effect.within_members:
             continue
         for c in effect.contribute(model):
             for X in (c.K, c.C, c.D):

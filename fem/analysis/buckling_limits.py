@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.prestress import Prestress
-from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
-from fem.elements.geometric_stiffness import SectionForces
 from fem.elements.stretches import stiffness_of_stretch
 from fem.model import Contribution, Model
 from fem.sections.section import Section
@@ -69,10 +67,7 @@ def limits(
     (frame,) = loaded.of_kind(Frame)
     assert isinstance(stress, Prestress)
     work = _line_work(loaded, stress.contribute(loaded), shape)
-    axial = {
-        m: SectionForces(f.start, f.stop, f.values * [1, 0, 0, 0, 0, 0]) for m, f in stress.forces.items()
-    }
-    alone = _line_work(loaded, replace(stress, forces=axial, levers=None).contribute(loaded), shape)
+    alone = _line_work(loaded, stress.axial().contribute(loaded), shape)
     total = max(abs(work).sum(), 1e-300)
     share = {m: abs(work[rows]).sum() / total for m, rows in loaded.mesh.members.items()}
     bent = abs(work - alone).sum() / max((abs(work - alone) + abs(alone)).sum(), 1e-300)
@@ -154,7 +149,7 @@ def _of_displacements(solution: "StaticSolution", column: int, factor: float, be
 
 def _of_parts(solution: "StaticSolution", column: int) -> Iterator[str]:
     u = solution.displacements[:, column]
-    for part in solution.model.of_kind(Superelement):
+    for part in (e for e in solution.model.effects if e.reduced_part):
         strained = any(
             c.static is not None and _strained(np.real(c.static), u[c.dofs])
             for c in part.contribute(solution.model)

@@ -8,14 +8,12 @@ from numpy.typing import NDArray
 from fem.analysis.line_loads import line_dofs
 from fem.analysis.section_forces import line_stiffness, section_forces
 from fem.analysis.statics import StaticSolution
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import PointPair
-from fem.effects.preload import Preload
+from fem.declarations import ArmForce, Role, StaticState
+from fem.effects.joint import PointPair, forces_at
 from fem.effects.prestress import LeverForces, Prestress
-from fem.effects.rigid_link import RigidLink
 from fem.elements.frame import Frame
 from fem.elements.geometric_stiffness import FORCE_NODES, SectionForces
-from fem.model import DIRECTIONS, Constraint, Model, ModelError
+from fem.model import Model, ModelError
 
 _ROUNDING = 1e-13
 """Section forces below this, relative to the largest term of their sum, are rounding."""
@@ -112,46 +110,25 @@ def section_courses(
 
 def lever_forces(solution: StaticSolution, column: int) -> LeverForces:
     """Return the forces on rigid arms: of elements between points, of rigid links, and of bodies' weight."""
-    model, mesh = solution.model, solution.model.mesh
+    model = solution.model
     u, gravity = solution.displacements[:, column], solution.equilibrium.gravity[:, column]
-    reactions = {key: value[column] for key, value in solution.reactions.items()}
-    constraints: dict[str, list[Constraint]] = {}
-    for c in model.constraints():
-        constraints.setdefault(c.key[0], []).append(c)
+    reactions = {key: float(value[column]) for key, value in solution.reactions.items()}
+    state = StaticState(u, gravity, reactions)
     place = {
         tuple(effect.relative(model)[0].tolist()): effect.location for effect in model.of_kind(PointPair)
     }
-    out: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = []
-
-    def carried(dofs: NDArray[np.int64], location: NDArray[np.float64], force: NDArray[np.float64]) -> None:
-        for k in range(0, len(dofs), 6):
-            point = int(dofs[k] // 6)
-            out.append((point, location - mesh.points[point], force[k : k + 3]))
-
+    out: list[ArmForce] = []
     for effect in model.effects:
-        if isinstance(effect, AddedMass):
-            out.append((effect.point, effect.arm, -np.real(effect.mass) * gravity))
-        elif isinstance(effect, RigidLink):
-            for c in constraints.get(effect.name, ()):
-                point, _, direction = c.key[1].partition(" ")
-                axis = DIRECTIONS.index(direction)
-                if axis < 3:
-                    arm = mesh.points[int(point)] - mesh.points[effect.point]
-                    out.append((effect.point, arm, reactions[c.key] * np.eye(3)[axis]))
-        elif not isinstance(effect, Frame | Preload | Prestress):
+        if not isinstance(effect, Frame) and Role.INITIAL_STRESS not in effect.role:
             for c in effect.contribute(model):
                 for dofs, K in zip(c.dofs, () if c.static is None else np.real(c.static), strict=False):
                     if (key := tuple(dofs.tolist())) in place and len(key) in (6, 12):
                         own = effect.location if isinstance(effect, PointPair) else place[key]
-                        carried(dofs, own, K @ u[dofs])
-            if isinstance(effect, PointPair):
-                dofs = effect.relative(model)[0]
-                for c in constraints.get(effect.name, ()):
-                    if len(dofs) in (6, 12):
-                        carried(dofs, effect.location, -reactions[c.key] * c.coefficients)
-    out = [(p, arm, force) for p, arm, force in out if np.any(arm) and np.any(force)]
+                        out += forces_at(model, dofs, own, K @ u[dofs])
+        out += effect.arm_forces(model, state)
+    out = [f for f in out if np.any(f.arm) and np.any(f.force)]
     return LeverForces(
-        np.array([p for p, _, _ in out], dtype=np.int64),
-        np.array([arm for _, arm, _ in out], dtype=float).reshape(-1, 3),
-        np.array([force for _, _, force in out], dtype=float).reshape(-1, 3),
+        np.array([f.point for f in out], dtype=np.int64),
+        np.array([f.arm for f in out], dtype=float).reshape(-1, 3),
+        np.array([f.force for f in out], dtype=float).reshape(-1, 3),
     )

@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce, checked_vector
-from fem.effects.added_mass import PointMass
-from fem.effects.member_change import MemberDensity
 from fem.elements import tapered
 from fem.elements.frame import Frame
 from fem.elements.quadrature import gauss_points
@@ -221,15 +219,13 @@ def nodal_weights(model: Model, gravity: NDArray[np.float64]) -> NDArray[np.floa
     field = np.tile(np.vstack([np.eye(3), np.zeros((3, 3))]), (2, 1)) @ gravity
     for effect in model.effects:
         if isinstance(effect, Frame):
-            parts = [(np.arange(mesh.n_lines), effect.contribution_of(model, np.arange(mesh.n_lines)))]
-        elif isinstance(effect, MemberDensity | PointMass):
-            parts = [(mesh.members[effect.member], effect.contribute(model))]
+            every = np.arange(mesh.n_lines)
+            parts = [(every, c) for c in effect.contribution_of(model, every)]
         else:
-            continue
-        for rows, contributions in parts:
-            for c in contributions:
-                if c.M is not None and c.dofs.shape[1] == 12:
-                    np.add.at(out, lines_of_elements(model, rows, c.dofs), np.real(c.M) @ field)
+            parts = effect.on_lines(model)
+        for rows, c in parts:
+            if c.M is not None and c.dofs.shape[1] == 12:
+                np.add.at(out, lines_of_elements(model, rows, c.dofs), np.real(c.M) @ field)
     return out
 
 
@@ -269,10 +265,9 @@ def with_weights(
     rows: list[tuple[Any, ...]] = list(
         zip(spread.line, spread.case, *spread.xi.T, spread.force[:, 0], spread.force[:, 1], strict=True)
     )
-    for effect in model.of_kind(PointMass):
-        at = mesh.locate(effect.member, float(np.real(effect.position)))
+    for at, mass in (found for effect in model.effects for found in effect.point_masses(model)):
         for c in np.flatnonzero(gravity.any(axis=0)):
-            weight = np.real(effect.mass) * gravity[:, c]
+            weight = mass * gravity[:, c]
             force[at.line, :, c] -= weight
             rows.append((at.line, int(c), at.xi, at.xi, weight, weight))
     lumped = np.zeros(mesh.n_lines, dtype=bool)

@@ -20,10 +20,6 @@ from fem.analysis.line_loads import (
     lines_of_elements,
     rigidity_at,
 )
-from fem.effects.member_change import MemberStiffness
-from fem.effects.preload import Preload
-from fem.effects.prestress import Prestress
-from fem.effects.stiffness_loss import StiffnessLoss
 from fem.elements import tapered
 from fem.elements.frame import Frame
 from fem.elements.quadrature import gauss_points
@@ -73,12 +69,8 @@ def line_stiffness(model: Model) -> NDArray[np.float64]:
             parts += [
                 (mesh.members[m], effect.geometric_stiffness(model, m, N)) for m, N in pulled.items() if N
             ]
-        elif isinstance(effect, MemberStiffness | StiffnessLoss | Preload):
-            parts = [(mesh.members[effect.member], c) for c in effect.contribute(model)]
-        elif isinstance(effect, Prestress):
-            parts = [(c.lines, c) for c in effect.contribute(model) if c.lines is not None]
         else:
-            continue
+            parts = effect.on_lines(model)
         for rows, c in parts:
             if c.K is not None and c.dofs.shape[1] == 12:
                 np.add.at(out, lines_of_elements(model, rows, c.dofs), np.real(c.K))

@@ -30,10 +30,6 @@ from fem.analysis.section_forces import (
     motion_between_nodes,
     section_forces,
 )
-from fem.effects.member_change import MemberStiffness
-from fem.effects.preload import Preload
-from fem.effects.prestress import Prestress
-from fem.effects.stiffness_loss import StiffnessLoss
 from fem.elements.frame import Frame
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
@@ -360,7 +356,7 @@ def _ground_springs(model: Model, u: NDArray[np.float64]) -> dict[Key, NDArray[n
     out: dict[Key, NDArray[np.float64]] = {}
     n = 6 * model.mesh.n_points
     for effect in model.effects:
-        if isinstance(effect, Frame | Preload | Prestress | MemberStiffness | StiffnessLoss):
+        if isinstance(effect, Frame) or effect.within_members:
             continue
         elements = [
             (dofs, np.real(K))

@@ -118,6 +118,7 @@ class PointMass(Effect):
 
     kind: ClassVar[str] = "point_mass"
     role: ClassVar[Role] = Role.MASS
+    within_members: ClassVar[bool] = True
     marker: ClassVar[Marker | None] = Marker("circle", "green")
     statement: ClassVar[str] = "{member} carries a mass at {at} that the model lacks"
     entry: ClassVar[Entry | None] = Entry(

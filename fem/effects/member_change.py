@@ -105,6 +105,7 @@ class MemberDensity(_MemberChange):
 
     kind: ClassVar[str] = "member_density"
     role: ClassVar[Role] = Role.MASS
+    within_members: ClassVar[bool] = True
     marker: ClassVar[Marker | None] = Marker("square", "green")
     statement: ClassVar[str] = "{where} is {heavier} than in the model"
     entry: ClassVar[Entry | None] = Entry(
