@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from dovetail.file.config import Study
 from dovetail.file.table import StudyError, suggest
 from fem.connection_damping import ConnectionDamping

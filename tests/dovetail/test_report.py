@@ -4,6 +4,8 @@ import re
 import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
+from string import Formatter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +17,8 @@ from dovetail.report.page import Markup, esc, table, tag
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html, thresholds
 from dovetail.result import Uncertain, result_dict
+from fem.effects import effect_classes
+from tests.frames import cross_beam, portal
 from tests.small_frame import write_study
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.acceptance import STEP_LEVEL
@@ -325,3 +329,45 @@ def test_warnings_stand_below_the_verdict(found, album):
     assert html.index("Verdict: ") < html.index("Check first") < html.index(str(esc(words)))
     assert result_dict(doubted)["warnings"] == [words]
     assert "Implausible values" not in report_html(found, album)
+
+
+SENTENCES = {
+    "joint_stiffness:bolt.rx": (
+        "Joint bolt is stiffer about x than in the model.",
+        "Joint bolt is softer about x than in the model.",
+    ),
+    "joint_stiffness:corner0+corner1.rx": (
+        "Joints corner0, corner1 are stiffer about x than in the model.",
+        "Joints corner0, corner1 are softer about x than in the model.",
+    ),
+    "member_density:left": (
+        "Member left is heavier than in the model.",
+        "Member left is lighter than in the model.",
+    ),
+    "preload:left": (
+        "Member left is under tension that the model lacks.",
+        "Member left is under compression that the model lacks.",
+    ),
+    "point_mass:left": ("Member left carries a mass at 0.250 m that the model lacks.",) * 2,
+    "support_flexibility:foot0.rx": ("Support foot0 gives way about x, which the model takes to be rigid.",)
+    * 2,
+    "joint_mass:bolt": ("The model lacks joint mass: joint bolt.",) * 2,
+}
+"""Candidates of crossed beams and of a portal, and what is reported of more and of less."""
+
+
+@pytest.mark.parametrize("name", SENTENCES)
+def test_a_finding_is_reported_as_the_effect_states_it(name):
+    model = cross_beam() if "bolt" in name else portal()
+    effect = next(e for e in effect_classes()[name.partition(":")[0]].propose(model) if e.name == name)
+    first = effect.parameters()[0]
+    absent = first.absent if np.isfinite(first.absent) else 1e6
+    for change, sentence in zip((0.1, -0.1), SENTENCES[name], strict=True):
+        parameters = [SimpleNamespace(name=first.name, value=absent + change)]
+        assert words.sentence(SimpleNamespace(effect=effect, parameters=parameters, twins=())) == sentence
+
+
+def test_every_statement_has_fields_that_a_report_knows():
+    fields = set(re.findall(r"``(\w+)``", words.sentence.__doc__))
+    for cls in effect_classes().values():
+        assert {name for _, name, _, _ in Formatter().parse(cls.statement) if name} <= fields, cls.kind

@@ -1,5 +1,6 @@
 """What every effect promises, walked over all kinds on three models; a new one is met by itself."""
 
+import re
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -11,6 +12,7 @@ from fem.analysis.initial_stress import prestressed
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import solve_modes
 from fem.analysis.statics import solve_static
+from fem.declarations import Role
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
@@ -76,6 +78,9 @@ OF_ALL = {"mass_damping", "stiffness_damping"}
 DIFFERENCES = {"member_section", "member_shear", "member_torsion"}
 """Kinds that are what other sections add."""
 
+
+QUANTITY = re.compile(r"`(\w+)` \[([^\]]+)\]")
+"""A parameter and its units in the documentation's entry of an effect."""
 
 KEYS = ("K", "M", "C", "D", "storage", "loss")
 
@@ -283,8 +288,36 @@ def check_references(model, effect):
                 assert ref in effect.refers_to(model), f"does not say that it depends on {ref}"
 
 
+MATRICES = {
+    Role.STIFFNESS: {"K", "M", "D", "storage"},  # an element that bends otherwise spreads its mass otherwise
+    Role.MASS: {"M"},
+    Role.DISSIPATION: {"C", "D", "loss"},
+    Role.GYROSCOPIC: {"C"},
+    Role.INITIAL_STRESS: {"K"},
+    Role.GEOMETRY: {"K", "M", "D"},
+}
+"""Matrices to which effects of each role may add."""
+
+
+def check_role(model, effect):
+    X = matrices(generic(effect), model)
+    there = {key for key, x in zip(KEYS, X, strict=True) if x.any()}
+    assert there <= set().union(*(MATRICES[role] for role in effect.role)), f"adds to {sorted(there)}"
+    if not effect.role & (Role.MASS | Role.GEOMETRY):
+        x, y, z = (np.arange(model.n_dof) % 6 == i for i in range(3))
+        size = abs(X[1]).max()
+        assert all(abs(X[1][d][:, d].sum()) <= 1e-12 * model.n_dof * size for d in (x, y, z)), "has a mass"
+
+
+def check_position(model, effect):
+    for p in effect.parameters():
+        assert p.position == (p.name == "position")
+        if p.position:
+            assert 0 <= p.lower < p.upper <= model.mesh.member_length(effect.member)
+
+
 CHECKS = (check_absent, check_symmetry, check_rigid_motion, check_derivatives, check_linear)
-CHECKS += (check_values, check_place, check_starts, check_references)
+CHECKS += (check_values, check_place, check_starts, check_references, check_role, check_position)
 
 
 @pytest.mark.parametrize(("model", "effect"), CASES)
@@ -454,6 +487,22 @@ def test_modes_and_frfs_have_the_derivatives_of_a_complex_step(model, effect):
     check_frf_sensitivity(model, effect)
 
 
+@pytest.mark.parametrize("kind", candidate_kinds())
+def test_the_documentation_names_the_parameters_of_a_kind(kind):
+    """All of them, each with the units that it has on some model."""
+    entry = effect_classes()[kind].entry
+    there = {}
+    for effect in (e for name in MODELS for e in candidates(MODELS[name], kind)):
+        for p in effect.parameters():
+            there.setdefault(p.name, set()).add(p.unit)
+    listed = {name: set(units.split(" or ")) for name, units in QUANTITY.findall(entry.quantities)}
+    assert listed.keys() == there.keys()
+    for name, units in there.items():
+        assert units <= listed[name]
+    assert entry.meaning
+    assert entry.places
+
+
 # ------------------------------------------------------------------------- would a broken effect be noticed?
 
 
@@ -462,6 +511,7 @@ class Planted(Effect):
     """A grounded spring with one fault."""
 
     kind: ClassVar[str] = "planted"
+    role: ClassVar[Role] = Role.STIFFNESS
     fault: str
     k: Any = 0.0
     width: float = 0.1
@@ -522,6 +572,12 @@ def test_the_contract_notices(fault, check):
     model = MODELS["cross"]
     with pytest.raises(AssertionError):
         check(model, Planted(name="p", fault=fault))
+
+
+def test_the_contract_notices_a_wrong_role(monkeypatch):
+    monkeypatch.setattr(Planted, "role", Role.MASS)
+    with pytest.raises(AssertionError, match=r"adds to \['K'\]"):
+        check_role(MODELS["cross"], Planted(name="p", fault=""))
 
 
 def test_the_contract_accepts_a_sound_effect():

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem.analysis.modes import solve_modes
+from fem.declarations import Role
 from fem.effects import Joint
 from fem.mesh import Mesh
 from fem.model import Contribution, Damping, Effect, Model, ModelError, dofs_of
@@ -203,6 +204,7 @@ class Rubber(Effect):
     """A spring between two points that stiffens and loses with frequency."""
 
     kind: ClassVar[str] = "rubber"
+    role: ClassVar[Role] = Role.STIFFNESS
     k: Any = 1e5
 
     where = "here"

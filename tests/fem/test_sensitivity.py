@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from fem.analysis.frf import FRFError, compute_frf
 from fem.analysis.modes import solve_eigenpairs, solve_modes
+from fem.declarations import Role
 from fem.effects import AddedMass, MemberStiffness, SupportFlexibility
 from fem.model import Contribution, Damping, Effect, ModelError, Parameter, dofs_of
 from fem.sections.section import Section
@@ -30,6 +31,7 @@ class Brace(Effect):
     """A spring from a point to the ground, askew in the plane of y and z."""
 
     kind: ClassVar[str] = "brace"
+    role: ClassVar[Role] = Role.STIFFNESS
     point: int = 1
     k: Any = 0.0
 

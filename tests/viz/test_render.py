@@ -12,6 +12,7 @@ from PIL import Image
 
 from fem.analysis.modes import Modes, solve_modes
 from fem.checks import check_mesh, check_model
+from fem.effects import effect_classes
 from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
@@ -20,9 +21,10 @@ from fem.mesh import Mesh
 from fem.model import Model
 from fem.sections.section import Section
 from fem.system import assemble
-from tests.frames import chain, fix, with_part
+from tests.frames import beam, chain, fix, with_part
 from updating.measurement.measurement import Sensor
 from viz import animation, render, shapes, style
+from viz.markers import COLOURS, SHAPES
 from viz.scene import DPI, Scene
 from viz.shapes import view_axes
 
@@ -259,3 +261,32 @@ def test_a_mode_of_a_model_with_a_part_is_drawn(tmp_path):
     modes = solve_modes(assemble(model), n=2)
     assert modes.shapes.shape[0] > 6 * model.mesh.n_points
     assert looks_drawn(pixels(render.render_mode(model, modes, 1, tmp_path / "a.png")))
+
+
+def test_every_marker_that_an_effect_names_is_drawn():
+    named = [cls.marker for cls in effect_classes().values() if cls.marker]
+    assert named
+    assert {m.shape for m in named} <= SHAPES.keys()
+    assert {m.colour for m in named} <= COLOURS.keys()
+
+
+OF_NO_MARKER = (
+    {"position": 0.5, "inertia": 0.0, "length": 1.0, "reference": 1.0},
+    {"position": 0.5, "stiffness": 0.0, "direction": "y", "length": 1.0, "reference": 1.0},
+    {},
+)
+"""Values of three effects that name no marker."""
+
+
+def test_kinds_without_a_marker_get_different_shapes():
+    model = beam(4, effects=(fix(0, name="wall"),))
+    kinds = [effect_classes()[kind] for kind in ("point_inertia", "side_spring", "member_damping")]
+    assert all(cls.marker is None for cls in kinds)
+    found = [
+        cls(name=cls.kind, member="beam", **values) for cls, values in zip(kinds, OF_NO_MARKER, strict=True)
+    ]
+    scene = Scene(model.mesh.points)
+    scene.add_effects(model.with_effect(*found))
+    shapes = [mark[1] for mark in scene.marks]
+    assert shapes[0] == SHAPES["triangle"]
+    assert len(set(shapes)) == 4

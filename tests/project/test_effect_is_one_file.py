@@ -1,0 +1,154 @@
+"""An effect is one file: others ask what it declares and name none; the docs' tables come from it."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from docs.make.effects import BLOCK, PAGES, TABLES, candidates, with_tables
+from fem.declarations import Entry
+from fem.effects import candidate_kinds, effect_classes
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("fem", "updating", "joint", "viz", "dovetail")
+CLASSES = {cls.__name__ for cls in effect_classes().values()}
+KIND = re.compile(rf"(?<![\w.])({'|'.join(candidate_kinds())})(?=[:.]|$)")
+"""A kind as a whole string, or before the place in the name of a candidate."""
+
+BUILDS = "makes what a study file states"
+OLD_SEARCH = "part of the search that the search by evidence replaces"
+ANSWERS = "the right answers of hidden cases"
+
+ALLOWED = {
+    "fem/__init__.py": (
+        "names that users import",
+        {
+            "AddedMass", "Joint", "MultiPointConstraint", "PointMass", "RigidLink", "Superelement",
+            "Support", "TabulatedStiffness", "Viscoelastic",
+        },
+    ),
+    "fem/analysis/initial_stress.py": ("makes the prestress of a static state", {"Prestress"}),
+    "fem/analysis/buckling_limits.py": ("takes that prestress apart", {"Prestress"}),
+    "updating/measurement/measurement.py": ("makes the masses that sensors state", {"AddedMass"}),
+    "updating/diagnosis/corners.py": (OLD_SEARCH, {"SolidCorner"}),
+    "updating/diagnosis/diagnose.py": (OLD_SEARCH, {"JointPatch", "SolidCorner"}),
+    "updating/diagnosis/patches.py": (OLD_SEARCH, {"Joint", "JointPatch"}),
+    "updating/diagnosis/evidence/search.py": (
+        "springs of one connection that are searched together; the search is being written",
+        {"end_release", "joint_stiffness", "support_flexibility"},
+    ),
+    "joint/physics.py": ("makes the elements that a fit stands for", {"Joint", "Viscoelastic"}),
+    "dovetail/file/config.py": (BUILDS, {"Joint", "SectionShear"}),
+    "dovetail/file/connections.py": (
+        BUILDS,
+        {"Joint", "MultiPointConstraint", "RigidLink", "Superelement", "TabulatedStiffness", "Viscoelastic"},
+    ),
+    "dovetail/file/parts.py": (BUILDS, {"AddedMass", "Support"}),
+    "dovetail/file/template.py": ("hides a mass in the example that it writes", {"AddedMass"}),
+    "dovetail/file/measured_modes.py": ("an example in an error message", {"member_stiffness"}),
+    "dovetail/identify.py": ("identifies a joint", {"Joint"}),
+    "dovetail/propose.py": ("writes an identified joint into a study file", {"Joint", "Viscoelastic"}),
+    "dovetail/validation/frames.py": ("makes the model of a case", {"Joint", "Support"}),
+    "dovetail/validation/hidden_at_joints.py": (
+        ANSWERS,
+        {
+            "joint_coupling", "joint_fractional", "joint_inertia", "joint_mass", "joint_offset",
+            "joint_stiffness", "joint_structural_damping", "joint_viscous_damping", "joint_zener",
+        },
+    ),
+    "dovetail/validation/hidden_in_members.py": (
+        ANSWERS,
+        {
+            "crack", "distributed_mass", "end_release", "fluid_added_mass", "member_damping",
+            "member_density", "member_section", "member_stiffness", "member_torsion", "preload",
+            "rigid_end_zone", "stiffness_loss",
+        },
+    ),
+    "dovetail/validation/hidden_at_points.py": (
+        ANSWERS,
+        {
+            "driver_mass", "foundation", "foundation_dashpot", "ground_damper", "ground_spring",
+            "point_inertia", "point_mass", "rotor", "sensor_mass", "side_spring", "stinger",
+            "support_flexibility",
+        },
+    ),
+}  # fmt: skip
+"""Files that name concrete effects, each with the reason and the classes or kinds that it names."""
+
+
+def docstrings(tree: ast.AST) -> set[int]:
+    """Return the identities of strings that stand by themselves."""
+    return {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+
+
+def named(code: str) -> Iterator[str]:
+    """Yield the classes of effects that code imports, and the kinds of candidates in its strings."""
+    tree = ast.parse(code)
+    words = docstrings(tree)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES:
+            yield from (alias.name for alias in node.names if alias.name in CLASSES)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "fem":
+            yield from {node.attr} & CLASSES
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in words:
+            yield from KIND.findall(node.value)
+
+
+def sources() -> Iterator[Path]:
+    """Yield the files of the packages but for the effects themselves."""
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            if not path.is_relative_to(ROOT / "fem" / "effects"):
+                yield path
+
+
+def test_no_other_file_names_a_concrete_effect():
+    found = {p.relative_to(ROOT).as_posix(): set(named(p.read_text(encoding="utf-8"))) for p in sources()}
+    assert {file: names for file, names in found.items() if names} == {
+        file: names for file, (_, names) in ALLOWED.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [
+        ("from fem.effects.crack import Crack", ["Crack"]),
+        ("from fem import Joint, Mesh", ["Joint"]),
+        ("import fem\nfem.Support(name='a', point=0)", ["Support"]),
+        ("if effect.kind == 'crack':\n    pass", ["crack"]),
+        ("SPRINGS = ('ground_spring', 'side_spring')", ["ground_spring", "side_spring"]),
+        ("name.startswith(f'joint_stiffness:{joint}.')", ["joint_stiffness"]),
+        ("'''A crack takes it.'''\ntext = 'the preload is unknown'", []),
+        ("from fem.effects.joint import PointPair, joint_unit", []),
+    ],
+)
+def test_the_scan_notices(code, found):
+    assert list(named(code)) == found
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_docs_hold_the_tables_that_the_effects_declare(page):
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    assert BLOCK.search(text)
+    assert with_tables(text) == text, "run python -m docs.make.effects"
+
+
+def test_every_table_is_on_one_page():
+    found = [
+        m[2] for page in PAGES for m in BLOCK.finditer((ROOT / "docs" / page).read_text(encoding="utf-8"))
+    ]
+    assert sorted(found) == sorted(TABLES)
+
+
+def test_a_candidate_without_a_row_is_refused(monkeypatch):
+    monkeypatch.setattr(effect_classes()["crack"], "entry", None)
+    with pytest.raises(LookupError, match="crack is proposed"):
+        candidates()
+
+
+def test_a_changed_row_shows_in_the_page(monkeypatch):
+    text = (ROOT / "docs" / "result.md").read_text(encoding="utf-8")
+    monkeypatch.setattr(effect_classes()["crack"], "entry", Entry("`compliance` [-]", "a slit", "anywhere"))
+    assert "| `crack` | `compliance` [-] | a slit |" in with_tables(text)
