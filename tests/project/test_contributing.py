@@ -2,11 +2,14 @@
 
 import re
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import fem.effects
+from docs.make.effects import list_of_kinds, table_of_parameters
+from dovetail.report import words
 from fem import (
     FRF,
     Damping,
@@ -20,7 +23,9 @@ from fem import (
     assemble,
     compute_frf,
 )
+from fem.declarations import Role
 from updating import EFFECT, Measurement, Nuisance, Sensor, diagnose, propose
+from viz.markers import COLOURS, SHAPES
 
 STEP = 1e-200
 
@@ -51,6 +56,20 @@ def test_it_proposes_candidates(kind, model):
     candidates = propose(model, [kind])
     assert [e.where for e in candidates] == ["point 0", "point 1"]
     assert len({e.name for e in candidates}) == len(candidates)
+
+
+def test_it_has_a_role_a_sentence_a_marker_and_a_row(kind, model):
+    effect = propose(model, [kind])[1]
+    assert effect.role is Role.MASS
+    finding = SimpleNamespace(
+        effect=effect, parameters=[SimpleNamespace(name="inertia", value=1e-4)], twins=()
+    )
+    assert words.sentence(finding) == "Point 1 carries a rotary inertia that the model lacks."
+    assert effect.marker.shape in SHAPES
+    assert effect.marker.colour in COLOURS
+    row = f"| `{kind}` | `inertia` [kg·m²] | a rotary inertia at a member's end |"
+    assert row in table_of_parameters().splitlines()
+    assert f"`{kind}`" in list_of_kinds()
 
 
 def test_absent_means_no_change(kind, model):

@@ -80,7 +80,7 @@ def places_of(problem: FitProblem, candidates: Iterable[Effect]) -> tuple[Place,
     mesh = problem.reduced.model.mesh
     for effect in candidates:
         kind, name = place_of(effect)
-        span = next((p for p in effect.parameters() if p.name == "position"), None)
+        span = next((p for p in effect.parameters() if p.position), None)
         member = getattr(effect, "member", None)
         if span is None or member is None:
             found.setdefault(name, (kind, []))[1].append(effect)
@@ -88,7 +88,7 @@ def places_of(problem: FitProblem, candidates: Iterable[Effect]) -> tuple[Place,
         for s in (np.arange(ALONG) + 0.5) / ALONG * mesh.member_length(member):
             at = f"{name} at {s:.3f} m"
             inside = float(np.clip(s, span.lower, span.upper))
-            found.setdefault(at, ("point", []))[1].append(effect.with_values(position=inside))
+            found.setdefault(at, ("point", []))[1].append(effect.with_values(**{span.name: inside}))
     return tuple(Place(kind, name, tuple(effects)) for name, (kind, effects) in found.items())
 
 
