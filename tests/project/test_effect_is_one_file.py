@@ -39,6 +39,7 @@ ALLOWED = {
         "springs of one connection that are searched together; the search is being written",
         {"end_release", "joint_stiffness", "support_flexibility"},
     ),
+    "joint/assembly.py": ("identifies a joint", {"Joint"}),
     "joint/physics.py": ("makes the elements that a fit stands for", {"Joint", "Viscoelastic"}),
     "dovetail/file/config.py": (BUILDS, {"Joint", "SectionShear"}),
     "dovetail/file/connections.py": (
@@ -48,7 +49,7 @@ ALLOWED = {
     "dovetail/file/parts.py": (BUILDS, {"AddedMass", "Support"}),
     "dovetail/file/template.py": ("hides a mass in the example that it writes", {"AddedMass"}),
     "dovetail/file/measured_modes.py": ("an example in an error message", {"member_stiffness"}),
-    "dovetail/identify.py": ("identifies a joint", {"Joint"}),
+    "dovetail/identify.py": ("hands over the joint to identify", {"Joint"}),
     "dovetail/propose.py": ("writes an identified joint into a study file", {"Joint", "Viscoelastic"}),
     "dovetail/validation/frames.py": ("makes the model of a case", {"Joint", "Support"}),
     "dovetail/validation/hidden_at_joints.py": (
