@@ -15,7 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.analysis.frf import MARGIN, FRFKind, Selection, dof_columns, reduced_frf
+from fem.analysis.frf import FRFKind
+from fem.analysis.frf_solver import MARGIN, reduced_frf
+from fem.analysis.selection import Selection, dof_columns
 from fem.linalg.multifrontal import plan_elimination
 from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.model import Contribution, Model

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import fem.reduction.reduced
-from fem.analysis.frf import compute_frf, dof_vectors
+import fem.reduction.reduced_model
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
+from fem.analysis.selection import dof_vectors
 from fem.effects import (
     JointStiffness,
     JointStructuralDamping,
@@ -28,7 +29,10 @@ from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
 from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Damping, Model
-from fem.reduction.reduced import ModeErrors, ParametricFRF, ReducedModel, reduce_model, values_of
+from fem.reduction.local_changes import LocalChanges
+from fem.reduction.modal_solution import ModeErrors
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import STEEL, beam, cross_beam, fix, portal
@@ -137,7 +141,7 @@ def test_candidates_against_direct_solves(name):
     assert misfit(direct(model, 0.001), exact) > 30 * limit  # and the effect is there
     # The low-rank update is another way to the same reduced result; a member's change has no low rank.
     local = ParametricFRF(e.reduced, *(dof_vectors(model, s)[0] for s in (OUT, IN)), FREQUENCY, [])
-    (scanned,) = local.local(np.zeros(0), zeta).receptances([effect])
+    (scanned,) = LocalChanges.of(local, np.zeros(0), zeta).receptances([effect])
     # the same but for rounding in the eigenproblem: 1e-16 of its highest eigenvalue against the lowest
     assert misfit(scanned, H) < ACCURACY
 
@@ -169,11 +173,13 @@ def test_a_members_change_by_the_motions_that_forces_bring_about(monkeypatch):
     )
     zeta, out = np.full(FREQUENCY.size, 0.001), []
     for share in (0.0, 100.0):
-        monkeypatch.setattr("fem.reduction.reduced.LOCAL_SHARE", share)
+        monkeypatch.setattr("fem.reduction.reduced_model.LOCAL_SHARE", share)
         again = ReducedModel(reduced.model, reduced.basis, reduced.system)
         assert (again.value_of(member).L is None) is (share == 0)
         assert again.with_forces_of([member]) is again  # far too many
-        out += ParametricFRF(again, *ends, FREQUENCY, []).local(np.zeros(0), zeta).receptances([member])
+        out += LocalChanges.of(ParametricFRF(again, *ends, FREQUENCY, []), np.zeros(0), zeta).receptances(
+            [member]
+        )
     assert np.abs(out[1] - out[0]).max() < 1e-5 * np.abs(out[0]).max()
 
 
@@ -233,8 +239,10 @@ def test_elements_that_are_alike_are_formed_and_projected_as_one(mine, monkeypat
     reduced = reduce_model(model, attachments(model), FREQUENCY[-1])
     assert reduced.basis.T.shape[1] <= 80
     name, value = effect.parameters()[0].name, effect.parameters()[0].value
-    projected, sums = [], fem.reduction.reduced._pairs
-    monkeypatch.setattr("fem.reduction.reduced._pairs", lambda *args: projected.append(1) or sums(*args))
+    projected, sums = [], fem.reduction.reduced_model._pairs
+    monkeypatch.setattr(
+        "fem.reduction.reduced_model._pairs", lambda *args: projected.append(1) or sums(*args)
+    )
 
     def both():
         fresh = ReducedModel(model, reduced.basis, reduced.system)
@@ -435,7 +443,7 @@ def test_connections_with_a_ratio_of_their_own_against_direct_solves(name):
         assert misfit(H, exact) < ACCURACY
         assert misfit(direct(model.with_effect(*candidates), 0.001), exact) > 0.01
     local = ParametricFRF(e.reduced, *(dof_vectors(model, s)[0] for s in (OUT, IN)), FREQUENCY, [])
-    (scanned,) = local.local(np.zeros(0), ratio).receptances([effect])
+    (scanned,) = LocalChanges.of(local, np.zeros(0), ratio).receptances([effect])
     assert misfit(scanned, H) < ACCURACY
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fem.analysis.harmonic_balance import Receptances, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, parameter_values
-from fem.reduction.reduced import ParametricFRF
+from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.inference.fit import (
     LEVEL_FLOOR,

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, Model, Parameter, ParameterRef, parameter_values
-from fem.reduction.reduced import Fields, LocalChanges, scale_factors
+from fem.reduction.local_changes import Fields, LocalChanges
+from fem.reduction.scaling import scale_factors
 from updating.correlation import complex_log
 from updating.inference.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
@@ -596,7 +597,7 @@ class _Look:
             f, refs = p.data.frequency[self.lines], list(base.values)
             engine = p.engine(f, refs, base.effects, released)
             zeta = p.damping.ratio(f, base.zeta)
-            self._solved[released] = engine.local(np.array([base.values[r] for r in refs]), zeta)
+            self._solved[released] = LocalChanges.of(engine, np.array([base.values[r] for r in refs]), zeta)
         return self._solved[released]
 
 

@@ -14,7 +14,8 @@ from fem.analysis.frf import FRF
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Model, ParameterRef, parameter_values
-from fem.reduction.reduced import ParametricFRF, ReducedModel
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.parameters import (
     DampingCurve,

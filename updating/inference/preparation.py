@@ -13,7 +13,8 @@ from fem.effects.joint import Joint, PointPair
 from fem.elements.frame import Frame
 from fem.linalg.solvers import factorise
 from fem.model import Model
-from fem.reduction.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from fem.system import assemble, connection_stiffness
 from updating.correlation import log_ratio, rms_db
 from updating.inference.fit import (

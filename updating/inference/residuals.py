@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
-from fem.analysis.frf import FRF, FRFKind, Selection, compute_frf, dof_vectors
+from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Eigenpairs, Modes, solve_eigenpairs
+from fem.analysis.selection import Selection, dof_vectors
 from fem.model import Damping, Model, ModelError, ParameterRef
-from fem.reduction.reduced import ParametricFRF, reduce_model
-from fem.sensitivity import differentiate_modes
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import reduce_model
+from fem.sensitivity.modes import differentiate_modes
 from fem.system import System, assemble, reassemble
 from updating.correlation import log_ratio, mac
 from updating.inference.fit import EXPLAINED_LEVEL, counted_values, sensor_vectors

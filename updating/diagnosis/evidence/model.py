@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
-from fem.reduction.reduced import ModeErrors, ParametricFRF
+from fem.reduction.modal_responses import ModalResponses
+from fem.reduction.modal_solution import ModeErrors
+from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.diagnosis.evidence.marginal import LowRank, log_evidence, scale_from
 from updating.diagnosis.evidence.priors import prior_of
@@ -154,7 +156,7 @@ class Posterior:
         engine, hats, _, _ = self._engine()
         values = np.array([v.to_value(xi) for v, xi in zip(fun.variables, z[:n_par], strict=True)])
         zeta = np.exp(hats @ z[n_par:n_x])
-        at = engine.modal(values, zeta, self.errors(z))
+        at = ModalResponses.of(engine, values, zeta, self.errors(z))
         H, parts = at.H, at.parts()
         parts = np.concatenate([parts, (H - parts.sum(axis=0))[None]])
         if not gradient:
