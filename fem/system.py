@@ -89,8 +89,8 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
     model : Model
     reciprocal : bool
         False allows effects whose C is not symmetric, such as rotors. Then
-        :func:`fem.analysis.frf_solver.compute_frf` by the direct method, and undamped modes, which do not see C, are
-        right; what else takes a system relies on symmetry.
+        :func:`fem.analysis.frf_solver.compute_frf` by the direct method, and undamped modes, which do not see
+        C, are right; all other analyses rely on symmetry.
 
     Raises
     ------

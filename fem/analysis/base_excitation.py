@@ -82,8 +82,8 @@ def compute_base_frf(
         ``"absolute"`` motion, as dashpots between the masses and a ground that rests.
     kind : FRFKind or str
     method, tolerance
-        As for :func:`fem.analysis.frf_solver.compute_frf`, which is asked for the responses to the forces that r
-        leaves.
+        As for :func:`fem.analysis.frf_solver.compute_frf`, which is asked for the responses to the forces
+        that r leaves.
 
     Returns
     -------

@@ -53,9 +53,9 @@ def differentiate_frf(
     H_o and H_i are the responses of the elements that change to forces at the outputs and at the inputs.
     ``"direct"`` factorises Z(ω) at every line and is exact to rounding. ``"reduced"`` projects once on modes
     up to 2.5 times the highest frequency and six block-Krylov vectors of each output and input
-    (:class:`fem.reduction.parametric_frf.ParametricFRF`), and of the forces of parameters that touch few DOFs, up to
-    `LOCAL_FORCES` of them. Elsewhere H_o and H_i err by (1/2.5)¹² = 2e-5 of what higher modes contribute at
-    the highest frequency, and, where damping is not proportional, by the loss factor of that.
+    (:class:`fem.reduction.parametric_frf.ParametricFRF`), and of the forces of parameters that touch few
+    DOFs, up to `LOCAL_FORCES` of them. Elsewhere H_o and H_i err by (1/2.5)¹² = 2e-5 of the contribution of
+    higher modes at the highest frequency, and, where damping is not proportional, by the loss factor of that.
 
     Modal damping ratios are taken as 2iζ(ω)K by ``"reduced"``, the same at resonances.
 
