@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fem.model import Contribution, Effect
 from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.recent import Recent
 from fem.reduction.terms import Term, law_parts, motions_of
 
 _MANY = 12
@@ -92,7 +93,7 @@ class Fields:
         return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class LocalChanges:
     """A solved state to which effects that touch few DOFs are added by low-rank updates.
 
@@ -120,7 +121,8 @@ class LocalChanges:
     total: dict[str, Any]
     zeta: NDArray[np.float64]
     damped: NDArray[np.float64] | None
-    _places: dict[Any, Any] = field(default_factory=dict, repr=False)
+    # By the place of a term: changes are tried in series at one place, also in later calls.
+    _places: Recent = field(default_factory=lambda: Recent(_PLACES), init=False, repr=False)
 
     @classmethod
     def of(
@@ -158,7 +160,7 @@ class LocalChanges:
         active = engine.active
         columns = [n for n in range(basis.n_main, basis.T.shape[1]) if n not in active]
         keys = [basis.keys[n - basis.n_main] for n in columns]
-        total, factors = engine.reduced.base_sum(), engine.factors(self.state)
+        total, factors = engine.reduced.base_sum, engine.factors(self.state)
         moved = engine.outputs_on_basis[columns]
         out = np.broadcast_to(moved[:, :, None], (*moved.shape, len(engine.omega))).astype(complex)
         for key in "KM":
@@ -231,7 +233,7 @@ class LocalChanges:
         assert L is not None
         assert dofs is not None
         key = term.place
-        known = self._places.get(key)
+        known = self._places.find(key)
         if known is not None and all(known.holds(X) for X in matrices):
             return known
         if known is not None:
@@ -246,11 +248,7 @@ class LocalChanges:
             G = G + R[:, :, None] / (term.stiffer * self.state.stiffness)
         both = np.concatenate([G, times(Lm, self.Xi)], axis=1)
         outputs = np.ascontiguousarray(times(Lm, self.Xo).transpose(2, 1, 0))
-        place = _Place(motions, inverse, scale, outputs, both)
-        while len(self._places) >= _PLACES:
-            self._places.pop(next(iter(self._places)))
-        self._places[key] = place
-        return place
+        return self._places.put(key, _Place(motions, inverse, scale, outputs, both))
 
     def _brought_about(
         self,

@@ -44,7 +44,7 @@ class ModeErrors:
         return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class ModalSolution:
     """A solved eigenproblem and the damping at each line: applies Z(ω)⁻¹ in modal coordinates.
 
@@ -62,7 +62,7 @@ class ModalSolution:
     resisting: NDArray[np.complex128]
     yielding: NDArray[np.complex128]
     own: NDArray[np.float64] | None = None
-    _made: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
+    _correct: NDArray[Any] | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def of(
@@ -128,13 +128,13 @@ class ModalSolution:
     @property
     def correct(self) -> NDArray[Any]:
         """(I + S G)⁻¹ S at each line (computed once)."""
-        if "correct" not in self._made:
-            self._made["correct"] = np.linalg.solve(self.yielding, self.resisting)
-        return self._made["correct"]
+        if self._correct is None:
+            self._correct = np.linalg.solve(self.yielding, self.resisting)
+        return self._correct
 
     def resisted(self, motions: NDArray[np.complex128]) -> NDArray[Any]:
         """Return the forces (n_freq, k, n) of what damps locally, from the motions without it."""
-        if _FEW * motions.shape[2] < motions.shape[1] and "correct" not in self._made:
+        if _FEW * motions.shape[2] < motions.shape[1] and self._correct is None:
             return np.linalg.solve(self.yielding, self.resisting @ motions)
         return self.correct @ motions
 

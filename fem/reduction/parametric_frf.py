@@ -109,8 +109,8 @@ class ParametricFRF:
             wanted.setdefault(name, []).append(i)
         candidate_names = {e.name for e in candidates}
         ix = np.ix_(self.active, self.active)
-        self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum().items()}
-        self._fixed["laws"] = [(f(self.omega), X[ix]) for f, X in reduced.base_laws()]
+        self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum.items()}
+        self._fixed["laws"] = [(f(self.omega), X[ix]) for f, X in reduced.base_laws]
         self._linear: list[tuple[int, float, Term]] = []
         self._scaled: list[_Scaled] = []
         self._nonlinear: list[tuple[Effect, list[int], list[int]]] = []
@@ -133,7 +133,7 @@ class ParametricFRF:
                     self._linear.append((i, p.value, self.restrict(term)))
                 continue
             if name not in candidate_names:
-                self._add_fixed(reduced.base()[name], -1.0)
+                self._add_fixed(reduced.base[name], -1.0)
             scaled = self._as_scaled(effect, rows, free, foreign)
             if scaled is None:
                 self._nonlinear.append((effect, rows, foreign))

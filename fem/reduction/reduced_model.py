@@ -4,9 +4,9 @@ A model is projected once, for many parameter values and candidate effects. Afte
 size of the mesh.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fem.analysis.basis import Basis, reduced_basis, without_modes
 from fem.analysis.modes import solve_eigenpairs
 from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
+from fem.reduction.recent import Recent
 from fem.reduction.scaling import scaling_exponents
 from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
 from fem.system import System, assemble, sum_contributions
@@ -31,15 +32,44 @@ _ELEMENT = 12
 """DOFs of one element."""
 
 _ALIKE = 256
-"""On bases of at most so many vectors, what pairs of DOFs of elements with one matrix make of it is kept."""
+"""Elements with one common matrix are projected by sums over their pairs of DOFs on bases of at most so many
+vectors."""
+
+_PAIRS = 8
+"""Sets of elements whose sums over pairs of DOFs are kept."""
+
+_VECTORS = 8
+"""Sets of sensors whose projections are kept."""
 
 _UNITS = 64
 """Effects whose matrices for a unit of their parameter are kept."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
+class FullModelResults:
+    """Results of the full model that do not depend on the basis: reduced models on extended bases share them.
+
+    Attributes
+    ----------
+    exponents : dict
+        By effect and foreign parameter: see :meth:`ReducedModel.scaling_of`.
+    matrices : dict
+        By effect and parameter: the sums of its K, M, C and D, or their derivatives, sparse.
+    flexibility : dict
+        By DOFs and motions: flexibility to forces there, without the modes of the basis.
+    """
+
+    exponents: dict[tuple[str, ParameterRef], Mapping[str, int] | None] = field(default_factory=dict)
+    matrices: dict[tuple[str, str], Any] = field(default_factory=dict)
+    flexibility: dict[tuple[bytes, bytes], NDArray[np.float64]] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
 class ReducedModel:
-    """A model on a reduced basis, ready for :class:`ParametricFRF`.
+    """A model on a reduced basis, ready for :class:`~fem.reduction.parametric_frf.ParametricFRF`.
+
+    It is an engine, not a value: projections that it has made once are kept as long as it lives. The model
+    and the basis never change.
 
     Attributes
     ----------
@@ -48,18 +78,43 @@ class ReducedModel:
     basis : Basis
     system : System
         The model's matrices.
-    remembered : dict
-        What others have computed from the two and keep with them.
+    full : FullModelResults
     """
 
     model: Model
     basis: Basis
     system: System
-    _cache: dict[Any, Any] = field(default_factory=lambda: {"base": {}, "linear": {}, "unit": {}}, repr=False)
-    # What does not depend on the basis is shared with the models on others.
-    _scalings: dict[Any, Any] = field(default_factory=dict, repr=False)
-    _sparse: dict[Any, Any] = field(default_factory=dict, repr=False)
-    remembered: dict[Any, Any] = field(default_factory=dict, repr=False)
+    full: FullModelResults = field(default_factory=FullModelResults, repr=False)
+    # Of effects of the model, by their names: their projections ("") and those of their derivatives by linear
+    # parameters.
+    _terms: dict[tuple[str, str], Term] = field(default_factory=dict, init=False, repr=False)
+    # Of any effects, by all their fields but one: the projected matrices for a unit of that one.
+    _units: Recent = field(default_factory=lambda: Recent(_UNITS), init=False, repr=False)
+    # Of vectors on all DOFs, by keys of the caller.
+    _projected: Recent = field(default_factory=lambda: Recent(_VECTORS), init=False, repr=False)
+    # Of sets of elements, by their DOFs.
+    _pairs: Recent = field(default_factory=lambda: Recent(_PAIRS), init=False, repr=False)
+
+    def projected(
+        self, key: Hashable, make: Callable[[], NDArray[np.float64]]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return vectors on all DOFs and their products with the basis, (n_dof, n) and (r + p, n).
+
+        Every fit, screening and forecast on this model reads the same sensors.
+
+        Parameters
+        ----------
+        key : hashable
+            Stands for the vectors: equal keys mean equal vectors. The tuple of sensors, for example.
+        make : callable
+            Gives the vectors where they are not known yet.
+        """
+
+        def both() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            vectors = make()
+            return vectors, self.basis.T.T @ vectors
+
+        return self._projected.get(key, both)
 
     def with_forces_of(self, effects: Sequence[Effect]) -> "ReducedModel":
         """Return the model with the responses to an effect's forces in its basis, where it touches few DOFs.
@@ -84,10 +139,9 @@ class ReducedModel:
     def _on(self, basis: Basis) -> "ReducedModel":
         if basis is self.basis:
             return self
-        out = ReducedModel(self.model, basis, self.system, _scalings=self._scalings, _sparse=self._sparse)
-        for key in ("base", "linear"):
-            known = {at: out._grown(term, self.basis, *at) for at, term in self._cache[key].items()}
-            out._cache[key] = {at: term for at, term in known.items() if term is not None}
+        out = ReducedModel(self.model, basis, self.system, self.full)
+        grown = {at: out._grown(term, self.basis, *at) for at, term in self._terms.items()}
+        out._terms.update({at: term for at, term in grown.items() if term is not None})
         return out
 
     def _grown(self, term: Term, before: Basis, name: str, parameter: str) -> Term | None:
@@ -100,11 +154,12 @@ class ReducedModel:
             return replace(term, L=self.basis.T[term.dofs])
         if term.laws:
             return None
-        if (name, parameter) not in self._sparse:
+        known = self.full.matrices
+        if (name, parameter) not in known:
             effect = self.model.effect(name)
             step = {p.name: p.value + 1j * STEP for p in effect.parameters() if p.name == parameter}
             static = [static_part(c, bool(step)) for c in effect.with_values(**step).contribute(self.model)]
-            self._sparse[name, parameter] = sum_contributions(tuple(static), self.model.n_dof)
+            known[name, parameter] = sum_contributions(tuple(static), self.model.n_dof)
         T, old, new = self.basis.T, before.n_main, self.basis.n_main
         fresh, kept = T[:, old:new], np.concatenate([np.arange(old), np.arange(new, T.shape[1])])
 
@@ -117,7 +172,7 @@ class ReducedModel:
             out[old:new] = (full.T @ fresh).T @ T
             return out
 
-        K, M, C, D = map(larger, (term.K, term.M, term.C, term.D), self._sparse[name, parameter])
+        K, M, C, D = map(larger, (term.K, term.M, term.C, term.D), known[name, parameter])
         return replace(term, K=K, M=M, C=C, D=D)
 
     def with_modes_of(self, model: Model, max_frequency: float) -> "ReducedModel":
@@ -149,18 +204,22 @@ class ReducedModel:
             return None
         b, few = self.basis, len(dofs) <= _ELEMENT
         # All of an element's is solved for at once: it serves every effect there.
-        key = ("flexibility", dofs.tobytes(), b"" if few else motions.tobytes())
-        if key not in self._sparse:
+        key, known = (dofs.tobytes(), b"" if few else motions.tobytes()), self.full.flexibility
+        if key not in known:
             forces = np.asarray(self.system.Q.T.tocsc()[:, dofs] @ (np.eye(len(dofs)) if few else motions))
             forces = without_modes(self.system, b.V[:, : b.n_modes], forces)
-            self._sparse[key] = forces.T @ b.factor.solve(forces)
-        others = slice(b.n_modes, b.n_main)  # what the modes do is not lacking, and may be far more
-        if "static" not in self._cache:
-            total = self.base_sum()
-            self._cache["static"] = np.linalg.inv((total["K"] - b.shift * total["M"])[others, others])
-        T = motions.T @ b.T[dofs, others]
-        full = motions.T @ self._sparse[key] @ motions if few else self._sparse[key]
-        return full - T @ self._cache["static"] @ T.T
+            known[key] = forces.T @ b.factor.solve(forces)
+        # Modes are left out on both sides: their part is not lacking, and its rounding may exceed the rest.
+        T = motions.T @ b.T[dofs, b.n_modes : b.n_main]
+        full = motions.T @ known[key] @ motions if few else known[key]
+        return full - T @ self._static_flexibility @ T.T
+
+    @cached_property
+    def _static_flexibility(self) -> NDArray[np.float64]:
+        """(K - σM)⁻¹ of the basis's vectors other than modes and constraints."""
+        others, total = slice(self.basis.n_modes, self.basis.n_main), self.base_sum
+        inverse: Any = np.linalg.inv((total["K"] - self.basis.shift * total["M"])[others, others])
+        return inverse
 
     def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> Term:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
@@ -218,8 +277,8 @@ class ReducedModel:
         matrices = [X for X in (c.K, c.M, c.C, c.D) if X is not None]
         if c.law is not None or not all(X.strides[0] == 0 and (X[0] == X[0].T).all() for X in matrices):
             return None
-        m = c.dofs.shape[1]
-        pairs, (first, second) = _pairs(self.basis, c.dofs.tobytes(), m), np.triu_indices(m)
+        pairs = self._pairs.get(c.dofs.tobytes(), lambda: _sums_over_pairs(self.basis.T, c.dofs))
+        first, second = np.triu_indices(c.dofs.shape[1])
 
         def total(X: NDArray[Any] | None) -> NDArray[Any] | None:
             part: Any = None if X is None else real_or_slope(X[0], imaginary)
@@ -243,16 +302,12 @@ class ReducedModel:
         if p is None or not p.linear or p.absent != 0 or any(q.linear for q in rest):
             return None
         key = (type(effect), *(getattr(effect, f.name) for f in fields(effect) if f.name != p.name))
-        units = self._cache["unit"]
         try:
-            known = units.get(key)
+            hash(key)
         except TypeError:  # an array among its fields
             return None
-        if known is None:
-            while len(units) >= _UNITS:
-                units.pop(next(iter(units)))
-            known = units[key] = self._slope_of(effect, p.name, p.value, self.model)
-        return None if known.laws else (known, p.value)
+        unit = self._units.get(key, lambda: self._slope_of(effect, p.name, p.value, self.model))
+        return None if unit.laws else (unit, p.value)
 
     def derivative_of(self, effect: Effect, parameter: str, value: float, model: Model | None = None) -> Term:
         """Project an effect's derivative with respect to a parameter of its own, by a complex step."""
@@ -268,73 +323,66 @@ class ReducedModel:
         return self._of(effect, effect.contribute(model.with_values({ref: value + 1j * STEP})), True)
 
     def scaling_of(self, effect: Effect, ref: ParameterRef) -> Mapping[str, int] | None:
-        """Return which of an effect's matrices a parameter of another effect but multiplies (computed once).
+        """Return which of an effect's matrices are proportional to a foreign parameter (computed once).
 
         1 for those of K, M, C and D that are in proportion to it, as the stiffness of a change of a member is
         to E, and 0 for those that do not depend on it; None if one does otherwise.
         """
-        key = (effect.name, ref)
-        if key not in self._scalings:
-            self._scalings[key] = scaling_exponents(effect, self.model, ref)
-        return self._scalings[key]
+        key, known = (effect.name, ref), self.full.exponents
+        if key not in known:
+            known[key] = scaling_exponents(effect, self.model, ref)
+        return known[key]
 
     def _of(self, effect: Effect, contributions: Sequence[Contribution], imaginary: bool = False) -> Term:
         return replace(self.project(contributions, imaginary), connection=effect.connection)
 
+    @cached_property
     def base(self) -> dict[str, Term]:
-        """Return the projection of each effect of the model at nominal values (computed once)."""
-        known = self._cache["base"]
+        """The projection of each effect of the model at nominal values."""
         for e in self.model.effects:
-            if (e.name, "") not in known:
-                known[e.name, ""] = self.value_of(e)
-        return {name: term for (name, _), term in known.items()}
+            if (e.name, "") not in self._terms:
+                self._terms[e.name, ""] = self.value_of(e)
+        return {e.name: self._terms[e.name, ""] for e in self.model.effects}
 
+    @cached_property
     def base_sum(self) -> dict[str, NDArray[np.float64]]:
-        """Return the sum of all effects' matrices at nominal values (computed once).
+        """The sums of all effects' matrices at nominal values.
 
         ``connections`` is the part of K that belongs to connections.
         """
-        if "sum" not in self._cache:
-            zero, terms = np.zeros((self.basis.T.shape[1],) * 2), self.base().values()
-            known = {key: sum((t.dense(key) for t in terms), zero) for key in "KMCD"}
-            known["connections"] = sum((t.dense("K") for t in terms if t.connection), zero)
-            self._cache["sum"] = known
-        return self._cache["sum"]
+        zero, terms = np.zeros((self.basis.T.shape[1],) * 2), self.base.values()
+        total = {key: sum((t.dense(key) for t in terms), zero) for key in "KMCD"}
+        total["connections"] = sum((t.dense("K") for t in terms if t.connection), zero)
+        return total
 
+    @cached_property
     def main_modes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return λ and shapes of the nominal model with all its constraints, on the basis (computed once)."""
-        if "modes" not in self._cache:
-            total, m = self.base_sum(), self.basis.n_main
-            self._cache["modes"] = sla.eigh(total["K"][:m, :m], total["M"][:m, :m])
-        return self._cache["modes"]
+        """λ and shapes of the nominal model with all its constraints, on the basis."""
+        total, m = self.base_sum, self.basis.n_main
+        return sla.eigh(total["K"][:m, :m], total["M"][:m, :m])
 
+    @cached_property
     def base_laws(self) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[np.float64]]]:
-        """Return the factors and matrices of all effects that depend on frequency (computed once)."""
-        if "laws" not in self._cache:
-            self._cache["laws"] = [(f, t.spread(X)) for t in self.base().values() for f, X in t.laws]
-        return self._cache["laws"]
+        """The factors and matrices of all effects that depend on frequency."""
+        return [(f, t.spread(X)) for t in self.base.values() for f, X in t.laws]
 
     def linear(self, effect: Effect, parameter: str, value: float) -> Term:
-        """Return the derivative with respect to a linear parameter.
-
-        It is computed once for effects of the model.
-        """
-        known, key = self._cache["linear"], (effect.name, parameter)
-        if key not in known:
-            known[key] = self.derivative_of(effect, parameter, value)
-        return known[key]
+        """Return the derivative of an effect of the model with respect to a linear parameter, made once."""
+        key = effect.name, parameter
+        if key not in self._terms:
+            self._terms[key] = self.derivative_of(effect, parameter, value)
+        return self._terms[key]
 
 
-@lru_cache(maxsize=8)
-def _pairs(basis: Basis, dofs: bytes, n_dofs: int) -> NDArray[np.float64]:
+def _sums_over_pairs(T: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return Σ_e T_eiᵀ T_ej, and its transpose with it where i ≠ j, for each pair i ≤ j of elements' DOFs.
 
-    Shape (n_dofs (n_dofs + 1)/2, r + p, r + p).
+    ``rows`` (n_elements, m) are the DOFs of the elements; the result is (m (m + 1)/2, r + p, r + p).
     """
-    T, rows = basis.T, np.frombuffer(dofs, dtype=np.int64).reshape(-1, n_dofs)
-    each = [np.ascontiguousarray(T[rows[:, i]]) for i in range(n_dofs)]
-    out = np.empty((n_dofs * (n_dofs + 1) // 2, *2 * T.shape[1:]))
-    for n, (i, j) in enumerate(zip(*np.triu_indices(n_dofs), strict=True)):
+    m = rows.shape[1]
+    each = [np.ascontiguousarray(T[rows[:, i]]) for i in range(m)]
+    out = np.empty((m * (m + 1) // 2, *2 * T.shape[1:]))
+    for n, (i, j) in enumerate(zip(*np.triu_indices(m), strict=True)):
         out[n] = each[i].T @ each[j]
         if i != j:
             out[n] += out[n].T.copy()

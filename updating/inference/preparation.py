@@ -67,7 +67,7 @@ def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.floa
 
 def elastic_frequencies(reduced: ReducedModel, up_to: float) -> NDArray[np.float64]:
     """Return the reduced model's elastic natural frequencies up to a frequency [Hz]."""
-    lam = reduced.main_modes()[0][reduced.basis.n_rigid :]
+    lam = reduced.main_modes[0][reduced.basis.n_rigid :]
     f = np.sqrt(np.maximum(lam, 0.0)) / (2 * np.pi)
     return f[f <= up_to]
 

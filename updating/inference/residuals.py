@@ -795,7 +795,7 @@ class FRFResidual:
             return _OwnDamping(offset, np.zeros(0), np.zeros((0, *H.shape), dtype=complex))
         basis = self.reduced.basis
         elastic = slice(basis.n_rigid, basis.n_modes)
-        square = np.maximum(np.diag(self.reduced.base_sum()["K"])[elastic], 1e-300)
+        square = np.maximum(np.diag(self.reduced.base_sum["K"])[elastic], 1e-300)
         omega_r, omega = np.sqrt(square), 2 * np.pi * d.frequency[:, None]
         f_r = omega_r / (2 * np.pi)
         damped = 2 * damping.ratio_at(f_r) * omega_r + damping.alpha + damping.beta * square
@@ -826,7 +826,7 @@ class FRFResidual:
         """
         basis, d = self.reduced.basis, self.data
         elastic = slice(basis.n_rigid, basis.n_modes)
-        f = np.sqrt(np.maximum(np.diag(self.reduced.base_sum()["K"])[elastic], 0.0)) / (2 * np.pi)
+        f = np.sqrt(np.maximum(np.diag(self.reduced.base_sum["K"])[elastic], 0.0)) / (2 * np.pi)
         product = np.abs(basis.T[:, elastic].T @ d.outputs).max(axis=1) * np.abs(
             basis.T[:, elastic].T @ d.inputs
         ).max(axis=1)
