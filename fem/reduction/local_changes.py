@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Contribution, Effect
+from fem.recent import Recent
 from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.recent import Recent
 from fem.reduction.terms import Term, law_parts, motions_of
 
 _MANY = 12

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fem.analysis.basis import Basis, reduced_basis, without_modes
 from fem.analysis.modes import solve_eigenpairs
 from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
-from fem.reduction.recent import Recent
+from fem.recent import Recent
 from fem.reduction.scaling import scaling_exponents
 from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
 from fem.system import System, assemble, sum_contributions

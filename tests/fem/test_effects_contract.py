@@ -17,7 +17,6 @@ from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
-from fem.properties import Material
 from fem.sensitivity.frf import differentiate_frf
 from fem.sensitivity.modes import differentiate_modes
 from fem.system import assemble
