@@ -229,7 +229,7 @@ def frf_function(
     frequency : ndarray (n_freq,)
         Lines for which the choice is made [Hz].
     outputs, inputs : selection
-        As for :func:`fem.analysis.frf.compute_frf`.
+        As for :func:`fem.analysis.frf_solver.compute_frf`.
     kind : FRFKind
     tolerance : float
         Error to be met by modes, relative to the peak of each FRF [-].

@@ -30,6 +30,7 @@ from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Damping, Model
 from fem.reduction.local_changes import LocalChanges
+from fem.reduction.modal_responses import ModalResponses
 from fem.reduction.modal_solution import ModeErrors
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
@@ -583,7 +584,7 @@ def test_a_violated_constraint_is_what_a_small_compliance_adds(kind):
     out, _ = dof_vectors(model, places)
     reduced = reduce_model(model, np.hstack([attachments(model), out]), FREQUENCY[-1], n_krylov=2)
     e = ParametricFRF(reduced, out, out, FREQUENCY, [])
-    keys, v = e.local(np.zeros(0), np.zeros(FREQUENCY.size)).violations()
+    keys, v = LocalChanges.of(e, np.zeros(0), np.zeros(FREQUENCY.size)).violations()
     assert v.shape == (len(keys), len(places), len(FREQUENCY))
     (row,) = (keys.index(key) for key in effect.released())
 
@@ -615,7 +616,7 @@ def test_derivatives_by_errors_of_modes_against_finite_differences(damper):
     delta, kappa = 0.02 * g.standard_normal(n), 0.3 * g.standard_normal(n)
 
     def at(delta, kappa, zeta=zeta):
-        return e.modal(x, zeta, ModeErrors(first, delta, kappa))
+        return ModalResponses.of(e, x, zeta, ModeErrors(first, delta, kappa))
 
     by_delta, by_kappa = at(delta, kappa).error_slopes()
     for k in range(n):
@@ -641,7 +642,7 @@ def test_without_errors_of_modes_nothing_changes():
     e = engine(model, refs)
     x, zeta = values_of(model, refs), np.full(FREQUENCY.size, 0.01)
     H, dH, dzeta = e.evaluate(x, zeta)
-    found = e.modal(x, zeta, ModeErrors(e.reduced.basis.n_rigid, np.zeros(3), np.zeros(3)))
+    found = ModalResponses.of(e, x, zeta, ModeErrors(e.reduced.basis.n_rigid, np.zeros(3), np.zeros(3)))
     by_x, by_zeta = found.slopes()
     np.testing.assert_allclose(found.H, H, rtol=1e-12, atol=1e-12 * abs(H).max())
     np.testing.assert_allclose(by_x, dH, rtol=1e-9, atol=1e-9 * abs(dH).max())
