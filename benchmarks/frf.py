@@ -14,9 +14,12 @@ import numpy as np
 from benchmarks.engine import cross_beam
 from benchmarks.lattice import lattice
 from fem import Joint, assemble
-from fem.analysis.frf import compute_frf, dof_vectors, frf_blocks
+from fem.analysis.frf_solver import compute_frf, frf_blocks
 from fem.analysis.modes import solve_modes
-from fem.reduction.reduced import ParametricFRF, reduce_model
+from fem.analysis.selection import dof_vectors
+from fem.reduction.local_changes import LocalChanges
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import reduce_model
 
 
 def seconds(call: Callable[[], object], repeat: int = 1) -> float:
@@ -65,7 +68,7 @@ def joint_change() -> str:
     reduced = reduce_model(model, np.hstack([inn, sides]), f[-1], margin=2.5)
     engine = ParametricFRF(reduced, out, inn, f, [])
     whole = seconds(lambda: engine.evaluate(np.zeros(0), np.zeros(f.size), gradient=False), 10)
-    state = engine.local(np.zeros(0), np.zeros(f.size))
+    state = LocalChanges.of(engine, np.zeros(0), np.zeros(f.size))
     K = np.diag([5e7, 5e7, 1e7, 3e3, 3e3, 5e3])
     changes = [
         Joint(name="change", point1=1, point2=4, location=np.array([0, 0, 0.005]), K=x * K)

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, assemble
-from fem.analysis.frf import compute_frf
+from fem.analysis.frf_solver import compute_frf
 from fem.model import DIRECTIONS
 from joint import (
     CoordinateSet,

@@ -10,7 +10,8 @@ import numpy as np
 
 from benchmarks.joint_noise import ALL_NODES, ARMS, noisy, parts, truth
 from fem import assemble
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.model import DIRECTIONS
 from joint import couple, identify_joint, relative_coordinates
 from joint.form import relative_form, with_masses

@@ -16,7 +16,7 @@ from benchmarks.lattice import lattice
 from fem import Frame, MemberProperties, Model, assemble
 from fem.analysis.modes import solve_eigenpairs
 from fem.effects import MemberStiffness
-from fem.sensitivity import differentiate_modes
+from fem.sensitivity.modes import differentiate_modes
 
 N_MODES, N_PARAMETERS, N_SENSORS = 40, 100, 20
 

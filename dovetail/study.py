@@ -30,7 +30,8 @@ from dovetail.file.writing import (
 from dovetail.found import fitted_damping
 from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, run
 from dovetail.result import RunResult
-from fem.analysis.frf import FRF, FRFKind, compute_frf
+from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Modes, first_modes
 from fem.connection_damping import ConnectionDamping
 from fem.io.atomic import replacing

@@ -23,7 +23,8 @@ units, frequencies in Hz, e^{+iωt}; axes and signs are in `docs/conventions.md`
 from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.buckling import BucklingModes, solve_buckling
 from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
-from fem.analysis.frf import FRF, Accuracy, FRFError, FRFKind, compute_frf, frf_blocks
+from fem.analysis.frf import FRF, Accuracy, FRFError, FRFKind
+from fem.analysis.frf_solver import compute_frf, frf_blocks
 from fem.analysis.initial_stress import prestressed
 from fem.analysis.loads import (
     InitialStrain,
@@ -56,7 +57,8 @@ from fem.model import Constraint, Contribution, Damping, Effect, Model, ModelErr
 from fem.reduction.condensation import Reduction
 from fem.reduction.expansion import Expansion
 from fem.sections.section import Section
-from fem.sensitivity import FRFSensitivity, ModeSensitivity, differentiate_frf, differentiate_modes
+from fem.sensitivity.frf import FRFSensitivity, differentiate_frf
+from fem.sensitivity.modes import ModeSensitivity, differentiate_modes
 from fem.system import System, assemble, reassemble
 
 __all__ = [

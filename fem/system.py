@@ -89,8 +89,8 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
     model : Model
     reciprocal : bool
         False allows effects whose C is not symmetric, such as rotors. Then
-        :func:`fem.analysis.frf.compute_frf` by the direct method, and undamped modes, which do not see C, are
-        right; what else takes a system relies on symmetry.
+        :func:`fem.analysis.frf_solver.compute_frf` by the direct method, and undamped modes, which do not see
+        C, are right; all other analyses rely on symmetry.
 
     Raises
     ------
@@ -223,6 +223,8 @@ def _left_out(model: Model, Q: Any) -> NDArray[np.bool_]:
 @lru_cache(maxsize=4)
 def _constraints(model: Model) -> tuple[Constraint, ...]:
     """Return the constraints of a model, kept for the last few models: thousands of supports have many."""
+    # A memo, as models never change and are compared by identity: assembly, its check of rigid motions and
+    # the modes ask for the constraints of one model in turn.
     return model.constraints()
 
 
@@ -380,6 +382,7 @@ class _Pattern:
 @lru_cache(maxsize=4)
 def _pattern(mesh: Mesh) -> _Pattern:
     """Return the blocks of a mesh, kept for the last few meshes."""
+    # A memo, as meshes never change and are compared by identity: every model of a fit is on one mesh.
     n, first, second = mesh.n_points, *mesh.lines.T
     keys = np.concatenate([np.arange(n) * (n + 1), first * n + second, second * n + first])
     blocks, place = np.unique(keys, return_inverse=True)

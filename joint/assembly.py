@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import compute_frf
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Model
 from fem.system import assemble

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.joint import joint_unit
-from fem.reduction.reduced import ReducedModel, reduce_model
+from fem.reduction.reduced_model import ReducedModel, reduce_model
 from joint.assembly import JointTask
 from joint.assembly_starts import SEARCHES, relative_distance, searched, starting_values, vague_prior, walked
 from joint.form import KINDS, LAWS, FormError, JointForm, relative_form

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fem.model import DIRECTIONS, Model
-from fem.reduction.reduced import ParametricFRF, reduce_model
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import reduce_model
 from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy
 from joint.interface import CoordinateSet, Interface, SubstructureFRF, partition_frf, stack_substructures
 

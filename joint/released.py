@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.model import Model, ModelError
-from fem.reduction.reduced import ParametricFRF, ReducedModel
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel
 from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy, solve_lines
 from joint.interface import Interface, SubstructureFRF
 from joint.parts import Blocks

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import root
 
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.joint import Joint
 from fem.model import Damping, Model
 from fem.system import assemble

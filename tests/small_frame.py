@@ -3,7 +3,8 @@
 import numpy as np
 
 from dovetail import load_study
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.added_mass import PointMass
 from fem.io import write_npz
 from fem.system import assemble

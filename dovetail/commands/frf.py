@@ -17,7 +17,8 @@ from dovetail.commands.labels import NodeNumbers, own_labels
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from dovetail.file.config import MOST_LINES, Study
 from dovetail.file.table import StudyError
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.io import write_csv, write_npz
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows

@@ -32,7 +32,7 @@ def errors_before_and_after(result: StudyUpdate) -> list[str]:
 def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) -> None:
     """Write the report and its pictures into a folder."""
     from dovetail.report import page
-    from fem.analysis.frf import compute_frf
+    from fem.analysis.frf_solver import compute_frf
     from fem.system import assemble
     from updating.measurement.measurement import sensor_rows
     from viz.correlation import plot_mode_pairs

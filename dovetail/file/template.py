@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.file.config import load_study
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.added_mass import AddedMass
 from fem.io import write_npz
 from fem.system import assemble

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import FRF, Damping, Frame, Material, MemberProperties, Mesh, Model, Section, assemble
-from fem.analysis.frf import compute_frf
+from fem.analysis.frf_solver import compute_frf
 from fem.model import DIRECTIONS
 from joint import (
     CoordinateSet,

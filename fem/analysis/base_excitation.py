@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.analysis.frf import FRF, FRFError, FRFKind, Selection, compute_frf, dof_vectors
+from fem.analysis.frf import FRF, FRFError, FRFKind
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.participation import rigid_motion_field
+from fem.analysis.selection import Selection, dof_vectors
 from fem.analysis.statics import factor_held
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Law, Model, ModelError
@@ -76,8 +78,8 @@ def compute_base_frf(
         ``"absolute"`` motion, as dashpots between the masses and a ground that rests.
     kind : FRFKind or str
     method, tolerance
-        As for :func:`fem.analysis.frf.compute_frf`, which is asked for the responses to the forces that r
-        leaves.
+        As for :func:`fem.analysis.frf_solver.compute_frf`, which is asked for the responses to the forces
+        that r leaves.
 
     Returns
     -------
@@ -87,7 +89,7 @@ def compute_base_frf(
     Raises
     ------
     FRFError
-        For an unknown ``mass_damping``, and as :func:`fem.analysis.frf.compute_frf`.
+        For an unknown ``mass_damping``, and as :func:`fem.analysis.frf_solver.compute_frf`.
     ModelError
         For a motion of something that is not there or not held.
     """

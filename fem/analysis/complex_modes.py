@@ -14,9 +14,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fem.analysis.frf import FRF, FRFError, FRFKind, Selection, dof_vectors
+from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.analysis.modes import Eigenpairs, Modes, rigid_body_motions, solve_eigenpairs
 from fem.analysis.receptance import locals_of
+from fem.analysis.selection import Selection, dof_vectors
 from fem.linalg.solvers import Factor, factorise
 from fem.model import Model, ModelError
 from fem.system import System, law_change, refuse_unsymmetric

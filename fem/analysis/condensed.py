@@ -15,7 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.analysis.frf import MARGIN, FRFKind, Selection, dof_columns, reduced_frf
+from fem.analysis.frf import FRFKind
+from fem.analysis.frf_solver import MARGIN, reduced_frf
+from fem.analysis.selection import Selection, dof_columns
 from fem.linalg.multifrontal import plan_elimination
 from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.model import Contribution, Model
@@ -227,7 +229,7 @@ def frf_function(
     frequency : ndarray (n_freq,)
         Lines for which the choice is made [Hz].
     outputs, inputs : selection
-        As for :func:`fem.analysis.frf.compute_frf`.
+        As for :func:`fem.analysis.frf_solver.compute_frf`.
     kind : FRFKind
     tolerance : float
         Error to be met by modes, relative to the peak of each FRF [-].

@@ -6,7 +6,6 @@ follow; `nodal_loads` and `nodal_weights` are the right-hand side of K u = f.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce, c
 from fem.elements import tapered
 from fem.elements.frame import Frame
 from fem.elements.quadrature import gauss_points
-from fem.mesh import Location, Mesh
+from fem.mesh import Location
 from fem.model import Model, ModelError
 
 N_WEIGHT_STRETCHES = 32
@@ -46,6 +45,7 @@ class SpreadLoads:
     case: NDArray[np.int64]  # (m,)
     xi: NDArray[np.float64]  # (m, 2)
     force: NDArray[np.float64]  # (m, 2, 3): global; per length if distributed
+    axes: LineAxes  # of all lines of the model, found once for the loads and for all cuts
 
 
 def loads_on_members(
@@ -66,10 +66,10 @@ def loads_on_members(
                     strain[mesh.members[member], :, column] += e0
                 else:
                     rows += [(r[0], column, *r[1:]) for r in _pieces(model, axes, member, load)]
-    return spread_loads(rows), strain
+    return spread_loads(rows, axes), strain
 
 
-def spread_loads(rows: Sequence[tuple[Any, ...]]) -> SpreadLoads:
+def spread_loads(rows: Sequence[tuple[Any, ...]], axes: LineAxes) -> SpreadLoads:
     """Return loads from rows of line, case, both fractions and both forces."""
     rows = sorted(rows, key=lambda r: r[0])
     return SpreadLoads(
@@ -77,6 +77,7 @@ def spread_loads(rows: Sequence[tuple[Any, ...]]) -> SpreadLoads:
         np.array([r[1] for r in rows], dtype=np.int64),
         np.array([r[2:4] for r in rows], dtype=float).reshape(-1, 2),
         np.array([r[4:6] for r in rows], dtype=float).reshape(-1, 2, 3),
+        axes,
     )
 
 
@@ -120,13 +121,7 @@ def _pieces(
 
 def line_axes(model: Model) -> LineAxes:
     """Return the axes of a model's lines."""
-    (frame,) = model.of_kind(Frame)
-    return _kept_axes(frame, model.mesh)
-
-
-@lru_cache(maxsize=8)
-def _kept_axes(frame: Frame, mesh: Mesh) -> LineAxes:
-    """Return the axes of the lines, kept for the last few frames and meshes."""
+    (frame,), mesh = model.of_kind(Frame), model.mesh
     offset, zone = np.zeros((mesh.n_lines, 2, 3)), np.zeros((mesh.n_lines, 2))
     for member, rows in mesh.members.items():
         p, s = frame.members[member], mesh.member_positions(member)
@@ -283,4 +278,4 @@ def with_weights(
             x, share = courses.get(int(line), _UNIFORM)
             at, q = a[line] + x * (b[line] - a[line]), share[:, None] * per_length[line, :, c]
             rows += [(line, int(c), *at[i : i + 2], *q[i : i + 2]) for i in range(len(x) - 1)]
-    return spread_loads(rows)
+    return spread_loads(rows, axes)

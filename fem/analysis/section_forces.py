@@ -15,7 +15,6 @@ from fem.analysis.line_loads import (
     SpreadLoads,
     axis_motion,
     force_at,
-    line_axes,
     line_dofs,
     lines_of_elements,
     rigidity_at,
@@ -118,7 +117,8 @@ def section_forces(
     They hold the part before the cut in equilibrium with its node's force and its loads. Under geometric
     stiffness that part is displaced, and the initial forces on it add moments; axes stay as they were.
     """
-    axes, spread, initial, ends = line_axes(model), held.loads, held.initial, held.ends
+    spread, initial, ends = held.loads, held.initial, held.ends
+    axes = spread.axes
     a, b = np.moveaxis(model.mesh.points[model.mesh.lines[lines]] + axes.offset[lines], 1, 0)
     place = a + xi[:, None] * (b - a)
     node = model.mesh.points[model.mesh.lines[lines, 0]]
@@ -183,7 +183,7 @@ def motion_between_nodes(
     With the strains ε, γ and κ of the section forces that hold the loads while the nodes rest, v = ∫ γ ds +
     ∫ (x - s) κ ds. Ends that are free to turn add a rotation that returns the second end to its place.
     """
-    axes = line_axes(model)
+    axes = held.loads.axes
     a, b = axes.zone[line, 0], 1 - axes.zone[line, 1]
     at_rest = replace(held, ends=held.fixed, initial=0 * held.initial)
     breaks = np.unique(np.clip([a, b, *held.loads.xi[held.loads.line == line].ravel()], a, b))

@@ -130,7 +130,7 @@ class StaticSolution:
         (frame,) = self.model.of_kind(Frame)
         dofs, N = frame.interpolate(mesh, at)
         u = np.einsum("bij,bjc->bic", N, self.displacements[dofs])
-        zone = line_axes(self.model).zone
+        zone = held.loads.axes.zone
         for line in np.unique(np.concatenate([held.loads.line, np.flatnonzero(held.strain.any((1, 2)))])):
             first, last = zone[line, 0], 1 - zone[line, 1]
             here = np.flatnonzero([a.line == line and first < a.xi < last for a in at])

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,8 @@ from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint, PointPair, Spread
 from fem.effects.places import frame_of, is_bar, section_extent
 from fem.elements.frame import Frame
-from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Contribution, Model, Parameter, ParameterRef, lever_matrix
+from fem.recent import Recent
 
 _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such joints are left as they are."""
@@ -24,6 +24,8 @@ _SQUARE = 0.99
 """A joint's own axis is the normal of its flats from this cosine."""
 _N_ALONG = 7
 """Points of Gauss along a patch."""
+_MOTIONS = 256
+"""Mean motions that are kept: of two sides of each joint at the last few sizes."""
 _Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
 
 
@@ -60,6 +62,9 @@ class JointPatch(Spread):
         Length of the stretches over the breadth of the other member [-].
     twist : float
         Stiffness about the normal over what discs as broad as the members have [-]; 0 stands for rigid.
+    motions : Recent
+        Mean motions of sides, which each joint asks for in every direction and derivative. Copies with other
+        values share it.
     """
 
     kind: ClassVar[str] = "joint_patch"
@@ -83,7 +88,7 @@ class JointPatch(Spread):
     joints: tuple[str, ...]
     size: float = 0.0
     twist: float = 0.0
-    _known: dict[Any, tuple[Mesh, Frame, _Rows]] = field(default_factory=dict, repr=False)
+    motions: Recent = field(default_factory=lambda: Recent(_MOTIONS), repr=False)
 
     @property
     def where(self) -> str:
@@ -111,10 +116,10 @@ class JointPatch(Spread):
 
     def _mean(self, model: Model, side: _Side) -> _Rows:
         mesh, frame = model.mesh, frame_of(model)
-        key = (side, float(np.real(self.size)), id(mesh), id(frame.members[side.member]))
-        if key not in self._known:
-            self._known[key] = mesh, frame, _mean_motion(model, side, float(np.real(self.size)) * side.half)
-        return self._known[key][2]
+        size = float(np.real(self.size))
+        # Not the frame itself: moduli of a fit make another one, and leave the motion as it is.
+        key = (side, size, mesh, frame.members[side.member])
+        return self.motions.get(key, lambda: _mean_motion(model, side, size * side.half))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As broad as the other member, half that, and more."""

@@ -1,8 +1,7 @@
 """The section forces of a static state, which stiffen or soften all members."""
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
@@ -24,6 +23,10 @@ from fem.model import (
     dofs_of,
     lever_stiffness,
 )
+from fem.recent import Recent
+
+_UNITS = 8
+"""Frames and meshes whose geometric stiffness at a factor of 1 is kept."""
 
 _EMPTY: Mapping[str, Any] = MappingProxyType({})
 
@@ -66,6 +69,9 @@ class Prestress(Effect):
         All section forces of members, in addition.
     levers : LeverForces or None
         Forces on rigid arms off the members.
+    units : Recent
+        Geometric stiffness of the lines at a factor of 1, for the last frames and meshes. Copies with another
+        factor share it.
     """
 
     kind: ClassVar[str] = "prestress"
@@ -77,6 +83,7 @@ class Prestress(Effect):
     factor: Any = 1.0
     forces: Mapping[str, SectionForces] = field(default_factory=lambda: _EMPTY)
     levers: LeverForces | None = None
+    units: Recent = field(default_factory=lambda: Recent(_UNITS), repr=False)
 
     def __post_init__(self) -> None:
         for member, (s, N) in self.tension.items():
@@ -102,6 +109,16 @@ class Prestress(Effect):
         """The members."""
         names = self._members()
         return f"member{'s' if len(names) > 1 else ''} {', '.join(names)}"
+
+    def _content(self) -> Hashable:
+        """Return the forces as bytes: a key of all but the factor that the stiffness depends on."""
+        axial = tuple(
+            (m, np.asarray(s).tobytes(), np.asarray(N).tobytes()) for m, (s, N) in self.tension.items()
+        )
+        whole = tuple(
+            (m, f.start.tobytes(), f.stop.tobytes(), f.values.tobytes()) for m, f in self.forces.items()
+        )
+        return axial, whole
 
     def _members(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((*self.tension, *self.forces)))
@@ -135,7 +152,9 @@ class Prestress(Effect):
                     f"{', '.join(model.mesh.members)}"
                 )
                 raise ModelError(msg)
-        unit = _unit(_Held(self), frame, model.mesh)
+        unit = self.units.get(
+            (frame, model.mesh, self._content()), lambda: _unit_stiffness(self, frame, model.mesh)
+        )
         out = [Contribution(unit.dofs, self.factor * unit.K, lines=unit.lines)] if len(unit.dofs) else []
         if self.levers is not None and self.levers.points.size:
             K = np.zeros((self.levers.points.size, 6, 6))
@@ -164,31 +183,13 @@ class Prestress(Effect):
         return np.array([mesh.point_at(mesh.locate(m, mesh.member_length(m) / 2)) for m in self._members()])
 
 
-class _Held:
-    """A prestress as a key of what does not depend on its factor."""
-
-    def __init__(self, effect: Prestress) -> None:
-        self.effect = effect
-
-    def __hash__(self) -> int:
-        return hash((id(self.effect.tension), id(self.effect.forces)))
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, _Held)
-            and other.effect.tension is self.effect.tension
-            and other.effect.forces is self.effect.forces
-        )
-
-
-@lru_cache(maxsize=8)
-def _unit(held: _Held, frame: Frame, mesh: Mesh) -> Contribution:
+def _unit_stiffness(effect: Prestress, frame: Frame, mesh: Mesh) -> Contribution:
     """Return the geometric stiffness of the lines at a load factor of 1."""
     dofs, K, lines = [np.zeros((0, 12), dtype=np.int64)], [np.zeros((0, 12, 12))], []
-    for member in held.effect._members():
+    for member in effect._members():
         g, s = frame.lines(mesh, mesh.members[member]), mesh.member_positions(member)
         dofs.append(g.dofs)
-        parts = [stress_stiffness(g, sample(g, s, course)) for course in held.effect.courses(member)]
+        parts = [stress_stiffness(g, sample(g, s, course)) for course in effect.courses(member)]
         K.append(np.sum(parts, axis=0))
         lines.append(g.rows)
     rows = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)

@@ -8,8 +8,8 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from fem.analysis.frf import Selection, dof_vectors
 from fem.analysis.modes import Modes, UnstableError
+from fem.analysis.selection import Selection, dof_vectors
 from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.model import Array, ModelError
 from fem.system import System

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fem.analysis.base_excitation import compute_base_frf
-from fem.analysis.frf import FRFError, compute_frf
+from fem.analysis.frf import FRFError
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic

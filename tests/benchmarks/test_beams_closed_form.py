@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.analysis.frf import compute_frf
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint

@@ -9,7 +9,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows

@@ -8,7 +8,8 @@ import pytest
 from dovetail import load_study
 from dovetail.file.geometry import element_size
 from dovetail.file.table import StudyError
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.effects.joint import Joint
 from fem.elements.frame import Frame

@@ -14,7 +14,8 @@ from dovetail.file.toml import toml_value
 from dovetail.file.writing import with_damping, with_effects, with_parameters
 from dovetail.found import found_text
 from dovetail.pipeline import fit_problem
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.connection_damping import ConnectionDamping
 from fem.effects import candidate_kinds
 from fem.effects.joint_stiffness import JointStiffness

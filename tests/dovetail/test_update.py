@@ -8,7 +8,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Modes, solve_modes
 from fem.io import read_npz_modes, read_uff, write_npz, write_uff
 from fem.system import assemble

@@ -5,7 +5,8 @@ import pytest
 import scipy.linalg as sla
 
 from fem.analysis.complex_modes import DENSE_LIMIT, TOLERANCE, solve_complex_modes
-from fem.analysis.frf import FRFError, compute_frf
+from fem.analysis.frf import FRFError
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint

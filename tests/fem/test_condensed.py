@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from fem.analysis.condensed import condense, frf_function
-from fem.analysis.frf import FRFKind, compute_frf, dof_columns
+from fem.analysis.frf import FRFKind
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
+from fem.analysis.selection import dof_columns
 from fem.effects.rotor import Rotor
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from fem.analysis.frf import compute_frf
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.initial_stress import prestressed
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import solve_modes
@@ -19,7 +19,8 @@ from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
-from fem.sensitivity import differentiate_frf, differentiate_modes
+from fem.sensitivity.frf import differentiate_frf
+from fem.sensitivity.modes import differentiate_modes
 from fem.system import assemble
 from tests.frames import beam, braced, cross_beam, fix, mounted, portal, welded, with_part
 

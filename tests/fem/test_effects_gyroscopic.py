@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fem.analysis.complex_modes import solve_complex_modes
-from fem.analysis.frf import FRF, FRFError, compute_frf
+from fem.analysis.frf import FRF, FRFError
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.ground_damper import GroundDamper
 from fem.effects.joint import Joint
 from fem.effects.point_inertia import PointInertia
@@ -12,8 +13,10 @@ from fem.effects.rotor import Rotor
 from fem.effects.side_spring import SideSpring
 from fem.effects.support import Support
 from fem.model import Damping, ModelError
-from fem.reduction.reduced import ParametricFRF, reduce_model
-from fem.sensitivity import differentiate_frf
+from fem.reduction.local_changes import LocalChanges
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import reduce_model
+from fem.sensitivity.frf import differentiate_frf
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, build_problem
@@ -77,7 +80,7 @@ def test_the_reduced_engine_and_its_slopes_hold_for_a_rotor():
     near, far = (at[2] - at[1]) / (2 * step), (at[3] - at[0]) / (4 * step)
     assert abs(slopes[0] - near).max() <= abs(far - near).max() + 1e-9 * abs(near).max()
     # The low-rank update adds what the basis lacks of the rotor's own forces; here it lacks next to nothing.
-    state = ParametricFRF(reduced, forces, forces[:, :2], FREQUENCY, []).local(np.zeros(0), zero)
+    state = LocalChanges.of(ParametricFRF(reduced, forces, forces[:, :2], FREQUENCY, []), np.zeros(0), zero)
     (updated,) = state.receptances([rotor])
     assert abs(updated - exact).max() <= 6.0**-6 * abs(exact).max()
 

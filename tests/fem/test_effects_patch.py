@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import fem
 from dovetail.cli import main
 from dovetail.file.config import load_study
-from fem.analysis.frf import compute_frf
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.statics import solve_static
 from fem.effects.joint import Joint
 from fem.effects.joint_patch import JointPatch, turning_parameters, with_patch

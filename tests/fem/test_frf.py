@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRFError, compute_frf, dof_vectors, frf_blocks
+from fem.analysis.frf import FRFError
+from fem.analysis.frf_solver import compute_frf, frf_blocks
 from fem.analysis.modes import solve_modes
+from fem.analysis.selection import dof_vectors
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic
 from fem.elements.frame import Frame
@@ -14,7 +16,9 @@ from fem.elements.properties import MemberProperties
 from fem.laws import Zener
 from fem.mesh import Mesh
 from fem.model import Damping, Model
-from fem.reduction.reduced import ParametricFRF, reduce_model
+from fem.reduction.local_changes import LocalChanges
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import reduce_model
 from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, cross_beam
@@ -189,7 +193,7 @@ def test_local_changes_at_one_place_do_not_disturb_each_other():
     sides = np.eye(model.n_dof)[:, [6 * p + d for p in (1, 4) for d in range(6)]]
     reduced = reduce_model(model, np.hstack([inn, sides]), f[-1], n_krylov=2)
     engine = ParametricFRF(reduced, out, inn, f, [])
-    state = engine.local(np.zeros(0), np.zeros(f.size))
+    state = LocalChanges.of(engine, np.zeros(0), np.zeros(f.size))
 
     def change(K=(0,) * 6, C=(0,) * 6):
         at = np.array([0, 0, 0.005])
@@ -217,7 +221,7 @@ def test_a_coupling_after_an_effect_that_leaves_rounding_in_its_direction():
     sides = np.eye(model.n_dof)[:, [6 * p + d for p in (1, 4) for d in range(6)]]
     reduced = reduce_model(model, np.hstack([inn, sides]), f[-1], n_krylov=2)
     engine = ParametricFRF(reduced, out, inn, f, [])
-    state = engine.local(np.zeros(0), np.zeros(f.size))
+    state = LocalChanges.of(engine, np.zeros(0), np.zeros(f.size))
     rounding, coupling = np.diag([2e7, 2e7, 0, 0, 0, 1e-26]), np.zeros((6, 6))
     coupling[0, 5] = coupling[5, 0] = 5e4
     for K in (rounding, coupling):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fem.analysis.complex_modes import solve_complex_modes
-from fem.analysis.frf import FRF, FRFError, compute_frf
+from fem.analysis.frf import FRF, FRFError
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.directions import direction_vector, directions_from
 from fem.effects.joint import Joint

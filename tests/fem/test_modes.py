@@ -7,7 +7,8 @@ import scipy.linalg as sla
 import fem.analysis.modes
 import fem.reduction.condensation
 from fem.analysis.complex_modes import solve_complex_modes
-from fem.analysis.frf import FRFError, compute_frf
+from fem.analysis.frf import FRFError
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import DENSE_LIMIT, UnstableError, solve_eigenpairs, solve_modes
 from fem.analysis.statics import solve_static
 from fem.effects.added_mass import AddedMass
@@ -21,7 +22,7 @@ from fem.model import Damping, Model, ModelError
 from fem.reduction.condensation import reduce_craig_bampton, reduce_guyan, reduce_irs, reduce_serep
 from fem.reduction.expansion import expand_smooth
 from fem.sections.section import Section
-from fem.sensitivity import differentiate_modes
+from fem.sensitivity.modes import differentiate_modes
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, fix, portal
 

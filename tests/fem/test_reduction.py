@@ -14,13 +14,13 @@ from fem.effects import Joint
 from fem.mesh import Mesh
 from fem.model import Contribution, Damping, Effect, Model, ModelError, dofs_of
 from fem.reduction.condensation import (
-    frequency_errors,
     reduce_craig_bampton,
     reduce_dynamic,
     reduce_guyan,
     reduce_irs,
     reduce_serep,
 )
+from fem.reduction.frequency_errors import frequency_errors
 from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import STEEL, beam, cross_beam, fix, planar, portal

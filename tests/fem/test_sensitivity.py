@@ -11,13 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.frf import FRFError, compute_frf
+from fem.analysis.frf import FRFError
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_eigenpairs, solve_modes
 from fem.declarations import Role
 from fem.effects import AddedMass, MemberStiffness, SupportFlexibility
 from fem.model import Contribution, Damping, Effect, ModelError, Parameter, dofs_of
 from fem.sections.section import Section
-from fem.sensitivity import differentiate_frf, differentiate_matrices, differentiate_modes
+from fem.sensitivity.frf import differentiate_frf
+from fem.sensitivity.matrices import differentiate_matrices
+from fem.sensitivity.modes import differentiate_modes
 from fem.system import assemble
 from tests.frames import beam, cross_beam, fix, portal
 

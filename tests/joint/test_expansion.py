@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from benchmarks.joint_noise import beam
 from fem import assemble
-from fem.analysis.frf import compute_frf
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.model import DIRECTIONS
 from joint import CoordinateSet, coordinates_of, identify_joint, joint_impedance

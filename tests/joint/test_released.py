@@ -13,9 +13,9 @@ from dovetail.file.config import load_study
 from dovetail.identify import read_task
 from dovetail.propose import write_proposal
 from fem import Damping, assemble
-from fem.analysis.frf import compute_frf
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.joint import Joint
-from fem.reduction.reduced import reduce_model
+from fem.reduction.reduced_model import reduce_model
 from joint import ReleasedParts, couple, fit_joint, relative_coordinates, relative_form
 from joint.assembly import identify
 from joint.assembly_fit import estimate

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fem.analysis.frf import FRF, compute_frf
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.joint import Joint
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model

@@ -65,7 +65,7 @@ def test_each_grid_begins_where_the_effect_is_hardly_seen(prepared):
     for effect in candidates:
         grid = Grid.of(problem, effect)
         r = look._residuals(look._local(effect.released()).with_terms(grid.terms(problem, False)))
-        change = screening._level(look._adapted((r - look._now())[:, look.whole]))
+        change = screening._level(look._adapted((r - look._now)[:, look.whole]))
         # beside what uncertain parameters imitate; tension makes a free member a pendulum: 0.11 for the least
         assert change.min() < 0.12, effect.name
 
@@ -250,7 +250,7 @@ def test_of_very_many_rivals_a_short_list_is_looked_at(prepared, monkeypatch):
 def test_the_impedance_at_a_support_is_that_of_the_structure_around_it():
     case = make_case(3, "portal", "support_flexibility")
     problem = build_problem(case.model, case.measurement, case.nuisances)
-    basis, total = problem.reduced.basis, problem.reduced.base_sum()
+    basis, total = problem.reduced.basis, problem.reduced.base_sum
     omega = 2 * np.pi * problem.data.frequency[problem.lines_up_to(np.inf, 30)][:, None, None]
     for k, key in enumerate(basis.keys):
         active = [*range(basis.n_main), basis.n_main + k]
@@ -312,7 +312,7 @@ def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():
             continue
         near = next(p for p, _ in grid.weak_points)
         (H,) = look._local(()).with_terms([problem.reduced.value_of(effect.with_values(**near))])
-        change = look._residuals([H]) - look._now()
+        change = look._residuals([H]) - look._now
         size = [np.linalg.norm(look._adapted(change, replaced)) for replaced in ((), effect.replaces())]
         assert size[0] <= size[1] * (1 + 1e-9)
         own, hidden = (look.scores(g)[0] for g in (grid, Grid(cast("Any", Hidden(effect)), grid.points)))
@@ -336,7 +336,7 @@ def test_an_unknown_at_its_bound_does_not_hide_a_weak_effect(prepared):
         """Return the share of a loss factor's change that unknowns do not explain."""
         look = screening._Look.of(problem, replace(base, zeta=zeta), 60, 0, 10**6, **options)
         terms = [problem.reduced.value_of(grid.effect.with_values(**p)) for p, _ in grid.weak_points]
-        change = look._residuals(look._local(()).with_terms(terms)) - look._now()
+        change = look._residuals(look._local(()).with_terms(terms)) - look._now
         return np.linalg.norm(look._adapted(change)) / np.linalg.norm(change)
 
     assert hidden(zeta) < 0.85 * hidden(zeta, at_bounds=False)

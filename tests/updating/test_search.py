@@ -8,7 +8,7 @@ import pytest
 
 from dovetail.validation.cases import Settings, draw_case
 from fem.model import parameter_values
-from fem.reduction.reduced import reduce_model
+from fem.reduction.reduced_model import reduce_model
 from tests.frames import chain
 from tests.hidden.cases import make_case
 from updating.diagnosis import acceptance, findings, screening, search

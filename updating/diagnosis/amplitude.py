@@ -7,6 +7,7 @@ force.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from fem.analysis.harmonic_balance import Receptances, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, parameter_values
-from fem.reduction.reduced import ParametricFRF
+from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.inference.fit import (
     LEVEL_FLOOR,
@@ -95,7 +96,7 @@ def split(effects: Sequence[Effect]) -> tuple[list[Effect], list[AmplitudeDepend
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(eq=False)
 class _AtJoint:
     """The linear rest of the structure, with the relative motion of a joint as last response and last force.
 
@@ -106,26 +107,29 @@ class _AtJoint:
     effects: tuple[Effect, ...]
     element: AmplitudeDependent
     lines: NDArray[np.int64]
-    _made: dict[str, Any] = field(default_factory=dict, repr=False)
+    _engine: ParametricFRF | None = field(default=None, init=False, repr=False)
 
     def block(
         self, values: Floats, refs: Sequence[tuple[str, str]], zeta: Floats, gradient: bool
     ) -> tuple[Complexes, Complexes | None, Complexes | None]:
         """Return receptances (n_freq, n_out + 1, n_in + 1) and derivatives by values and damping."""
         p = self.problem
-        if "engine" not in self._made:
+        if self._engine is None or self._engine.refs != tuple(refs):
             f = p.data.frequency[self.lines]
             both = p.vectors_with(self.element)
-            self._made["engine"] = ParametricFRF(p.reduced, *both, f, refs, self.effects)
-            self._made["hats"], self._made["offset"] = p.damping.hats(f), p.damping.offset(f)
-        return self._made["engine"].evaluate(values, self.ratio(zeta), gradient)
+            self._engine = ParametricFRF(p.reduced, *both, f, refs, self.effects)
+        return self._engine.evaluate(values, self.ratio(zeta), gradient)
 
     def ratio(self, zeta: Floats) -> Floats:
-        return np.exp(self._made["hats"] @ np.log(zeta) + self._made["offset"])
+        return np.exp(self.hats @ np.log(zeta) + self._offset)
 
-    @property
+    @cached_property
     def hats(self) -> Floats:
-        return self._made["hats"]
+        return self.problem.damping.hats(self.problem.data.frequency[self.lines])
+
+    @cached_property
+    def _offset(self) -> Floats:
+        return self.problem.damping.offset(self.problem.data.frequency[self.lines])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

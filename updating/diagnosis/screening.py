@@ -6,13 +6,16 @@ the grid costs what its few DOFs cost.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, Model, Parameter, ParameterRef, parameter_values
-from fem.reduction.reduced import Fields, LocalChanges, scale_factors
+from fem.reduction.local_changes import Fields, LocalChanges
+from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.scaling import scale_factors
 from updating.correlation import complex_log
 from updating.inference.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
 
@@ -58,7 +61,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(eq=False)
 class Grid:
     """A candidate on a grid of its parameter values, projected when it is needed.
 
@@ -71,7 +74,9 @@ class Grid:
 
     effect: Effect
     points: tuple[dict[str, float], ...]
-    _made: dict[str, tuple] = field(default_factory=dict, repr=False)
+    # The terms of all points and of the weak ones, on the last reduced model that they were asked for.
+    _terms: dict[bool, tuple] = field(default_factory=dict, init=False, repr=False)
+    _reduced: ReducedModel | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def of(cls, problem: FitProblem, effect: Effect) -> "Grid":
@@ -93,17 +98,16 @@ class Grid:
         change alike to either side. With each stands by how much it can be multiplied before it is beyond
         the strongest point.
         """
-        slight, others = self._slight_and_others()
+        slight, others = self._slight_and_others
         return slight + others
 
     @property
     def slight_points(self) -> tuple[tuple[dict[str, float], float], ...]:
         """Those of the weak points at which the effect is nearly absent: one for each choice."""
-        return self._slight_and_others()[0]
+        return self._slight_and_others[0]
 
+    @cached_property
     def _slight_and_others(self) -> tuple[tuple[tuple[dict[str, float], float], ...], ...]:
-        if "weak points" in self._made:
-            return self._made["weak points"]
         first = self.effect.parameters()[0].name
         alike: dict[tuple, list[dict[str, float]]] = {}
         for point in self.points:
@@ -122,8 +126,7 @@ class Grid:
             other = int(np.argmin(strength))
             if np.isfinite(strength[other]):
                 others.append((points[other], most / strength[other]))
-        self._made["weak points"] = tuple(slight), tuple(others)
-        return self._made["weak points"]
+        return tuple(slight), tuple(others)
 
     def looked_at(self, weak: bool) -> Sequence[dict[str, float]]:
         """Return the points, or the weak ones alone."""
@@ -131,11 +134,13 @@ class Grid:
 
     def terms(self, problem: FitProblem, weak: bool) -> tuple:
         """Return what the effect adds to the reduced matrices at each point or weak point (computed once)."""
-        key = "weak" if weak else "all"
-        if key not in self._made:
+        if self._reduced is not problem.reduced:
+            self._reduced = problem.reduced
+            self._terms.clear()
+        if weak not in self._terms:
             effects = (self.effect.with_values(**p) for p in self.looked_at(weak))
-            self._made[key] = tuple(map(problem.reduced.value_of, effects))
-        return self._made[key]
+            self._terms[weak] = tuple(map(problem.reduced.value_of, effects))
+        return self._terms[weak]
 
     def near(self, model: Model, places: Floats, reach: float, longest: float = np.inf) -> "Grid | None":
         """Return the points of the grid at which the effect sits near one of some places; None without any.
@@ -411,7 +416,7 @@ def _screen_weak(
     return (*order[:N_BEST_WEAK], *order[max(first, N_BEST_WEAK) : first + 1])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(eq=False)
 class _Look:
     """A model with all but the candidates fixed, at a few lines.
 
@@ -433,7 +438,13 @@ class _Look:
     slopes: Floats
     trust: Floats
     known: Floats
-    _solved: dict[Any, Any] = field(default_factory=dict, repr=False)
+    # By the constraints that an effect releases, and by the nuisance parameters that it replaces.
+    _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(
+        default_factory=dict, init=False, repr=False
+    )
+    _projections: dict[tuple[ParameterRef, ...], tuple[Floats, Any]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @classmethod
     def of(
@@ -483,11 +494,11 @@ class _Look:
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, False))
         r, possible = self._possible(H)
         levels = np.where(possible, self._levels(r, grid.effect.replaces()), np.inf)
-        return levels if np.abs(r - self._now()).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
+        return levels if np.abs(r - self._now).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
 
     def levels_now(self) -> Floats:
         """Return the same without a candidate."""
-        return self._levels(self._now()[None])[:, 0]
+        return self._levels(self._now[None])[:, 0]
 
     def _levels(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Floats:
         first, low = r[:, self.whole], r[:, ~self.whole]
@@ -498,8 +509,8 @@ class _Look:
         """Return the level that the best strength of each weak point would leave, and its multiple."""
         H = self._local(grid.effect.released()).with_terms(self._terms(grid, True))
         replaced = grid.effect.replaces()
-        now = self._adapted(self._now()[None])[0]
-        change = self._adapted(self._possible(H)[0] - self._now(), replaced)
+        now = self._adapted(self._now[None])[0]
+        change = self._adapted(self._possible(H)[0] - self._now, replaced)
         most = np.array([m for _, m in grid.weak_points])
         return _best_multiples(now, change, most, grid.one_sided())
 
@@ -544,20 +555,19 @@ class _Look:
         H = self._local(()).H.ravel()[self.at]
         with np.errstate(divide="ignore", invalid="ignore"):
             d = self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H
-        every: Any = np.vstack([self._now(), np.where(np.isfinite(d), d, 0.0)])
+        every: Any = np.vstack([self._now, np.where(np.isfinite(d), d, 0.0)])
         bands = self._adapted(every[:, self.whole]), every[:, ~self.whole]
         return np.stack([_best_multiples(r[0], r[1:], most, one_sided)[0] for r in bands])
 
+    @cached_property
     def _now(self) -> Complexes:
-        """Return the weighted residuals (m,) of the model without a candidate (computed once)."""
-        if "now" not in self._solved:
-            self._solved["now"] = self._residuals([self._local(()).H])[0]
-        return self._solved["now"]
+        """The weighted residuals (m,) of the model without a candidate."""
+        return self._residuals([self._local(()).H])[0]
 
     def _possible(self, H: Sequence[Complexes]) -> tuple[Complexes, NDArray[np.bool_]]:
         """Return residuals, those of now for what cannot be, and what can: its receptances are finite."""
         possible = np.array([bool(np.isfinite(each).all()) for each in H])
-        return np.where(possible[:, None], self._residuals(H), self._now()), possible
+        return np.where(possible[:, None], self._residuals(H), self._now), possible
 
     def _residuals(self, H: Sequence[Complexes]) -> Complexes:
         """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
@@ -579,15 +589,14 @@ class _Look:
 
     def _by_nuisances(self, without: tuple[ParameterRef, ...]) -> tuple[Floats, Floats]:
         """Return the slopes of nuisance parameters but some, and what takes a residual to their change."""
-        key = ("nuisances", *without)
-        if key not in self._solved:
+        if without not in self._projections:
             kept = [k for k in range(len(self.slopes)) if k >= len(self.refs) or self.refs[k] not in without]
             slopes = self.slopes[kept]
             weighted = slopes * self.trust
             A = weighted @ slopes.T + np.diag(self.known[kept])
             A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
-            self._solved[key] = slopes, np.linalg.solve(A, weighted)
-        return self._solved[key]
+            self._projections[without] = slopes, np.linalg.solve(A, weighted)
+        return self._projections[without]
 
     def _local(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
         """Return the model solved at the lines, without the constraints that an effect releases."""
@@ -596,7 +605,7 @@ class _Look:
             f, refs = p.data.frequency[self.lines], list(base.values)
             engine = p.engine(f, refs, base.effects, released)
             zeta = p.damping.ratio(f, base.zeta)
-            self._solved[released] = engine.local(np.array([base.values[r] for r in refs]), zeta)
+            self._solved[released] = LocalChanges.of(engine, np.array([base.values[r] for r in refs]), zeta)
         return self._solved[released]
 
 

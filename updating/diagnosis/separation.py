@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Model, parameter_values
-from fem.reduction.reduced import ParametricFRF
+from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit import LEVEL_FLOOR, SYSTEMATIC_FROM, SYSTEMATIC_SHARE, FitProblem, FitResult
 from updating.inference.solve import inflation

@@ -5,7 +5,7 @@ What is fitted are nuisance parameters, the damping curve and candidate effects.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ from fem.analysis.frf import FRF
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Model, ParameterRef, parameter_values
-from fem.reduction.reduced import ParametricFRF, ReducedModel
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.parameters import (
     DampingCurve,
@@ -321,13 +322,12 @@ class FitProblem:
     @property
     def _ends(self) -> tuple[NDArray[np.float64], ...]:
         """Sensors and excitations as combinations of DOFs, and of the basis's columns (computed once)."""
-        ends = self.data.measurement.sensors, self.data.measurement.excitations
-        key = ("ends", *map(id, ends))
-        if key not in self.reduced.remembered:
-            full = [sensor_vectors(self.reduced.model, each) for each in ends]
-            on_basis = [self.reduced.basis.T.T @ X for X in full]
-            self.reduced.remembered[key] = ends, (*full, *on_basis)  # ends kept, so that no id is used again
-        return self.reduced.remembered[key][1]
+        ends = (tuple(each) for each in (self.data.measurement.sensors, self.data.measurement.excitations))
+        vectors = (
+            self.reduced.projected(each, partial(sensor_vectors, self.reduced.model, each)) for each in ends
+        )
+        (outputs, on_outputs), (inputs, on_inputs) = vectors
+        return outputs, inputs, on_outputs, on_inputs
 
     def engine(
         self,
@@ -509,11 +509,8 @@ class FitProblem:
 
         It is the magnitude of force over displacement, at lines over the whole band [N/m, N·m/rad].
         """
-        known = self.reduced.remembered
-        if key in known:
-            return known[key]
-        basis, total = self.reduced.basis, self.reduced.base_sum()
-        lam, V = self.reduced.main_modes()
+        basis, total = self.reduced.basis, self.reduced.base_sum
+        lam, V = self.reduced.main_modes
         m = basis.n_main
         column = m + basis.keys.index(key)
         omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
@@ -522,8 +519,7 @@ class FitProblem:
         coupling = (V.T @ k[:m]) * (1 + 0.02j) - omega2[:, None] * (V.T @ mass[:m])
         others = lam * (1 + 0.02j) - omega2[:, None]
         Z = k[column] * (1 + 0.02j) - omega2 * mass[column] - (coupling**2 / others).sum(axis=1)
-        known[key] = float(1 / np.median(1 / np.abs(Z)))
-        return known[key]
+        return float(1 / np.median(1 / np.abs(Z)))
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return the fitted model's receptances as the sensors would read them, at some or all lines."""
@@ -682,7 +678,7 @@ class FitProblem:
         return FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs).as_kind(m.kind)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(eq=False)
 class FitFunction:
     """Residuals of a fit at some lines, as a function of all that varies.
 
@@ -703,33 +699,41 @@ class FitFunction:
     variables: tuple[Variable, ...]
     start: NDArray[np.float64]
     lines: NDArray[np.int64]
-    _made: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def keep(self) -> NDArray[np.bool_]:
         """Which values count, (n_lines, n_out, n_in)."""
         return self.problem.data.mask[self.lines]
 
-    def _once(self) -> tuple[ParametricFRF, NDArray[np.float64], NDArray[np.complex128]]:
-        if not self._made:
-            p = self.problem
-            f, measured = p.data.frequency[self.lines], p.data.H[self.lines]
-            engine = p.engine(f, [v.ref for v in self.variables], self.effects)
-            safe = np.where(self.keep & (measured != 0), measured, 1.0)
-            self._made.update(engine=engine, hats=p.damping.hats(f), safe=safe, offset=p.damping.offset(f))
-        return self._made["engine"], self._made["hats"], self._made["safe"]
+    # The engine is made at the first evaluation: many functions are made for their bounds and priors alone.
+
+    @cached_property
+    def _engine(self) -> ParametricFRF:
+        frequency = self.problem.data.frequency[self.lines]
+        return self.problem.engine(frequency, [v.ref for v in self.variables], self.effects)
+
+    @cached_property
+    def _damping(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Hat functions and offset of the damping curve at the lines."""
+        curve, frequency = self.problem.damping, self.problem.data.frequency[self.lines]
+        return curve.hats(frequency), curve.offset(frequency)
+
+    @cached_property
+    def _measured(self) -> NDArray[np.complex128]:
+        """Measured receptances at the lines, 1 where they do not count, so that their logarithm exists."""
+        measured = self.problem.data.H[self.lines]
+        return np.where(self.keep & (measured != 0), measured, 1.0)
 
     def __call__(
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
         keep, weight = self.keep, self.problem.data.weight[self.lines]
-        engine, hats, safe = self._once()
-        n_par = len(self.variables)
+        n_par, (hats, offset) = len(self.variables), self._damping
         values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])
-        zeta = np.exp(hats @ x[n_par:] + self._made["offset"])
-        H, dH, dH_dzeta = engine.evaluate(values, zeta, gradient)
-        r = np.nan_to_num(weight * log_ratio(H, safe), nan=0.0)[keep]
+        zeta = np.exp(hats @ x[n_par:] + offset)
+        H, dH, dH_dzeta = self._engine.evaluate(values, zeta, gradient)
+        r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
         per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)

@@ -13,7 +13,8 @@ from fem.effects.joint import PointPair
 from fem.elements.frame import Frame
 from fem.linalg.solvers import factorise
 from fem.model import Model
-from fem.reduction.reduced import ParametricFRF, ReducedModel, reduce_model, values_of
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from fem.system import assemble, connection_stiffness
 from updating.correlation import log_ratio, rms_db
 from updating.inference.fit import (
@@ -65,7 +66,7 @@ def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.floa
 
 def elastic_frequencies(reduced: ReducedModel, up_to: float) -> NDArray[np.float64]:
     """Return the reduced model's elastic natural frequencies up to a frequency [Hz]."""
-    lam = reduced.main_modes()[0][reduced.basis.n_rigid :]
+    lam = reduced.main_modes[0][reduced.basis.n_rigid :]
     f = np.sqrt(np.maximum(lam, 0.0)) / (2 * np.pi)
     return f[f <= up_to]
 

@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
-from fem.analysis.frf import FRF, FRFKind, Selection, compute_frf, dof_vectors
+from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Eigenpairs, Modes, solve_eigenpairs
+from fem.analysis.selection import Selection, dof_vectors
 from fem.model import Damping, Model, ModelError, ParameterRef
-from fem.reduction.reduced import ParametricFRF, reduce_model
-from fem.sensitivity import differentiate_modes
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import reduce_model
+from fem.sensitivity.modes import differentiate_modes
 from fem.system import System, assemble, reassemble
 from updating.correlation import log_ratio, mac
 from updating.inference.fit import EXPLAINED_LEVEL, counted_values, sensor_vectors
@@ -792,7 +795,7 @@ class FRFResidual:
             return _OwnDamping(offset, np.zeros(0), np.zeros((0, *H.shape), dtype=complex))
         basis = self.reduced.basis
         elastic = slice(basis.n_rigid, basis.n_modes)
-        square = np.maximum(np.diag(self.reduced.base_sum()["K"])[elastic], 1e-300)
+        square = np.maximum(np.diag(self.reduced.base_sum["K"])[elastic], 1e-300)
         omega_r, omega = np.sqrt(square), 2 * np.pi * d.frequency[:, None]
         f_r = omega_r / (2 * np.pi)
         damped = 2 * damping.ratio_at(f_r) * omega_r + damping.alpha + damping.beta * square
@@ -823,7 +826,7 @@ class FRFResidual:
         """
         basis, d = self.reduced.basis, self.data
         elastic = slice(basis.n_rigid, basis.n_modes)
-        f = np.sqrt(np.maximum(np.diag(self.reduced.base_sum()["K"])[elastic], 0.0)) / (2 * np.pi)
+        f = np.sqrt(np.maximum(np.diag(self.reduced.base_sum["K"])[elastic], 0.0)) / (2 * np.pi)
         product = np.abs(basis.T[:, elastic].T @ d.outputs).max(axis=1) * np.abs(
             basis.T[:, elastic].T @ d.inputs
         ).max(axis=1)

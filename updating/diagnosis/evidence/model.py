@@ -1,14 +1,17 @@
 """The probability model: what measured FRFs are, given a model and what frame theory has wrong."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
-from fem.reduction.reduced import ModeErrors, ParametricFRF
+from fem.reduction.modal_responses import ModalResponses
+from fem.reduction.modal_solution import ModeErrors
+from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.diagnosis.evidence.marginal import LowRank, log_evidence, scale_from
 from updating.diagnosis.evidence.priors import prior_of
@@ -81,7 +84,7 @@ class _Point:
     G: Complexes
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(eq=False)
 class Posterior:
     """The posterior density of everything that varies in a fit, at some lines.
 
@@ -92,7 +95,6 @@ class Posterior:
     function: FitFunction
     modes: slice
     noise: Floats
-    _made: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -113,7 +115,7 @@ class Posterior:
         across = np.maximum((0.05 / np.maximum(weight, 1e-9)) ** 2 - 0.05**2 - std**2, 0.0)
         noise = np.sqrt(std**2 + across + FLOOR**2)
         first = problem.reduced.basis.n_rigid
-        lam = problem.reduced.main_modes()[0]
+        lam = problem.reduced.main_modes[0]
         highest = (2 * np.pi * MODES_BEYOND * problem.data.frequency[-1]) ** 2
         last = max(first + 1, int(np.searchsorted(lam, highest)))
         return cls(problem, function, slice(first, last), noise)
@@ -123,21 +125,20 @@ class Posterior:
         """How many modes may be off."""
         return self.modes.stop - self.modes.start
 
+    @cached_property
     def priors(self) -> tuple[Floats, Floats]:
-        """Return mean and standard deviation of the unknowns of the fit's function."""
-        if "priors" not in self._made:
-            prior = self.function.prior()
-            mean, std = prior.mean.copy(), prior.std.copy()
-            for k, v in enumerate(self.function.variables):
-                if v.prior is None:
-                    effect = next(e for e in self.function.effects if e.name == v.ref[0])
-                    mean[k], std[k] = prior_of(self.problem, effect, v)
-            self._made["priors"] = mean, std
-        return self._made["priors"]
+        """Mean and standard deviation of the unknowns of the fit's function."""
+        prior = self.function.prior()
+        mean, std = prior.mean.copy(), prior.std.copy()
+        for k, v in enumerate(self.function.variables):
+            if v.prior is None:
+                effect = next(e for e in self.function.effects if e.name == v.ref[0])
+                mean[k], std[k] = prior_of(self.problem, effect, v)
+        return mean, std
 
     def point(self, z: Floats, gradient: bool = True) -> _Point:
         """Return residuals and derivatives at some unknowns."""
-        _, _, safe, keep = self._engine()
+        _, _, safe, keep = self._engine
         H, slopes, parts = self.responses(z, gradient)
         r = np.where(keep, log_ratio(H, safe), 0.0) / self.noise
         per = np.where(keep & (H != 0), 1 / (np.where(H != 0, H, 1.0) * self.noise), 0.0)
@@ -151,10 +152,10 @@ class Posterior:
         """
         fun, n_par = self.function, len(self.function.variables)
         n_x = len(z) - 2 * self.n_modes
-        engine, hats, _, _ = self._engine()
+        engine, hats, _, _ = self._engine
         values = np.array([v.to_value(xi) for v, xi in zip(fun.variables, z[:n_par], strict=True)])
         zeta = np.exp(hats @ z[n_par:n_x])
-        at = engine.modal(values, zeta, self.errors(z))
+        at = ModalResponses.of(engine, values, zeta, self.errors(z))
         H, parts = at.H, at.parts()
         parts = np.concatenate([parts, (H - parts.sum(axis=0))[None]])
         if not gradient:
@@ -169,17 +170,17 @@ class Posterior:
         n = self.n_modes
         return ModeErrors(self.modes.start, z[len(z) - 2 * n : len(z) - n], z[len(z) - n :])
 
+    @cached_property
     def _engine(self) -> tuple[ParametricFRF, Floats, Complexes, NDArray[np.bool_]]:
-        if "engine" not in self._made:
-            p, fun = self.problem, self.function
-            f, measured, keep = p.data.frequency[fun.lines], p.data.H[fun.lines], fun.keep
-            engine = p.engine(f, [v.ref for v in fun.variables], fun.effects)
-            self._made["engine"] = engine, p.damping.hats(f), np.where(keep, measured, 1.0), keep
-        return self._made["engine"]
+        """The engine, hat functions of damping, measured values (1 where they do not count), which count."""
+        p, fun = self.problem, self.function
+        f, measured, keep = p.data.frequency[fun.lines], p.data.H[fun.lines], fun.keep
+        engine = p.engine(f, [v.ref for v in fun.variables], fun.effects)
+        return engine, p.damping.hats(f), np.where(keep, measured, 1.0), keep
 
     def all_priors(self, scales: Scales) -> tuple[Floats, Floats]:
         """Return mean and standard deviation of all unknowns."""
-        mean, std = self.priors()
+        mean, std = self.priors
         n = self.n_modes
         both = np.concatenate([np.full(n, scales.eigenvalue), np.full(n, scales.damping)])
         return np.concatenate([mean, np.zeros(2 * n)]), np.concatenate([std, both])

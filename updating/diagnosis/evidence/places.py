@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Contribution, Effect, Model, parameter_values
-from fem.reduction.reduced import LocalChanges
+from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
 
 MOST_DOFS = 36

@@ -11,6 +11,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.reduction.local_changes import LocalChanges
 from updating.diagnosis.evidence.model import EIGENVALUE_SCALE, Posterior, Scales
 from updating.diagnosis.evidence.places import Place, Reach
 from updating.inference.fit import FitProblem, FitResult
@@ -80,8 +81,8 @@ class Scan:
         every = np.concatenate([(measured - H)[None], slopes * std[:, None, None, None]]) * weight
         f, refs = data.frequency[lines], list(current.values)
         engine = problem.engine(f, refs, current.effects)
-        changes = engine.local(
-            np.array([current.values[r] for r in refs]), problem.damping.ratio(f, current.zeta)
+        changes = LocalChanges.of(
+            engine, np.array([current.values[r] for r in refs]), problem.damping.ratio(f, current.zeta)
         )
         X = np.ascontiguousarray(every.transpose(1, 3, 2, 0))
         total = np.real(np.tensordot(X.conj(), X, axes=([0, 1, 2], [0, 1, 2])))

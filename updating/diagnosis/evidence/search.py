@@ -77,7 +77,6 @@ class Search:
     say: Say = lambda text: None
     known: dict[tuple[frozenset[str], int], Hypothesis] = field(default_factory=dict)
     places: tuple[Place, ...] = ()
-    _surroundings: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.places = places_of(self.problem, self.candidates)

@@ -1,7 +1,6 @@
-"""Derivatives of modes and FRFs with respect to the parameters of effects.
+"""Derivatives of natural frequencies and mode shapes.
 
-A parameter's dK, dM, dC and dD come from a complex step through its effect's element matrices, exact to
-rounding, and are only ever multiplied on the DOFs that they touch. Constraints do not depend on parameters.
+The derivatives of the matrices are only ever multiplied on the DOFs that they touch.
 """
 
 from collections.abc import Sequence
@@ -9,21 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF, FRFError, FRFKind, Selection, dof_vectors
 from fem.analysis.modes import Eigenpairs, Modes, solve_eigenpairs
-from fem.analysis.receptance import LOCAL_DAMPING, locals_of
-from fem.linalg.solvers import SingularMatrixError, factorise
-from fem.model import Array, Contribution, Law, Model, ModelError, ParameterRef, parameter_values
-from fem.reduction.reduced import ParametricFRF, reduce_model
-from fem.system import System, refuse_unsymmetric
-
-LOCAL_FORCES = 48
-"""So many forces of parameters themselves join those at outputs and inputs in the reduced FRFs' basis."""
-
-_STEP = 1e-200
-"""Complex step; derivatives are exact to rounding."""
+from fem.analysis.selection import Selection, dof_vectors
+from fem.model import Array, ModelError, ParameterRef
+from fem.sensitivity.matrices import MatrixDerivative, differentiate_matrices, finite_value
+from fem.system import System
 
 _EQUAL = 1e-8
 """Relative difference of ω² that is rounding: such modes count as repeated."""
@@ -110,111 +101,6 @@ class ModeSensitivity:
         """
         f = self.modes.frequency
         return self.eigenvalue / np.where(f > 0, 8 * np.pi**2 * f, np.nan)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FRFSensitivity:
-    """Frequency response functions and their derivatives.
-
-    Attributes
-    ----------
-    refs : tuple of (effect, parameter)
-        The parameters.
-    frf : FRF
-        At the present values.
-    dH : ndarray of complex (n_par, n_freq, n_out, n_in)
-        Derivatives of ``frf.H`` [its unit per unit of the parameter].
-    """
-
-    refs: tuple[ParameterRef, ...]
-    frf: FRF
-    dH: NDArray[np.complex128]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MatrixDerivative:
-    """The derivative of one contribution with respect to one parameter.
-
-    Attributes
-    ----------
-    dofs : ndarray of int (b, m)
-        Global DOF numbers of the elements that change.
-    K, M, C, D : ndarray (b, m, m) or None
-        Derivatives; K that of the stiffness at ω = 0.
-    law : Law or None
-        Dependence on frequency at the parameter's value plus the complex step, and ``stiffness``, the complex
-        (b, m, m) that it multiplies.
-    """
-
-    dofs: NDArray[np.int64]
-    K: NDArray[np.float64] | None
-    M: NDArray[np.float64] | None
-    C: NDArray[np.float64] | None
-    D: NDArray[np.float64] | None
-    law: Law | None = None
-    stiffness: Array | None = None
-
-    def dynamic_stiffness(self, model: Model, omega: float) -> NDArray[np.complex128]:
-        """Return dZ(ω) of the elements, (b, m, m), with the structure's Rayleigh and structural damping."""
-        damping = model.damping
-        factors = (
-            1 + 1j * (damping.loss_factor + omega * damping.beta),
-            1j * omega * damping.alpha - omega**2,
-            1j * omega,
-            1j,
-        )
-        m = self.dofs.shape[1]
-        Z = np.zeros((len(self.dofs), m, m), dtype=complex)
-        for factor, X in zip(factors, (self.K, self.M, self.C, self.D), strict=True):
-            if X is not None:
-                Z += factor * X
-        if self.law is not None and self.stiffness is not None:
-            storage, loss = self.law(np.array([omega]))
-            storage = storage[0] - self.law(np.zeros(1))[0][0]
-            change = complex(np.real(storage), np.real(loss[0]))
-            slope = complex(np.imag(storage), np.imag(loss[0])) / _STEP
-            Z += slope * np.real(self.stiffness) + change * np.imag(self.stiffness) / _STEP
-        return Z
-
-
-def differentiate_matrices(model: Model, ref: ParameterRef) -> tuple[MatrixDerivative, ...]:
-    """Return the derivatives of the element matrices with respect to one parameter.
-
-    A complex step of 10⁻²⁰⁰ through the contributions of the effect and of those that refer to it. Elements
-    that do not change are left out.
-
-    Parameters
-    ----------
-    model : Model
-    ref : (effect, parameter)
-        Names of an effect of the model and of its parameter.
-
-    Raises
-    ------
-    ModelError
-        For an effect or parameter that the model does not have, or a value that is not finite.
-    """
-    effect, value = model.effect(ref[0]), _effect_value(model, ref)
-    changed = effect.with_values(**{ref[1]: value + 1j * _STEP})
-    parts = list(changed.contribute(model))
-    others = [e for e in model.effects if ref in e.refers_to(model)]
-    if others:
-        stepped = model.with_values({ref: value + 1j * _STEP})
-        parts += [part for e in others for part in e.contribute(stepped)]
-    out = []
-    for part in parts:
-        slopes = [None if X is None else np.imag(X) / _STEP for X in (part.static, part.M, part.C, part.D)]
-        moving = part.law is not None
-        changed = np.full(len(part.dofs), moving)
-        for X in slopes:
-            if X is not None:
-                changed |= X.any(axis=(1, 2))
-        if not changed.any():
-            continue
-        K, M, C, D = (None if X is None or not X.any() else X[changed] for X in slopes)
-        law, stiffness = (part.law, _kept(part, changed)) if moving else (None, None)
-        out.append(MatrixDerivative(part.dofs[changed], K, M, C, D, law, stiffness))
-    return tuple(out)
 
 
 def differentiate_modes(
@@ -330,78 +216,13 @@ def differentiate_modes(
             rest = own.vectors @ own.solve(own.vectors.T @ loads)
             errors[i] = own.error
         kinetic = np.einsum("ij,ij->j", rest, system.M @ rest).max()
-        sizes[i] = np.sqrt(max(float(kinetic), 0.0)) * (abs(_effect_value(model, ref)) or 1.0)
+        sizes[i] = np.sqrt(max(float(kinetic), 0.0)) * (abs(finite_value(model, ref)) or 1.0)
         dshapes[i] = shapes @ factors + system.Q @ rest
     modes = Modes(np.sqrt(lam[:n]) / (2 * np.pi), shapes[:, :n], n_rigid=min(n, pairs.n_rigid))
     sets = tuple(ModeSet(g, lam[g], X) for g, X in zip(small, matrices, strict=True))
     # What is there only by rounding has no error worth reporting.
     error = float(errors[sizes >= 1e-9 * sizes.max()].max())
     return ModeSensitivity(refs, modes, slopes, dshapes, sets, error)
-
-
-def differentiate_frf(
-    system: System,
-    frequency: ArrayLike,
-    outputs: Selection,
-    inputs: Selection,
-    refs: Sequence[ParameterRef] | None = None,
-    kind: FRFKind | str = FRFKind.ACCELERANCE,
-    method: str = "reduced",
-) -> FRFSensitivity:
-    """Compute FRFs and their derivatives, dH = -H_o dZ H_i.
-
-    H_o and H_i are the responses of the elements that change to forces at the outputs and at the inputs.
-    ``"direct"`` factorises Z(ω) at every line and is exact to rounding. ``"reduced"`` projects once on modes
-    up to 2.5 times the highest frequency and six block-Krylov vectors of each output and input
-    (:class:`fem.reduction.reduced.ParametricFRF`), and of the forces of parameters that touch few DOFs, up to
-    `LOCAL_FORCES` of them. Elsewhere H_o and H_i err by (1/2.5)¹² = 2e-5 of what higher modes contribute at
-    the highest frequency, and, where damping is not proportional, by the loss factor of that.
-
-    Modal damping ratios are taken as 2iζ(ω)K by ``"reduced"``, the same at resonances.
-
-    Parameters
-    ----------
-    system : System
-    frequency : array_like (n_freq,)
-        Frequencies [Hz].
-    outputs, inputs : selection
-        DOF numbers, (point, direction) pairs, or rows of combinations (n, n_dof).
-    refs : sequence of (effect, parameter), optional
-        All parameters of the model's effects unless given.
-    kind : FRFKind or str
-        Receptance, mobility or accelerance.
-    method : str
-        ``"reduced"`` or ``"direct"``.
-
-    Raises
-    ------
-    ModelError
-        For parameters that the model does not have.
-    FRFError
-        For an unknown method, modal ratios with ``"direct"``, or a line where the receptance is infinite.
-    """
-    model = system.model
-    refuse_unsymmetric(model)
-    refs = tuple(model.values()) if refs is None else tuple(refs)
-    out, out_labels = dof_vectors(model, outputs)
-    inn, in_labels = dof_vectors(model, inputs)
-    frequency = np.array(frequency, dtype=float, ndmin=1)
-    if method == "reduced":
-        H, dH = _reduced_slopes(system, frequency, out, inn, refs)
-    elif method == "direct":
-        H, dH = _direct_slopes(system, frequency, out, inn, refs)
-    else:
-        msg = f"the FRF method is '{method}'; allowed are reduced, direct"
-        raise FRFError(msg)
-    if not (np.isfinite(H).all() and np.isfinite(dH).all()):
-        msg = "the receptance is infinite at a line: 0 Hz on a free structure, or an undamped resonance"
-        raise FRFError(msg)
-    frf = FRF.from_arrays(frequency, H, FRFKind.RECEPTANCE, out_labels, in_labels).as_kind(kind)
-    factor = (2j * np.pi * frequency[:, None, None]) ** frf.kind.derivatives
-    return FRFSensitivity(refs, frf, dH * factor)
-
-
-# ------------------------------------------------------------------------------------------------- modes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -598,105 +419,3 @@ def _split(lam: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.float
     for g in _groups(lam, _EQUAL):
         out[g] = sla.eigvalsh(S[np.ix_(g, g)]) if len(g) > 1 else S[g, g]
     return out
-
-
-def _local_forces(n_dof: int, derivatives: Sequence[tuple[MatrixDerivative, ...]]) -> NDArray[np.float64]:
-    """Return an orthonormal basis (n_dof, n) of the forces of parameters that touch few DOFs.
-
-    Motions there become responses to forces of the basis, as accurate as the outputs'. Parameters come in
-    until `LOCAL_FORCES` are there.
-    """
-    columns = np.zeros((n_dof, 0))
-    for parts in derivatives:
-        if sum(part.dofs.size for part in parts) > LOCAL_DAMPING:
-            continue
-        for part in parts:
-            given = [X for X in (part.K, part.M, part.C, part.D, part.stiffness) if X is not None]
-            for dofs, *matrices in zip(part.dofs, *(np.real(X) for X in given), strict=True):
-                scaled = [X / max(np.abs(X).max(), 1e-300) for X in matrices]
-                U, s, _ = np.linalg.svd(np.hstack(scaled))
-                new = np.zeros((n_dof, int((s > 1e-12 * s[0]).sum())))
-                np.add.at(new, dofs, U[:, : new.shape[1]])
-                for _ in range(2):
-                    new = new - columns @ (columns.T @ new)
-                U, s, _ = np.linalg.svd(new, full_matrices=False)
-                columns = np.hstack([columns, U[:, s > 1e-6]])
-        if columns.shape[1] > LOCAL_FORCES:
-            break
-    return columns
-
-
-def _effect_value(model: Model, ref: ParameterRef) -> float:
-    """Return the present value of a parameter; raise an error if there is none that is finite."""
-    name, parameter = ref
-    values = parameter_values(model.effect(name))
-    if parameter not in values:
-        msg = f"effect '{name}' has no parameter '{parameter}'; it has {', '.join(values) or 'none'}"
-        raise ModelError(msg)
-    if not np.isfinite(values[parameter]):
-        msg = f"parameter '{parameter}' of effect '{name}' is {values[parameter]}; give it a finite value"
-        raise ModelError(msg)
-    return values[parameter]
-
-
-def _kept(part: Contribution, rows: NDArray[np.bool_]) -> Array:
-    assert part.K is not None
-    return part.K[rows]
-
-
-# -------------------------------------------------------------------------------------------------- FRFs
-
-
-def _direct_slopes(
-    system: System,
-    frequency: NDArray[np.float64],
-    out: NDArray[np.float64],
-    inn: NDArray[np.float64],
-    refs: tuple[ParameterRef, ...],
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    model = system.model
-    if model.damping.ratio.any():
-        msg = (
-            "the direct method needs damping matrices; modal damping ratios have none (use method='reduced')"
-        )
-        raise FRFError(msg)
-    parts = [differentiate_matrices(model, ref) for ref in refs]
-    forces = np.asarray(system.Q.T @ np.hstack([out, inn])).astype(complex)
-    n_out = out.shape[1]
-    H = np.empty((len(frequency), n_out, inn.shape[1]), dtype=complex)
-    dH = np.zeros((len(refs), *H.shape), dtype=complex)
-    for k, omega in enumerate((2 * np.pi * frequency).tolist()):
-        try:
-            u = system.Q @ factorise(system.dynamic_stiffness(omega)).solve(forces)
-        except SingularMatrixError:
-            H[k] = np.inf
-            continue
-        H[k] = out.T @ u[:, n_out:]
-        for i, derivative in enumerate(parts):
-            for part in derivative:
-                at = u[part.dofs]
-                force = part.dynamic_stiffness(model, omega) @ at[:, :, n_out:]
-                dH[i, k] -= np.einsum("bmo,bmi->oi", at[:, :, :n_out], force, optimize=True)
-    return H, dH
-
-
-def _reduced_slopes(
-    system: System,
-    frequency: NDArray[np.float64],
-    out: NDArray[np.float64],
-    inn: NDArray[np.float64],
-    refs: tuple[ParameterRef, ...],
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    model = system.model
-    now = model.values()
-    parts = [differentiate_matrices(model, ref) for ref in refs]
-    dampers = (system.Q @ locals_of(system).U).toarray()
-    forces = np.hstack([out, inn, dampers, _local_forces(model.n_dof, parts)])
-    highest = max(float(frequency[-1]), 1.0)
-    reduced = reduce_model(model, forces, highest, margin=2.5, n_krylov=6, releasable=False)
-    engine = ParametricFRF(reduced, out, inn, frequency, refs)
-    values = np.array([now[ref] for ref in refs], dtype=float)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        H, dH, _ = engine.evaluate(values, model.damping.ratio_at(frequency))
-    assert dH is not None
-    return H, dH

@@ -1,0 +1,394 @@
+"""Receptances of a reduced model as functions of parameters, with exact derivatives.
+
+A set of parameter values costs one small symmetric eigenproblem.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, Model, Parameter, ParameterRef
+from fem.reduction.modal_solution import ModalSolution, ModeErrors, lines_first, range_of, times
+from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.scaling import scale_factors
+from fem.reduction.terms import Term, combined
+
+_Forces = dict[int, NDArray[np.complex128]]
+"""Forces (m, n_in, n_freq) of parameters, by their rows."""
+
+
+def _beside(forces: _Forces) -> NDArray[np.complex128]:
+    return np.concatenate(list(forces.values()), axis=1)
+
+
+def _add_to(forces: _Forces, i: int, force: NDArray[np.complex128]) -> None:
+    if i in forces:
+        forces[i] += force
+    else:
+        forces[i] = force
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scaled:
+    """An effect whose matrices parameters of other effects but multiply.
+
+    ``own`` are the rows of its own parameters and their values in ``start``, the term there. That and the
+    ``slopes`` by these are None if it is not linear in them. ``foreign`` are the rows of the others, their
+    nominal values and which of K, M, C and D go in proportion (see :meth:`ReducedModel.scaling_of`).
+    """
+
+    effect: Effect
+    own: tuple[tuple[int, float], ...]
+    foreign: tuple[tuple[int, float, Mapping[str, int]], ...]
+    start: Term | None
+    slopes: list[Term] | None
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Rows of its own parameters."""
+        return tuple(i for i, _ in self.own)
+
+    def factors(self, values: NDArray[np.float64]) -> dict[str, float]:
+        """Return what K, M, C and D are multiplied by."""
+        return scale_factors(
+            (float(values[i]) / nominal, exponents) for i, nominal, exponents in self.foreign
+        )
+
+
+class ParametricFRF:
+    """Receptances of a reduced model as a function of parameter values.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    outputs, inputs : ndarray (n_dof, n_out), (n_dof, n_in)
+        Responses and forces as combinations of DOFs.
+    frequency : ndarray (n_freq,)
+        Frequencies [Hz].
+    refs : sequence of (effect, parameter)
+        The parameters that vary: of the model's effects or of the candidates.
+    candidates : sequence of Effect
+        Effects that are added to the model.
+    release : sequence of (str, str)
+        Keys of constraints that are released besides those that the candidates release.
+    projected : bool
+        Whether outputs and inputs are combinations of the basis's columns already, (r + p, n).
+    """
+
+    def __init__(
+        self,
+        reduced: ReducedModel,
+        outputs: NDArray[np.float64],
+        inputs: NDArray[np.float64],
+        frequency: NDArray[np.float64],
+        refs: Sequence[ParameterRef],
+        candidates: Sequence[Effect] = (),
+        release: Sequence[tuple[str, str]] = (),
+        *,
+        projected: bool = False,
+    ) -> None:
+        basis = reduced.basis
+        self.reduced = reduced
+        self.refs = tuple(refs)
+        self.omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        self._frequency = np.asarray(frequency, dtype=float)
+        released = {key for effect in candidates for key in effect.released()} | set(release)
+        columns = [basis.n_main + i for i, key in enumerate(basis.keys) if key in released]
+        self.active = np.concatenate([np.arange(basis.n_main), np.array(columns, dtype=np.int64)])
+        n = len(self.active)
+        ends = (outputs, inputs) if projected else (basis.T.T @ outputs, basis.T.T @ inputs)
+        self.outputs, self.inputs = (X[self.active] for X in ends)
+        self.outputs_on_basis = ends[0]
+
+        effects = {e.name: e for e in (*reduced.model.effects, *candidates)}
+        wanted: dict[str, list[int]] = {}
+        for i, (name, _) in enumerate(self.refs):
+            wanted.setdefault(name, []).append(i)
+        candidate_names = {e.name for e in candidates}
+        ix = np.ix_(self.active, self.active)
+        self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum.items()}
+        self._fixed["laws"] = [(f(self.omega), X[ix]) for f, X in reduced.base_laws]
+        self._linear: list[tuple[int, float, Term]] = []
+        self._scaled: list[_Scaled] = []
+        self._nonlinear: list[tuple[Effect, list[int], list[int]]] = []
+        for name, effect in effects.items():
+            rows = wanted.get(name, [])
+            known = {p.name: p for p in effect.parameters()}
+            free = [known[self.refs[i][1]] for i in rows]
+            known_refs = effect.refers_to(reduced.model)
+            foreign = [i for i, ref in enumerate(self.refs) if ref in known_refs]
+            linear = all(p.linear for p in free) and not foreign
+            if name in candidate_names and linear:
+                self._add_fixed(reduced.value_of(effect), 1.0)
+            if linear:
+                for i, p in zip(rows, free, strict=True):
+                    term = (
+                        reduced.derivative_of(effect, p.name, p.value)
+                        if name in candidate_names
+                        else reduced.linear(effect, p.name, p.value)
+                    )
+                    self._linear.append((i, p.value, self.restrict(term)))
+                continue
+            if name not in candidate_names:
+                self._add_fixed(reduced.base[name], -1.0)
+            scaled = self._as_scaled(effect, rows, free, foreign)
+            if scaled is None:
+                self._nonlinear.append((effect, rows, foreign))
+            else:
+                self._scaled.append(scaled)
+        self._together = self._linear_together()
+        self._n = n
+        self._damped: dict[bool, NDArray[np.float64]] = {}
+        # A step that is tried without derivatives is often asked for them next.
+        self._last: tuple[bytes, ModalSolution, NDArray[np.complex128], list[Term]] | None = None
+
+    def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[Term]]]:
+        """Return the rows, nominal values and slopes of linear parameters, those at one place together.
+
+        What they add there is summed over few DOFs before it is spread over the basis.
+        """
+        groups: dict[Any, list[tuple[int, float, Term]]] = {}
+        for i, start, term in self._linear:
+            alone = term.L is None or bool(term.laws)
+            groups.setdefault(i if alone else (term.place, term.connection), []).append((i, start, term))
+        together = (zip(*group, strict=True) for group in groups.values())
+        return [(list(rows), np.array(starts), list(terms)) for rows, starts, terms in together]
+
+    def _as_scaled(
+        self, effect: Effect, rows: Sequence[int], free: Sequence[Parameter], foreign: Sequence[int]
+    ) -> _Scaled | None:
+        """Return an effect whose matrices parameters of others but multiply; None if they do otherwise."""
+        known, nominal = [], self.reduced.model.values()
+        for i in foreign:
+            exponents = self.reduced.scaling_of(effect, self.refs[i])
+            if exponents is None:
+                return None
+            known.append((i, nominal[self.refs[i]], exponents))
+        own = tuple((i, p.value) for i, p in zip(rows, free, strict=True))
+        start = slopes = None
+        if all(p.linear for p in free):
+            start = self.restrict(self.reduced.value_of(effect))
+            slopes = [self.restrict(self.reduced.derivative_of(effect, p.name, p.value)) for p in free]
+            if not all(np.array_equal(start.dofs, s.dofs) for s in slopes):  # type: ignore[arg-type]
+                start = slopes = None
+        return _Scaled(effect, own, tuple(known), start, slopes)
+
+    def damped_range(self, zeta: NDArray[np.float64], now: Sequence[Term]) -> NDArray[np.float64] | None:
+        """Return an orthonormal basis (r, k) of what local damping and laws act on at any values.
+
+        None where it depends on the values; ``now`` is what :meth:`_matrices` gave there.
+        """
+        own = zeta.ndim > 1
+        moving = [t for s, t in zip(self._scaled, now, strict=False) if s.start is None]
+        if any(t.damps(own) for t in (*moving, *now[len(self._scaled) :])):
+            return None
+        if own in self._damped:
+            return self._damped[own]
+        terms = [term for _, _, term in self._linear]
+        terms += [term for s in self._scaled for term in (s.start, *(s.slopes or ())) if term is not None]
+        damping = [self._fixed["C"], self._fixed["D"], *(X for _, X in self._fixed["laws"])]
+        damping += [t.dense(key) for t in terms for key in "CD" if getattr(t, key) is not None]
+        damping += [t.spread(X) for t in terms for _, X in t.laws]
+        if own:
+            stiff = [t.dense("K") for t in terms if t.connection and t.K is not None]
+            damping += [self._fixed["connections"], *stiff]
+        U = range_of(damping)
+        self._damped[own] = np.zeros((self._n, 0)) if U is None else U
+        return self._damped[own]
+
+    def restrict(self, term: Term) -> Term:
+        """Return a term on the active coordinates, without those of constraints that hold."""
+        if term.L is not None:
+            return replace(term, L=term.L[:, self.active])
+        ix = np.ix_(self.active, self.active)
+        K, M, C, D = (None if X is None else X[ix] for X in (term.K, term.M, term.C, term.D))
+        laws = tuple((f, X[ix]) for f, X in term.laws)
+        return replace(term, K=K, M=M, C=C, D=D, laws=laws)
+
+    def _add_fixed(self, term: Term, factor: float) -> None:
+        term = self.restrict(term)
+        self.add(self._fixed, term, factor)
+
+    def add(self, total: dict[str, Any], term: Term, factor: float) -> None:
+        """Add a multiple of a term to sums of matrices; arrays in ``total`` are replaced, never changed."""
+        for key in "KMCD":
+            X = getattr(term, key)
+            if X is None or not X.any():
+                continue
+            more = factor * term.spread(X)
+            total[key] = total[key] + more
+            if key == "K" and term.connection:
+                total["connections"] = total["connections"] + more
+        total["laws"] = total["laws"] + [(factor * f(self.omega), term.spread(X)) for f, X in term.laws]
+
+    def _following(
+        self, values: NDArray[np.float64]
+    ) -> tuple[Model, list[tuple[Effect, list[int], list[int]]]]:
+        """Return the model with what the effects of ``_nonlinear`` refer to, and these as they are now."""
+        foreign = {i for _, _, others in self._nonlinear for i in others}
+        model = self.reduced.model
+        if foreign:
+            model = model.with_values({self.refs[i]: float(values[i]) for i in foreign})
+        return model, [(self._now(e, rows, values), rows, others) for e, rows, others in self._nonlinear]
+
+    def _matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[Term]]:
+        """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
+        total, alone = dict(self._fixed), []
+        for rows, starts, terms in self._together:
+            self.add(total, combined(terms, values[rows] - starts), 1.0)
+        for scaled in self._scaled:
+            term = scaled.start
+            if term is None:
+                term = self.restrict(self.reduced.value_of(self._now(scaled.effect, scaled.rows, values)))
+            for (i, begin), slope in zip(scaled.own, scaled.slopes or (), strict=False):
+                term = term.plus(slope, values[i] - begin)
+            self.add(total, term.scaled(scaled.factors(values)), 1.0)
+            alone.append(term)
+        model, following = self._following(values)
+        for now, _, _ in following:
+            alone.append(self.restrict(self.reduced.value_of(now, model)))
+            self.add(total, alone[-1], 1.0)
+        return total, alone
+
+    def solve(
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], errors: ModeErrors | None = None
+    ) -> tuple[ModalSolution, dict[str, Any], list[Term]]:
+        """Return the state at some values, and what :meth:`_matrices` gives there."""
+        total, alone = self._matrices(values)
+        damped = self.damped_range(zeta, alone)
+        return ModalSolution.of(self.reduced, total, self.omega, zeta, damped, errors), total, alone
+
+    def _slopes(self, values: NDArray[np.float64], alone: Sequence[Term]) -> list[tuple[int, Term]]:
+        """Return the derivatives of the matrices; ``alone`` is what :meth:`_matrices` gave there."""
+        slopes = [(i, term) for i, _, term in self._linear]
+        for scaled, term in zip(self._scaled, alone, strict=False):
+            factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
+            for k, i in enumerate(scaled.rows):
+                slope = scaled.slopes[k] if scaled.slopes is not None else self.restrict(
+                    self.reduced.derivative_of(now, self.refs[i][1], float(values[i]))
+                )  # fmt: skip
+                slopes.append((i, slope.scaled(factors)))
+            for i, _, exponents in scaled.foreign:
+                by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
+                slopes.append((i, term.scaled(by)))
+        model, following = self._following(values)
+        for now, rows, others in following:
+            for i in rows:
+                term = self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), model)
+                slopes.append((i, self.restrict(term)))
+            for i in others:
+                term = self.reduced.foreign_derivative_of(now, self.refs[i], float(values[i]), model)
+                slopes.append((i, self.restrict(term)))
+        return slopes
+
+    def _now(self, effect: Effect, rows: Sequence[int], values: NDArray[np.float64]) -> Effect:
+        return effect.with_values(**{self.refs[i][1]: float(values[i]) for i in rows})
+
+    def evaluate(
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], gradient: bool = True
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None, NDArray[np.complex128] | None]:
+        """Compute receptances and derivatives.
+
+        Z = K (1 + i (η + 2ζ(ω)) + iωβ) + iD + iωC + iωα M - ω²M, with the model's η, α, β; dH = -Hₒ dZ Hᵢ.
+        The stiffness of connections, a part of K, may have a ζ of its own.
+
+        Parameters
+        ----------
+        values : ndarray (n_par,)
+            Values of the parameters ``refs``.
+        zeta : ndarray (n_freq,) or (2, n_freq)
+            Damping ratio at each line, and that of connections if it is another [-].
+        gradient : bool
+            Whether derivatives are wanted.
+
+        Returns
+        -------
+        H : ndarray (n_freq, n_out, n_in)
+        dH : ndarray (n_par, n_freq, n_out, n_in) or None
+        dH_dzeta : ndarray (n_freq, n_out, n_in) or (2, n_freq, n_out, n_in) or None
+            With respect to the damping ratio at that line.
+        """
+        values = np.asarray(values, dtype=float)
+        at = values.tobytes() + zeta.tobytes()
+        if self._last is None or self._last[0] != at:
+            state, _, alone = self.solve(values, zeta)
+            self._last = (at, state, state.solve(self.inputs), alone)
+        _, state, Xi, alone = self._last
+        H = np.moveaxis(times((state.V.T @ self.outputs).T, Xi), 2, 0)
+        if not gradient:
+            return H, None, None
+        return H, *self.derivatives(values, zeta, state, Xi, alone, state.lam)
+
+    def derivatives(
+        self,
+        values: NDArray[np.float64],
+        zeta: NDArray[np.float64],
+        state: ModalSolution,
+        Xi: NDArray[np.complex128],
+        alone: Sequence[Term],
+        damped: NDArray[np.float64],
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return dH by the parameters and by ζ; ``damped`` (r,) is dZ/d(2iζ) of each mode."""
+        n_par, connections = len(self.refs), zeta.ndim > 1
+        whole, places = self._slope_forces(self._slopes(values, alone), state, Xi)
+        whole[n_par] = 2j * damped[:, None, None] * Xi
+        if connections and state.U is not None and state.own is not None:
+            whole[n_par + 1] = 2j * times(state.U @ state.own, times(state.U.T, Xi))
+        moved, Ho = state.read(self.outputs, _beside(whole), [P for P, _ in places])
+        shape = (len(self.omega), self.outputs.shape[1], Xi.shape[1])
+        slopes = np.zeros((n_par + (2 if connections else 1), *shape), dtype=complex)
+        for i, product in zip(whole, np.split(moved, len(whole), axis=2), strict=True):
+            slopes[i] -= product
+        for (_, forces), h in zip(places, Ho, strict=True):
+            products = h @ lines_first(_beside(forces))
+            for i, product in zip(forces, np.split(products, len(forces), axis=2), strict=True):
+                slopes[i] -= product
+        dH, by_zeta = slopes[:n_par], slopes[n_par:]
+        if not connections:
+            return dH, by_zeta[0]
+        by_zeta[0] -= by_zeta[1]  # all but the connections are damped as members
+        return dH, by_zeta
+
+    def factors(self, state: ModalSolution) -> dict[str, NDArray[Any]]:
+        """Return what K, M, C and D are multiplied by in Z, each (n_freq,)."""
+        omega = self.omega
+        return {
+            "K": state.stiffness, "connections": state.connections, "M": state.mass, "C": 1j * omega,
+            "D": np.full(len(omega), 1j),
+        }  # fmt: skip
+
+    def _slope_forces(
+        self, slopes: Sequence[tuple[int, Term]], state: ModalSolution, Xi: NDArray[np.complex128]
+    ) -> tuple[_Forces, list[tuple[NDArray[np.float64], _Forces]]]:
+        """Return dZ Hᵢ of the parameters: of those that act everywhere, in modal coordinates, and at places.
+
+        With each place stand the motions along which its forces act, (r, m), in modal coordinates. Where
+        a place has few forces and many motions it costs less to take them as forces that act everywhere.
+        """
+        factors, n_out, n_in = self.factors(state), self.outputs.shape[1], Xi.shape[1]
+        whole: _Forces = {}
+        groups: dict[bytes, list[tuple[int, Term]]] = {}
+        places = []
+        for i, term in slopes:
+            if term.L is not None:
+                groups.setdefault(term.L.tobytes(), []).append((i, term))
+                continue
+            for factor, X in term.parts(factors, self.omega):
+                _add_to(whole, i, factor * times(state.V.T @ X @ state.V, Xi))
+        for group in groups.values():
+            L: Any = group[0][1].L
+            P, forces = (L @ state.V).T, {}
+            ui = times(P.T, Xi)
+            for i, term in group:
+                for factor, X in term.parts(factors, self.omega):
+                    _add_to(forces, i, factor * times(X, ui))
+            n, m, damped = n_in * len(forces), P.shape[1], 0 if state.U is None else state.U.shape[1]
+            if (n_out + damped) * m < n * (n_out + damped + m):
+                places.append((P, forces))
+                continue
+            for i, force in forces.items():
+                _add_to(whole, i, times(P, force))
+        return whole, places

@@ -1,0 +1,428 @@
+"""A model projected on a few vectors, and the projection of effects on them.
+
+A model is projected once, for many parameter values and candidate effects. After that nothing depends on the
+size of the mesh.
+"""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from fem.analysis.basis import Basis, reduced_basis, without_modes
+from fem.analysis.modes import solve_eigenpairs
+from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
+from fem.recent import Recent
+from fem.reduction.scaling import scaling_exponents
+from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
+from fem.system import System, assemble, sum_contributions
+
+LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
+"""Contributions that touch at most this many DOFs, or as many as this share of the basis's vectors, are kept
+in factored form; forces for a basis are taken from the former."""
+
+RESIDUAL_LIMIT = 20_000
+"""Models with at most this many DOFs get the residual flexibility at the places of candidates."""
+
+_ELEMENT = 12
+"""DOFs of one element."""
+
+_ALIKE = 256
+"""Elements with one common matrix are projected by sums over their pairs of DOFs on bases of at most so many
+vectors."""
+
+_PAIRS = 8
+"""Sets of elements whose sums over pairs of DOFs are kept."""
+
+_VECTORS = 8
+"""Sets of sensors whose projections are kept."""
+
+_UNITS = 64
+"""Effects whose matrices for a unit of their parameter are kept."""
+
+
+@dataclass(slots=True, eq=False)
+class FullModelResults:
+    """Results of the full model that do not depend on the basis: reduced models on extended bases share them.
+
+    Attributes
+    ----------
+    exponents : dict
+        By effect and foreign parameter: see :meth:`ReducedModel.scaling_of`.
+    matrices : dict
+        By effect and parameter: the sums of its K, M, C and D, or their derivatives, sparse.
+    flexibility : dict
+        By DOFs and motions: flexibility to forces there, without the modes of the basis.
+    """
+
+    exponents: dict[tuple[str, ParameterRef], Mapping[str, int] | None] = field(default_factory=dict)
+    matrices: dict[tuple[str, str], Any] = field(default_factory=dict)
+    flexibility: dict[tuple[bytes, bytes], NDArray[np.float64]] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
+class ReducedModel:
+    """A model on a reduced basis, ready for :class:`~fem.reduction.parametric_frf.ParametricFRF`.
+
+    It is an engine, not a value: projections that it has made once are kept as long as it lives. The model
+    and the basis never change.
+
+    Attributes
+    ----------
+    model : Model
+        The full model, at nominal values.
+    basis : Basis
+    system : System
+        The model's matrices.
+    full : FullModelResults
+    """
+
+    model: Model
+    basis: Basis
+    system: System
+    full: FullModelResults = field(default_factory=FullModelResults, repr=False)
+    # Of effects of the model, by their names: their projections ("") and those of their derivatives by linear
+    # parameters.
+    _terms: dict[tuple[str, str], Term] = field(default_factory=dict, init=False, repr=False)
+    # Of any effects, by all their fields but one: the projected matrices for a unit of that one.
+    _units: Recent = field(default_factory=lambda: Recent(_UNITS), init=False, repr=False)
+    # Of vectors on all DOFs, by keys of the caller.
+    _projected: Recent = field(default_factory=lambda: Recent(_VECTORS), init=False, repr=False)
+    # Of sets of elements, by their DOFs.
+    _pairs: Recent = field(default_factory=lambda: Recent(_PAIRS), init=False, repr=False)
+
+    def projected(
+        self, key: Hashable, make: Callable[[], NDArray[np.float64]]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return vectors on all DOFs and their products with the basis, (n_dof, n) and (r + p, n).
+
+        Every fit, screening and forecast on this model reads the same sensors.
+
+        Parameters
+        ----------
+        key : hashable
+            Stands for the vectors: equal keys mean equal vectors. The tuple of sensors, for example.
+        make : callable
+            Gives the vectors where they are not known yet.
+        """
+
+        def both() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            vectors = make()
+            return vectors, self.basis.T.T @ vectors
+
+        return self._projected.get(key, both)
+
+    def with_forces_of(self, effects: Sequence[Effect]) -> "ReducedModel":
+        """Return the model with the responses to an effect's forces in its basis, where it touches few DOFs.
+
+        Modes and the responses to other forces are smooth where a crack bends or a short piece is stiffer.
+        """
+        columns = []
+        for effect in effects:
+            term = self.value_of(effect)
+            matrices = [X for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()]
+            matrices += [X for _, X in term.laws if X.any()]
+            if term.dofs is None or len(term.dofs) > LOCAL_LIMIT or not matrices:
+                continue
+            motions, _, _ = motions_of(matrices)
+            block = np.zeros((self.model.n_dof, motions.shape[1]))
+            block[term.dofs] = motions
+            columns.append(block)
+        if not columns:
+            return self
+        return self._on(self.basis.extended(self.system, np.hstack(columns)))
+
+    def _on(self, basis: Basis) -> "ReducedModel":
+        if basis is self.basis:
+            return self
+        out = ReducedModel(self.model, basis, self.system, self.full)
+        grown = {at: out._grown(term, self.basis, *at) for at, term in self._terms.items()}
+        out._terms.update({at: term for at, term in grown.items() if term is not None})
+        return out
+
+    def _grown(self, term: Term, before: Basis, name: str, parameter: str) -> Term | None:
+        """Return the term of an effect of the model, or its slope, from that on the basis which was extended.
+
+        Only what the new vectors add is projected. None for one with laws that act on many DOFs, which is
+        projected again where it is needed.
+        """
+        if term.L is not None:
+            return replace(term, L=self.basis.T[term.dofs])
+        if term.laws:
+            return None
+        known = self.full.matrices
+        if (name, parameter) not in known:
+            effect = self.model.effect(name)
+            step = {p.name: p.value + 1j * STEP for p in effect.parameters() if p.name == parameter}
+            static = [static_part(c, bool(step)) for c in effect.with_values(**step).contribute(self.model)]
+            known[name, parameter] = sum_contributions(tuple(static), self.model.n_dof)
+        T, old, new = self.basis.T, before.n_main, self.basis.n_main
+        fresh, kept = T[:, old:new], np.concatenate([np.arange(old), np.arange(new, T.shape[1])])
+
+        def larger(X: NDArray[Any] | None, full: Any) -> NDArray[Any] | None:
+            if X is None:
+                return None
+            out = np.empty((T.shape[1],) * 2)
+            out[np.ix_(kept, kept)] = X
+            out[:, old:new] = T.T @ (full @ fresh)
+            out[old:new] = (full.T @ fresh).T @ T
+            return out
+
+        K, M, C, D = map(larger, (term.K, term.M, term.C, term.D), known[name, parameter])
+        return replace(term, K=K, M=M, C=C, D=D)
+
+    def with_modes_of(self, model: Model, max_frequency: float) -> "ReducedModel":
+        """Return the model with the modes of another one in its basis: with effects and values as found.
+
+        Modes of the model without an effect that acts on a whole member converge slowly to those with it.
+
+        Parameters
+        ----------
+        model : Model
+            On the same mesh, without internal coordinates of its own.
+        max_frequency : float
+            Modes are taken up to there [Hz].
+        """
+        system = assemble(model, reciprocal=False)
+        pairs = solve_eigenpairs(system, max_frequency=max_frequency, unstable=True)
+        shapes = np.asarray(system.Q @ pairs.vectors)
+        return self._on(self.basis.with_shapes(self.system, shapes))
+
+    def residual_flexibility(
+        self, dofs: NDArray[np.int64], motions: NDArray[np.float64]
+    ) -> NDArray[np.float64] | None:
+        """Return the static flexibility that the basis lacks to motions (m, k) of some DOFs, (k, k).
+
+        R = Sᵀ [Q (K - σM)⁻¹ Qᵀ - T (Tᵀ(K - σM)T)⁻¹ Tᵀ] S with the basis's own shift, S the motions. None for
+        models with more than ``RESIDUAL_LIMIT`` DOFs, for which it would cost too much.
+        """
+        if self.model.n_dof > RESIDUAL_LIMIT:
+            return None
+        b, few = self.basis, len(dofs) <= _ELEMENT
+        # All of an element's is solved for at once: it serves every effect there.
+        key, known = (dofs.tobytes(), b"" if few else motions.tobytes()), self.full.flexibility
+        if key not in known:
+            forces = np.asarray(self.system.Q.T.tocsc()[:, dofs] @ (np.eye(len(dofs)) if few else motions))
+            forces = without_modes(self.system, b.V[:, : b.n_modes], forces)
+            known[key] = forces.T @ b.factor.solve(forces)
+        # Modes are left out on both sides: their part is not lacking, and its rounding may exceed the rest.
+        T = motions.T @ b.T[dofs, b.n_modes : b.n_main]
+        full = motions.T @ known[key] @ motions if few else known[key]
+        return full - T @ self._static_flexibility @ T.T
+
+    @cached_property
+    def _static_flexibility(self) -> NDArray[np.float64]:
+        """(K - σM)⁻¹ of the basis's vectors other than modes and constraints."""
+        others, total = slice(self.basis.n_modes, self.basis.n_main), self.base_sum
+        inverse: Any = np.linalg.inv((total["K"] - self.basis.shift * total["M"])[others, others])
+        return inverse
+
+    def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> Term:
+        """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
+        if (alike := self._alike(contributions, imaginary)) is not None:
+            return alike
+        if imaginary:  # where a stretch ends matters at its ends alone
+            contributions = [acting(c) for c in contributions]
+        dofs = np.unique(
+            np.concatenate([np.zeros(0, dtype=np.int64), *(c.dofs.ravel() for c in contributions)])
+        )
+        T = self.basis.T
+        if len(dofs) > max(LOCAL_LIMIT, LOCAL_SHARE * T.shape[1]):
+            n, T = len(dofs), T[dofs]
+            own = [replace(c, dofs=np.searchsorted(dofs, c.dofs)) for c in contributions]
+            full = sum_contributions(tuple(static_part(c, imaginary) for c in own), n)
+            laws = [
+                (factor, sum_contributions((Contribution(c.dofs, X),), n)[0])
+                for c in own
+                if c.law is not None
+                for factor, X in law_parts(c, imaginary)
+            ]
+            K, M, C, D = (T.T @ (X @ T) if X.nnz else None for X in full)
+            return Term(None, K, M, C, D, tuple((factor, T.T @ (X @ T)) for factor, X in laws))
+
+        def summed(pairs: Sequence[tuple[Contribution, Any]]) -> NDArray[Any] | None:
+            present = [(c, X) for c, X in pairs if X is not None]
+            if not present:
+                return None
+            total = np.zeros((len(dofs), len(dofs)))
+            for c, X in present:
+                at = np.searchsorted(dofs, c.dofs)
+                np.add.at(total, (at[:, :, None], at[:, None, :]), X)
+            return total
+
+        static = [static_part(c, imaginary) for c in contributions]
+        K, M, C, D = (summed([(c, getattr(c, key)) for c in static]) for key in "KMCD")
+        laws = [
+            (factor, summed([(c, X)]))
+            for c in contributions
+            if c.law is not None
+            for factor, X in law_parts(c, imaginary)
+        ]
+        laws = tuple((f, X) for f, X in laws if X is not None)
+        return Term(T[dofs], K, M, C, D, laws, dofs)
+
+    def _alike(self, contributions: Sequence[Contribution], imaginary: bool) -> Term | None:
+        """Project elements that have one symmetric matrix, Σ x_ij Σ_e T_eiᵀ T_ej; None for others.
+
+        The inner sums are computed once for all matrices: one costs the same on any mesh. It is less than by
+        way of the elements where there are as many of them as vectors.
+        """
+        if len(contributions) != 1 or not len(contributions[0].dofs) >= self.basis.T.shape[1] <= _ALIKE:
+            return None
+        (c,) = contributions
+        matrices = [X for X in (c.K, c.M, c.C, c.D) if X is not None]
+        if c.law is not None or not all(X.strides[0] == 0 and (X[0] == X[0].T).all() for X in matrices):
+            return None
+        pairs = self._pairs.get(c.dofs.tobytes(), lambda: _sums_over_pairs(self.basis.T, c.dofs))
+        first, second = np.triu_indices(c.dofs.shape[1])
+
+        def total(X: NDArray[Any] | None) -> NDArray[Any] | None:
+            part: Any = None if X is None else real_or_slope(X[0], imaginary)
+            return None if part is None else np.tensordot(part[first, second], pairs, axes=1)
+
+        K, M, C, D = map(total, (c.K, c.M, c.C, c.D))
+        return Term(None, K, M, C, D)
+
+    def value_of(self, effect: Effect, model: Model | None = None) -> Term:
+        """Project an effect at its present values, on the nominal model or on one with other values."""
+        unit = None if model else self._unit(effect)
+        return unit[0].times(unit[1]) if unit else self._of(effect, effect.contribute(model or self.model))
+
+    def _unit(self, effect: Effect) -> tuple[Term, float] | None:
+        """Return the slope of an effect by a parameter that but multiplies it, and that parameter's value.
+
+        It is computed once for all values of that parameter, and kept for the last ``_UNITS`` of all others.
+        None if there is no such parameter.
+        """
+        p, *rest = effect.parameters() or (None,)
+        if p is None or not p.linear or p.absent != 0 or any(q.linear for q in rest):
+            return None
+        key = (type(effect), *(getattr(effect, f.name) for f in fields(effect) if f.name != p.name))
+        try:
+            hash(key)
+        except TypeError:  # an array among its fields
+            return None
+        unit = self._units.get(key, lambda: self._slope_of(effect, p.name, p.value, self.model))
+        return None if unit.laws else (unit, p.value)
+
+    def derivative_of(self, effect: Effect, parameter: str, value: float, model: Model | None = None) -> Term:
+        """Project an effect's derivative with respect to a parameter of its own, by a complex step."""
+        unit = None if model or effect.parameters()[0].name != parameter else self._unit(effect)
+        return unit[0] if unit else self._slope_of(effect, parameter, value, model or self.model)
+
+    def _slope_of(self, effect: Effect, parameter: str, value: float, model: Model) -> Term:
+        step = {parameter: value + 1j * STEP}
+        return self._of(effect, effect.with_values(**step).contribute(model), True)
+
+    def foreign_derivative_of(self, effect: Effect, ref: ParameterRef, value: float, model: Model) -> Term:
+        """Project an effect's derivative with respect to a parameter of an effect that it refers to."""
+        return self._of(effect, effect.contribute(model.with_values({ref: value + 1j * STEP})), True)
+
+    def scaling_of(self, effect: Effect, ref: ParameterRef) -> Mapping[str, int] | None:
+        """Return which of an effect's matrices are proportional to a foreign parameter (computed once).
+
+        1 for those of K, M, C and D that are in proportion to it, as the stiffness of a change of a member is
+        to E, and 0 for those that do not depend on it; None if one does otherwise.
+        """
+        key, known = (effect.name, ref), self.full.exponents
+        if key not in known:
+            known[key] = scaling_exponents(effect, self.model, ref)
+        return known[key]
+
+    def _of(self, effect: Effect, contributions: Sequence[Contribution], imaginary: bool = False) -> Term:
+        return replace(self.project(contributions, imaginary), connection=effect.connection)
+
+    @cached_property
+    def base(self) -> dict[str, Term]:
+        """The projection of each effect of the model at nominal values."""
+        for e in self.model.effects:
+            if (e.name, "") not in self._terms:
+                self._terms[e.name, ""] = self.value_of(e)
+        return {e.name: self._terms[e.name, ""] for e in self.model.effects}
+
+    @cached_property
+    def base_sum(self) -> dict[str, NDArray[np.float64]]:
+        """The sums of all effects' matrices at nominal values.
+
+        ``connections`` is the part of K that belongs to connections.
+        """
+        zero, terms = np.zeros((self.basis.T.shape[1],) * 2), self.base.values()
+        total = {key: sum((t.dense(key) for t in terms), zero) for key in "KMCD"}
+        total["connections"] = sum((t.dense("K") for t in terms if t.connection), zero)
+        return total
+
+    @cached_property
+    def main_modes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """λ and shapes of the nominal model with all its constraints, on the basis."""
+        total, m = self.base_sum, self.basis.n_main
+        return sla.eigh(total["K"][:m, :m], total["M"][:m, :m])
+
+    @cached_property
+    def base_laws(self) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[np.float64]]]:
+        """The factors and matrices of all effects that depend on frequency."""
+        return [(f, t.spread(X)) for t in self.base.values() for f, X in t.laws]
+
+    def linear(self, effect: Effect, parameter: str, value: float) -> Term:
+        """Return the derivative of an effect of the model with respect to a linear parameter, made once."""
+        key = effect.name, parameter
+        if key not in self._terms:
+            self._terms[key] = self.derivative_of(effect, parameter, value)
+        return self._terms[key]
+
+
+def _sums_over_pairs(T: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return Σ_e T_eiᵀ T_ej, and its transpose with it where i ≠ j, for each pair i ≤ j of elements' DOFs.
+
+    ``rows`` (n_elements, m) are the DOFs of the elements; the result is (m (m + 1)/2, r + p, r + p).
+    """
+    m = rows.shape[1]
+    each = [np.ascontiguousarray(T[rows[:, i]]) for i in range(m)]
+    out = np.empty((m * (m + 1) // 2, *2 * T.shape[1:]))
+    for n, (i, j) in enumerate(zip(*np.triu_indices(m), strict=True)):
+        out[n] = each[i].T @ each[j]
+        if i != j:
+            out[n] += out[n].T.copy()
+    return out
+
+
+def reduce_model(
+    model: Model,
+    forces: NDArray[np.float64],
+    max_frequency: float,
+    *,
+    margin: float = 2.0,
+    n_krylov: int = 1,
+    releasable: bool = True,
+) -> ReducedModel:
+    """Project a model on modes and attachment vectors.
+
+    Parameters
+    ----------
+    model : Model
+    forces : ndarray (n_dof, k)
+        Where forces act or may act: excitations, sides of joints, places of candidates.
+    max_frequency : float
+        Highest frequency of interest [Hz].
+    margin : float
+        Modes are taken up to this multiple of it.
+    n_krylov : int
+        Attachment vectors for each force.
+    releasable : bool
+        Whether effects may release the model's constraints later.
+    """
+    system = assemble(model, reciprocal=False)
+    release = tuple(c for c in model.constraints() if c.releasable) if releasable else ()
+    basis = reduced_basis(system, forces, max_frequency, margin=margin, n_krylov=n_krylov, release=release)
+    return ReducedModel(model, basis, system)
+
+
+def values_of(
+    model: Model, refs: Sequence[ParameterRef], candidates: Sequence[Effect] = ()
+) -> NDArray[np.float64]:
+    """Return the present values of parameters of a model's effects or of candidates."""
+    effects: Mapping[str, Effect] = {e.name: e for e in (*model.effects, *candidates)}
+    return np.array([parameter_values(effects[n])[q] for n, q in refs], dtype=float)
