@@ -20,7 +20,7 @@ from dovetail.file.writing import (
 from dovetail.result import FRFS, RunResult
 from fem.connection_damping import ConnectionDamping
 from fem.effects.joint import Spread
-from fem.model import Damping, Model, ParameterRef
+from fem.model import Damping, Effect, Model, ParameterRef
 from updating.inference.fit import FitProblem, FitResult
 
 DENSE = 64
@@ -48,7 +48,7 @@ def found_text(result: RunResult, folder: Path) -> str:
     text = with_damping(text, *fitted_damping(d.problem, d.steps[-1].result, d.model))
     if study.measurements:
         text = with_values(text, {("measurements", 0, "compared"): FRFS})
-    effects = [*patches(result), *(f.effect for f in d.findings)]
+    effects = [*patches(result), *form(result), *(f.effect for f in d.findings)]
     text = with_effects(text, [e.rebased(d.model) for e in effects])
     tables = [fault_table(f) for f in d.faults]
     return "\n\n".join(part.strip("\n") for part in (text, *tables)) + "\n"
@@ -90,3 +90,10 @@ def patches(result: RunResult) -> tuple[Spread, ...]:
     """Return the joints' patches that the fitted model has and the study has not, with its values."""
     known, model = {e.name for e in result.study.model.effects}, result.diagnosis.model
     return tuple(e.fitted_in(model) for e in model.of_kind(Spread) if e.name not in known)
+
+
+def form(result: RunResult) -> tuple[Effect, ...]:
+    """Return the uncertain form of sections and connections of the fitted model that the study has not."""
+    known, patched = {e.name for e in result.study.model.effects}, patches(result)
+    model = result.diagnosis.model
+    return tuple(e for e in model.effects if e.is_form and e.name not in known and e not in patched)

@@ -29,6 +29,7 @@ from dovetail.result import (
 from fem.io.atomic import replacing
 from updating.correlation import compare, rms_db
 from updating.diagnosis.diagnose import Diagnosis, begin, diagnose
+from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
@@ -118,7 +119,9 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
     fitted = [without_held_out(study, m) for m in measured(study)]
-    return diagnose(
+    # what depends on amplitude, and simulations of chance, are known to the older search alone
+    older = study.n_simulated > 0 or len({m.force_level for m in fitted}) > 1
+    return (diagnose if older else diagnose_by_evidence)(
         study.model,
         fitted,
         study.nuisances,

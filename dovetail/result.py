@@ -209,6 +209,8 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
         "tried_against_chance": [{**asdict(t), "chance": t.chance} for t in d.tried],
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
+        "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
+        "places": [{"place": name, "misfit_left": left} for name, left in d.places],
     }
 
 

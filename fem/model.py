@@ -182,6 +182,8 @@ class Effect(ABC):
         Whether it is a part given by matrices, of whose mass and inner forces nothing else is known.
     marker : Marker or None
         How pictures mark it; the drawing chooses where it is None.
+    is_form : bool
+        Whether it is the size of connections, which centre lines leave out: uncertain in every model.
     statement : str
         Sentence of a finding: a format string with the fields of `dovetail.report.words.sentence`.
     entry : Entry or None
@@ -198,6 +200,7 @@ class Effect(ABC):
     reduced_part: ClassVar[bool] = False
     marker: ClassVar[Marker | None] = None
     statement: ClassVar[str] = ""
+    is_form: ClassVar[bool] = False
     entry: ClassVar[Entry | None] = None
     name: str
 

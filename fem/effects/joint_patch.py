@@ -68,6 +68,7 @@ class JointPatch(Spread):
     """
 
     kind: ClassVar[str] = "joint_patch"
+    is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("square", "sky")
     statement: ClassVar[str] = "{thing} {act} over an area"

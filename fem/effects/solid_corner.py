@@ -75,6 +75,7 @@ class SolidCorner(Effect):
     """
 
     kind: ClassVar[str] = "solid_corner"
+    is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("square", "purple")
     statement: ClassVar[str] = "the structure has solid corners, whose size centre lines leave out"

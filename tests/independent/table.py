@@ -38,7 +38,7 @@ LOSSY = {"joint_structural_damping"}
 MOVED = {
     "hole_beside": ("joint_hole",),
     "mounted_along": ("part_shift",),
-    "settled_elsewhere": ("support_shift",),
+    "settled_elsewhere": ("support_shift", "foot_shift"),
 }
 """Types of effects that move a point of action, and the kinds that say the same."""
 ON_A_JOINT = {

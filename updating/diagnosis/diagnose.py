@@ -99,6 +99,11 @@ class Diagnosis:
         All that were looked at.
     tried : tuple of Bootstrap
         The verdict against chance, if that was asked for: the effects that were tried so, in their order.
+    posterior : tuple of (tuple of str, float)
+        Names of the effects of each hypothesis, and its probability, the most probable first; the last is
+        that of what the library does not have, under the name ``"unknown"``.
+    places : tuple of (str, float)
+        Places by the share of the misfit that free forces there leave, the best first [-].
     """
 
     verdict: str
@@ -119,6 +124,8 @@ class Diagnosis:
     gates: Gates | None = None
     candidates: tuple[Effect, ...] = ()
     tried: tuple[Bootstrap, ...] = ()
+    posterior: tuple[tuple[tuple[str, ...], float], ...] = ()
+    places: tuple[tuple[str, float], ...] = ()
 
     @property
     def more_than_noise(self) -> bool:

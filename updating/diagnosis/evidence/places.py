@@ -62,12 +62,16 @@ def place_of(effect: Effect) -> tuple[str, str]:
             return kind, f"{kind}{'s' if len(many) > 1 else ''} {', '.join(many)}"
         if isinstance(one, str):
             return kind, f"{kind} {one}"
+    ends = field("ends")
+    if isinstance(ends, tuple) and len(ends) == 1:
+        return "end", f"end {ends[0][1]} of member {ends[0][0]}"
     if isinstance(field("member"), str):
         if field("end") in (1, 2):
             return "end", f"end {field('end')} of member {field('member')}"
         return "member", f"member {field('member')}"
     if field("point") is not None:
-        return "point", str(field("place") or f"point {field('point')}")
+        at = str(field("place") or f"point {field('point')}")
+        return "point", f"{at.split(',')[0]} (as a point)"
     return "structure", effect.where
 
 

@@ -11,8 +11,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.model import parameter_values
 from fem.reduction.local_changes import LocalChanges
-from updating.diagnosis.evidence.model import EIGENVALUE_SCALE, Posterior, Scales
+from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.places import Place, Reach
 from updating.inference.fit import FitProblem, FitResult
 
@@ -53,8 +54,8 @@ class Scanned:
 class Scan:
     """The misfit of a fitted model at some lines, ready for places.
 
-    ``X`` (n_freq, n_in, n_out, 1 + n) holds the weighted misfit and, behind it, what uncertain parameters and
-    errors of modes do to it, in units of their prior deviations; ``weight`` (n_freq, n_in, n_out).
+    ``X`` (n_freq, n_in, n_out, 1 + n) holds the weighted misfit and, behind it, what uncertain parameters
+    do to it, in units of their prior deviations; ``weight`` (n_freq, n_in, n_out).
     """
 
     problem: FitProblem
@@ -66,25 +67,22 @@ class Scan:
     @classmethod
     def of(cls, problem: FitProblem, current: FitResult, n_lines: int = SCAN_LINES) -> "Scan":
         """Prepare the misfit of a fit."""
-        lines = problem.lines_up_to(np.inf, n_lines)
-        post = Posterior.of(problem, current.effects, lines)
-        x = post.function.moved_to(current)
-        for k, v in enumerate(post.function.variables):
-            x[k] = v.to_x(current.values[v.ref])
-        z = np.concatenate([x, np.zeros(2 * post.n_modes)])
-        H, slopes, _ = post.responses(z)
-        assert slopes is not None
-        _, std = post.all_priors(Scales(EIGENVALUE_SCALE, 0.3, 0.0))
-        data = problem.data
-        measured, mask = data.H[lines], data.mask[lines]
-        weight = np.where(mask, 2 / np.maximum(np.abs(measured) + np.abs(H), 1e-300), 0.0)
+        lines, data = problem.lines_up_to(np.inf, n_lines), problem.data
+        starts = [parameter_values(e) for e in current.effects]
+        function = problem.function(current.effects, starts, lines)
+        x = np.array([v.to_x(current.values[v.ref]) for v in function.variables])
+        f, refs, measured = data.frequency[lines], list(current.values), data.H[lines]
+        values, zeta = np.array([current.values[r] for r in refs]), problem.damping.ratio(f, current.zeta)
+        changes = LocalChanges.of(problem.engine(f, refs, current.effects), values, zeta)
+        H, keep = changes.H, function.keep
+        _, J = function(np.concatenate([x, np.log(current.zeta)]), True)
+        assert J is not None
+        slopes = np.zeros((len(J), *keep.shape), dtype=complex)
+        slopes[:, keep] = J * (H / np.where(keep, data.weight[lines], 1.0))[keep]
+        std = priors_of(function).std
+        weight = np.where(keep, 2 / np.maximum(np.abs(measured) + np.abs(H), 1e-300), 0.0)
         every = np.concatenate([(measured - H)[None], slopes * std[:, None, None, None]]) * weight
-        f, refs = data.frequency[lines], list(current.values)
-        engine = problem.engine(f, refs, current.effects)
-        changes = LocalChanges.of(
-            engine, np.array([current.values[r] for r in refs]), problem.damping.ratio(f, current.zeta)
-        )
-        X = np.ascontiguousarray(every.transpose(1, 3, 2, 0))
+        X: Complexes = np.ascontiguousarray(every.transpose(1, 3, 2, 0)).astype(complex)
         total = np.real(np.tensordot(X.conj(), X, axes=([0, 1, 2], [0, 1, 2])))
         return cls(
             problem,
@@ -94,7 +92,7 @@ class Scan:
             Reach(problem.reduced.model, changes),
         )
 
-    def run(self, places: Sequence[Place], n_pairs: int = 12) -> tuple[Scanned, ...]:
+    def run(self, places: Sequence[Place], n_pairs: int = 8) -> tuple[Scanned, ...]:
         """Return all places and the pairs of the best connections, the best first."""
         shapes = dict(zip((p.name for p in places), self.reach.of(places), strict=True))
         none = self._left(None)
@@ -109,7 +107,7 @@ class Scan:
         pairs = []
         for one, two in combinations(connections, 2):
             A = np.concatenate([shapes[one.name], shapes[two.name]], axis=3)
-            if A.shape[3] < A.shape[2]:
+            if 2 * A.shape[3] <= A.shape[2]:
                 both = Scanned((*one.places, *two.places), self._left(A) / none, A.shape[3])
                 if both.left < 0.9 * min(one.left, two.left):
                     pairs.append(both)
@@ -125,11 +123,11 @@ class Scan:
             Q, _ = np.linalg.qr(A / np.maximum(size, 1e-300))
             P = np.swapaxes(Q.conj(), 2, 3) @ X
             total = total - np.real(np.tensordot(P.conj(), P, axes=([0, 1, 2], [0, 1, 2])))
-            n -= A.shape[3] * A.shape[0] * A.shape[1]
+            n = max(n - A.shape[3] * A.shape[0] * A.shape[1], 0.25 * n)
         b, N = total[0, 1:], total[1:, 1:]
         left = total[0, 0]
         for _ in range(3):  # priors weigh as much as what is left says
             level = max(left / n, LEVEL**2)
             p = np.linalg.solve(N / level + np.eye(len(N)), b / level)
             left = float(total[0, 0] - 2 * p @ b + p @ N @ p)
-        return max(left, 1e-12) / n
+        return max(left, 1e-12) / max(n, 1.0)

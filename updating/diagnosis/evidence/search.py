@@ -1,28 +1,49 @@
 """The search: places by the scan, blocks and single laws there by evidence, then the simplest law."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import product
+from typing import Any
 
 import numpy as np
 
 from fem.model import Effect, parameter_values
-from updating.diagnosis.evidence.model import Fitted, Posterior, Scales, lines_for
+from fem.reduction.reduced_model import ReducedModel
+from fem.system import assemble
+from updating.diagnosis.evidence.fitting import Fitted, fit, n_data
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.scan import Scan
-from updating.diagnosis.screening import Grid, screen
-from updating.inference.fit import FitProblem, FitResult
+from updating.diagnosis.evidence.priors import FORM_LEFT, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.scan import Scan, Scanned
+from updating.diagnosis.screening import Grid, rivals, screen, shortlist
+from updating.inference.fit import LEVEL_FLOOR, FitProblem
+from updating.inference.parameters import Nuisance
 
-QUICK_LINES = 60
-"""Lines of the first fits."""
-N_PLACES, N_PAIRS, N_SINGLES, N_FINAL = 8, 3, 10, 3
-"""So many places, pairs of them and single effects of the scan are fitted; so many of these go on."""
+QUICK_LINES, FULL_LINES = 40, 100
+"""Lines of first fits, and of full ones."""
+FAR = 0.25
+"""Level of a model from which on uncertain parameters may be bent, so that fits begin from nominal ones, too
+[nepers]."""
+N_SCANNED, N_PLACES, N_PAIRS, N_SINGLES, N_AGAIN, N_FINAL, N_BEAM = 10, 4, 2, 12, 4, 3, 2
+"""Effects of so many of the first places of the scan are looked at; so many connections, pairs of them and
+single effects are fitted; so many of these go on."""
+BEAM_NATS = 20.0
+"""Hypotheses this much less probable than the best one with as many effects are not searched on from."""
+N_RIVALS = 6
+"""So many other candidates at the place of a found effect are fitted."""
 MOST_EFFECTS = 6
 """A model has at most so many effects."""
-PLACE_ODDS = np.log(10.0)
-"""Prior odds, as a logarithm, against one more place at which something is missing."""
 BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
 """Kinds that give way in single directions: all of a connection's together are its block."""
+MOST_GRIDS = 100
+"""Of more candidates a short list is made by what a little of each does."""
+N_STARTS = 3
+"""Of more starts so many go on, by short fits of the low band."""
+BLOCK_SHARES = (0.2, 0.6)
+"""Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
 Say = Callable[[str], None]
+Starts = list[tuple[dict[str, float], ...]]
+Proposal = tuple[tuple[Effect, ...], Starts]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,17 +52,18 @@ class Hypothesis:
 
     Attributes
     ----------
-    effects : tuple of Effect
     fitted : Fitted
     prior : float
         Logarithm of its prior probability, up to a constant.
-    n_lines : int
     """
 
-    effects: tuple[Effect, ...]
     fitted: Fitted
     prior: float
-    n_lines: int
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects at their fitted values."""
+        return self.fitted.effects
 
     @property
     def score(self) -> float:
@@ -54,9 +76,37 @@ class Hypothesis:
         return frozenset(e.name for e in self.effects)
 
     @property
+    def places(self) -> frozenset[str]:
+        """Members and connections that the effects act on."""
+        return frozenset(set[str]().union(*map(near_to, self.effects)))
+
+    @property
     def name(self) -> str:
         """Effects in words."""
         return " + ".join(sorted(f"{e.kind} {e.where}" for e in self.effects)) or "nothing"
+
+
+def _size(effect: Effect, values: dict[str, float]) -> float:
+    """Return how far values are from the effect's absence, on the scale of its first parameter."""
+    p, value = effect.parameters()[0], values[effect.parameters()[0].name]
+    if np.isinf(p.absent):
+        return -value
+    return abs(np.log(value / p.absent)) if p.log and p.absent > 0 else abs(value - p.absent)
+
+
+def _turns(effect: Effect) -> bool:
+    """Whether an effect lets a connection give way about an axis."""
+    return effect.kind == "end_release" or str(getattr(effect, "direction", "")).startswith("r")
+
+
+def near_to(effect: Effect) -> set[str]:
+    """Return the names of the members and connections that an effect acts on."""
+    fields = (getattr(effect, key, None) for key in ("joint", "support", "member"))
+    names = {f for f in fields if isinstance(f, str)}
+    for key in ("joints", "supports"):
+        many = getattr(effect, key, None)
+        names |= {x for x in many if isinstance(x, str)} if isinstance(many, tuple) else set()
+    return names or {place_of(effect)[1]}
 
 
 @dataclass(slots=True, eq=False)
@@ -66,138 +116,259 @@ class Search:
     Attributes
     ----------
     problem : FitProblem
+        With the form among the uncertain parameters.
+    form : tuple of Nuisance
+        Those of them that are the form's.
     candidates : tuple of Effect
-    null : FitResult
-        Fit of the uncertain parameters.
+    floor : float
+        Level that noise and the mesh leave [nepers].
     """
 
     problem: FitProblem
+    form: tuple[Nuisance, ...]
     candidates: tuple[Effect, ...]
-    null: FitResult
+    floor: float
     say: Say = lambda text: None
-    known: dict[tuple[frozenset[str], int], Hypothesis] = field(default_factory=dict)
+    known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     places: tuple[Place, ...] = ()
+    scanned: tuple[Scanned, ...] = ()
 
     def __post_init__(self) -> None:
         self.places = places_of(self.problem, self.candidates)
 
+    # the search ---------------------------------------------------------------------------------------------
+
     def run(self) -> Hypothesis:
-        """Return the most probable hypothesis."""
-        full = len(lines_for(self.problem))
-        best = self.fitted((), [()], full)
-        while len(best.effects) < MOST_EFFECTS:
-            better = self.extended(best)
-            if better is None or better.score <= best.score + 1.0:
+        """Return the most probable hypothesis; all that were fitted fully are in ``known``."""
+        best = self.full((), [()])
+        self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.floor:.4f}")
+        beam = [best]
+        while beam and len(best.effects) < MOST_EFFECTS and best.fitted.level > 1.05 * self.floor:
+            better = {h.key: h for b in beam for h in self.extended(b)}
+            beam = sorted(better.values(), key=lambda h: -h.score)[:N_BEAM]
+            beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
+            if not beam or beam[0].score <= best.score:
                 break
-            best = self.simplified(better)
-            self.say(f"=> {best.name}: {best.score:.1f}")
-        return best
+            beam[0] = self.swapped(beam[0])
+            best = beam[0]
+            self.say(f"=> {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
+        return self.simplest()
 
-    def extended(self, base: Hypothesis) -> Hypothesis | None:
-        """Return the best hypothesis with something more than another has."""
-        full = len(lines_for(self.problem))
-        proposals = self.proposals(base)
-        quick: dict[frozenset[str], Hypothesis] = {}
-        for effects, starts in proposals:
-            both = (*base.fitted.result.effects, *effects)
-            begun = [tuple(parameter_values(e) for e in base.fitted.result.effects)]
-            all_starts = [(*begun[0], *s) for s in starts]
-            h = self.fitted(both, all_starts, QUICK_LINES, base)
-            quick[h.key] = h
-            self.say(f"   {h.score:10.1f} {h.fitted.left_db:.2f} dB {h.name}")
-        chosen = sorted(quick.values(), key=lambda h: -h.score)[:N_FINAL]
-        finals = [self.refitted(h, full) for h in chosen]
-        return max(finals, key=lambda h: h.score, default=None)
+    def simplest(self) -> Hypothesis:
+        """Return the most probable hypothesis, or its simplest twin: that with the fewest parameters.
 
-    def proposals(
-        self, base: Hypothesis
-    ) -> list[tuple[tuple[Effect, ...], list[tuple[dict[str, float], ...]]]]:
+        A twin acts at the same places. Laws that contain one another fit alike where the data do not ask for
+        the more general one.
+        """
+        best = max(self.known.values(), key=lambda h: h.score)
+        near = (h for h in self.known.values() if h.score > best.score - TWIN_NATS)
+        twins = [h for h in near if h.places == best.places]
+        return min(twins, key=lambda h: (sum(len(e.parameters()) for e in h.effects), -h.score))
+
+    def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
+        """Whether a hypothesis is nearly as probable as the best one, and at other places."""
+        return h.score > best.score - BEAM_NATS and not h.places <= best.places
+
+    def extended(self, base: Hypothesis) -> list[Hypothesis]:
+        """Return the best hypotheses with something more than another has, simplified."""
+        quick = self.quick(base)
+        tried: dict[frozenset[str], Hypothesis] = {}
+        kept = tuple(parameter_values(e) for e in base.effects)
+        others: dict[frozenset[str], Starts] = {}
+        for effects, starts in self.proposals(base, quick):
+            n = 1 if len(effects) == 1 else len(starts)
+            h = self.quickly(quick, base, (*base.effects, *effects), [(*kept, *s) for s in starts[:n]])
+            tried[h.key], others[h.key] = h, [(*kept, *s) for s in starts[n:]]
+        for h in sorted(tried.values(), key=lambda h: -h.score)[:N_AGAIN]:
+            if others[h.key]:
+                again = self.quickly(quick, base, h.effects, others[h.key])
+                tried[h.key] = max(h, again, key=lambda h: h.score)
+        for h in sorted(tried.values(), key=lambda h: -h.score):
+            self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
+        chosen = sorted(tried.values(), key=lambda h: -h.score)[:N_FINAL]
+        out = []
+        for h in chosen:
+            full = self.full(h.effects, [tuple(parameter_values(e) for e in h.effects)], h.fitted, base)
+            out.append(self.simplified(full))
+        return out
+
+    def simplified(self, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis without the effects whose absence raises its score, one after the other."""
+        while len(h.effects) > 1:
+            options = []
+            quick = self.quick(h)
+            values = {e.name: parameter_values(e) for e in h.effects}
+            for e in h.effects:
+                rest = tuple(x for x in h.effects if x.name != e.name)
+                options.append(self.quickly(quick, h, rest, [tuple(values[x.name] for x in rest)], near=True))
+            best = max(options, key=lambda o: o.score)
+            now = self.quickly(quick, h, h.effects, [tuple(values.values())], near=True)
+            if best.score < now.score - 3:
+                return h
+            less = self.full(best.effects, [tuple(parameter_values(x) for x in best.effects)], best.fitted, h)
+            if less.score <= h.score:
+                return h
+            h = less
+            self.say(f"   simpler: {h.score:.1f} {h.name}")
+        return h
+
+    def swapped(self, h: Hypothesis) -> Hypothesis:
+        """Return the best of a hypothesis and those with another effect at the place of one of its own.
+
+        All that are nearly as probable are fitted fully: they are its credible set.
+        """
+        result = h.fitted.result
+        for e in h.effects:
+            quick = self.quick(h)
+            rest = tuple(x for x in h.effects if x.name != e.name)
+            near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
+            own = {r: v for r, v in result.values.items() if r[0] not in self._form_names}
+            last = replace(result, effects=(*rest, e), values=own)
+            found = rivals(quick, last, [Grid.of(quick, c) for c in near], N_RIVALS)
+            kept = tuple(parameter_values(x) for x in rest)
+            now = self.quickly(quick, h, h.effects, [tuple(map(parameter_values, h.effects))], near=True)
+            for s in found:
+                other = self.quickly(quick, h, (*rest, s.effect), [(*kept, s.starts[0])])
+                self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
+                if other.score > now.score - 2 * TWIN_NATS:  # few lines say less
+                    values = [tuple(map(parameter_values, other.effects))]
+                    self.full(other.effects, values, other.fitted, h)
+        return max(
+            (k for k in self.known.values() if len(k.effects) == len(h.effects)), key=lambda k: k.score
+        )
+
+    # proposals ----------------------------------------------------------------------------------------------
+
+    def proposals(self, base: Hypothesis, quick: FitProblem) -> list[Proposal]:
         """Return effects that may be added, and values to start from."""
         current = base.fitted.result
         ranked = Scan.of(self.problem, current).run(self.places)
-        present = base.key
+        if not base.effects:
+            self.scanned = ranked
         fields = {r for e in base.effects for r in e.released()}
 
         def fits(effect: Effect) -> bool:
-            return effect.name not in present and not fields & set(effect.released())
+            return effect.name not in base.key and not fields & set(effect.released())
 
-        singles = [s for s in ranked if len(s.places) == 1][:N_PLACES]
-        self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
-        grids = {e.name: Grid.of(self.problem, c) for c in self.candidates for e in [c] if fits(c)}
-        near = {e.name for s in singles for e in s.places[0].effects}
-        listed = [g for n, g in grids.items() if n in near] if len(grids) > 200 else list(grids.values())
-        screened = screen(self.problem, current, listed, False, lambda text, done: None)
-        chosen = screened[:N_SINGLES]
-        out: list[tuple[tuple[Effect, ...], list[tuple[dict[str, float], ...]]]] = []
-        for s in chosen:
-            out.append(((s.effect,), [(start,) for start in s.starts]))
-        done: set[frozenset[str]] = {frozenset([s.effect.name]) for s in chosen}
+        singles = [s for s in ranked if len(s.places) == 1]
         pairs = [s for s in ranked if len(s.places) == 2][:N_PAIRS]
-        for scanned in (*singles, *pairs):
-            block = [e for p in scanned.places for e in self.block(p) if fits(e)]
+        self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
+        wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_SCANNED]
+        near = {e.name for p in self.places if p.whole in wholes or p.kind == "structure" for e in p.effects}
+        grids = [Grid.of(quick, c) for c in self.candidates if fits(c) and c.name in near]
+        within = {r: v for r, v in current.values.items() if r[0] not in self._form_names}
+        now = replace(current, values=within)
+        if len(grids) > MOST_GRIDS:
+            listed, _ = shortlist(quick, (now, quick.at_nominal(now)), grids, lambda text, done: None)
+            grids = [grids[i] for i in listed]
+        screened = screen(quick, now, grids, False, lambda text, done: None)
+        out: list[Proposal] = [((s.effect,), [(start,) for start in s.starts]) for s in screened[:N_SINGLES]]
+        done = {frozenset([e.name for e in effects]) for effects, _ in out}
+        connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")][:N_PLACES]
+        for scanned in (*connections, *pairs):
+            block = [
+                e
+                for p in scanned.places
+                for e in p.effects
+                if e.kind in BLOCK_KINDS and _turns(e) and fits(e)
+            ]
             key = frozenset(e.name for e in block)
             if len(block) > 1 and key not in done:
                 done.add(key)
                 out.append((tuple(block), self.block_starts(block)))
         return out
 
-    def block(self, place: Place) -> tuple[Effect, ...]:
-        """Return the effects of a connection that together let it give way in all its directions."""
-        if place.kind not in ("joint", "support", "end"):
-            return ()
-        return tuple(e for e in place.effects if e.kind in BLOCK_KINDS)
+    def block_starts(self, block: Sequence[Effect]) -> Starts:
+        """Return starts in which each direction gives way a little or much, by the effects' own grids.
 
-    def block_starts(self, block: Sequence[Effect]) -> list[tuple[dict[str, float], ...]]:
-        """Return starts from slight to large flexibility in all directions, by the effects' own grids."""
-        grids = [e.starts(self.problem.surroundings) for e in block]
+        All combinations at one place; at several, each place's directions together.
+        """
+        grids = [sorted(e.starts(self.problem.surroundings), key=partial(_size, e)) for e in block]
+        places = [place_of(e)[1] for e in block]
+        groups = (
+            list(range(len(block)))
+            if len(set(places)) == 1
+            else [sorted(set(places)).index(p) for p in places]
+        )
         out = []
-        for share in (0.75, 0.5):
-            out.append(tuple(g[min(int(share * len(g)), len(g) - 1)] for g in grids))
-        return out
+        for shares in product(BLOCK_SHARES, repeat=max(groups) + 1):
+            out.append(tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True)))
+        return out[: 2**4]
 
-    def fitted(
+    # fits ---------------------------------------------------------------------------------------------------
+
+    @property
+    def _form_names(self) -> set[str]:
+        return {n.effect for n in self.form}
+
+    def quick(self, base: Hypothesis) -> FitProblem:
+        """Return the problem with the form as it is in a hypothesis, fixed."""
+        names = self._form_names
+        values = {r: v for r, v in base.fitted.result.values.items() if r[0] in names}
+        reduced = self.problem.reduced
+        if any(values.values()):
+            model = reduced.model.with_values(values)
+            reduced = ReducedModel(model, reduced.basis, assemble(model, reciprocal=False))
+        own = tuple(n for n in self.problem.nuisances if n.effect not in names)
+        return replace(self.problem, reduced=reduced, nuisances=own)
+
+    def quickly(
+        self,
+        quick: FitProblem,
+        base: Hypothesis,
+        effects: Sequence[Effect],
+        starts: Starts,
+        near: bool = False,
+    ) -> Hypothesis:
+        """Return a hypothesis fitted on few lines with the form fixed, from the best of some starts."""
+        fits = []
+        if len(starts) > N_STARTS:
+            tried = [
+                fit(
+                    quick, effects, start, stages=quick.stages[:1], n_lines=QUICK_LINES, max_iterations=3
+                ).log_likelihood
+                for start in starts
+            ]
+            starts = [starts[k] for k in np.argsort(tried)[::-1][:N_STARTS]]
+        for start in starts:
+            there = [e.with_values(**values) for e, values in zip(effects, start, strict=True)]
+            problem = replace(quick, reduced=quick.reduced.with_forces_of(there))
+            ways: list[dict[str, Any]] = [{"stages": problem.stages[-1:], "x_from": base.fitted.result}]
+            ways += [] if near or base.fitted.level < FAR else [{}]
+            for way in ways:
+                try:
+                    fits.append(fit(problem, effects, start, n_lines=QUICK_LINES, max_iterations=6, **way))
+                except np.linalg.LinAlgError:
+                    continue
+        best = max(fits, key=lambda f: f.log_evidence)
+        return Hypothesis(best, self.prior(effects))
+
+    def full(
         self,
         effects: Sequence[Effect],
-        starts: Iterable[Sequence[dict[str, float]]],
-        n_lines: int,
+        starts: Starts,
+        near: Fitted | None = None,
         base: Hypothesis | None = None,
     ) -> Hypothesis:
-        """Return a hypothesis from the best of some starts."""
-        key = (frozenset(e.name for e in effects), n_lines)
+        """Return a hypothesis fitted on all lines with the form free."""
+        key = frozenset(e.name for e in effects)
         if key in self.known:
             return self.known[key]
         problem = replace(self.problem, reduced=self.problem.reduced.with_forces_of(list(effects)))
-        fits = []
-        for s in starts:
-            try:
-                fits.append(
-                    problem.fit(effects, list(s), n_lines=min(n_lines, 50), max_iterations=8, assess=False)
-                )
-            except (np.linalg.LinAlgError, AssertionError):
-                continue
-        best = min(fits, key=lambda r: r.solution.cost)
-        if n_lines > QUICK_LINES:
-            best = problem.refit(best, assess=False) if effects else self.null
-        h = self._posterior(problem, best, n_lines, Scales())
-        self.known[key] = h
-        return h
-
-    def refitted(self, h: Hypothesis, n_lines: int) -> Hypothesis:
-        """Return a hypothesis on more lines, from where it is."""
-        key = (h.key, n_lines)
-        if key not in self.known:
-            effects = h.fitted.result.effects
-            problem = replace(self.problem, reduced=self.problem.reduced.with_forces_of(effects))
-            again = problem.refit(h.fitted.result, assess=False)
-            self.known[key] = self._posterior(problem, again, n_lines, h.fitted.scales)
+        ways: list[dict[str, Any]] = [{}]
+        if near is not None and base is not None:
+            from_near = replace(near.result, values={**base.fitted.result.values, **near.result.values})
+            ways = [{"stages": problem.stages[-1:], "x_from": from_near}]
+        fits = [fit(problem, effects, s, n_lines=FULL_LINES, **way) for s in starts for way in ways]
+        self.known[key] = Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
         return self.known[key]
 
-    def _posterior(self, problem: FitProblem, result: FitResult, n_lines: int, scales: Scales) -> Hypothesis:
-        lines = problem.lines_up_to(np.inf, n_lines)
-        post = Posterior.of(problem, result.effects, lines)
-        x = np.array([v.to_x(result.values[v.ref]) for v in post.function.variables])
-        fitted = post.fit(np.concatenate([x, np.log(result.zeta)]), scales)
-        return Hypothesis(tuple(fitted.result.effects), fitted, self.prior(result.effects), n_lines)
+    def at(self, effects: Sequence[Effect], starts: Sequence[dict[str, float]]) -> Hypothesis:
+        """Return a hypothesis from the better of fits that begin at some values, staged and not."""
+        problem = replace(self.problem, reduced=self.problem.reduced.with_forces_of(list(effects)))
+        ways = problem.stages, problem.stages[-1:]
+        fits = [fit(problem, effects, starts, stages=way, n_lines=FULL_LINES) for way in ways]
+        return Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
 
     def prior(self, effects: Sequence[Effect]) -> float:
         """Return the logarithm of the prior probability of effects."""
@@ -213,29 +384,8 @@ class Search:
                 total -= PLACE_ODDS + np.log(max(n, 1))
         return float(total)
 
-    def simplified(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis without the effects whose absence raises its score, one after the other."""
-        full = h.n_lines
-        while h.effects:
-            options = []
-            for e in h.effects:
-                rest = tuple(x for x in h.fitted.result.effects if x.name != e.name)
-                key = frozenset(x.name for x in rest)
-                if not rest and (key, full) in self.known:
-                    options.append(self.known[key, full])
-                    continue
-                if (key, full) in self.known:
-                    options.append(self.known[key, full])
-                    continue
-                quick = self.fitted(rest, [tuple(parameter_values(x) for x in rest)], QUICK_LINES, h)
-                now = self.known.get((h.key, QUICK_LINES)) or self.fitted(
-                    h.fitted.result.effects, [tuple(parameter_values(x) for x in h.effects)], QUICK_LINES
-                )
-                if quick.score > now.score - 5.0:
-                    options.append(self.refitted(quick, full))
-            better = max(options, key=lambda o: o.score, default=None)
-            if better is None or better.score <= h.score:
-                return h
-            h = better
-            self.say(f"   simpler: {h.score:.1f} {h.name}")
-        return h
+    def unknown(self, best: Hypothesis) -> float:
+        """Return the score of an effect that the library does not have, and that explains the data."""
+        right = LEVEL_FLOOR**2 + self.floor**2 + (FORM_LEFT * self.problem.model_error) ** 2
+        gain = 0.5 * n_data(self.problem) * np.log((LEVEL_FLOOR**2 + best.fitted.level**2) / right)
+        return best.score + float(gain) - UNKNOWN_ODDS

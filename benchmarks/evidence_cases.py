@@ -1,0 +1,133 @@
+"""Diagnose cases of other codes by evidence: python -m benchmarks.evidence_cases
+
+Prints for each case the truth, the most probable model, its probability, errors, and the score of the
+truth where a fit begins at it: below that of the answer information is lost, above it the search has lost it.
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+from dovetail.file.config import load_study
+from dovetail.pipeline import measured, without_held_out
+from tests.independent.convert import convert
+from tests.independent.table import CASES, Hidden, HiddenConnection, hidden_effects, hidden_in_words
+from updating.correlation.frf_correlation import DB_PER_NEPER
+from updating.diagnosis.evidence.diagnosis import search_by_evidence
+
+
+def truth_starts(hidden, candidates):
+    """Return candidates and values for a hidden truth, None where the library has none."""
+    effects, starts = [], []
+    for h in hidden:
+        if isinstance(h, HiddenConnection):
+            for d, k in h.stiffness.items():
+                e = next((c for c in candidates if c.kind in ("joint_stiffness", "support_flexibility")
+                          and {h.place, d} <= set(c.where.replace(",", " ").split())
+                          and len(c.released() or (1,)) <= 1), None)  # fmt: skip
+                if e is None:
+                    return None
+                effects.append(e)
+                starts.append({e.parameters()[0].name: k})
+            if h.loss_factor:
+                e = next((c for c in candidates if c.kind == "joint_structural_damping"
+                          and {h.place} <= set(c.where.replace(",", " ").split())), None)  # fmt: skip
+                if e is not None:
+                    effects.append(e)
+                    starts.append({e.parameters()[0].name: h.loss_factor})
+        elif isinstance(h, Hidden):
+            place = set(h.place)
+            e = next(
+                (
+                    c
+                    for c in candidates
+                    if c.kind in h.kinds and place <= set(c.where.replace(",", " ").split())
+                ),
+                None,
+            )
+            if e is None:
+                return None
+            p = e.parameters()[0]
+            start = {q.name: q.value for q in e.parameters()}
+            if h.value is not None and (h.unit == p.unit or p.unit == "-"):
+                start[p.name] = min(max(h.value, p.lower), p.upper)
+            if h.position is not None:
+                start["position"] = h.position
+            effects.append(e)
+            starts.append(start)
+        else:
+            return None
+    return effects, starts
+
+
+def one(case, truth, say):
+    nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
+    folder = Path("out/ev") / case.name
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "study.toml"
+    path.write_text(convert(nominal, case, path), encoding="utf-8")
+    study = load_study(path)
+    begun = time.process_time()
+    done = search_by_evidence(
+        study.model, without_held_out(study, measured(study)[0]), study.nuisances,
+        damping_std=study.damping_std, band=study.band, kinds=study.kinds, exclude=study.exclude,
+        model_error=study.model_error, progress=lambda text, _: say(text),
+    )  # fmt: skip
+    seconds = time.process_time() - begun
+    search, best = done.search, done.best
+    hidden, faults = hidden_effects(truth, nominal)
+    words = hidden_in_words(hidden, faults)
+    about = "-"
+    started = truth_starts(hidden, search.candidates) if hidden else None
+    if started:
+        fitted = search.at(*started)
+        about = f"{fitted.score - best.score:+.1f}"
+    elif hidden:
+        about = "not in library"
+    print(" | ".join((case.name, words, *told(done), f"truth {about}", f"{seconds:.0f} s")), flush=True)
+    for h in sorted(search.known.values(), key=lambda h: -h.score)[:5]:
+        print(f"      {h.score - best.score:8.1f} {decibels(h):.2f} dB {h.name}", flush=True)
+
+
+def decibels(h):
+    """Return the level of a hypothesis in each of amplitude and phase."""
+    return h.fitted.level * DB_PER_NEPER / 2**0.5
+
+
+def told(done):
+    """Return what was found, how probable that is, and what is left."""
+    search, best = done.search, done.best
+    nothing = search.known[frozenset()]
+    floor = search.floor * DB_PER_NEPER / 2**0.5
+    faults = ", ".join(f"{f.kind} {f.sensor}" for f in done.faults) or "no faults"
+    return (
+        f"{best.name}; {faults}",
+        f"p {done.probability(best):.2f}, of the places {done.probability_there(best):.2f}",
+        f"unknown {done.unknown - best.score:+.1f}",
+        f"{decibels(nothing):.2f} > {decibels(best):.2f} (floor {floor:.2f}) dB",
+        f"gain {best.score - nothing.score:.1f}",
+    )
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--cases", type=Path, default=CASES)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--verbose", action="store_true")
+    options = parser.parse_args()
+    truth = json.loads((options.cases / "truth.json").read_text(encoding="utf-8"))
+    say = (
+        (lambda text: print(f"{time.process_time():.1f} {text}", file=sys.stderr, flush=True))
+        if options.verbose
+        else (lambda text: None)
+    )
+    for path in sorted(options.cases.glob("*/nominal.json")):
+        case = path.parent
+        if options.only in case.name:
+            one(case, truth[case.name], say)
+
+
+if __name__ == "__main__":
+    main()

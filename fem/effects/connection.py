@@ -1,0 +1,76 @@
+"""Connections whose stiffness in one direction has a loss factor of its own: rubber, a loose bolt."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fem.declarations import Entry, Marker, Role
+from fem.effects.joint import Joint, joint_unit
+from fem.effects.joint_stiffness import JointStiffness
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Connection(JointStiffness):
+    """The stiffness of a joint in one direction with its loss factor, in place of the model's.
+
+    Attributes
+    ----------
+    loss_factor : float
+        In this direction [-].
+    """
+
+    kind: ClassVar[str] = "connection"
+    role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    marker: ClassVar[Marker | None] = Marker("diamond", "purple")
+    statement: ClassVar[str] = "{thing} {are} {stiffer} {direction} and dissipates"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`stiffness` [N/m or N·m/rad], `loss_factor` [-]",
+        meaning="a joint's stiffness and loss factor in one direction, in place of the model's",
+        places="each elastic direction of each joint",
+    )
+    loss_factor: Any = 0.0
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return stiffness and loss factor."""
+        unit = joint_unit(self.direction)
+        return (
+            Parameter("stiffness", unit, self.stiffness, self.assumed, *self.bounds, log=True),
+            Parameter("loss_factor", "-", self.loss_factor, 0.0, 0.0, 3.0),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return (k - k_assumed) b bᵀ and (ηk - η_assumed k_assumed) b bᵀ."""
+        out = []
+        for name in self.joints:
+            joint = model.effect(name)
+            assert isinstance(joint, Joint)
+            dofs, B = joint.relative(model)
+            b = B[DIRECTIONS.index(self.direction)]
+            K = (self.stiffness - self.assumed) * np.outer(b, b)
+            D = (self.loss_factor * self.stiffness - joint.eta * self.assumed) * np.outer(b, b)
+            out.append(Contribution(dofs[None], K[None], D=D[None]))
+        return tuple(out)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Return values from two decades softer to one stiffer, with little and with much loss."""
+        return tuple(
+            {"stiffness": float(f * self.assumed), "loss_factor": loss}
+            for f in (0.01, 0.03, 0.1, 0.3, 0.8, 3.0, 10.0)
+            for loss in (0.05, 0.3, 1.0)
+        )
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Return each elastic direction of each joint."""
+        return tuple(
+            cls(
+                name=f"connection:{j.name}.{d}", joints=(j.name,), direction=d, stiffness=k, assumed=k,
+                bounds=(1e-4 * k, 1e4 * k), loss_factor=float(np.real(j.eta)),
+            )
+            for j in model.of_kind(Joint)
+            for d in j.elastic
+            for k in (float(np.real(j.K[DIRECTIONS.index(d), DIRECTIONS.index(d)])),)
+        )  # fmt: skip

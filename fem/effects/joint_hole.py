@@ -1,0 +1,75 @@
+"""A hole of a joint that is not on the centre line of one of its parts."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.declarations import Entry, Marker, Role
+from fem.effects.joint import Joint
+from fem.effects.mounting import OnSide, is_foot, section_size, sides_of
+from fem.effects.places import frame_of
+from fem.model import (
+    Array,
+    Effect,
+    Model,
+    dofs_of,
+    lever_matrix,
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class JointHole(OnSide):
+    """A hole beside the centre line of one part: the lever on its side alone is longer.
+
+    Attributes
+    ----------
+    direction : str
+        y or z of the member.
+    across : ndarray (3,)
+        That, global.
+    """
+
+    kind: ClassVar[str] = "joint_hole"
+    role: ClassVar[Role] = Role.GEOMETRY
+    marker: ClassVar[Marker | None] = Marker("diamond", "orange")
+    statement: ClassVar[str] = "{thing} has its hole beside the centre line"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`amount` [m]",
+        meaning="a joint whose hole lies beside the centre line of one part; the other part stays",
+        places="each side of each elastic joint, both directions across the member",
+    )
+    direction: str
+    across: NDArray[np.float64]
+
+    @property
+    def where(self) -> str:
+        """Joint, member and direction."""
+        return f"joint {self.joint}, member {self.member}, along local {self.direction}"
+
+    def moved_rows(self, model: Model, joint: Joint) -> tuple[NDArray[np.int64], Array]:
+        """Return DOFs and rows of the motion of the side that is moved."""
+        point = joint.point1 if self.side == 1 else joint.point2
+        assert point is not None
+        place = joint.location + self.amount * self.across
+        return dofs_of(point), lever_matrix(place - model.mesh.points[point])
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Return both directions across the member for each side of each joint of two parts."""
+        out = []
+        for joint, side, member, at in sides_of(model):
+            if is_foot(joint):
+                continue
+            size = section_size(model, member)
+            axes = frame_of(model).rotations(model.mesh, [int(model.mesh.members[member][0])])[0]
+            for d, across in zip("yz", axes[1:], strict=True):
+                out.append(
+                    cls(
+                        name=f"joint_hole:{joint.name}.{member}.{d}", joint=joint.name, side=side,
+                        member=member, at=at, amount=0.0, lower=-2 * size, upper=2 * size,
+                        scale=0.4 * size, direction=d, across=across,
+                    )
+                )  # fmt: skip
+        return tuple(out)

@@ -1,0 +1,135 @@
+"""What effects share that move one side of a connection along or across its member."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.effects.joint import Joint
+from fem.effects.places import frame_of, parameters_of
+from fem.elements.frame import Frame
+from fem.model import (
+    Array,
+    Contribution,
+    Effect,
+    Model,
+    Parameter,
+    ParameterRef,
+    dofs_of,
+    lever_matrix,
+)
+
+REACH = 0.15
+"""Connections are shifted by at most this share of the member's length [-]."""
+
+
+def members_at(model: Model) -> dict[int, list[tuple[str, float]]]:
+    """Return members and arc lengths [m] at each point of the mesh."""
+    mesh = model.mesh
+    on: dict[int, list[tuple[str, float]]] = {}
+    for m in mesh.members:
+        for p, s in zip(mesh.member_points(m), mesh.member_positions(m), strict=True):
+            on.setdefault(int(p), []).append((m, float(s)))
+    return on
+
+
+def sides_of(model: Model) -> Iterator[tuple[Joint, int, str, float]]:
+    """Yield joint, side, member and arc length [m] of each side of an elastic joint that is on one member."""
+    if not model.of_kind(Frame):
+        return
+    on = members_at(model)
+    for joint in model.of_kind(Joint):
+        if joint.rigid or np.any(joint.M):
+            continue
+        for side, point in ((1, joint.point1), (2, joint.point2)):
+            if point is not None and len(on.get(point, ())) == 1:
+                ((member, at),) = on[point]
+                yield joint, side, member, at
+
+
+def is_foot(joint: Joint) -> bool:
+    """Whether a joint holds a member to the ground."""
+    return joint.point1 is None or joint.point2 is None
+
+
+def section_size(model: Model, member: str) -> float:
+    """Return √A of a member's section [m]."""
+    return float(np.sqrt(frame_of(model).members[member].section.A))
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OnSide(Effect):
+    """A joint without rigid directions whose one side acts elsewhere on its member.
+
+    Attributes
+    ----------
+    joint : str
+    side : int
+        1 or 2.
+    member : str
+    at : float
+        Where the side is in the model, arc length [m].
+    amount : float
+        [m].
+    lower, upper : float
+        Bounds [m].
+    scale : float
+        Size that amounts are tried of [m].
+    """
+
+    joint: str
+    side: int
+    member: str
+    at: float
+    amount: Any
+    lower: float
+    upper: float
+    scale: float
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return by how much."""
+        return (Parameter("amount", "m", self.amount, 0.0, self.lower, self.upper),)
+
+    def moved_rows(self, model: Model, joint: Joint) -> tuple[NDArray[np.int64], Array]:
+        """Return DOFs and rows (6, n) of the motion of the side that is moved, global."""
+        raise NotImplementedError
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the joint's matrices with the side where it is, less those of the model."""
+        joint = model.effect(self.joint)
+        assert isinstance(joint, Joint)
+        dofs, B = joint.relative(model)
+        turned = np.kron(np.eye(2), joint.axes)
+        own, rows = self.moved_rows(model, joint)
+        sign = 1.0 if self.side == 1 else -1.0
+        new_dofs, new = [own], [sign * turned @ rows]
+        other = joint.point2 if self.side == 1 else joint.point1
+        if other is not None:
+            new_dofs.append(dofs_of(other))
+            new.append(-sign * turned @ lever_matrix(joint.location - model.mesh.points[other]))
+        A, every = np.hstack(new), np.concatenate(new_dofs)
+        D = joint.D + joint.eta * joint.K
+
+        def part(X: Array, at: Array, factor: float) -> Array | None:
+            return factor * (at.T @ X @ at)[None] if np.any(X) else None
+
+        def both(at: NDArray[np.int64], rows: Array, factor: float) -> Contribution:
+            K, C, E = (part(X, rows, factor) for X in (joint.K, joint.C, D))
+            return Contribution(at[None], K, None, C, E)
+
+        return both(every, A, 1.0), both(dofs, B, -1.0)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the joint's parameters."""
+        return parameters_of(model.effect(self.joint))
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Return some parts of the scale either way, as far as the bounds allow."""
+        amounts = [f * self.scale for f in (-2.0, -1.0, -0.4, 0.4, 1.0, 2.0)]
+        return tuple({"amount": a} for a in amounts if self.lower < a < self.upper)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the joint's place."""
+        return model.effect(self.joint).locations(model)

@@ -1,0 +1,103 @@
+"""Members that bend and twist a little otherwise than their sections say."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fem.declarations import Entry, Role
+from fem.effects.places import frame_of, is_bar, sheared_frame
+from fem.elements.frame import Frame
+from fem.elements.lines import SectionChange
+from fem.model import Contribution, Effect, Model, Parameter
+
+_STEP = 1e-30
+"""Step of the derivatives by the section, imaginary."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SectionForm(Effect):
+    """Members of one section that bend and twist otherwise than it says, alike.
+
+    Attributes
+    ----------
+    members : tuple of str
+    Iy, Iz, J : float
+        Relative changes of the stiffnesses [-].
+    """
+
+    kind: ClassVar[str] = "section_form"
+    is_form: ClassVar[bool] = True
+    role: ClassVar[Role] = Role.STIFFNESS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`Iy`, `Iz`, `J` [-]",
+        meaning="bending and torsional stiffness of members of one section, relative to the model's",
+        places="all members of one section and length",
+    )
+    members: tuple[str, ...]
+    parts: dict[str, tuple[Contribution, ...]]
+    Iy: Any = 0.0
+    Iz: Any = 0.0
+    J: Any = 0.0
+
+    @property
+    def where(self) -> str:
+        """The members."""
+        return f"section of member {', '.join(self.members)}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the changes."""
+        return tuple(
+            Parameter(key, "-", getattr(self, key), 0.0, -0.5, 1.0, linear=True) for key in self.parts
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return what the changes add to K."""
+        return tuple(
+            replace(c, K=getattr(self, key) * c.K) for key, parts in self.parts.items() for c in parts
+        )
+
+    def rebased(self, model: Model) -> "SectionForm":
+        """Return the same change of stiffness, relative to the sections with the model's present moduli."""
+        bare = model.without_effect(*(e.name for e in model.effects if e.kind == self.kind))
+        new = next((e for e in _sections(bare) if e.members == self.members), None)
+        if new is None:
+            return self
+        values = {
+            key: getattr(self, key) * _size(self.parts[key]) / _size(new.parts[key]) for key in self.parts
+        }
+        return replace(new, name=self.name, **values)
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Return the members of each section."""
+        return tuple(_sections(model)) if model.of_kind(Frame) else ()
+
+
+def _size(parts: tuple[Contribution, ...]) -> float:
+    return float(sum(np.abs(c.K).sum() for c in parts))
+
+
+def _sections(model: Model) -> Iterator[SectionForm]:
+    frame = frame_of(model)
+    groups: dict[tuple[float, ...], list[str]] = {}
+    for m in model.mesh.members:
+        s = frame.members[m].section
+        if not is_bar(model, m):
+            groups.setdefault(
+                tuple(np.round(np.log([s.A, s.Iy, s.Iz, s.J, model.mesh.member_length(m)]), 3)), []
+            ).append(m)
+    for members in groups.values():
+        rows = np.concatenate([model.mesh.members[m] for m in members])
+        parts = {}
+        step = 1 + 1j * _STEP
+        changes = {"Iy": SectionChange(Iy=step), "Iz": SectionChange(Iz=step), "J": SectionChange(J=step)}
+        for key, change in changes.items():
+            changed = sheared_frame(model).contribution_of(model, rows, change)
+            slopes = [(c.dofs, np.imag(c.K) / _STEP) for c in changed if c.K is not None]
+            own = [Contribution(d, (K + np.swapaxes(K, 1, 2)) / 2) for d, K in slopes if np.any(K)]
+            if own:
+                parts[key] = tuple(own)
+        if parts:
+            yield SectionForm(name=f"section_form:{members[0]}", members=tuple(members), parts=parts)

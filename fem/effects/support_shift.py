@@ -1,0 +1,114 @@
+"""A clamp that holds its member at another place."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.declarations import Entry, Marker, Role
+from fem.effects.mounting import REACH, members_at
+from fem.effects.places import bending_stiffness, frame_of
+from fem.effects.support import Support
+from fem.elements.frame import Frame
+from fem.model import (
+    DIRECTIONS,
+    Contribution,
+    Effect,
+    Model,
+    Parameter,
+)
+
+STIFF = 1e4
+"""A clamp that is moved is held by so many times the stiffness of its member [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SupportShift(Effect):
+    """A clamp that holds its member at another place, in the same directions.
+
+    Attributes
+    ----------
+    support : str
+    member : str
+    at : float
+        Where it is in the model, arc length [m].
+    amount : float
+        [m].
+    lower, upper : float
+        [m].
+    """
+
+    kind: ClassVar[str] = "support_shift"
+    role: ClassVar[Role] = Role.GEOMETRY
+    marker: ClassVar[Marker | None] = Marker("square", "orange")
+    statement: ClassVar[str] = "{thing} holds its member at another place"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`amount` [m]",
+        meaning="a clamp that holds its member at another place",
+        places="each support that holds all directions",
+    )
+    connection: ClassVar[bool] = True
+    support: str
+    member: str
+    at: float
+    amount: Any
+    lower: float
+    upper: float
+
+    @property
+    def where(self) -> str:
+        """Support and member."""
+        return f"support {self.support}, member {self.member}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return by how much."""
+        return (Parameter("amount", "m", self.amount, 0.0, self.lower, self.upper),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return stiff springs at the new place."""
+        support = model.effect(self.support)
+        assert isinstance(support, Support)
+        dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.at + self.amount)
+        length = model.mesh.member_length(self.member)
+        EI = float(np.real(max(bending_stiffness(model, self.member, d) for d in ("ry", "rz"))))
+        rows = [DIRECTIONS.index(d) for d in support.fixed]
+        k = np.array([STIFF * EI / length ** (3 if i < 3 else 1) * (100 if i < 3 else 1) for i in rows])
+        P = N[rows]
+        return (Contribution(dofs[None], (P.T @ (k[:, None] * P))[None]),)
+
+    def released(self) -> tuple[tuple[str, str], ...]:
+        """Return the support's constraints."""
+        return tuple((self.support, d) for d in DIRECTIONS)
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Return some parts of the furthest, either way."""
+        far = max(self.upper, -self.lower)
+        return tuple(
+            {"amount": f * far} for f in (-0.6, -0.25, 0.25, 0.6) if self.lower < f * far < self.upper
+        )
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the support."""
+        return model.effect(self.support).locations(model)
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Return each support that holds all directions of a point on one member."""
+        if not model.of_kind(Frame):
+            return ()
+        on, out = members_at(model), []
+        for support in model.of_kind(Support):
+            here = on.get(support.point, ())
+            if len(here) == 1 and set(support.fixed) == set(DIRECTIONS):
+                ((member, at),) = here
+                length = model.mesh.member_length(member)
+                reach = REACH * length
+                out.append(
+                    cls(
+                        name=f"support_shift:{support.name}", support=support.name, member=member, at=at,
+                        amount=0.0, lower=-min(at, reach), upper=min(length - at, reach),
+                    )
+                )  # fmt: skip
+        return tuple(out)

@@ -1,0 +1,135 @@
+"""Connections of finite size: stiffer inside, and heavier or lighter, than members that meet in a point."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fem.declarations import Entry, Role
+from fem.effects.joint import PointPair
+from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
+from fem.elements.frame import Frame
+from fem.elements.stretches import mass_of_stretches, stiffening
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+
+STIFFEST = 3.5
+"""Logarithm of the factor by which a zone is stiffer, at most [-]: more is rigid."""
+SOFTEST = -0.2
+"""The same at least: connections of finite size are stiffer than what centre lines draw."""
+_ALONG = 0.94
+"""Cosine of the angle up to which two members lie along each other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ZoneForm(Effect):
+    """Stretches of members inside of a connection, stiffer by a factor e^u and heavier by a share.
+
+    Attributes
+    ----------
+    zones : tuple of (str, float, float, int)
+        Member, arc length at which a stretch begins, its length [m], and 1 or -1 for up or down the member.
+    place : str
+    u : float
+    mass : float
+        Share of the stretches' mass that they have more [-].
+    """
+
+    kind: ClassVar[str] = "zone_form"
+    is_form: ClassVar[bool] = True
+    role: ClassVar[Role] = Role.GEOMETRY
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`u`, `mass` [-]",
+        meaning="stiffness e^u and mass of what lies inside of a connection of finite size",
+        places="each corner and each joint of members",
+    )
+    zones: tuple[tuple[str, float, float, int], ...]
+    place: str
+    u: Any = 0.0
+    mass: Any = 0.0
+
+    @property
+    def where(self) -> str:
+        """The connection."""
+        return self.place
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the logarithm of the stiffness and the mass."""
+        return (
+            Parameter("u", "-", self.u, 0.0, SOFTEST, STIFFEST),
+            Parameter("mass", "-", self.mass, 0.0, -1.0, 2.0, linear=True),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return what the stretches gain."""
+        frame = sheared_frame(model)
+        stiff = stiffening(frame, model, self.zones, np.exp(-self.u))
+        ends = [
+            (m, min(s, s + towards * length), max(s, s + towards * length), frame.mass_per_length(m))
+            for m, s, length, towards in self.zones
+        ]
+        heavy = mass_of_stretches(frame, model, ends, (1, 1, 1, 0, 0, 0))
+        return stiff, Contribution(heavy.dofs, M=self.mass * heavy.M)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return nothing: that moduli are a little otherwise hardly matters here."""
+        return ()
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Return each corner and each joint."""
+        return tuple(_zones(model)) if model.of_kind(Frame) else ()
+
+
+def _zones(model: Model) -> Iterator[ZoneForm]:
+    mesh, frame = model.mesh, frame_of(model)
+    axes = frame.rotations(mesh)
+    at: dict[int, list[tuple[str, float, int]]] = {}
+    for m in mesh.members:
+        if is_bar(model, m):
+            continue
+        for k, (p, s) in enumerate(zip(mesh.member_points(m), mesh.member_positions(m), strict=True)):
+            at.setdefault(int(p), []).append(
+                (m, float(s), int(mesh.members[m][min(k, len(mesh.members[m]) - 1)]))
+            )
+    groups = {p: ({p}, f"corner at point {p}") for p, here in at.items() if len({m for m, *_ in here}) > 1}
+    for pair in model.of_kind(PointPair):
+        ends = {pair.point1, pair.point2} - {None}
+        known = next((g for g in groups.values() if g[0] & ends), None)
+        if known:
+            known[0].update(ends)
+        else:
+            groups[min(ends)] = (set(ends), f"joint {pair.name}")
+    taken: dict[str, list[tuple[float, float]]] = {}
+    for number, (points, place) in enumerate(groups.values()):
+        arms = [arm for p in sorted(points) for arm in at.get(p, ())]
+        zones = []
+        for m, s, line in arms:
+            along = axes[line][0]
+            depths = [
+                section_extent(model, other, axes[row], along)
+                for other, _, row in arms
+                if other != m and abs(axes[row][0] @ along) < _ALONG
+            ]
+            if depths:
+                zones += _stretches(mesh.member_length(m), taken.setdefault(m, []), m, s, max(depths))
+        if zones:
+            yield ZoneForm(name=f"zone_form:{number}", zones=tuple(zones), place=place)
+
+
+def _stretches(
+    length: float, taken: list[tuple[float, float]], m: str, s: float, depth: float
+) -> Sequence[tuple[str, float, float, int]]:
+    """Return the stretches of a member on both sides of a place that no other connection has."""
+    out = []
+    for towards in (-1, 1):
+        room = length - s if towards > 0 else s
+        for a, b in taken:
+            beyond = (a - s) if towards > 0 else (s - b)
+            if beyond > -1e-9:
+                room = min(room, beyond)
+        reach = min(depth, 0.45 * room)
+        if reach > 1e-3 * length:
+            out.append((m, s, reach, towards))
+    taken.append((s - depth if s > depth else 0.0, min(s + depth, length)))
+    return out

@@ -1,0 +1,52 @@
+"""The search by evidence on a small frame: what is hidden, nothing, and what the library lacks."""
+
+import pytest
+from study.run import measured
+
+from dovetail import load_study
+from dovetail.pipeline import without_held_out
+from tests.small_frame import write_study
+from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED
+from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
+
+
+def diagnosed(folder, *, mass, kinds):
+    study = load_study(write_study(folder, mass))
+    said = []
+    found = diagnose_by_evidence(
+        study.model, [without_held_out(study, m) for m in measured(study)], study.nuisances,
+        damping_std=study.damping_std, kinds=kinds, model_error=0.1,
+        progress=lambda text, done: said.append((text, done)),
+    )  # fmt: skip
+    assert said[0][1] == 0.0
+    assert all(0 <= done <= 1 for _, done in said)
+    return found
+
+
+def test_a_hidden_mass_is_named_with_its_probability(tmp_path):
+    found = diagnosed(tmp_path, mass=0.25, kinds=["point_mass", "member_stiffness"])
+    assert found.verdict == EFFECT
+    (finding,) = found.findings
+    assert finding.effect.kind == "point_mass"
+    assert finding.effect.where.startswith("member arm")
+    values = {p.name: p.value for p in finding.parameters}
+    assert values["mass"] == pytest.approx(0.25, rel=0.1)
+    assert values["position"] == pytest.approx(0.3, abs=0.02)
+    total = sum(p for _, p in found.posterior)
+    assert total == pytest.approx(1.0, abs=1e-9)
+    assert sum(p for names, p in found.posterior if finding.effect.name in names) > 0.95
+    assert [s.label for s in found.steps][1:] == ["uncertain parameters fitted", f"{found.steps[-1].label}"]
+    assert found.steps[-1].fit_db < 0.3 * found.steps[1].fit_db
+
+
+def test_nothing_is_found_where_nothing_is_hidden(tmp_path):
+    found = diagnosed(tmp_path, mass=0.0, kinds=["point_mass", "member_stiffness"])
+    assert found.verdict == NOTHING
+    assert found.findings == ()
+
+
+def test_what_the_library_lacks_stays_unexplained(tmp_path):
+    found = diagnosed(tmp_path, mass=0.25, kinds=["member_torsion"])
+    assert found.verdict == UNEXPLAINED
+    assert found.posterior[-1][0] == ("unknown",)
+    assert found.posterior[-1][1] > 0.5

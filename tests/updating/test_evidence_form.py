@@ -1,0 +1,64 @@
+"""The form of frames: what lets it vary does what other sections and stiffer stretches do."""
+
+import numpy as np
+import pytest
+
+from fem import assemble, solve_modes
+from tests.frames import FLAT, STEEL, beam, fix, portal
+from updating.diagnosis.evidence.form import SectionForm, ZoneForm, form_of
+
+
+def frequencies(model, n=6):
+    return solve_modes(assemble(model), n=n).frequency
+
+
+def tip_compliance(model, direction):
+    system = assemble(model)
+    dof = 6 * int(model.mesh.member_points(next(iter(model.mesh.members)))[-1]) + direction
+    force = np.zeros(model.n_dof)
+    force[dof] = 1.0
+    reduced = system.Q.T @ force
+    return float(force @ (system.Q @ np.linalg.solve(system.K.toarray(), reduced)))
+
+
+def test_form_of_no_size_changes_nothing():
+    model = portal()
+    effects, nuisances = form_of(model)
+    kinds = {e.kind for e in effects}
+    assert kinds == {"section_form", "zone_form"}
+    assert {(n.effect, n.parameter) for n in nuisances} == {
+        (e.name, p.name) for e in effects for p in e.parameters()
+    }
+    formed = model
+    for e in effects:
+        formed = formed.with_effect(e)
+    np.testing.assert_allclose(frequencies(formed), frequencies(model), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("key", "local"), [("Iy", 2), ("Iz", 1)])
+def test_a_section_that_is_stiffer_in_one_plane_gives_a_cantilever_that_is_so(key, local):
+    """w = F L³ / (3 E I) + F L / (k G A): the part of bending falls with 1 + x."""
+    model = beam(8).with_effect(fix(0))
+    (form,) = (e for e in form_of(model)[0] if isinstance(e, SectionForm))
+    axes = model.effect("frame").rotations(model.mesh)[0]
+    direction = int(np.argmax(np.abs(axes[local])))
+    L = model.mesh.member_length(next(iter(model.mesh.members)))
+    I = getattr(FLAT, key)
+    bending = L**3 / (3 * STEEL.E * I)
+    before = tip_compliance(model, direction)
+    after = tip_compliance(model.with_effect(form.with_values(**{key: 0.1})), direction)
+    # K grows by 0.1 times its derivative, of which shear takes the second order.
+    assert before - after == pytest.approx(bending * (1 - 1 / 1.1), rel=2e-3)
+
+
+def test_a_stiffer_stretch_gives_way_less_by_its_share_of_the_flexibility():
+    """A cantilever's tip: ∫ x² / (E I) dx, of which the stretch at the clamp keeps e^-u."""
+    model = beam(8).with_effect(fix(0))
+    member = next(iter(model.mesh.members))
+    L, z, u = model.mesh.member_length(member), 0.13, 1.2
+    zone = ZoneForm(name="zone", zones=((member, 0.0, z, 1),), place="clamp", u=u)
+    axes = model.effect("frame").rotations(model.mesh)[0]
+    direction = int(np.argmax(np.abs(axes[2])))
+    lost = (L**3 - (L - z) ** 3) / (3 * STEEL.E * FLAT.Iy) * (1 - np.exp(-u))
+    change = tip_compliance(model, direction) - tip_compliance(model.with_effect(zone), direction)
+    assert change == pytest.approx(lost, rel=2e-3)

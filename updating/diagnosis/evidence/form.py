@@ -1,0 +1,34 @@
+"""The form of frames: what centre lines and nominal sections leave out of any real structure.
+
+Members bend and twist a little otherwise than their sections say, and what lies inside of a connection of
+finite size is stiffer and lighter or heavier than members that end in a point. Both are uncertain parameters
+of every hypothesis: an effect is believed only for what they cannot do within their tolerance.
+"""
+
+from fem.effects.section_form import SectionForm
+from fem.effects.zone_form import ZoneForm
+from fem.model import Effect, Model
+from updating.diagnosis.evidence.priors import FORM_SECTION, FORM_ZONE
+from updating.inference.parameters import Nuisance
+
+
+def form_of(model: Model) -> tuple[tuple[Effect, ...], tuple[Nuisance, ...]]:
+    """Return effects of no size that let a frame's form vary, and how far the form may vary.
+
+    A model that has some of them already, as one that an earlier diagnosis found, keeps its own.
+    """
+    known = {_place(e): e for kind in (SectionForm, ZoneForm) for e in model.of_kind(kind)}
+    every = [known.get(_place(e), e) for e in (*SectionForm.propose(model), *ZoneForm.propose(model))]
+    own = [
+        Nuisance(e.name, p.name, std)
+        for e in every
+        for p in e.parameters()
+        for std in [
+            FORM_SECTION.get(p.name, dict(zip(("u", "mass"), FORM_ZONE, strict=True)).get(p.name, 0.0))
+        ]
+    ]
+    return tuple(e for e in every if e not in known.values()), tuple(own)
+
+
+def _place(effect: Effect) -> tuple[str, str]:
+    return effect.kind, effect.where
