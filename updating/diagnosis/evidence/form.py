@@ -19,14 +19,8 @@ def form_of(model: Model) -> tuple[tuple[Effect, ...], tuple[Nuisance, ...]]:
     """
     known = {_place(e): e for kind in (SectionForm, ZoneForm) for e in model.of_kind(kind)}
     every = [known.get(_place(e), e) for e in (*SectionForm.propose(model), *ZoneForm.propose(model))]
-    own = [
-        Nuisance(e.name, p.name, std)
-        for e in every
-        for p in e.parameters()
-        for std in [
-            FORM_SECTION.get(p.name, dict(zip(("u", "mass"), FORM_ZONE, strict=True)).get(p.name, 0.0))
-        ]
-    ]
+    std = FORM_SECTION | FORM_ZONE
+    own = [Nuisance(e.name, p.name, std[p.name]) for e in every for p in e.parameters()]
     return tuple(e for e in every if e not in known.values()), tuple(own)
 
 

@@ -21,10 +21,10 @@ from updating.inference.parameters import Nuisance
 
 QUICK_LINES, FULL_LINES = 40, 100
 """Lines of first fits, and of full ones."""
-FAR = 0.25
-"""Level of a model from which on uncertain parameters may be bent, so that fits begin from nominal ones, too
-[nepers]."""
-N_SCANNED, N_PLACES, N_PAIRS, N_SINGLES, N_AGAIN, N_FINAL, N_BEAM = 10, 4, 2, 12, 4, 3, 2
+FAR = 3.0
+"""Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
+too [-]."""
+N_SCANNED, N_PLACES, N_PAIRS, N_SINGLES, N_THERE, N_AGAIN, N_FINAL, N_BEAM = 10, 4, 2, 8, 4, 4, 3, 2
 """Effects of so many of the first places of the scan are looked at; so many connections, pairs of them and
 single effects are fitted; so many of these go on."""
 BEAM_NATS = 20.0
@@ -262,7 +262,11 @@ class Search:
             listed, _ = shortlist(quick, (now, quick.at_nominal(now)), grids, lambda text, done: None)
             grids = [grids[i] for i in listed]
         screened = screen(quick, now, grids, False, lambda text, done: None)
-        out: list[Proposal] = [((s.effect,), [(start,) for start in s.starts]) for s in screened[:N_SINGLES]]
+        chosen = list(screened[:N_SINGLES])
+        for whole in wholes[:N_PLACES]:
+            held = {e.name for p in self.places if p.whole == whole for e in p.effects}
+            chosen += [s for s in screened if s.effect.name in held and s not in chosen][:N_THERE]
+        out: list[Proposal] = [((s.effect,), [(start,) for start in s.starts]) for s in chosen]
         done = {frozenset([e.name for e in effects]) for effects, _ in out}
         connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")][:N_PLACES]
         for scanned in (*connections, *pairs):
@@ -334,7 +338,7 @@ class Search:
             there = [e.with_values(**values) for e, values in zip(effects, start, strict=True)]
             problem = replace(quick, reduced=quick.reduced.with_forces_of(there))
             ways: list[dict[str, Any]] = [{"stages": problem.stages[-1:], "x_from": base.fitted.result}]
-            ways += [] if near or base.fitted.level < FAR else [{}]
+            ways += [] if near or base.fitted.level < FAR * self.floor else [{}]
             for way in ways:
                 try:
                     fits.append(fit(problem, effects, start, n_lines=QUICK_LINES, max_iterations=6, **way))
