@@ -119,8 +119,10 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
     fitted = [without_held_out(study, m) for m in measured(study)]
-    # what depends on amplitude, and simulations of chance, are known to the older search alone
-    older = study.n_simulated > 0 or len({m.force_level for m in fitted}) > 1
+    # The search by evidence knows neither joints that depend on amplitude nor simulations of chance, and its
+    # count of independent data is that of models whose form errs.
+    exact = study.model_error == 0
+    older = exact or study.n_simulated > 0 or len({m.force_level for m in fitted}) > 1
     return (diagnose if older else diagnose_by_evidence)(
         study.model,
         fitted,

@@ -27,7 +27,7 @@ from dovetail.validation.cases import SETS, Settings, draw_case, kinds_of
 from dovetail.validation.judging import Record, is_known, judge
 from fem.effects import candidate_kinds
 from fem.io.atomic import WriteError, replacing
-from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
+from updating.diagnosis.diagnose import diagnose
 
 CASES_FILE = "cases.jsonl"
 LOCK_FILE = ".lock"
@@ -67,7 +67,7 @@ def run_case(settings: Settings, task: Task) -> Record:
             warnings.simplefilter("always")
             case = draw_case(settings, set_name, index)
             drawn = time.perf_counter() - begun
-            diagnosis = diagnose_by_evidence(
+            diagnosis = diagnose(
                 case.model,
                 [case.measurement],
                 case.nuisances,

@@ -20,6 +20,8 @@ class Connection(JointStiffness):
     ----------
     loss_factor : float
         In this direction [-].
+    assumed_loss : float
+        The model's [-].
     """
 
     kind: ClassVar[str] = "connection"
@@ -32,13 +34,14 @@ class Connection(JointStiffness):
         places="each elastic direction of each joint",
     )
     loss_factor: Any = 0.0
+    assumed_loss: float = 0.0
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return stiffness and loss factor."""
         unit = joint_unit(self.direction)
         return (
             Parameter("stiffness", unit, self.stiffness, self.assumed, *self.bounds, log=True),
-            Parameter("loss_factor", "-", self.loss_factor, 0.0, 0.0, 3.0),
+            Parameter("loss_factor", "-", self.loss_factor, self.assumed_loss, 0.0, 3.0),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -69,6 +72,7 @@ class Connection(JointStiffness):
             cls(
                 name=f"connection:{j.name}.{d}", joints=(j.name,), direction=d, stiffness=k, assumed=k,
                 bounds=(1e-4 * k, 1e4 * k), loss_factor=float(np.real(j.eta)),
+                assumed_loss=float(np.real(j.eta)),
             )
             for j in model.of_kind(Joint)
             for d in j.elastic

@@ -52,8 +52,10 @@ class JointHole(OnSide):
         """Return DOFs and rows of the motion of the side that is moved."""
         point = joint.point1 if self.side == 1 else joint.point2
         assert point is not None
-        place = joint.location + self.amount * self.across
-        return dofs_of(point), lever_matrix(place - model.mesh.points[point])
+        arm = joint.location - model.mesh.points[point]
+        # affine in the arm, so that the amount may be complex for derivatives
+        step = lever_matrix(self.across) - lever_matrix(np.zeros(3))
+        return dofs_of(point), lever_matrix(arm) + self.amount * step
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

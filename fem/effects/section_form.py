@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
 from fem.effects.places import frame_of, is_bar, sheared_frame
@@ -31,7 +32,7 @@ class SectionForm(Effect):
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.STIFFNESS
     entry: ClassVar[Entry | None] = Entry(
-        quantities="`Iy`, `Iz`, `J` [-]",
+        quantities="`Iy` [-], `Iz` [-], `J` [-]",
         meaning="bending and torsional stiffness of members of one section, relative to the model's",
         places="all members of one section and length",
     )
@@ -57,6 +58,11 @@ class SectionForm(Effect):
         return tuple(
             replace(c, K=getattr(self, key) * c.K) for key, parts in self.parts.items() for c in parts
         )
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the middles of the members, (n, 3) [m]."""
+        mesh = model.mesh
+        return np.array([mesh.point_at(mesh.locate(m, mesh.member_length(m) / 2)) for m in self.members])
 
     def rebased(self, model: Model) -> "SectionForm":
         """Return the same change of stiffness, relative to the sections with the model's present moduli."""

@@ -36,6 +36,8 @@ class SupportShift(Effect):
         Where it is in the model, arc length [m].
     amount : float
         [m].
+    springs : tuple of float
+        Stiffness of the six springs that stand for the clamp [N/m, N·m/rad].
     lower, upper : float
         [m].
     """
@@ -54,6 +56,7 @@ class SupportShift(Effect):
     member: str
     at: float
     amount: Any
+    springs: tuple[float, ...]
     lower: float
     upper: float
 
@@ -68,15 +71,9 @@ class SupportShift(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return stiff springs at the new place."""
-        support = model.effect(self.support)
-        assert isinstance(support, Support)
         dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.at + self.amount)
-        length = model.mesh.member_length(self.member)
-        EI = float(np.real(max(bending_stiffness(model, self.member, d) for d in ("ry", "rz"))))
-        rows = [DIRECTIONS.index(d) for d in support.fixed]
-        k = np.array([STIFF * EI / length ** (3 if i < 3 else 1) * (100 if i < 3 else 1) for i in rows])
-        P = N[rows]
-        return (Contribution(dofs[None], (P.T @ (k[:, None] * P))[None]),)
+        k = np.array(self.springs)
+        return (Contribution(dofs[None], (N.T @ (k[:, None] * N))[None]),)
 
     def released(self) -> tuple[tuple[str, str], ...]:
         """Return the support's constraints."""
@@ -108,7 +105,14 @@ class SupportShift(Effect):
                 out.append(
                     cls(
                         name=f"support_shift:{support.name}", support=support.name, member=member, at=at,
-                        amount=0.0, lower=-min(at, reach), upper=min(length - at, reach),
+                        amount=0.0, springs=_springs(model, member), lower=-min(at, reach), upper=min(length - at, reach),
                     )
                 )  # fmt: skip
         return tuple(out)
+
+
+def _springs(model: Model, member: str) -> tuple[float, ...]:
+    """Return springs that are ``STIFF`` times as stiff as a member, of the order of E I / L³ and E I / L."""
+    length = model.mesh.member_length(member)
+    EI = float(np.real(max(bending_stiffness(model, member, d) for d in ("ry", "rz"))))
+    return (100 * STIFF * EI / length**3,) * 3 + (STIFF * EI / length,) * 3

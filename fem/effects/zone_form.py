@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
 from fem.effects.joint import PointPair
@@ -30,6 +31,8 @@ class ZoneForm(Effect):
     zones : tuple of (str, float, float, int)
         Member, arc length at which a stretch begins, its length [m], and 1 or -1 for up or down the member.
     place : str
+    frame : Frame
+        Of the model that it was proposed for: moduli that are a little otherwise hardly matter here.
     u : float
     mass : float
         Share of the stretches' mass that they have more [-].
@@ -39,12 +42,13 @@ class ZoneForm(Effect):
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     entry: ClassVar[Entry | None] = Entry(
-        quantities="`u`, `mass` [-]",
+        quantities="`u` [-], `mass` [-]",
         meaning="stiffness e^u and mass of what lies inside of a connection of finite size",
         places="each corner and each joint of members",
     )
     zones: tuple[tuple[str, float, float, int], ...]
     place: str
+    frame: Frame
     u: Any = 0.0
     mass: Any = 0.0
 
@@ -62,7 +66,7 @@ class ZoneForm(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return what the stretches gain."""
-        frame = sheared_frame(model)
+        frame = self.frame
         stiff = stiffening(frame, model, self.zones, np.exp(-self.u))
         ends = [
             (m, min(s, s + towards * length), max(s, s + towards * length), frame.mass_per_length(m))
@@ -72,8 +76,13 @@ class ZoneForm(Effect):
         return stiff, Contribution(heavy.dofs, M=self.mass * heavy.M)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return nothing: that moduli are a little otherwise hardly matters here."""
+        """Return nothing: the moduli are those of the frame that it holds."""
         return ()
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return where the stretches begin, (n, 3) [m]."""
+        mesh = model.mesh
+        return np.array([mesh.point_at(mesh.locate(m, s)) for m, s, _, _ in self.zones])
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
@@ -114,7 +123,9 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
             if depths:
                 zones += _stretches(mesh.member_length(m), taken.setdefault(m, []), m, s, max(depths))
         if zones:
-            yield ZoneForm(name=f"zone_form:{number}", zones=tuple(zones), place=place)
+            yield ZoneForm(
+                name=f"zone_form:{number}", zones=tuple(zones), place=place, frame=sheared_frame(model)
+            )
 
 
 def _stretches(

@@ -16,6 +16,7 @@ from fem.declarations import Role
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
+from fem.effects.joint import Joint
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
@@ -53,6 +54,10 @@ MODELS = {
     # ends of solid bars on others, one with a rigid zone
     "welded": welded(0.15, rigid1=0.004),
     "part": with_part(),
+    # on an elastic foot
+    "footed": beam(5).with_effect(
+        Joint(name="foot", point1=2, location=np.array([0.4, 0.0, -0.01]), K=np.diag([2e6, 3e6, 4e6, 5e2, 7e2, 9e2]))
+    ),
     # all six section forces in each member
     "loaded": prestressed(portal(0.2), solve_static(assemble(portal(0.2)), LoadCase(gravity=(3, 4, -9.81)))),
 }
@@ -64,11 +69,12 @@ GROUNDED = {
     "ground_damper",
     "side_spring",
 }
-GROUNDED |= {"stinger"}
+GROUNDED |= {"stinger", "foot_shift", "support_shift"}
 """Kinds that may hold a rigid body."""
 
-TURNED = {"preload", "prestress", "rotor"}
-"""Kinds that resist its rotations: a force or an angular momentum that keeps its direction."""
+TURNED = {"preload", "prestress", "rotor", "joint_hole", "part_shift"}
+"""Kinds that resist its rotations: a force or an angular momentum that keeps its direction, or a part that
+lies elsewhere than the mesh has it, so that the rotation of the mesh is none of the structure."""
 
 BRAKED = {"mass_damping"}
 """Kinds that brake a rigid body."""
@@ -156,10 +162,12 @@ def generic(effect):
 def check_absent(model, effect):
     absent = {p.name: p.absent for p in effect.parameters()}
     if all(np.isfinite(v) for v in absent.values()):
+        if effect.released():  # a clamp that is moved: stiff springs in place of constraints
+            check_held(model, effect.with_values(**absent))
+            return
         assert not matrices(effect.with_values(**absent), model).any(), (
             "there, though every value says absent"
         )
-        assert not effect.released(), "releases constraints though it may be absent at a finite value"
         return
     # Absent at infinite stiffness: what is left is a compliance 1/(k + k0), k0 the structure's own stiffness.
     (p,) = (p for p in effect.parameters() if not np.isfinite(p.absent))
@@ -180,6 +188,16 @@ def check_absent(model, effect):
     # (10 k + k0)/(k + k0), and k0 is at most a tenth of k here: EA/L of an element, 4 EI/L; several springs
     # have several k0, whose differences may show where their parts nearly cancel
     assert ((abs(ratio) > 10.1 / 1.1) & (abs(ratio) < 10.3)).all(), "does not become rigid"
+
+
+def check_held(model, effect):
+    """A clamp where the model has it holds as the model's: its springs are 1e4 times as stiff."""
+    at = [(point, d) for point in (1, model.mesh.n_points - 1) for d in ("x", "y", "z")]
+    H = [
+        compute_frf(assemble(m), [3.0], at, at, kind="receptance", method="direct").H[0]
+        for m in (model, model.with_effect(effect))
+    ]
+    assert abs(H[1] - H[0]).max() < 2e-3 * abs(H[0]).max(), "does not hold where the model is held"
 
 
 def check_symmetry(model, effect):

@@ -35,6 +35,7 @@ ALLOWED = {
     "updating/diagnosis/corners.py": (OLD_SEARCH, {"SolidCorner"}),
     "updating/diagnosis/diagnose.py": (OLD_SEARCH, {"JointPatch", "SolidCorner"}),
     "updating/diagnosis/patches.py": (OLD_SEARCH, {"Joint", "JointPatch"}),
+    "updating/diagnosis/evidence/form.py": ("lets the form of every model vary", {"SectionForm", "ZoneForm"}),
     "updating/diagnosis/evidence/search.py": (
         "springs of one connection that are searched together; the search is being written",
         {"end_release", "joint_stiffness", "support_flexibility"},
