@@ -80,6 +80,7 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
     assert ranked(lambda kind: False) == freely
 
 
+@pytest.mark.slow
 def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)

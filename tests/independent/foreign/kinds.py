@@ -5,6 +5,7 @@ has no place for it. Strengths are drawn wide; `draw` keeps those that show clea
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class Drawn:
     each: tuple = ()
 
 
-def draw_from(rng, things):
+def draw_from(rng, things) -> Any:
     """Return one of some things, or None."""
     things = list(things)
     return things[rng.integers(len(things))] if things else None
