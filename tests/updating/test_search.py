@@ -306,6 +306,7 @@ def test_what_is_looked_at_first_has_a_second_start_however_badly_its_first_ends
         assert (len(round_._quick[o.effect.name]) > 1) == (o.rank == 0)
 
 
+@pytest.mark.slow
 def test_a_crack_that_stays_at_the_foot_is_found_where_it_is_before_data_are_unexplained(monkeypatch):
     case = draw_case(Settings(seed=2301), "single", 14)
     (hidden,) = case.implants
