@@ -177,7 +177,9 @@ def mounted_along(bench, rng):
     """A part with one joint is mounted further along; its sensors move with it."""
     able = []
     for c in bench.structure.connections.values():
-        for k, (m, s) in enumerate(c.sides if len(c.sides) == 2 else ()):
+        if len(c.sides) != 2:
+            continue
+        for k, (m, s) in enumerate(c.sides):
             body = bench.structure.body_of[m]
             ties = [o for o in bench.structure.connections.values() if any(n in body for n, _ in o.sides)]
             inside = 0.035 < s < bench.structure.members[m].length - 0.035
