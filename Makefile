@@ -25,12 +25,13 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test coverage slow docs dist fuzz independent a-frames solids foreign extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo test coverage slow long docs dist fuzz independent a-frames solids foreign extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make test        python -m pytest'
 	@echo 'make coverage    the same, with the coverage of each package'
-	@echo 'make slow        the tests marked slow'
+	@echo 'make slow        the tests that take more than 5 s each'
+	@echo 'make long        those that take minutes: thirty diagnoses of fresh cases, the cases of other codes'
 	@echo 'make docs        build the documentation in out/site'
 	@echo 'make dist        build wheel and sdist in dist, and check them in clean environments; PYTHONS="python3.11 python3.13"'
 	@echo 'make fuzz        damaged files for every reader; MINUTES=10 SEED=3, or COUNT=50000 for each format'
@@ -74,6 +75,9 @@ fuzz: $(DEV)
 slow: $(DEV)
 	$(IN) python -m pytest -m slow
 
+long: $(DEV)
+	$(IN) python -m pytest -m long
+
 # needs ../shared/data/independent-cases; CASES=DIR for others of the same form
 independent: $(DEV)
 	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
@@ -116,6 +120,7 @@ lint: $(DEV)
 
 types: $(DEV)
 	$(IN) pyright
+	$(IN) pyright --project pyrightconfig.tests.json
 
 contracts: $(DEV)
 	$(IN) lint-imports

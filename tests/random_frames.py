@@ -1,68 +1,130 @@
-"""Random frames of four members with five wrong parameters, and FRFs of the truth on a finer mesh."""
+"""The one generator of random frames: connected, in space, of whatever members a test asks for."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 
-import fem
-from fem.effects import MemberStiffness
+from fem.effects.joint import Joint
+from fem.effects.support import Support
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.materials import Material
+from fem.mesh import Mesh
+from fem.model import Model
+from fem.sections.section import Section
+from tests.frames import FLAT, STEEL
 
-NOISE, RATIO = 0.01, 0.01
-RHO = ("frame", "rho:steel")
+METALS = (STEEL, Material("aluminium", 70e9, 2700.0, 0.33))
+SHAPES = (FLAT, Section.circle(0.02), Section.tube(0.03, 0.002))
 
-
-@dataclass(frozen=True, eq=False)
-class RandomFrame:
-    """A frame as it is thought to be, what it is, and a measurement of that."""
-
-    model: fem.Model
-    refs: list
-    truth: np.ndarray
-    frf: fem.FRF
-    outputs: list
-    inputs: list
-    mesh_error: float
-    """Largest relative error of a natural frequency in the band by the mesh, as predicted [-]."""
+Part = Callable[[np.random.Generator], MemberProperties]
+"""Draws the material, section and theory of a member."""
 
 
-def random_frame(seed, elements=12, n_lines=300, modal=False):
-    """Return a clamped chain of three members with a fourth one on it, in space.
+def steel_shape(rng):
+    """Draw a steel flat, rod or tube by Timoshenko's theory or by Euler and Bernoulli's."""
+    theory = ("timoshenko", "euler-bernoulli")[rng.integers(2)]
+    return MemberProperties(STEEL, SHAPES[rng.integers(len(SHAPES))], theory=theory)
 
-    Its damping is that of a loss factor, which is the engine of fits' own form between resonances, or modal.
+
+def metal_block(theory):
+    """Return what draws a member whose torsion constant and shear coefficients follow from no shape.
+
+    A program that exchanges two of them is then found out.
+    """
+
+    def draw(rng):
+        b, h = rng.uniform(0.02, 0.15, 2)
+        Iy, Iz = b * h**3 / 12, h * b**3 / 12
+        J, ky, kz = rng.uniform(0.1, 0.9) * (Iy + Iz), *rng.uniform(0.4, 1.0, 2)
+        return MemberProperties(METALS[rng.integers(2)], Section(b * h, Iy, Iz, J, ky, kz), theory=theory)
+
+    return draw
+
+
+def draw_outline(rng, n_points, loops, reach, course, spread):
+    """Return points on a course with steps of 1 m, and the lines of a tree; those that close loops come last.
+
+    A line of the tree begins at one of the last `reach` points: with 1 it is a chain.
+    """
+    points = rng.uniform(-spread, spread, (n_points, 3))
+    points[1:] += np.cumsum(np.eye(3)[["xyz".index(course[i % len(course)]) for i in range(n_points - 1)]], 0)
+    tree = [(int(rng.integers(max(0, i - reach), i)), i) for i in range(1, n_points)]
+    others = sorted(set(combinations(range(n_points), 2)) - set(tree))
+    return points, np.array(tree + [others[k] for k in rng.choice(len(others), loops, replace=False)])
+
+
+def random_frame(
+    seed,
+    part: Part = steel_shape,
+    *,
+    n_points=5,
+    loops=1,
+    reach=3,
+    course="x",
+    spread=0.5,
+    size=1.0,
+    split=1,
+    offset=0.0,
+    foot=True,
+    spring=False,
+    rotation=None,
+    order=None,
+    flip=None,
+):
+    """Return a connected frame with random points, members and orientations; members are m0, m1, ...
+
+    Parameters
+    ----------
+    seed : int
+    part : callable
+        Draws the properties of each member.
+    n_points, loops : int
+        The frame has n_points - 1 + loops members; those that close loops are the last.
+    reach : int
+        How many points back the other end of a member may be; 1 for a chain and its loops.
+    course : str
+        Axes along which one point follows another, in turns.
+    spread : float
+        Largest deviation of a point from its course in each direction, in steps.
+    size : float
+        Length of a step [m].
+    split : int
+        Elements of each member.
+    offset : float
+        Standard deviation of the offsets of members' ends [m].
+    foot, spring : bool
+        Whether point 0 is clamped, and whether a spring of six directions holds point 2.
+    rotation, order, flip : array_like, optional
+        The same frame turned by a matrix (3, 3), with the point i as number order[i], and with some members
+        drawn from their other end.
     """
     rng = np.random.default_rng(seed)
-    steps = np.eye(3)[[2, 0, 1, 2]] * rng.uniform(0.4, 0.7, (4, 1)) + 0.08 * rng.standard_normal((4, 3))
-    points = [np.zeros(3), steps[0], steps[0] + steps[1], steps[0] + steps[1] + steps[2]]
-    points.append(points[2] + steps[3])
-    lines = [[0, 1], [1, 2], [2, 3], [2, 4]]
-    names = [f"m{i}" for i in range(4)]
-    mesh = fem.Mesh.from_lines(points, lines, {n: [i] for i, n in enumerate(names)})
-    width, height = rng.uniform(0.02, 0.03, 2)
-    part = fem.MemberProperties(
-        fem.Material("steel", 210e9, 7850.0), fem.Section.rectangle(width, height), theory="euler-bernoulli"
-    )
-    effects = (
-        fem.Frame(members=dict.fromkeys(names, part)),
-        fem.Support(name="foot", point=0),
-        *(MemberStiffness(name=f"d{i}", member=n, change=0.0) for i, n in enumerate(names)),
-    )
-    model = fem.Model(mesh.split(elements), effects, fem.Damping.modal(0.7 * RATIO))
-    refs = [*((f"d{i}", "change") for i in range(4)), RHO]
-    wrong = rng.uniform(0.1, 0.2, 5) * rng.choice([-1, 1], 5)
-    truth = np.append(wrong[:4], 7850 * (1 + wrong[4]))
-    real = model.with_mesh(mesh.split(2 * elements)).with_values(dict(zip(refs, truth, strict=True)))
-    real = real.with_damping(fem.Damping.modal(RATIO) if modal else fem.Damping.structural(2 * RATIO))
-    system = fem.assemble(real)
-    frequency = fem.solve_modes(system, n=8).frequency
-    lines = np.linspace(0.5 * frequency[0], 1.05 * frequency[6], n_lines)
-    # corners keep their numbers when the mesh is split
-    outputs = [(p, d) for p in (1, 2, 3, 4) for d in "xyz"]
-    inputs = [(3, "x"), (4, "y")]
-    H = fem.compute_frf(system, lines, outputs, inputs, tolerance=1e-7).H
-    a, b = rng.standard_normal((2, *H.shape))
-    frf = fem.FRF.from_arrays(lines, H * (1 + NOISE * (a + 1j * b)))
-    omega, length = 2 * np.pi * lines[-1], max(np.linalg.norm(steps, axis=1)) / elements
-    inertia = min(width, height) ** 2 / 12
-    bending = omega**2 * 7850 * 1.2 / (210e9 * 0.8 * inertia) * length**4 / 1440
-    torsion = omega**2 * 7850 * 1.2 / (80e9 * 0.8 * 0.5) * length**2 / 24
-    return RandomFrame(model, refs, truth, frf, outputs, inputs, bending + torsion)
+    points, lines = draw_outline(rng, n_points, loops, reach, course, spread)
+    points, m = size * points, len(lines)
+    up, offsets = rng.standard_normal((m, 3)), offset * rng.standard_normal((m, 2, 3))
+    K = rng.standard_normal((6, 6))
+    parts = [part(rng) for _ in range(m)]
+    R = np.eye(3) if rotation is None else rotation
+    new = np.arange(n_points) if order is None else np.asarray(order)
+    turn = np.zeros(m, dtype=bool) if flip is None else np.asarray(flip)
+    moved = np.empty_like(points)
+    moved[new] = points @ R.T
+    rows = new[lines]
+    rows[turn] = rows[turn][:, ::-1]
+    members = {}
+    for i, p in enumerate(parts):
+        first, second = offsets[i][::-1] @ R.T if turn[i] else offsets[i] @ R.T
+        members[f"m{i}"] = MemberProperties(
+            p.material, p.section, R @ up[i], offset1=first, offset2=second, theory=p.theory
+        )
+    effects = [Frame(members=members)]
+    if spring:
+        axes = np.kron(np.eye(2), R)
+        K = axes @ (1e4 * K @ K.T) @ axes.T
+        effects.append(Joint(name="spring", point1=int(new[2]), location=moved[new[2]], K=K))
+    if foot:
+        effects.append(Support(name="foot", point=int(new[0])))
+    mesh = Mesh.from_lines(moved, rows, {f"m{i}": [i] for i in range(m)})
+    return Model(mesh.split(split), tuple(effects))

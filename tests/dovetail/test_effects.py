@@ -9,7 +9,7 @@ from fem.analysis.frf import FRF
 from fem.effects import candidate_kinds
 from fem.model import parameter_values
 from fem.system import sum_contributions
-from tests.small_frame import STUDY
+from tests.frames import STUDY
 from updating import propose
 from updating.measurement.measurement import Measurement
 

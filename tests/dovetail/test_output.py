@@ -26,7 +26,7 @@ from dovetail.disk.output import (
 )
 from dovetail.file.paths import input_files
 from fem.io.atomic import WriteError, replacing
-from tests.small_frame import STUDY
+from tests.frames import STUDY
 
 
 def test_a_new_folder_appears_at_the_end(tmp_path):

@@ -18,8 +18,7 @@ from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html, thresholds
 from dovetail.result import Uncertain, result_dict
 from fem.effects import effect_classes
-from tests.frames import cross_beam, portal
-from tests.small_frame import write_study
+from tests.frames import cross_beam, portal, write_study
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.acceptance import STEP_LEVEL
 from updating.diagnosis.bootstrap import Bootstrap
@@ -79,6 +78,7 @@ def without_findings(result, verdict, faults=()):
 
 def test_a_verdict_tried_against_chance_is_told_and_drawn(found, tmp_path, monkeypatch):
     monkeypatch.setattr("dovetail.report.pictures.can_draw", lambda: False)
+    monkeypatch.setattr(pictures, "_draw_frfs", lambda *_: None)  # of no concern here, and slow to draw
     (finding,) = found.diagnosis.findings
     tried = Bootstrap(finding.effect.name, 3.2, (1.0, 1.004, 1.01), (0.02, 0.021, 0.022))
     alone = replace(finding, strain=-3.7, twins=(), rival=None, decisive=(), proposals=())

@@ -16,7 +16,7 @@ from dovetail.report import pictures
 from dovetail.result import SCHEMA
 from fem.effects import candidate_kinds, effect_classes
 from fem.io import read_npz
-from tests.small_frame import STUDY, write_study
+from tests.frames import STUDY, write_study
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,13 @@ def quick(monkeypatch, done):
     monkeypatch.setattr("dovetail.report.pictures.can_draw", lambda: False)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Let reports have no pictures: `done` has them."""
+    monkeypatch.setattr(pictures, "draw_all", lambda result, folder, say: pictures.Album(folder))
+
+
+@pytest.mark.usefixtures("quick", "undrawn")
 def test_an_earlier_result_stays_until_the_new_one_is_whole(done, tmp_path, monkeypatch):
     out = tmp_path / "out"
     before = run.run(done.study, out).report.read_bytes()
@@ -138,11 +144,9 @@ def test_an_earlier_result_stays_until_the_new_one_is_whole(done, tmp_path, monk
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-@pytest.mark.usefixtures("quick")
-def test_a_machine_that_cannot_draw_still_reports(done, tmp_path):
-    result = run.run(done.study, tmp_path / "out")
-    assert not (tmp_path / "out" / "pictures" / "structure.png").exists()
-    assert "cannot draw off screen" in result.report.read_text(encoding="utf-8")
+def test_a_machine_that_cannot_draw_still_reports(done):
+    assert not (done.folder / "pictures" / "structure.png").exists()
+    assert "cannot draw off screen" in done.report.read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("quick")
@@ -150,7 +154,8 @@ def test_a_picture_that_fails_is_named(done, tmp_path, monkeypatch):
     def fail(*_, **__):
         raise ValueError("no ink")
 
-    monkeypatch.setattr(pictures.curves, "plot_staircase", fail)
+    monkeypatch.setattr(pictures.search, "plot_staircase", fail)
+    monkeypatch.setattr(pictures, "_draw_frfs", lambda *_: None)  # of no concern here, and slow to draw
     result = run.run(done.study, tmp_path / "out")
     assert "staircase.png could not be drawn (ValueError: no ink)" in result.report.read_text(
         encoding="utf-8"
@@ -165,7 +170,7 @@ def test_a_study_needs_a_measurement(study_file, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("quick", "undrawn")
 def test_run_prints_verdict_errors_and_path(study_file, tmp_path, capsys):
     out, file = tmp_path / "out", tmp_path / "r.json"
     assert main(["run", str(study_file), "--out", str(out), "--json", str(file)]) == 0

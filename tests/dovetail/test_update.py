@@ -5,6 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from dovetail import load_study
 from dovetail.cli import main
@@ -102,6 +103,20 @@ def bracket(tmp_path_factory):
     return path, exact.frequency
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Let reports of updates have no pictures: one test looks at these."""
+    for module, name in (
+        ("correlation", "plot_mode_pairs"),
+        ("curves", "plot_frf"),
+        ("modal", "plot_stabilisation"),
+        ("updating", "plot_convergence"),
+        ("updating", "plot_correlation"),
+        ("updating", "plot_parameters"),
+    ):
+        monkeypatch.setattr(f"viz.{module}.{name}", lambda *_: Figure(figsize=(1, 1)))
+
+
 def test_modes_are_identified_drawn_and_written(bracket, tmp_path, capsys):
     path, exact = bracket
     out, uff = tmp_path / "modes.npz", tmp_path / "modes.uff"
@@ -196,6 +211,7 @@ def test_a_modulus_comes_back_and_is_written(bracket, tmp_path, capsys, more, to
     assert {p.name for p in (out / "pictures").iterdir()} >= {"convergence.png", "parameters.png"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_identified_ratios_are_the_damping_of_a_study(bracket, tmp_path):
     """The truth has 0.8 % in all modes; the study's own 0.8 % is replaced by what was identified."""
     path, _ = bracket
@@ -217,6 +233,7 @@ def test_identified_ratios_are_the_damping_of_a_study(bracket, tmp_path):
         load_study(tmp_path / "u" / "study.toml")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_bounds_and_groups_and_values_without_a_place(bracket, tmp_path, capsys):
     path, _ = bracket
     more = """
@@ -245,6 +262,7 @@ std = 0.02
     assert values["masses"][0]["mass"] == pytest.approx(0.2 / 210 * 205, rel=0.05)  # it has to be lighter
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_members_and_groups_get_parameters_of_their_own(bracket, tmp_path, capsys):
     """The true 210 GPa are 5 % more than the study has: so are both members, however they are asked for."""
     path, _ = bracket
@@ -411,6 +429,7 @@ def test_modes_of_a_universal_file_belong_to_nodes(bracket, tmp_path):
     np.testing.assert_allclose(found.modes.shapes, shapes * [[1], [1], [-1]], rtol=1e-5)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_node_missing_in_one_mode_is_a_gap_of_that_mode(bracket, tmp_path, capsys):
     """The other modes keep their values there, and the update uses all that is there."""
     path, _ = bracket

@@ -352,6 +352,7 @@ def test_a_search_is_made_with_patches_and_says_so():
     assert note.startswith("joint J: joined over ")
 
 
+@pytest.mark.slow
 def test_a_search_is_made_with_joints_that_turn_about_their_normals():
     truth = turning(lap(80), 0.4, size=0.7)
     (heavier,) = (e for e in fem.effects.MemberDensity.propose(truth) if e.where == "member A")
@@ -370,6 +371,7 @@ def test_a_search_is_made_with_joints_that_turn_about_their_normals():
     )
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_soft_about_its_normal_is_an_effect():
     truth = turning(lap(80), 0.005, size=0.8)
     nominal, measurement = measured(truth, lap(40))
@@ -379,6 +381,7 @@ def test_a_joint_that_is_soft_about_its_normal_is_an_effect():
     assert found.findings[0].parameters[0].value == pytest.approx(0.005 * DISC, rel=0.03)
 
 
+@pytest.mark.slow
 def test_weak_effects_beside_patches_are_not_believed_and_named(monkeypatch):
     truth = patched(lap(120), 1.0)
     (heavier,) = (e for e in fem.effects.MemberDensity.propose(truth) if e.where == "member A")
@@ -433,6 +436,7 @@ def test_patches_are_chosen_anew_until_the_choice_stays_or_two_times(monkeypatch
     assert found("effect") == "effect"
 
 
+@pytest.mark.slow
 def test_patches_are_not_forced_on_what_stays_unexplained():
     truth = lap(120, rigid=("x", "y", "z", "ry", "rz"), K=np.diag([0, 0, 0, 200.0, 0, 0]))
     nominal, measurement = measured(truth, lap(60))
@@ -480,6 +484,7 @@ sensor = "fz"
 """
 
 
+@pytest.mark.slow
 def test_what_was_found_is_written_with_its_patches(tmp_path, monkeypatch):
     monkeypatch.setattr("dovetail.report.pictures.draw_all", lambda *_: None)
     monkeypatch.setattr("dovetail.report.report.write_report", lambda *_: None)

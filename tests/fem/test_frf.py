@@ -14,14 +14,13 @@ from fem.effects.viscoelastic import Viscoelastic
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.laws import Zener
-from fem.mesh import Mesh
-from fem.model import Damping, Model
+from fem.model import Damping
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
-from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, cross_beam
+from tests.random_frames import random_frame
 
 AT = [(1, "x"), (1, "y"), (2, "z"), (3, "rx"), (4, "z"), (4, "ry")]
 IN = [(2, "z"), (4, "x")]
@@ -35,18 +34,13 @@ DAMPING = {
 
 
 def frame(seed, *, free, local):
-    """Return a frame with random points and sections, soft and stiff dampers, and a viscoelastic element."""
-    rng = np.random.default_rng(seed)
-    points = rng.uniform(-0.3, 0.3, (5, 3))
-    points[:, 0] += np.arange(5)
-    lines = np.array([[rng.integers(i), i] for i in range(1, 5)] + [[0, 4]])
-    sections = [(FLAT, Section.circle(0.02), Section.tube(0.03, 0.002))[k] for k in rng.integers(0, 3, 5)]
-    mesh = Mesh.from_lines(points, lines, {f"m{i}": [i] for i in range(5)}).split(3)
-    effects = [Frame(members={f"m{i}": MemberProperties(STEEL, sections[i]) for i in range(5)})]
+    """Return a frame of steel shapes, soft and stiff dampers, and a viscoelastic element."""
+    model = random_frame(seed, size=0.3, split=3, foot=False)
+    points, effects = model.mesh.points, []
     if not free:
         effects.append(Joint(name="foot", point1=0, location=points[0], K=np.diag([1e5] * 3 + [1e3] * 3)))
     if local:
-        scale = 10.0 ** rng.uniform(-1, 4)
+        scale = 10.0 ** np.random.default_rng(seed).uniform(-1, 4)
         C = scale * np.diag([1.0, 0, 2.0, 0, 0.05, 0.1])
         K = np.diag([1e6, 1e5, 1e6, 1e3, 1e3, 1e3])
         effects += [
@@ -55,7 +49,7 @@ def frame(seed, *, free, local):
         ]
         if not free:
             effects.append(Joint(name="lossy", point1=2, location=points[2], K=0.1 * K, eta=0.3))
-    return Model(mesh, tuple(effects))
+    return model.with_effect(*effects)
 
 
 def exact(system, f):

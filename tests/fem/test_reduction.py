@@ -207,7 +207,9 @@ class Rubber(Effect):
     role: ClassVar[Role] = Role.STIFFNESS
     k: Any = 1e5
 
-    where = "here"
+    @property
+    def where(self):
+        return "here"
 
     def parameters(self):
         return ()

@@ -38,7 +38,9 @@ class Brace(Effect):
     point: int = 1
     k: Any = 0.0
 
-    where = "here"
+    @property
+    def where(self):
+        return "here"
 
     def parameters(self):
         return (Parameter("k", "N/m", self.k, 0.0, 0.0, np.inf, linear=True),)

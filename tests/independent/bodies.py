@@ -58,8 +58,8 @@ class Bar:
 
 def assembled(mesh, modulus, density):
     """Return mass and stiffness, the basis's places (3, n) and directions (n,) of unknowns."""
-    from skfem import Basis, BilinearForm, ElementHex2, ElementVector
-    from skfem.helpers import ddot, dot, sym_grad, trace
+    from skfem import Basis, BilinearForm, ElementHex2, ElementVector  # pyright: ignore[reportMissingImports]
+    from skfem.helpers import ddot, dot, sym_grad, trace  # pyright: ignore[reportMissingImports]
 
     basis = Basis(mesh, ElementVector(ElementHex2()), intorder=4)
 
@@ -76,8 +76,8 @@ def assembled(mesh, modulus, density):
     def at_points(values):
         return np.repeat(np.asarray(values, dtype=float)[:, None], basis.dx.shape[1], axis=1)
 
-    K = stiffness.assemble(basis, modulus=at_points(modulus)).tocsc()
-    M = mass.assemble(basis, density=at_points(density)).tocsc()
+    K = stiffness.assemble(basis, modulus=at_points(modulus)).tocsc()  # pyright: ignore[reportFunctionMemberAccess]
+    M = mass.assemble(basis, density=at_points(density)).tocsc()  # pyright: ignore[reportFunctionMemberAccess]
     direction = np.empty(K.shape[0], dtype=int)
     for table in (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs, basis.interior_dofs):
         for c in range(3):
@@ -172,7 +172,7 @@ class Body:
 
 def bar_alone(name, bar, hidden, cuts=()):
     """Return one bar as a body, with more cuts along it [m]."""
-    from skfem import MeshHex
+    from skfem import MeshHex  # pyright: ignore[reportMissingImports]
 
     bar = hidden.changed(name, bar)
     n = round(bar.length / ELEMENT)
@@ -206,7 +206,7 @@ def density_of(name, along, hidden):
 
 def welded(structure, hidden):
     """Return all bars as one body: the elements of a grid that lie in one of them, in the first if in two."""
-    from skfem import MeshHex
+    from skfem import MeshHex  # pyright: ignore[reportMissingImports]
 
     bars = {name: hidden.changed(name, bar) for name, bar in structure.bars.items()}
     boxes, cuts = {}, [set(), set(), set()]

@@ -1,53 +1,46 @@
-"""Random frames for several programs, and what rounding may do to their results."""
+"""Random frames as other programs read them, and what rounding may do to their results."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.exchange import EULER_BERNOULLI, PeerFrame, with_changes
+from fem.elements.frame import Frame
+from tests.random_frames import metal_block, random_frame
 
 EPS = float(np.finfo(float).eps)
 
 
-def random_frame(seed: int, theory: str = EULER_BERNOULLI, **changes) -> PeerFrame:
-    """Return a connected frame of random points, sections, orientations, supports and forces."""
-    rng = np.random.default_rng(seed)
+def peer_frame(seed: int, theory: str = EULER_BERNOULLI) -> PeerFrame:
+    """Return a random frame with random supports and forces, as it is written for other programs."""
+    rng = np.random.default_rng([seed, 1])  # not the numbers that the frame itself is drawn with
     n = int(rng.integers(4, 13))
-    points = rng.uniform(-1.0, 1.0, (n, 3))
-    points[:, 0] += np.arange(n)  # apart from one another
-    tree = [(int(rng.integers(max(0, i - 3), i)), i) for i in range(1, n)]
-    more = {tuple(sorted(rng.choice(n, 2, replace=False).tolist())) for _ in range(n // 2)}
-    lines = np.array(sorted({*tree, *more}))
-    lines = np.where(rng.random(len(lines))[:, None] < 0.5, lines, lines[:, ::-1])
-    m = len(lines)
-    along = points[lines[:, 1]] - points[lines[:, 0]]
-    across = np.cross(along, rng.standard_normal((m, 3)))
-    b, h = rng.uniform(0.02, 0.15, (2, m))
-    Iy, Iz = b * h**3 / 12, h * b**3 / 12
-    E, nu, rho = np.array([(70e9, 0.33, 2700.0), (210e9, 0.3, 7850.0)])[rng.integers(0, 2, m)].T
+    m = n - 1 + n // 2
+    model = random_frame(
+        seed, metal_block(theory), n_points=n, loops=n // 2, foot=False, flip=rng.random(m) < 0.5
+    )
+    ((beams,), mesh) = model.of_kind(Frame), model.mesh
+    parts = [beams.members[f"m{k}"] for k in range(m)]
+    materials = {name: np.array([getattr(p.material, name) for p in parts]) for name in ("E", "G", "rho")}
+    sections = {
+        name: np.array([getattr(p.section, name) for p in parts])
+        for name in ("A", "Iy", "Iz", "J", "ky", "kz")
+    }
     fixed = rng.random((n, 6)) < 0.1
     fixed[0] = True
-    values = {
-        "points": points,
-        "lines": lines,
-        "local_z": across / np.linalg.norm(across, axis=1, keepdims=True),
-        "E": E,
-        "G": E / (2 * (1 + nu)),
-        "rho": rho,
-        "A": b * h,
-        "Iy": Iy,
-        "Iz": Iz,
-        "J": rng.uniform(0.1, 0.9, m) * (Iy + Iz),
-        "ky": rng.uniform(0.4, 1.0, m),
-        "kz": rng.uniform(0.4, 1.0, m),
-        "fixed": fixed,
-        "loads": rng.standard_normal((n, 6)) * np.repeat([1000.0, 100.0], 3),
-        "uniform": rng.normal(0, 300.0, (m, 3)) * (rng.random((m, 1)) < 0.5),
-        "released": np.zeros((m, 2, 2), dtype=bool),
-        "theory": theory,
-        "within": float(rng.uniform(0.1, 0.9)),
-    }
-    values["n_modes"] = min(10, int((~fixed).sum()) // 3)
-    return PeerFrame(**{**values, **changes})
+    return PeerFrame(
+        points=mesh.points,
+        lines=mesh.lines,
+        local_z=beams.rotations(mesh)[:, 2],
+        **materials,
+        **sections,
+        fixed=fixed,
+        loads=rng.standard_normal((n, 6)) * np.repeat([1000.0, 100.0], 3),
+        uniform=rng.normal(0, 300.0, (m, 3)) * (rng.random((m, 1)) < 0.5),
+        released=np.zeros((m, 2, 2), dtype=bool),
+        theory=theory,
+        within=float(rng.uniform(0.1, 0.9)),
+        n_modes=min(10, int((~fixed).sum()) // 3),
+    )
 
 
 def random_releases(frame: PeerFrame, seed: int) -> NDArray[np.bool_]:
@@ -65,7 +58,7 @@ def random_releases(frame: PeerFrame, seed: int) -> NDArray[np.bool_]:
 
 def single_member(seed: int, theory: str = EULER_BERNOULLI) -> PeerFrame:
     """Return one clamped member of a random frame, of which K and M are wanted."""
-    frame = random_frame(seed, theory)
+    frame = peer_frame(seed, theory)
     rows = {
         name: getattr(frame, name)[:1]
         for name in ("E", "G", "rho", "A", "Iy", "Iz", "J", "ky", "kz", "local_z", "uniform", "released")

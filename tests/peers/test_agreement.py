@@ -26,7 +26,7 @@ from benchmarks.peers.exchange import (
 )
 from fem.analysis.modes import solve_modes
 from fem.system import assemble, sum_contributions
-from tests.peers.frames import EPS, blocks, forces_of_uniform_loads, magnitudes, random_frame, single_member
+from tests.peers.frames import EPS, blocks, forces_of_uniform_loads, magnitudes, peer_frame, single_member
 
 pytestmark = pytest.mark.peer
 
@@ -111,7 +111,7 @@ def results(tmp_path_factory):
     """Return each program's results for all seeds, by driver and theory."""
     folder = tmp_path_factory.mktemp("peers")
     return {
-        (driver, theory): run(driver, [random_frame(seed, theory) for seed in SEEDS], folder)
+        (driver, theory): run(driver, [peer_frame(seed, theory) for seed in SEEDS], folder)
         for driver, theory in PAIRS
     }
 
@@ -139,13 +139,13 @@ def test_matrices_of_a_member_agree_entry_by_entry(members, pair, seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("pair", PAIRS, ids="-".join)
 def test_displacements_reactions_and_end_forces_agree(results, pair, seed):
-    assert_statics_agree(random_frame(seed, pair[1]), results[pair][seed])
+    assert_statics_agree(peer_frame(seed, pair[1]), results[pair][seed])
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("pair", PAIRS, ids="-".join)
 def test_frequencies_agree(results, pair, seed):
-    frame, theirs = random_frame(seed, pair[1]), results[pair][seed]
+    frame, theirs = peer_frame(seed, pair[1]), results[pair][seed]
     ours = compute(frame)
     allowed = rounding(frame, ours.displacements).frequency + CONVERGED
     assert (abs(theirs.frequency / ours.frequency - 1) <= allowed).all()
@@ -158,7 +158,7 @@ def test_the_polar_moment_explains_the_difference(results, seed):
 
     On all modes of the one, K = Ω² and M = I + Φᵀ ΔM Φ are those of the other.
     """
-    frame = random_frame(seed)
+    frame = peer_frame(seed)
     theirs = results["drive_opensees", EULER_BERNOULLI][seed]
     system = assemble(model_of(frame, polar=True))
     modes = solve_modes(system, system.n_free)
@@ -185,6 +185,6 @@ def test_a_program_that_fails_says_so(tmp_path):
 
 
 def test_the_driver_of_dovetail_gives_what_it_computes(tmp_path):
-    frame = random_frame(0)
+    frame = peer_frame(0)
     (result,) = run("drive_dovetail", [frame], tmp_path, Path(sys.executable))
     np.testing.assert_array_equal(result.frequency, compute(frame).frequency)

@@ -12,7 +12,7 @@ from benchmarks.peers.drive_dovetail import compute, model_of
 from benchmarks.peers.exchange import PeerFrame, run, with_changes
 from fem.analysis.modes import solve_modes
 from fem.system import assemble, sum_contributions
-from tests.peers.frames import random_frame, random_releases, single_member
+from tests.peers.frames import peer_frame, random_releases, single_member
 from tests.peers.test_agreement import assert_statics_agree
 
 pytestmark = pytest.mark.peer
@@ -23,7 +23,7 @@ PROGRAMS = ("drive_opensees", "drive_pynite")
 
 
 def released_frame(seed: int) -> PeerFrame:
-    frame = random_frame(seed)
+    frame = peer_frame(seed)
     return with_changes(frame, released=random_releases(frame, seed))
 
 

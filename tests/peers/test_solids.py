@@ -115,6 +115,7 @@ def test_welded_bars_are_one_body(bar):
     assert bar["feet"] == 4 * 25 * 3
 
 
+@pytest.mark.slow
 def test_a_case_becomes_a_study_whose_model_comes_near(tmp_path):
     run("-m", "tests.independent.solids", str(tmp_path), "cross-nothing")
     assert json.loads((tmp_path / "truth.json").read_text(encoding="utf-8")).keys() == {"cross-nothing"}

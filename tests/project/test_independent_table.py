@@ -216,7 +216,7 @@ def test_every_truth_is_understood():
         assert bool(effects or faults) != name.endswith("nothing-missing")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.shared("data/independent-cases")
 def test_the_program_ends_on_every_case_and_raises_no_false_alarm(tmp_path, capsys):
     """How many are right is for the table to say; an effect where nothing is hidden is a fault."""

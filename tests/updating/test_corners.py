@@ -97,6 +97,7 @@ def test_the_found_model_has_the_corners_and_earlier_steps_do_not(both):
     assert both.deviation(1).shape == both.frf(1).H.shape
 
 
+@pytest.mark.slow
 def test_corners_that_the_structure_does_not_have_are_not_found():
     model, m = measured(heavier=0.1)
     kinds = ("member_density", "point_mass", "solid_corner")

@@ -13,7 +13,7 @@ import pytest
 from dovetail.validation.cases import Settings, draw_case
 from fem import FRF
 from fem.elements.frame import Frame
-from tests.hidden.cases import make_case
+from tests.hidden.cases import DRAWN, make_case
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, build_problem, diagnose
 from updating.diagnosis import diagnose as diagnosis
 from updating.diagnosis.findings import Finding
@@ -26,9 +26,10 @@ def run(case, **options):
     return diagnose(case.model, [case.measurement], case.nuisances, **options)
 
 
-def test_a_heavier_member_is_named_with_its_value_and_the_error_falls_to_the_floor():
+@pytest.mark.parametrize("kinds", [DRAWN, pytest.param(None, marks=pytest.mark.slow)], ids=["drawn", "all"])
+def test_a_heavier_member_is_named_with_its_value_and_the_error_falls_to_the_floor(kinds):
     case = make_case(0)
-    found = run(case)
+    found = run(case, kinds=kinds)
     assert found.verdict == EFFECT
     (finding,) = found.findings
     assert (finding.effect.kind, finding.effect.where) == (case.hidden.kind, case.hidden.where)
@@ -163,6 +164,7 @@ def test_where_the_form_is_right_neither_level_nor_mean_square_may_be_more_than_
     assert re.search(reason, got[1])
 
 
+@pytest.mark.long
 def test_without_the_right_candidate_the_verdict_is_unexplained():
     case = make_case(12)  # a strong tension in one member
     found = run(case, kinds=["point_mass", "member_density"])
@@ -204,7 +206,7 @@ def test_a_second_force_level_that_differs_is_noticed():
     assert any("not linear" in note for note in found.notes)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(100, 130))
 def test_fresh_cases(seed, record_property):
     """Print every verdict beside the truth.

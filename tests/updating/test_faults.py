@@ -328,6 +328,7 @@ def test_a_tilt_is_sought_towards_any_direction():
     assert abs(float(turn[0] @ [np.cos(towards), np.sin(towards)])) > np.cos(np.radians(2))
 
 
+@pytest.mark.slow
 def test_a_gain_that_a_support_may_look_like_is_believed_where_no_effect_explains_it():
     case = draw_case(Settings(2201), "faults", 27)  # a sensor near a clamped foot
     (implant,) = case.implants

@@ -80,6 +80,7 @@ def test_the_best_candidate_that_pays_comes_before_a_better_one_that_does_not():
     assert ranked(lambda kind: False) == freely
 
 
+@pytest.mark.slow
 def test_a_round_run_again_fits_only_what_is_new(monkeypatch):
     case = make_case(0)
     problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
@@ -305,6 +306,7 @@ def test_what_is_looked_at_first_has_a_second_start_however_badly_its_first_ends
         assert (len(round_._quick[o.effect.name]) > 1) == (o.rank == 0)
 
 
+@pytest.mark.slow
 def test_a_crack_that_stays_at_the_foot_is_found_where_it_is_before_data_are_unexplained(monkeypatch):
     case = draw_case(Settings(seed=2301), "single", 14)
     (hidden,) = case.implants

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.small_frame import STUDY, write_study
+from tests.frames import STUDY, write_study
 
 BLOCK = """
 import sys

@@ -5,6 +5,7 @@ has no place for it. Strengths are drawn wide; `draw` keeps those that show clea
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class Drawn:
     each: tuple = ()
 
 
-def draw_from(rng, things):
+def draw_from(rng, things) -> Any:
     """Return one of some things, or None."""
     things = list(things)
     return things[rng.integers(len(things))] if things else None
@@ -176,7 +177,9 @@ def mounted_along(bench, rng):
     """A part with one joint is mounted further along; its sensors move with it."""
     able = []
     for c in bench.structure.connections.values():
-        for k, (m, s) in enumerate(c.sides if len(c.sides) == 2 else ()):
+        if len(c.sides) != 2:
+            continue
+        for k, (m, s) in enumerate(c.sides):
             body = bench.structure.body_of[m]
             ties = [o for o in bench.structure.connections.values() if any(n in body for n, _ in o.sides)]
             inside = 0.035 < s < bench.structure.members[m].length - 0.035
