@@ -82,7 +82,7 @@ class SectionForm(Effect):
 
 
 def _size(parts: tuple[Contribution, ...]) -> float:
-    return float(sum(np.abs(c.K).sum() for c in parts))
+    return float(sum(np.abs(c.K).sum() for c in parts if c.K is not None))
 
 
 def _sections(model: Model) -> Iterator[SectionForm]:

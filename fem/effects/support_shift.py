@@ -100,12 +100,16 @@ class SupportShift(Effect):
             here = on.get(support.point, ())
             if len(here) == 1 and set(support.fixed) == set(DIRECTIONS):
                 ((member, at),) = here
+                p = frame_of(model).members[member]
+                if p.release1 or p.release2 or p.spring1 or p.spring2:
+                    continue  # a hinge would leave the point of the mesh without stiffness
                 length = model.mesh.member_length(member)
                 reach = REACH * length
                 out.append(
                     cls(
                         name=f"support_shift:{support.name}", support=support.name, member=member, at=at,
-                        amount=0.0, springs=_springs(model, member), lower=-min(at, reach), upper=min(length - at, reach),
+                        amount=0.0, springs=_springs(model, member), lower=-min(at, reach),
+                        upper=min(length - at, reach),
                     )
                 )  # fmt: skip
         return tuple(out)

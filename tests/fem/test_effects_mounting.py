@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fem import assemble, solve_modes
-from fem.effects.connection import Connection
 from fem.effects.foot_shift import FootShift
 from fem.effects.joint import Joint
+from fem.effects.joint_complex_stiffness import JointComplexStiffness
 from fem.effects.joint_hole import JointHole
 from fem.effects.part_shift import PartShift
 from fem.effects.support_shift import SupportShift
@@ -80,7 +80,7 @@ def test_a_clamp_further_along_leaves_two_cantilevers():
 
 def test_a_connection_as_the_model_has_it_changes_nothing_and_its_loss_is_of_its_own_direction():
     model = footed(beam(10), 3, 0.2)
-    for e in Connection.propose(model):
+    for e in JointComplexStiffness.propose(model):
         (c,) = e.contribute(model)
         assert c.K is not None
         assert c.D is not None

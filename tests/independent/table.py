@@ -31,7 +31,7 @@ GAIN = 0.05
 WORDS = {"joint", "joints", "member", "support", "supports"}
 """What stands before names of places."""
 DIRECTIONS = {"x", "y", "z", "rx", "ry", "rz"}
-SOFT = {"connection", "joint_stiffness", "support_flexibility"}
+SOFT = {"connection", "joint_complex_stiffness", "joint_stiffness", "support_flexibility"}
 """Kinds that say that a connection gives way, in one direction or in several."""
 LOSSY = {"joint_structural_damping"}
 """Kinds that say that it has a loss factor, beside parameters of that name."""

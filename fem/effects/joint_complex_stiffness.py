@@ -1,4 +1,4 @@
-"""Connections whose stiffness in one direction has a loss factor of its own: rubber, a loose bolt."""
+"""Joints whose stiffness in one direction has a loss factor of its own: rubber, a loose bolt."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Connection(JointStiffness):
+class JointComplexStiffness(JointStiffness):
     """The stiffness of a joint in one direction with its loss factor, in place of the model's.
 
     Attributes
@@ -24,7 +24,7 @@ class Connection(JointStiffness):
         The model's [-].
     """
 
-    kind: ClassVar[str] = "connection"
+    kind: ClassVar[str] = "joint_complex_stiffness"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
     marker: ClassVar[Marker | None] = Marker("diamond", "purple")
     statement: ClassVar[str] = "{thing} {are} {stiffer} {direction} and dissipates"
@@ -70,7 +70,8 @@ class Connection(JointStiffness):
         """Return each elastic direction of each joint."""
         return tuple(
             cls(
-                name=f"connection:{j.name}.{d}", joints=(j.name,), direction=d, stiffness=k, assumed=k,
+                name=f"joint_complex_stiffness:{j.name}.{d}", joints=(j.name,), direction=d, stiffness=k,
+                assumed=k,
                 bounds=(1e-4 * k, 1e4 * k), loss_factor=float(np.real(j.eta)),
                 assumed_loss=float(np.real(j.eta)),
             )
