@@ -9,8 +9,9 @@ from fem.analysis.frf import FRF, FRFError
 from fem.model import Parameter
 from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
+from updating.inference.levenberg_marquardt import step_within
 from updating.inference.parameters import DampingCurve, Variable
-from updating.inference.solve import Prior, solve_robust, step_within
+from updating.inference.solve import Prior, solve_robust
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.measurement.noise import relative_noise
 

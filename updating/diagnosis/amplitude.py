@@ -29,6 +29,7 @@ from updating.inference.fit import (
     noise_squares,
     propagated,
 )
+from updating.inference.loss import pseudo_huber
 from updating.inference.parameters import effect_variables
 from updating.inference.solve import Prior, Solution, solve_robust
 from updating.measurement.measurement import Measurement
@@ -383,5 +384,5 @@ def _seen_level(
         measured = np.where(keep, data.H[lines], 0.0)
         H = solve_steady(element, data.measurement.force_level or 1.0, part, measured).H
         r = np.abs((data.weight[lines] * log_ratio(H, np.where(measured != 0, measured, 1.0)))[keep])
-        squares.append(float(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1))))
+        squares.append(float(np.nanmean(pseudo_huber(r, ROBUST))))
     return float(np.sqrt(np.mean(squares)))

@@ -17,6 +17,7 @@ from fem.model import Effect, Model, ParameterRef, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.inference.loss import pseudo_huber
 from updating.inference.parameters import (
     DampingCurve,
     Nuisance,
@@ -656,7 +657,7 @@ class FitProblem:
         r = np.abs(self.data.weight[lines] * ratio)
         if np.isnan(r).all():
             return float("nan")
-        return float(np.sqrt(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1))))
+        return float(np.sqrt(np.nanmean(pseudo_huber(r, ROBUST))))
 
     def log_ratio(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return ln(computed / measured) at some or all lines, NaN where masked."""

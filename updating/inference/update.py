@@ -32,6 +32,7 @@ from updating.inference.determined import (
     split_covariance,
     taking_part,
 )
+from updating.inference.loss import pseudo_huber, pseudo_huber_weight
 from updating.inference.regularisation import (
     LCurve,
     l_curve,
@@ -718,9 +719,8 @@ class _Problem:
                 gains=x[of_gains] if self.n_gains else None,
             )  # fmt: skip
             r, w = terms.r, terms.weight
-            size = np.sqrt(1 + np.abs(r) ** 2 / _ROBUST**2)
-            cost = float((w**2 * 2 * _ROBUST**2 * (size - 1)).sum())
-            w = w / np.sqrt(size)
+            cost = float((w**2 * pseudo_huber(r, _ROBUST)).sum())
+            w = w * np.sqrt(pseudo_huber_weight(r, _ROBUST))
             J = None
             if gradient and terms.by_values is not None:
                 rows = [self.chain(x, terms.by_values)]

@@ -16,7 +16,7 @@ from updating.correlation import log_ratio
 from updating.diagnosis.evidence.marginal import LowRank, log_evidence, scale_from
 from updating.diagnosis.evidence.priors import prior_of
 from updating.inference.fit import FitFunction, FitProblem, FitResult, by_unknowns
-from updating.inference.solve import step_within
+from updating.inference.levenberg_marquardt import step_within
 
 EIGENVALUE_SCALE = 0.01
 """Width of the half-normal prior of ε, by which eigenvalues of modes are off [-]: beams are within 1 %."""
