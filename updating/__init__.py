@@ -51,7 +51,9 @@ from updating.inference.regularisation import gsvd, select_by_pivoting, select_f
 from updating.inference.residuals import frf_data, mode_data
 from updating.inference.sampling import MissingExtraError, Samples
 from updating.inference.unknowns import Unknown
-from updating.inference.update import Ending, Settings, Updated, UpdatedParameter, UpdateStep, update
+from updating.inference.update import update
+from updating.inference.update_settings import UpdateSettings
+from updating.inference.updated import Ending, Updated, UpdatedParameter, UpdateStep
 from updating.measurement.frf_estimation import (
     EstimatedFRF,
     EstimationError,
@@ -125,10 +127,10 @@ __all__ = [
     "Reciprocity",
     "Samples",
     "Sensor",
-    "Settings",
     "Stabilisation",
     "Step",
     "Unknown",
+    "UpdateSettings",
     "UpdateStep",
     "Updated",
     "UpdatedParameter",

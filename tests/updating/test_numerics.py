@@ -10,8 +10,9 @@ from fem.model import Parameter
 from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
 from updating.inference.levenberg_marquardt import step_within
-from updating.inference.parameters import DampingCurve, Variable
+from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Prior, solve_robust
+from updating.inference.unknowns import ScaledUnknown, Unknown
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.measurement.noise import relative_noise
 
@@ -344,7 +345,7 @@ def test_what_is_systematic_leaves_the_prior_alone():
 @pytest.mark.parametrize("log", [True, False])
 def test_a_deviation_is_half_the_width_of_the_interval_of_the_value(log, std):
     p = Parameter("stiffness", "N/m", 250.0, np.inf, 0.0, np.inf, log=log)
-    v = Variable(("spring", "stiffness"), p, 40.0, None, None)
+    v = ScaledUnknown.of(Unknown((("spring", "stiffness"),)), [p])
     x = v.to_x(250.0)
     width = v.to_value(x + std) - v.to_value(x - std)
     assert v.deviation(x, std) == pytest.approx(width / 2, rel=1e-9)

@@ -30,8 +30,8 @@ from updating.inference.fit import (
     propagated,
 )
 from updating.inference.loss import pseudo_huber
-from updating.inference.parameters import effect_variables
 from updating.inference.solve import Prior, Solution, solve_robust
+from updating.inference.unknowns import effect_unknowns
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
 from updating.quality.gates import at_level
@@ -149,7 +149,7 @@ class _Function:
 
     @property
     def units(self) -> Floats:
-        return np.array([*self.rest.units, *(v.unit for v in self.own)])
+        return np.array([*self.rest.units, *(v.size for v in self.own)])
 
     @property
     def order(self) -> NDArray[np.int64]:
@@ -213,7 +213,7 @@ def _function(
 ) -> _Function:
     starts = [parameter_values(e) for e in linear]
     rest = problem.function(linear, starts, lines)
-    own = effect_variables([element], [parameter_values(element)])
+    own = effect_unknowns([element], [parameter_values(element)])
     return _Function(_AtJoint(problem, tuple(linear), element, lines), levels, rest, own)
 
 
@@ -251,7 +251,7 @@ def _fitted(
             groups=f.groups(),
             robust=ROBUST,
             max_iterations=max_iterations,
-            relative=np.array([*f.rest.relative, *(not v.parameter.log for v in f.own)]),
+            relative=np.array([*f.rest.relative, *(not v.log for v in f.own)]),
         )
         x = solution.x
     n_rest = len(f.rest.start)

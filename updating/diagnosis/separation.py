@@ -256,7 +256,7 @@ class _Prediction:
             return H, None
         starts = [parameter_values(e) for e in fit.effects]
         function = p.function(fit.effects, starts, np.zeros(0, dtype=np.int64))
-        slope_of = {v.ref: v.slope(v.to_x(fit.values[v.ref])) / v.unit for v in function.variables}
+        slope_of = {v.ref: v.slope(v.to_x(fit.values[v.ref])) / v.size for v in function.variables}
         scale = np.array([slope_of[r] for r in refs])
         safe = np.where(H != 0, H, 1.0)
         return H, scale[:, None, None, None] * dH / safe

@@ -18,14 +18,9 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.loss import pseudo_huber
-from updating.inference.parameters import (
-    DampingCurve,
-    Nuisance,
-    Variable,
-    effect_variables,
-    nuisance_variables,
-)
+from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.solve import Prior, Residual, Solution, solve_robust
+from updating.inference.unknowns import ScaledUnknown, effect_unknowns, nuisance_unknowns
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_point
 from updating.measurement.noise import relative_noise
 
@@ -493,17 +488,10 @@ class FitProblem:
         """
         fixed = {ref for e in effects for ref in e.replaces()}
         varying = [n for n in self.nuisances if (n.effect, n.parameter) not in fixed]
-        nuisance = nuisance_variables(self.reduced.model, varying)
-        extra = effect_variables(effects, starts)
-        start_of = {(e.name, k): val for e, s in zip(effects, starts, strict=True) for k, val in s.items()}
-        start = np.concatenate(
-            [
-                [float(v.prior or 0.0) for v in nuisance],
-                [v.to_x(start_of[v.ref]) for v in extra],
-                np.log(self.damping.start),
-            ]
-        )
-        return FitFunction(self, tuple(effects), (*nuisance, *extra), start, lines)
+        nuisance = nuisance_unknowns(self.reduced.model, varying)
+        variables = (*nuisance, *effect_unknowns(effects, starts))
+        start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
+        return FitFunction(self, tuple(effects), variables, start, lines)
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
         """Return the median impedance of the structure to motion along a released constraint.
@@ -581,9 +569,9 @@ class FitProblem:
     def nominal(self) -> FitResult:
         """Return the model as it was given, unfitted."""
         n = len(self.nuisances)
-        variables = nuisance_variables(self.reduced.model, self.nuisances)
+        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
-        values = {v.ref: v.to_value(v.prior or 0.0) for v in variables}
+        values = {v.ref: v.to_value(v.mean) for v in variables}
         zero = dict.fromkeys(values, 0.0)
         return self.assessed(FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan))
 
@@ -604,9 +592,9 @@ class FitProblem:
 
     def strains(self, result: FitResult) -> dict[ParameterRef, float]:
         """Return how far nuisance parameters lie from their nominal values, in prior standard deviations."""
-        variables = nuisance_variables(self.reduced.model, self.nuisances)
+        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         known = ((v, v.to_x(result.values[v.ref])) for v in variables if v.ref in result.values)
-        return {v.ref: (x - v.prior) / v.std for v, x in known if v.prior is not None and v.std}
+        return {v.ref: (x - v.mean) / v.std for v, x in known if v.has_prior}
 
     def at_nominal(self, result: FitResult) -> FitResult:
         """Return a result with the nuisance parameters of the model back at their nominal values.
@@ -690,14 +678,14 @@ class FitFunction:
     ----------
     problem : FitProblem
     effects : tuple of Effect
-    variables : tuple of Variable
+    variables : tuple of ScaledUnknown
     start : ndarray (n,)
     lines : ndarray of int
     """
 
     problem: FitProblem
     effects: tuple[Effect, ...]
-    variables: tuple[Variable, ...]
+    variables: tuple[ScaledUnknown, ...]
     start: NDArray[np.float64]
     lines: NDArray[np.int64]
 
@@ -748,27 +736,27 @@ class FitFunction:
     @property
     def units(self) -> NDArray[np.float64]:
         """Size of one unit of each x: 1 where it is a logarithm, or in that of the parameter."""
-        return np.array([*(v.unit for v in self.variables), *np.ones(len(self.problem.damping.start))])
+        return np.array([*(v.size for v in self.variables), *np.ones(len(self.problem.damping.start))])
 
     @property
     def relative(self) -> NDArray[np.bool_]:
         """Which x is in parts of a scale, (n,), rather than a logarithm."""
         damping = [False] * len(self.problem.damping.start)
-        return np.array([*(not v.parameter.log for v in self.variables), *damping])
+        return np.array([*(not v.log for v in self.variables), *damping])
 
     def prior(self) -> Prior:
         """Return what is known of x beforehand."""
-        p, none = self.problem, np.inf
-        start = np.log(p.damping.start)
-        means = [[v.prior or 0.0 for v in self.variables], start]
-        stds = [[v.std or none for v in self.variables], np.full(len(start), p.damping.std)]
+        damping = self.problem.damping
+        start = np.log(damping.start)
+        means = [[v.mean for v in self.variables], start]
+        stds = [[v.std for v in self.variables], np.full(len(start), damping.std)]
         return Prior(np.concatenate(means), np.concatenate(stds))
 
     def moved_to(self, result: "FitResult") -> NDArray[np.float64]:
         """Return the start with nuisance parameters and damping of a result."""
         x, n_par = self.start.copy(), len(self.variables)
         for k, v in enumerate(self.variables):
-            if v.prior is not None and v.ref in result.values:
+            if v.has_prior and v.ref in result.values:
                 x[k] = v.to_x(result.values[v.ref])
         x[n_par:] = np.log(result.zeta)
         return x

@@ -197,15 +197,13 @@ def minimise(
     point, linear = start, objective.linearised(start)
     damping = control.damping
     for iteration in range(1, control.max_iterations + 1):
-        x, g = point.x, linear.gradient
-        pinned = (low >= high) | ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
-        free = ~pinned & (np.diag(linear.matrix) > 0)
+        x, free = point.x, movable(point.x, linear, bounds)
         if not free.any():
-            stop = Stop.AT_BOUNDS if pinned.any() else Stop.NO_INFLUENCE
-            return Found(point, linear, stop, iteration)
+            anything = (np.diag(linear.matrix) > 0).any()
+            return Found(point, linear, Stop.AT_BOUNDS if anything else Stop.NO_INFLUENCE, iteration)
         reach = control.reach(x)
         limits = np.maximum(-reach, low - x)[free], np.minimum(reach, high - x)[free]
-        system = _Scaled.of(linear.among(free), g[free], limits)
+        system = _Scaled.of(linear.among(free), linear.gradient[free], limits)
         trial, step = None, np.zeros(len(x))
         for attempt in range(control.max_trials):
             step[free], promised = system.step(damping)
@@ -230,6 +228,21 @@ def minimise(
         if iteration < control.max_iterations:
             linear = objective.linearised(point)
     return Found(point, linear, Stop.OUT_OF_ITERATIONS, control.max_iterations)
+
+
+def movable(x: Floats, linear: Linearisation, bounds: tuple[Floats, Floats]) -> NDArray[np.bool_]:
+    """Return which unknowns a step may move: not those held at a bound, nor those without influence."""
+    (low, high), g = bounds, linear.gradient
+    pinned = (low >= high) | ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
+    return ~pinned & (np.diag(linear.matrix) > 0)
+
+
+def promised_gain(linear: Linearisation, free: NDArray[np.bool_]) -> float:
+    """Return the gain that the undamped Gauss-Newton step of free unknowns promises, ½ gᵀ A⁻¹ g [nats]."""
+    H, g = linear.among(free), linear.gradient[free]
+    scale = np.sqrt(np.diag(H))
+    H, g = H / np.outer(scale, scale), g / scale
+    return 0.5 * float(g @ np.linalg.lstsq(H, g, rcond=1e-12)[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

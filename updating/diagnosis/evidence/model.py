@@ -131,7 +131,7 @@ class Posterior:
         prior = self.function.prior()
         mean, std = prior.mean.copy(), prior.std.copy()
         for k, v in enumerate(self.function.variables):
-            if v.prior is None:
+            if not v.has_prior:
                 effect = next(e for e in self.function.effects if e.name == v.ref[0])
                 mean[k], std[k] = prior_of(self.problem, effect, v)
         return mean, std

@@ -4,10 +4,10 @@ import numpy as np
 
 from fem.model import Effect
 from updating.inference.fit import FitProblem
-from updating.inference.parameters import Variable
+from updating.inference.unknowns import ScaledUnknown
 
 
-def prior_of(problem: FitProblem, effect: Effect, variable: Variable) -> tuple[float, float]:
+def prior_of(problem: FitProblem, effect: Effect, variable: ScaledUnknown) -> tuple[float, float]:
     """Return mean and standard deviation of an unknown of an effect.
 
     Those of the grid from which the effect asks to be started, on the scale of the unknown: it spans what is
