@@ -10,7 +10,7 @@ from fem.effects.solid_corner import SolidCorner
 from tests.frames import welded
 from updating import Measurement, Sensor, build_problem, diagnose, propose
 from updating.diagnosis.corners import with_corners
-from updating.inference.fit import MODEL_ERROR, NOISE_LIMIT, TRANSVERSE, prepare, sensor_vectors
+from updating.inference.fit_data import MODEL_ERROR, NOISE_LIMIT, TRANSVERSE, prepare, sensor_vectors
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import NEIGHBOURS, prepared_like, with_higher_mass
 from updating.inference.unknowns import nuisance_unknowns

@@ -13,14 +13,11 @@ from fem.effects import MemberStiffness, SupportFlexibility
 from fem.effects.ground_spring import GroundSpring
 from fem.model import ModelError
 from tests.frames import STEEL, beam, fix, planar, portal
+from updating.inference.frf_data import frf_data
+from updating.inference.frf_residual import FRFResidual
+from updating.inference.mode_data import mode_data
+from updating.inference.mode_residual import mode_jacobian, mode_residual
 from updating.inference.preparation import build_problem
-from updating.inference.residuals import (
-    FRFResidual,
-    frf_data,
-    mode_data,
-    mode_jacobian,
-    mode_residual,
-)
 from updating.inference.sampling import MissingExtraError, sample
 from updating.inference.unknowns import Unknown
 from updating.inference.update import update

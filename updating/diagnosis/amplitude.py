@@ -18,17 +18,10 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
-from updating.inference.fit import (
-    LEVEL_FLOOR,
-    ROBUST,
-    SYSTEMATIC_SHARE,
-    FitData,
-    FitProblem,
-    FitResult,
-    by_unknowns,
-    noise_squares,
-    propagated,
-)
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import SYSTEMATIC_SHARE, FitData, noise_squares
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, by_unknowns, propagated
+from updating.inference.fit_result import FitResult
 from updating.inference.loss import pseudo_huber
 from updating.inference.solve import Prior, Solution, solve_robust
 from updating.inference.unknowns import effect_unknowns

@@ -17,7 +17,9 @@ from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from updating.correlation import complex_log
-from updating.inference.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST
+from updating.inference.fit_result import FitResult
 from updating.inference.loss import pseudo_huber, pseudo_huber_weight
 
 N_WHOLE, N_LOW = 44, 24

@@ -18,7 +18,10 @@ from numpy.typing import ArrayLike
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
 from fem.model import Model, ModelError
-from updating.inference.residuals import FRFData, ModeData, Places, frf_data, mode_data, with_ratios
+from updating.inference.frf_data import FRFData, frf_data
+from updating.inference.frf_residual import with_ratios
+from updating.inference.mode_data import ModeData, mode_data
+from updating.inference.places import Places
 from updating.inference.unknowns import Parameters, scaled_unknowns
 from updating.inference.update_nuisances import damping_knots, damping_ratios
 from updating.inference.update_problem import UpdateProblem
@@ -53,10 +56,11 @@ def update(
 ) -> Updated:
     """Update parameters of a model to measured natural frequencies, shapes, FRFs, or all of them at once.
 
-    Minimised is Σ_g ½ n_g F(q_g) + ½ Σ ((x - mean)/std)², with q_g the mean square residual of modes and of
-    FRFs in units of the stated variance (see :mod:`updating.inference.residuals`), and F(q) = q - 1 below 1
-    and ln q above: the stated variance is the least, and while a model is far off its misfit counts as error,
-    so that priors hold. Levenberg-Marquardt steps with exact derivatives, within bounds.
+    Minimised is Σ_g ½ n_g F(q_g) + ½ Σ ((x - mean)/std)², with q_g the mean square residual of modes
+    (:mod:`updating.inference.mode_residual`) and of FRFs (:mod:`updating.inference.frf_residual`) in units of
+    the stated variance, and F(q) = q - 1 below 1 and ln q above: the stated variance is the least, and while
+    a model is far off its misfit counts as error, so that priors hold. Levenberg-Marquardt steps with exact
+    derivatives, within bounds (:mod:`updating.inference.levenberg_marquardt`).
 
     FRFs are fitted up to rising frequencies on a reduced basis, which is made again at the new values until
     these stay; the cost of an iteration does not depend on the mesh.

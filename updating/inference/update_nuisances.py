@@ -4,7 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.model import Model, ModelError
-from updating.inference.residuals import COMMON, FRFData, FRFResidual
+from updating.inference.frf_data import FRFData
+from updating.inference.frf_residual import FRFResidual
+from updating.inference.mode_data import COMMON
 from updating.inference.unknowns import ScaledUnknown
 
 _KNOTS = 20

@@ -11,19 +11,13 @@ from fem.model import Model, ModelError, ParameterRef
 from fem.system import System
 from updating.correlation import DB_PER_NEPER
 from updating.inference.determined import held
+from updating.inference.frf_data import FRFData
+from updating.inference.frf_residual import FRFResidual, with_ratios
 from updating.inference.levenberg_marquardt import Linearisation
 from updating.inference.loss import pseudo_huber, pseudo_huber_weight
+from updating.inference.mode_data import ModeData
+from updating.inference.mode_residual import ModePairs, ModePoint, mode_jacobian, mode_residual
 from updating.inference.regularisation import LCurve
-from updating.inference.residuals import (
-    FRFData,
-    FRFResidual,
-    ModeData,
-    ModePairs,
-    ModePoint,
-    mode_jacobian,
-    mode_residual,
-    with_ratios,
-)
 from updating.inference.unknowns import ScaledUnknown
 from updating.inference.update_nuisances import nuisances_of
 from updating.inference.update_settings import UpdateSettings

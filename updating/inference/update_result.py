@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fem.model import ModelError
 from updating.inference.determined import SEEN, SHARE, blind_words, split_covariance, taking_part
-from updating.inference.residuals import ModePairs
+from updating.inference.mode_residual import ModePairs
 from updating.inference.sampling import Samples, sample
 from updating.inference.unknowns import WIDTH
 from updating.inference.update_problem import UpdatePoint, UpdateProblem

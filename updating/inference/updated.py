@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from fem.model import Model, ParameterRef
+from updating.inference.mode_residual import ModePairs
 from updating.inference.regularisation import LCurve
-from updating.inference.residuals import ModePairs
 from updating.inference.sampling import Samples
 
 

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from fem.elements.frame import Frame
 from fem.model import Model
 from updating.correlation import complex_log
-from updating.inference.fit import FitData, FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import FitData
+from updating.inference.fit_result import FitResult
 from updating.inference.loss import pseudo_huber
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor
 from updating.quality.cross_prediction import (

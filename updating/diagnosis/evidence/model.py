@@ -15,7 +15,9 @@ from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.diagnosis.evidence.marginal import LowRank, log_evidence, scale_from
 from updating.diagnosis.evidence.priors import prior_of
-from updating.inference.fit import FitFunction, FitProblem, FitResult, by_unknowns
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import FitFunction, by_unknowns
+from updating.inference.fit_result import FitResult
 from updating.inference.levenberg_marquardt import step_within
 
 EIGENVALUE_SCALE = 0.01

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from fem.reduction.local_changes import LocalChanges
 from updating.diagnosis.evidence.model import EIGENVALUE_SCALE, Posterior, Scales
 from updating.diagnosis.evidence.places import Place, Reach
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 
 SCAN_LINES = 48
 """Lines at which places are looked at."""

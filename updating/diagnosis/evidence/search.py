@@ -10,7 +10,8 @@ from updating.diagnosis.evidence.model import Fitted, Posterior, Scales, lines_f
 from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.scan import Scan
 from updating.diagnosis.screening import Grid, screen
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 
 QUICK_LINES = 60
 """Lines of the first fits."""
