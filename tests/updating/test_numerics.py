@@ -9,10 +9,10 @@ from fem.analysis.frf import FRF, FRFError
 from fem.model import Parameter
 from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
-from updating.inference.levenberg_marquardt import step_within
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Prior, solve_robust
 from updating.inference.unknowns import ScaledUnknown, Unknown
+from updating.least_squares.levenberg_marquardt import step_within
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.measurement.noise import relative_noise
 

@@ -22,9 +22,9 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_SHARE, FitData, noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, by_unknowns, propagated
 from updating.inference.fit_result import FitResult
-from updating.inference.loss import pseudo_huber
 from updating.inference.solve import Prior, Solution, solve_robust
 from updating.inference.unknowns import effect_unknowns
+from updating.least_squares.loss import pseudo_huber
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
 from updating.quality.gates import at_level

@@ -20,7 +20,7 @@ from updating.correlation import complex_log
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST
 from updating.inference.fit_result import FitResult
-from updating.inference.loss import pseudo_huber, pseudo_huber_weight
+from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 N_WHOLE, N_LOW = 44, 24
 """Lines of the whole band, and of the low one, at which candidates are looked at."""

@@ -17,10 +17,10 @@ from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
-from updating.inference.loss import pseudo_huber
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.solve import Solution
 from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
+from updating.least_squares.loss import pseudo_huber
 
 INDEPENDENT_PER_MODE = 8.0
 """How many independent data one mode of the band stands for, against the priors."""

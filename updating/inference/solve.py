@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
-from updating.inference.loss import pseudo_huber, pseudo_huber_weight
+from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
+from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
 

@@ -60,7 +60,7 @@ def update(
     (:mod:`updating.inference.mode_residual`) and of FRFs (:mod:`updating.inference.frf_residual`) in units of
     the stated variance, and F(q) = q - 1 below 1 and ln q above: the stated variance is the least, and while
     a model is far off its misfit counts as error, so that priors hold. Levenberg-Marquardt steps with exact
-    derivatives, within bounds (:mod:`updating.inference.levenberg_marquardt`).
+    derivatives, within bounds (:mod:`updating.least_squares.levenberg_marquardt`).
 
     FRFs are fitted up to rising frequencies on a reduced basis, which is made again at the new values until
     these stay; the cost of an iteration does not depend on the mesh.

@@ -13,8 +13,6 @@ from updating.correlation import DB_PER_NEPER
 from updating.inference.determined import held
 from updating.inference.frf_data import FRFData
 from updating.inference.frf_residual import FRFResidual, with_ratios
-from updating.inference.levenberg_marquardt import Linearisation
-from updating.inference.loss import pseudo_huber, pseudo_huber_weight
 from updating.inference.mode_data import ModeData
 from updating.inference.mode_residual import ModePairs, ModePoint, mode_jacobian, mode_residual
 from updating.inference.regularisation import LCurve
@@ -22,6 +20,8 @@ from updating.inference.unknowns import ScaledUnknown
 from updating.inference.update_nuisances import nuisances_of
 from updating.inference.update_settings import UpdateSettings
 from updating.inference.updated import UpdateStep
+from updating.least_squares.levenberg_marquardt import Linearisation
+from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 _ROBUST = 0.5
 """Residual of an FRF at which the loss turns from quadratic to linear [nepers]."""

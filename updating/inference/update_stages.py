@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRFError
 from fem.model import ModelError
 from updating.inference.determined import blind_directions, taking_part
-from updating.inference.levenberg_marquardt import (
+from updating.inference.regularisation import l_curve, select_by_pivoting, select_forward
+from updating.inference.unknowns import WIDTH
+from updating.inference.update_problem import UpdatePoint, UpdateProblem
+from updating.inference.update_result import result_of
+from updating.inference.updated import Ending, Updated, UpdateStep
+from updating.least_squares.levenberg_marquardt import (
     Control,
     Stop,
     Tolerance,
@@ -17,11 +22,6 @@ from updating.inference.levenberg_marquardt import (
     movable,
     promised_gain,
 )
-from updating.inference.regularisation import l_curve, select_by_pivoting, select_forward
-from updating.inference.unknowns import WIDTH
-from updating.inference.update_problem import UpdatePoint, UpdateProblem
-from updating.inference.update_result import result_of
-from updating.inference.updated import Ending, Updated, UpdateStep
 
 _MOST_RELEASED = 3
 """At most so many priors are let go, one after the other."""

@@ -20,7 +20,7 @@ from updating.correlation import complex_log
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
-from updating.inference.loss import pseudo_huber
+from updating.least_squares.loss import pseudo_huber
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor
 from updating.quality.cross_prediction import (
     CrossPrediction,

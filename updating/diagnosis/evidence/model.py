@@ -18,7 +18,7 @@ from updating.diagnosis.evidence.priors import prior_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction, by_unknowns
 from updating.inference.fit_result import FitResult
-from updating.inference.levenberg_marquardt import step_within
+from updating.least_squares.levenberg_marquardt import step_within
 
 EIGENVALUE_SCALE = 0.01
 """Width of the half-normal prior of ε, by which eigenvalues of modes are off [-]: beams are within 1 %."""

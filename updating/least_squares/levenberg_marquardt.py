@@ -24,9 +24,6 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-DAMPING_UP, DAMPING_DOWN = 8.0, 6.0
-"""Factors by which a step that fails raises the damping, and by which one that succeeds lowers it [-]."""
-
 LEAST_RAISED, LARGEST_DAMPING = 1e-6, 1e8
 """Limits of a damping that has been raised; a factor on less than the first changes no step [-]."""
 
@@ -119,8 +116,12 @@ class Control:
         Accepted steps.
     max_trials : int
         Of each step, with more and more damping.
+    max_evaluations : float
+        Trials of all steps together.
     damping, least_damping : float
         At first, and at least: relative to the diagonal of the matrix [-].
+    raised_by, lowered_by : float
+        Factors on the damping after a trial that fails and after one that succeeds [-].
     trusted_damping : float
         Most damping with which a small promised gain ends the iteration: more may be what makes it small.
     """
@@ -130,8 +131,11 @@ class Control:
     actual_gain: Tolerance
     max_iterations: int
     max_trials: int = 12
+    max_evaluations: float = np.inf
     damping: float = 1e-3
     least_damping: float = 1e-12
+    raised_by: float = 8.0
+    lowered_by: float = 6.0
     trusted_damping: float = 1.0
 
 
@@ -195,7 +199,7 @@ def minimise(
     """
     low, high = bounds
     point, linear = start, objective.linearised(start)
-    damping = control.damping
+    damping, n_evaluations = control.damping, 0
     for iteration in range(1, control.max_iterations + 1):
         x, free = point.x, movable(point.x, linear, bounds)
         if not free.any():
@@ -210,17 +214,20 @@ def minimise(
             trusted = attempt == 0 and damping <= control.trusted_damping
             if trusted and promised < control.promised_gain.of(point.cost):
                 return Found(point, linear, Stop.CONVERGED, iteration)
+            if n_evaluations >= control.max_evaluations:
+                return Found(point, linear, Stop.OUT_OF_ITERATIONS, iteration)
+            n_evaluations += 1
             trial = objective.at(np.clip(x + step, low, high), point)
             if trial is not None and np.isfinite(trial.cost) and trial.cost < point.cost:
                 break
             trial = None
-            damping = min(DAMPING_UP * max(damping, LEAST_RAISED), LARGEST_DAMPING)
+            damping = min(max(control.raised_by * damping, LEAST_RAISED), LARGEST_DAMPING)
         if trial is None:
             return Found(point, linear, Stop.NO_DESCENT, iteration)
         gain, point = point.cost - trial.cost, trial
         if report is not None:
             report(point, float(np.linalg.norm(step[free] * system.scale)))
-        damping = max(damping / DAMPING_DOWN, control.least_damping)
+        damping = max(damping / control.lowered_by, control.least_damping)
         # A step that met a limit gains little because it is short: the next may gain as much again.
         cut = (np.abs(step) >= reach).any()
         if gain < control.actual_gain.of(point.cost) and not cut:
@@ -240,7 +247,7 @@ def movable(x: Floats, linear: Linearisation, bounds: tuple[Floats, Floats]) -> 
 def promised_gain(linear: Linearisation, free: NDArray[np.bool_]) -> float:
     """Return the gain that the undamped Gauss-Newton step of free unknowns promises, ½ gᵀ A⁻¹ g [nats]."""
     H, g = linear.among(free), linear.gradient[free]
-    scale = np.sqrt(np.diag(H))
+    scale = _sizes(H)
     H, g = H / np.outer(scale, scale), g / scale
     return 0.5 * float(g @ np.linalg.lstsq(H, g, rcond=1e-12)[0])
 
@@ -256,7 +263,7 @@ class _Scaled:
 
     @classmethod
     def of(cls, matrix: Floats, gradient: Floats, limits: tuple[Floats, Floats]) -> "_Scaled":
-        scale = np.sqrt(np.diag(matrix))
+        scale = _sizes(matrix)
         return cls(
             matrix / np.outer(scale, scale), gradient / scale, scale, (limits[0] * scale, limits[1] * scale)
         )
@@ -266,6 +273,11 @@ class _Scaled:
         H = self.H + damping * np.eye(len(self.g))
         goal = np.asarray(-np.linalg.solve(H, self.g), dtype=float)
         return step_within(goal, H, self.g, self.limits) / self.scale, -0.5 * float(self.g @ goal)
+
+
+def _sizes(matrix: Floats) -> Floats:
+    """Return the roots of a diagonal, not so small that a division by them overflows."""
+    return np.sqrt(np.maximum(np.diag(matrix), 1e-300))
 
 
 def step_within(
