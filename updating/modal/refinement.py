@@ -36,6 +36,9 @@ _LONGEST_STEP = 0.5
 _BLOCK = 4096
 """Lines that are synthesised at a time."""
 
+_LEAST_INFORMATION = 1e-100
+"""Information that an unknown has at least, so that no variance overflows [-]."""
+
 _TALL = 1e8
 """Products in BᵀB beyond which B is made orthogonal by them."""
 
@@ -390,7 +393,8 @@ def _covariance(
     V = np.zeros(J2.shape)
     for i in range(n_in):
         V += slopes.square_of(i, power[:, i])
-    size = np.sqrt(np.maximum(J2.diagonal(), 1e-300))
+    # A pole without a part in any FRF has no information: its variance is huge, and finite.
+    size = np.sqrt(np.maximum(J2.diagonal(), _LEAST_INFORMATION))
     values, vectors = np.linalg.eigh(J2 / np.outer(size, size))
     # what the data do not tell at all gets a large variance, not none
     unsure = (vectors / np.maximum(values, 1e-13)) @ vectors.T / np.outer(size, size)
