@@ -12,7 +12,6 @@ from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rm
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Prior, solve_robust
 from updating.inference.unknowns import ScaledUnknown, Unknown
-from updating.least_squares.levenberg_marquardt import step_within
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.measurement.noise import relative_noise
 
@@ -224,35 +223,6 @@ def test_without_outliers_it_is_least_squares():
     # covariance: s² (AᵀA)⁻¹ for 2 m = 400 independent reals, where s² is the mean of |r|² per complex value
     s2 = (abs(A @ expected - b) ** 2).mean()
     np.testing.assert_allclose(result.covariance, s2 * np.linalg.inv(both.T @ both) * 200 / 400, rtol=0.02)
-
-
-@settings(max_examples=300, derandomize=True, deadline=None)
-@given(seeds, st.integers(1, 6), st.floats(0.0, 4.0))
-def test_a_step_within_limits_is_better_than_a_shortened_one(seed, n, decades):
-    rng = np.random.default_rng(seed)
-    Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
-    H = (Q * 10 ** rng.uniform(-decades / 2, decades / 2, n)) @ Q.T
-    goal = 3 * rng.standard_normal(n) * 10 ** rng.uniform(-1, 1)
-    g = -H @ goal
-    lower, upper = -rng.uniform(0, 1, n), rng.uniform(0, 1, n)  # also none to one side
-    step = step_within(goal, H, g, (lower, upper))
-    assert ((step >= lower) & (step <= upper)).all()
-    inside = (step > lower) & (step < upper)
-    np.testing.assert_allclose((H @ step + g)[inside], 0, atol=1e-9 * np.abs(g).max())
-
-    def model(p):
-        return 0.5 * p @ H @ p + g @ p
-
-    shortened = goal * min(1.0, (np.where(goal > 0, upper, lower) / goal).min())
-    assert model(step) <= model(shortened) + 1e-9 * abs(model(goal))
-
-
-def test_a_step_within_limits_does_not_leave_a_valley():
-    across, along = np.array([3.0, 1.0]) / np.sqrt(10), np.array([1.0, -3.0]) / np.sqrt(10)
-    H = 1e4 * np.outer(across, across) + 1e-2 * np.outer(along, along)
-    goal = np.array([10.0, -30.0])
-    step = step_within(goal, H, -H @ goal, (-np.ones(2), np.ones(2)))
-    np.testing.assert_allclose(step, [1 / 3, -1], rtol=1e-3)
 
 
 @pytest.mark.parametrize("relative", [False, True])

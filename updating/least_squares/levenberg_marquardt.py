@@ -71,7 +71,8 @@ class Objective(Protocol[P, L]):
     def at(self, x: Floats, near: P) -> P | None:
         """Return the point at trial values; None where the model has no response.
 
-        ``near`` is the last accepted point, by which to start what is found by iteration or followed.
+        ``near`` is the last accepted point, from which modes are followed. The objective may shorten a step:
+        x of the point is where it went.
         """
         ...
 
