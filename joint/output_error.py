@@ -302,8 +302,10 @@ def _descend(
             promised_gain=Tolerance(tolerance**2, tolerance**2),
             actual_gain=Tolerance(tolerance, tolerance),
             max_iterations=max_iterations,
+            least_gain_ratio=0.1,  # the logarithms of small stiffnesses make curved valleys
             max_trials=40,
             least_damping=1e-14,  # never 0: two parameters may do the same
+            least_raised=1e-9,
             raised_by=6.0,
             lowered_by=8.0,
         ),

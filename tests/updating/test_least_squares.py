@@ -102,6 +102,16 @@ def test_no_step_is_longer_than_its_reach_and_cut_steps_do_not_end_it():
     assert_allclose(path[-1], [100.0, 1.0], atol=1e-4)
 
 
+def test_a_step_that_gains_much_less_than_expected_need_not_end_it():
+    # steps cross the curved valley at x < 0, where they gain a fifth of what the quadratic model says
+    keys = {"actual_gain": Tolerance(0.01), "damping": 1e-3}
+    early = run(Squares(*ROSENBROCK), [-2.0, 4.0], **keys)
+    late = run(Squares(*ROSENBROCK), [-2.0, 4.0], least_gain_ratio=0.2, **keys)
+    assert early.stop is late.stop is Stop.CONVERGED
+    assert early.point.cost > 0.1
+    assert late.point.cost < 1e-5
+
+
 @pytest.mark.parametrize(
     ("low", "high", "slope", "stop"),
     [

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-LEAST_RAISED, LARGEST_DAMPING = 1e-6, 1e8
-"""Limits of a damping that has been raised; a factor on less than the first changes no step [-]."""
+LARGEST_DAMPING = 1e8
+"""Damping beyond which steps are too short to change anything [-]."""
 
 
 class Point(Protocol):
@@ -55,6 +55,10 @@ class Linearisation:
 
     gradient: Floats
     matrix: Floats
+
+    def gain(self, step: Floats) -> float:
+        """Return by how much a step lowers the model of the cost."""
+        return -float(self.gradient @ step + 0.5 * step @ self.matrix @ step)
 
     def among(self, free: NDArray[np.bool_]) -> Floats:
         """Return the matrix of those unknowns that may move."""
@@ -115,12 +119,17 @@ class Control:
         It ends after a step, none of whose unknowns met its limit, that lowered the cost by less than this.
     max_iterations : int
         Accepted steps.
+    least_gain_ratio : float
+        Actual gain over that of the quadratic model, below which a small one does not end it [-].
     max_trials : int
         Of each step, with more and more damping.
     max_evaluations : float
         Trials of all steps together.
     damping, least_damping : float
         At first, and at least: relative to the diagonal of the matrix [-].
+    least_raised : float
+        Least damping after a trial that fails: less changes no step but those along directions that the data
+        hardly determine.
     raised_by, lowered_by : float
         Factors on the damping after a trial that fails and after one that succeeds [-].
     trusted_damping : float
@@ -131,10 +140,12 @@ class Control:
     promised_gain: Tolerance
     actual_gain: Tolerance
     max_iterations: int
+    least_gain_ratio: float = 0.0
     max_trials: int = 12
     max_evaluations: float = np.inf
     damping: float = 1e-3
     least_damping: float = 1e-12
+    least_raised: float = 1e-6
     raised_by: float = 8.0
     lowered_by: float = 6.0
     trusted_damping: float = 1.0
@@ -222,16 +233,18 @@ def minimise(
             if trial is not None and np.isfinite(trial.cost) and trial.cost < point.cost:
                 break
             trial = None
-            damping = min(max(control.raised_by * damping, LEAST_RAISED), LARGEST_DAMPING)
+            damping = min(max(control.raised_by * damping, control.least_raised), LARGEST_DAMPING)
         if trial is None:
             return Found(point, linear, Stop.NO_DESCENT, iteration)
-        gain, point = point.cost - trial.cost, trial
+        gain, point, expected = point.cost - trial.cost, trial, linear.gain(trial.x - x)
         if report is not None:
             report(point, float(np.linalg.norm(step[free] * system.scale)))
         damping = max(damping / control.lowered_by, control.least_damping)
         # A step that met a limit gains little because it is short: the next may gain as much again.
         cut = (np.abs(step) >= reach).any()
-        if gain < control.actual_gain.of(point.cost) and not cut:
+        # One that gained much less than it promised has crossed a curved valley, and the floor falls on.
+        crossed = gain < control.least_gain_ratio * expected
+        if gain < control.actual_gain.of(point.cost) and not cut and not crossed:
             return Found(point, linear, Stop.CONVERGED, iteration)
         if iteration < control.max_iterations:
             linear = objective.linearised(point)
