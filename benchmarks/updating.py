@@ -14,7 +14,10 @@ import numpy as np
 
 from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
 from fem.effects import MemberStiffness
-from updating.inference.residuals import FRFResidual, frf_data, mode_data, mode_jacobian, mode_residual
+from updating.inference.frf_data import frf_data
+from updating.inference.frf_residual import FRFResidual
+from updating.inference.mode_data import mode_data
+from updating.inference.mode_residual import mode_jacobian, mode_residual
 
 LINES = np.linspace(5.0, 120.0, 250)
 BAYS = 6

@@ -21,7 +21,8 @@ from dovetail.result import FRFS, RunResult
 from fem.connection_damping import ConnectionDamping
 from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 
 DENSE = 64
 """Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""

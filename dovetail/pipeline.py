@@ -33,7 +33,7 @@ from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
-from updating.inference.preparation import N_LINES, prepared_like
+from updating.inference.preparation import N_FIT_LINES, prepared_like
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import corrected
 
@@ -131,7 +131,7 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
         band=study.band,
         kinds=study.kinds,
         exclude=study.exclude,
-        n_lines=study.n_lines or N_LINES,
+        n_lines=study.n_lines or N_FIT_LINES,
         model_error=study.model_error,
         n_simulated=study.n_simulated,
         progress=say,
@@ -146,7 +146,7 @@ def fit_problem(study: Study) -> FitProblem:
         study.nuisances,
         damping_std=study.damping_std,
         band=study.band,
-        n_lines=study.n_lines or N_LINES,
+        n_lines=study.n_lines or N_FIT_LINES,
         model_error=study.model_error,
     )
 

@@ -16,8 +16,10 @@ from fem.analysis.modes import solve_modes
 from fem.model import Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
-from updating.inference.residuals import frf_data, mode_data
-from updating.inference.update import Updated, update
+from updating.inference.frf_data import frf_data
+from updating.inference.mode_data import mode_data
+from updating.inference.update import update
+from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows
 from updating.modal.identification import IdentifiedModes, identify_modes
 

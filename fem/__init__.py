@@ -35,7 +35,7 @@ from fem.analysis.loads import (
 from fem.analysis.modes import MechanismError, Modes, UnstableError, solve_modes
 from fem.analysis.participation import Energies, Participation, compute_energies, compute_participation
 from fem.analysis.statics import StaticSolution, solve_static
-from fem.checks import Fault, check_mesh, check_model
+from fem.checks import Defect, check_mesh, check_model
 from fem.effects import (
     AddedMass,
     Attachment,
@@ -71,13 +71,13 @@ __all__ = [
     "Constraint",
     "Contribution",
     "Damping",
+    "Defect",
     "Effect",
     "Energies",
     "Expansion",
     "FRFError",
     "FRFKind",
     "FRFSensitivity",
-    "Fault",
     "Frame",
     "InitialStrain",
     "Joint",

@@ -28,7 +28,7 @@ Pairs = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fault:
+class Defect:
     """A probable mistake in a model.
 
     Attributes
@@ -52,8 +52,8 @@ class Fault:
     motions: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
 
-def check_mesh(mesh: Mesh, tolerance: float | None = None) -> tuple[Fault, ...]:
-    """Find faults of a mesh from its geometry, the gravest first.
+def check_mesh(mesh: Mesh, tolerance: float | None = None) -> tuple[Defect, ...]:
+    """Find defects of a mesh from its geometry, the gravest first.
 
     Parameters
     ----------
@@ -65,8 +65,8 @@ def check_mesh(mesh: Mesh, tolerance: float | None = None) -> tuple[Fault, ...]:
     return _geometry(mesh, tolerance, np.zeros((0, 2), dtype=np.int64))
 
 
-def check_model(model: Model, tolerance: float | None = None) -> tuple[Fault, ...]:
-    """Find faults of a model: mechanisms, those of its mesh, members without properties, implausible values.
+def check_model(model: Model, tolerance: float | None = None) -> tuple[Defect, ...]:
+    """Find defects of a model: mechanisms, those of its mesh, members without properties, implausible values.
 
     Points that a joint or another effect ties count as connected.
 
@@ -79,18 +79,18 @@ def check_model(model: Model, tolerance: float | None = None) -> tuple[Fault, ..
     return (*_of_structure(model, tolerance), *implausible(model))
 
 
-def implausible(model: Model) -> tuple[Fault, ...]:
-    """Return what :func:`fem.plausibility.suspicions` finds, as faults."""
+def implausible(model: Model) -> tuple[Defect, ...]:
+    """Return what :func:`fem.plausibility.suspicions` finds, as defects."""
     mesh = model.mesh
     return tuple(
-        Fault(
+        Defect(
             "implausible", s.message, np.unique(mesh.lines[list(s.lines)]), np.array(s.lines, dtype=np.int64)
         )
         for s in suspicions(model)
     )
 
 
-def _of_structure(model: Model, tolerance: float | None) -> tuple[Fault, ...]:
+def _of_structure(model: Model, tolerance: float | None) -> tuple[Defect, ...]:
     mesh = model.mesh
     bare = _without_properties(model)
     if bare:
@@ -98,9 +98,9 @@ def _of_structure(model: Model, tolerance: float | None) -> tuple[Fault, ...]:
     try:
         ties = np.vstack([_constrained(model), _coupled(model)])
     except ModelError as reason:
-        return (Fault("model", str(reason)), *_geometry(mesh, tolerance, _constrained(model)))
+        return (Defect("model", str(reason)), *_geometry(mesh, tolerance, _constrained(model)))
     found = _geometry(mesh, tolerance, ties)
-    if any(fault.kind in ("loose part", "unused point") for fault in found):
+    if any(defect.kind in ("loose part", "unused point") for defect in found):
         return found  # each loose part is a mechanism, which would only say it again
     return (*_mechanism(model), *found)
 
@@ -108,7 +108,7 @@ def _of_structure(model: Model, tolerance: float | None) -> tuple[Fault, ...]:
 # Geometry ---------------------------------------------------------------------------------------------------
 
 
-def _geometry(mesh: Mesh, tolerance: float | None, ties: Pairs) -> tuple[Fault, ...]:
+def _geometry(mesh: Mesh, tolerance: float | None, ties: Pairs) -> tuple[Defect, ...]:
     length = mesh.lengths()
     near = tolerance if tolerance is not None else min(1e-3 * mesh.size, 0.1 * float(length.min()))
     part = _parts(mesh, ties)
@@ -144,11 +144,11 @@ def _parts(mesh: Mesh, ties: Pairs) -> NDArray[np.int64]:
     return connected_components(graph, directed=False)[1]
 
 
-def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Fault]:
+def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Defect]:
     used = np.union1d(mesh.lines, ties)
     unused = np.setdiff1d(np.arange(mesh.n_points), used)
     if unused.size:
-        yield Fault(
+        yield Defect(
             "unused point",
             f"{_points(unused)} {'is' if unused.size == 1 else 'are'} on no line and no joint; leave "
             f"{'it' if unused.size == 1 else 'them'} out",
@@ -162,7 +162,7 @@ def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Fault]:
         own = np.unique(mesh.lines[rows])
         gap, at = cKDTree(mesh.points[rest]).query(mesh.points[own])
         a, b = own[int(np.argmin(gap))], np.flatnonzero(rest)[at[int(np.argmin(gap))]]
-        yield Fault(
+        yield Defect(
             "loose part",
             f"{_lines(mesh, rows)} {'is' if rows.size == 1 else 'are'} connected to nothing else; the "
             f"nearest points are {a} and {b}, {gap.min():.3g} m apart; add a joint, or points that "
@@ -172,7 +172,7 @@ def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Fault]:
         )
 
 
-def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Fault]:
+def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     pairs = cKDTree(mesh.points).query_pairs(near, output_type="ndarray")
     on = np.isin(pairs, mesh.lines).all(axis=1)
     pairs = pairs[on & ~tied.any(pairs[:, 0], pairs[:, 1])] if len(pairs) else pairs
@@ -180,7 +180,7 @@ def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Fault]:
     for (a, b), d in sorted(zip(pairs.tolist(), gap.tolist(), strict=True)):
         same = d <= 1e-9 * mesh.size
         what = "lie at the same place" if same else f"are {d:.2g} m apart"
-        yield Fault(
+        yield Defect(
             "coincident points" if same else "unconnected points",
             f"points {a} ({_members_at(mesh, a)}) and {b} ({_members_at(mesh, b)}) {what} and are not "
             "connected; merge them (merge_tolerance), or tie them with a joint",
@@ -188,19 +188,19 @@ def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Fault]:
         )
 
 
-def _near_lines(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Fault]:
+def _near_lines(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     """Points beside the inner part of a line."""
     ends = mesh.points[mesh.lines]
     p, row = _candidates(mesh, near)
     a, t = ends[row, 0], ends[row, 1] - ends[row, 0]
     xi = np.einsum("ij,ij->i", mesh.points[p] - a, t) / np.einsum("ij,ij->i", t, t)
     gap = np.linalg.norm(a + xi[:, None] * t - mesh.points[p], axis=1)
-    margin = near / np.linalg.norm(t, axis=1)  # nearer to an end, the two points are a fault of their own
+    margin = near / np.linalg.norm(t, axis=1)  # nearer to an end, the two points are a defect of their own
     hit = (gap <= near) & (xi > margin) & (xi < 1 - margin) & np.isin(p, mesh.lines)
     hit &= ~tied.any(p, mesh.lines[row, 0]) & ~tied.any(p, mesh.lines[row, 1])
     for k in np.flatnonzero(hit):
         what = "on it" if gap[k] <= 1e-9 * mesh.size else f"{gap[k]:.2g} m beside it"
-        yield Fault(
+        yield Defect(
             "unconnected crossing",
             f"point {p[k]} ({_members_at(mesh, int(p[k]))}) is not connected to line {row[k]} of member "
             f"'{mesh.member_of_line()[row[k]]}', and lies {what} at {_at(mesh.points[p[k]])}; divide the "
@@ -220,7 +220,7 @@ def _candidates(mesh: Mesh, near: float) -> tuple[NDArray[np.int64], NDArray[np.
     return p[keep], row[keep]
 
 
-def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Fault]:
+def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     """Two lines that pass each other between their ends."""
     middle, half = mesh.points[mesh.lines].mean(axis=1), mesh.lengths() / 2
     order = np.argsort(-half)  # each line looks for those that are not longer
@@ -253,7 +253,7 @@ def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Fault]:
     for k in np.flatnonzero(inside):
         where = p[k] + s[k] * u[k]
         gap_text = "" if gap[k] <= 1e-9 * mesh.size else f", {gap[k]:.2g} m apart"
-        yield Fault(
+        yield Defect(
             "unconnected crossing",
             f"line {first[k]} of member '{names[first[k]]}' and line {second[k]} of member "
             f"'{names[second[k]]}' cross at {_at(where)}{gap_text}, and are not connected; "
@@ -263,12 +263,12 @@ def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Fault]:
         )
 
 
-def _duplicates(mesh: Mesh) -> Iterable[Fault]:
+def _duplicates(mesh: Mesh) -> Iterable[Defect]:
     pairs, index = np.unique(np.sort(mesh.lines, axis=1), axis=0, return_inverse=True)
     count = np.bincount(index.ravel())
     for k in np.flatnonzero(count > 1):
         rows = np.flatnonzero(index.ravel() == k)
-        yield Fault(
+        yield Defect(
             "duplicate lines",
             f"{_lines(mesh, rows)} join the same points {pairs[k, 0]} and {pairs[k, 1]}: their stiffness and "
             "mass count twice; leave one out",
@@ -277,13 +277,13 @@ def _duplicates(mesh: Mesh) -> Iterable[Fault]:
         )
 
 
-def _short(mesh: Mesh, length: NDArray[np.float64]) -> Iterable[Fault]:
+def _short(mesh: Mesh, length: NDArray[np.float64]) -> Iterable[Defect]:
     longest = np.zeros(mesh.n_points)
     for end in range(2):
         np.maximum.at(longest, mesh.lines[:, end], length)
     beside = longest[mesh.lines].max(axis=1)
     for row in np.flatnonzero(length < SHORT * beside):
-        yield Fault(
+        yield Defect(
             "short line",
             f"line {row} of member '{mesh.member_of_line()[row]}' is {length[row]:.2g} m long beside one "
             f"of {beside[row]:.2g} m; is this intended, or should points {mesh.lines[row, 0]} and "
@@ -296,7 +296,7 @@ def _short(mesh: Mesh, length: NDArray[np.float64]) -> Iterable[Fault]:
 # The model --------------------------------------------------------------------------------------------------
 
 
-def _without_properties(model: Model) -> tuple[Fault, ...]:
+def _without_properties(model: Model) -> tuple[Defect, ...]:
     frames = model.of_kind(Frame)
     if not frames:
         return ()
@@ -307,7 +307,7 @@ def _without_properties(model: Model) -> tuple[Fault, ...]:
             msg = (
                 f"member '{name}' has no material and section; given are {', '.join(sorted(have)) or 'none'}"
             )
-            out.append(Fault("no properties", msg, np.unique(model.mesh.lines[rows]), np.array(rows)))
+            out.append(Defect("no properties", msg, np.unique(model.mesh.lines[rows]), np.array(rows)))
     return tuple(out)
 
 
@@ -340,7 +340,7 @@ def _pairs(model: Model, groups: Iterable[NDArray[np.int64]]) -> Pairs:
     return np.vstack(pairs)
 
 
-def _mechanism(model: Model) -> tuple[Fault, ...]:
+def _mechanism(model: Model) -> tuple[Defect, ...]:
     n, mesh = 20, model.mesh
     try:
         system = assemble(model)
@@ -356,10 +356,10 @@ def _mechanism(model: Model) -> tuple[Fault, ...]:
                 turned = mesh.size * np.abs(at[:, 3:]).max(axis=(1, 2))
                 reach = np.maximum(np.abs(at[:, :3]).max(axis=(1, 2)), turned)
                 free = np.flatnonzero(reach > 0.3 * reach.max())
-                return (Fault("mechanism", str(reason), free, motions=motions),)
+                return (Defect("mechanism", str(reason), free, motions=motions),)
             return ()
     except ModelError as reason:
-        return (Fault("model", str(reason)),)
+        return (Defect("model", str(reason)),)
 
 
 # Words ------------------------------------------------------------------------------------------------------

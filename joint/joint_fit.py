@@ -47,7 +47,8 @@ class JointFit:
         right.
     identifiability : Identifiability
     history : tuple of (float, float, float)
-        Highest frequency of the stage [Hz], cost, length of the step, one for each iteration.
+        Highest frequency of the stage [Hz], cost, and length of the step in standard deviations, one for each
+        iteration.
     converged : bool
     message : str
         How it ended, and what to doubt.

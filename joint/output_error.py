@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg.blas import zherk
 
-from joint._checks import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    as_frequency,
-    as_lines,
-    check_same_lines,
-    solve_lines,
-)
+from joint._checks import BoolArray, FloatArray, as_frequency, as_lines, check_same_lines
 from joint.form import JointForm
 from joint.identification import IdentificationError
 from joint.interface import SubstructureFRF
 from joint.joint_fit import JointFit
-from joint.parts import Blocks, FixedParts, Parts
+from joint.likelihood import Likelihood, LikelihoodPoint, checked_prior, noise_of
+from joint.parts import FixedParts, Parts
 from joint.uncertainty import (
     LIKELY,
     Identifiability,
@@ -31,12 +22,10 @@ from joint.uncertainty import (
     stated_covariance,
     weakest_combinations,
 )
-from updating.measurement.noise import relative_noise
+from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 
-_CHUNK = 1 << 18
-"""Complex numbers of the Jacobian that are held at a time."""
-
-_STEPS = 40
+_LONGEST_LOG_STEP = 1.5
+"""Longest step of the logarithm of a positive parameter in one iteration."""
 
 SCAN = tuple(10.0 ** (k / 6) for k in range(-18, 19) if k)
 """Factors by which stiffnesses are tried far from the data [-]."""
@@ -148,7 +137,7 @@ def fit_joint(
     measured = as_lines(
         np.where(seen, given, 0.0), "H_nn", lines, interface.outputs.labels, interface.inputs.labels
     )
-    weight = np.where(seen, 1 / _noise(measured, noise, measured), 0.0)
+    weight = np.where(seen, 1 / noise_of(measured, noise, measured), 0.0)
     begin = form.starts(start, lines)
     n, m = len(form.names), len(parts.names)
     if not np.isfinite(begin[0]).all():
@@ -162,7 +151,7 @@ def fit_joint(
     if x.shape != (m,) or not np.isfinite(x).all():
         msg = f"part_start has shape {x.shape}; ({m},) finite values are needed"
         raise ValueError(msg)
-    problem = _Problem(form, parts, lines, measured, weight)
+    problem = Likelihood(form, parts, lines, measured, weight)
     signed = form.positive | (form.semidefinite & (begin[0] > 0))
     if isinstance(positive, str):
         if missing := sorted(set(positive) - set("KMCD")):
@@ -172,7 +161,7 @@ def fit_joint(
         kept = form.positive | (signed & kinds)
     else:
         kept = signed if positive else form.positive
-    problem = replace(problem, positive=kept, prior=_prior(prior, kept, n))
+    problem = replace(problem, positive=kept, prior=checked_prior(prior, kept, n))
     history: list[tuple[float, float, float]] = []
     if not len(stages) or not all(0 < part <= 1 for part in stages):
         msg = f"stages are {tuple(stages)}; parts of the lines above 0, up to 1, are needed"
@@ -198,222 +187,19 @@ def fit_joint(
         state, converged = _descend(problem, state, history, max_iterations, tolerance)
         if count == lines.size and (noise is None or np.ndim(noise) == 0):
             # noise relative to measured values makes large ones count too little: so take the rebuilt ones
-            weight = np.where(seen, 1 / _noise(measured, noise, state.H), 0.0)
+            weight = np.where(seen, 1 / noise_of(measured, noise, state.H), 0.0)
             problem = replace(problem, weight=weight)
     state = problem.state(state.theta, state.x, lines.size)
     return _result(problem, state, tuple(history), converged, determined)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _State:
-    """A point, its cost, and the Gauss-Newton matrix and gradient there."""
-
-    theta: FloatArray
-    x: FloatArray
-    count: int
-    cost: float
-    A: FloatArray
-    g: FloatArray
-    H: ComplexArray
-
-    @property
-    def point(self) -> FloatArray:
-        return np.concatenate([self.theta, self.x])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Problem:
-    form: JointForm
-    parts: Parts
-    lines: FloatArray
-    measured: ComplexArray
-    weight: FloatArray
-    positive: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    huber: float | None = None
-    """Where the loss of ln H turns linear [-]; None for plain residuals of H."""
-    prior: tuple[FloatArray, FloatArray, BoolArray] | None = None
-    """Mean and standard deviation of θ, and where they are those of ln θ."""
-    known: dict[bytes, Any] = field(default_factory=dict, repr=False)
-    """The substructures at the last x, which many points share."""
-
-    def rough(self, state: _State, count: int) -> _Problem:
-        """Return the problem with robust residuals of ln H, for points far from the data."""
-        plain = self.state(state.theta, state.x, count)
-        r = np.abs(self._logarithmic(plain.H, slice(0, count))[0])
-        return replace(self, huber=max(float(np.median(r[r > 0])) if r.any() else 0.0, 3.0))
-
-    def at(self, state: _State) -> _State:
-        """Return the cost of a point over all lines."""
-        return self.state(state.theta, state.x, len(self.lines), False)
-
-    def _parts_at(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[Blocks, ...]]:
-        key = x.tobytes()
-        if key not in self.known:
-            self.known.clear()
-            self.known[key] = self.parts.evaluate(x)
-        return self.known[key]
-
-    def _logarithmic(self, H: ComplexArray, at: slice) -> tuple[ComplexArray, ComplexArray]:
-        """Return ln(H / measured) over the relative noise, and what makes derivatives of H those of it."""
-        measured = self.measured[at]
-        use = (self.weight[at] > 0) & (measured != 0) & (H != 0)
-        safe, model = np.where(use, measured, 1.0), np.where(use, H, 1.0)
-        size = np.where(use, self.weight[at] * np.abs(safe), 0.0)
-        return np.asarray(size * np.log(model / safe), dtype=complex), np.asarray(size / model, dtype=complex)
-
-    def state(self, theta: FloatArray, x: FloatArray, count: int, gradient: bool = True) -> _State:
-        """Evaluate the cost and, if asked, Gauss-Newton matrix and gradient over the first lines."""
-        data = self.of_lines(theta, x, 0, count, gradient)
-        n, m = len(theta), len(x)
-        A, g, cost = data.A, data.g, data.cost
-        # 2 Σ|r|²/2 … the prior ½ x² beside Σ|r|²: in units of the negative log likelihood
-        A[n:, n:] += 0.5 * np.eye(m)
-        g[n:] += 0.5 * x
-        cost += 0.5 * float(x @ x)
-        if self.prior is not None:
-            middle, std, log = self.prior
-            ratio = np.where(log, theta / np.where(log, middle, 1.0), 1.0)
-            u = np.where(log, np.log(np.maximum(ratio, 1e-300)), theta - middle) / std
-            du = np.where(log, 1 / np.where(log, np.maximum(theta, 1e-300), 1.0), 1.0) / std
-            A[:n, :n] += 0.5 * np.diag(du**2)
-            g[:n] += 0.5 * u * du
-            cost += 0.5 * float(u @ u)
-        return replace(data, cost=cost)
-
-    def of_lines(
-        self, theta: FloatArray, x: FloatArray, first: int, end: int, gradient: bool = True
-    ) -> _State:
-        """Evaluate what the lines from one up to another say, without priors."""
-        frf, slopes = self._parts_at(x)
-        count = end - first
-        omega = 2 * np.pi * self.lines[first:end]
-        n, m, n_matrices = len(theta), len(x), len(self.form.matrices)
-        factors, which = self.form.slopes(omega, theta)
-        coefficients = self.form.coefficients(omega, theta)
-        A, g, cost = np.zeros((n + m, n + m)), np.zeros(n + m), 0.0
-        # parameters of one kind share their factor, so that few sums over lines serve all of them
-        rows = np.vstack([factors, np.ones((m, count))])
-        shared, kind = np.unique(rows, axis=0, return_inverse=True)
-        kind = kind.ravel()  # NumPy 2.0 gives it a second axis
-        column = np.append(which, n_matrices + np.arange(m))
-        H = np.empty((count, *self.measured.shape[1:]), dtype=complex)
-        values = self.measured.shape[1] * self.measured.shape[2]
-        step = max(1, _CHUNK // (values * (n_matrices + m + 1)))
-        for start in range(0, count, step):
-            here = slice(start, min(start + step, count))
-            at = slice(first + here.start, first + here.stop)
-            Z = np.einsum("uf,uij->fij", coefficients[:, here], self.form.matrices, optimize=True)
-            N = len(self.form.coordinates)
-            unit = np.eye(N)
-            H_jn = solve_lines(unit + frf.H_bb[at] @ Z, frf.H_ba[at])
-            H[here] = frf.H_aa[at] - frf.H_ab[at] @ (Z @ H_jn)
-            w = self.weight[at]
-            if self.huber is None:
-                r = (w * (H[here] - self.measured[at])).reshape(len(H_jn), -1)
-            else:
-                r, w = self._logarithmic(H[here], at)
-                r = r.reshape(len(H_jn), -1)
-            square, root = np.abs(r) ** 2, np.ones(r.shape)
-            if self.huber is not None:  # pseudo-Huber: less weight for what is far off
-                root = np.sqrt(1 + square / self.huber**2)
-                square = 2 * self.huber**2 * (root - 1)
-            cost += float(square.sum())
-            if not gradient:
-                continue
-            H_nj = solve_lines((unit + Z @ frf.H_bb[at]).mT, frf.H_ab[at].mT).mT
-            J = self._jacobian(H_nj, H_jn, Z, slopes, at)
-            J *= w.mT[:, None]
-            J = J.reshape(len(J), n_matrices + m, -1)
-            r = r.reshape(w.shape).mT.reshape(len(r), -1)
-            if self.huber is not None:
-                root = np.sqrt(root).reshape(w.shape).mT.reshape(len(r), -1)
-                J /= root[:, None]
-                r = r / root
-            G = _gram(J)
-            b = (J @ r.conj()[:, :, None]).conj()
-            f = shared[:, here]
-            pairs = (f.conj()[:, None] * f).reshape(-1, f.shape[1])
-            sums = (pairs @ G.reshape(len(G), -1)).reshape(len(f), len(f), *G.shape[1:])
-            A += sums[kind[:, None], kind, column[:, None], column].real
-            g += (f.conj() @ b[:, :, 0])[kind, column].real
-        return _State(theta, x, end, cost, A, g, H)
-
-    def _jacobian(
-        self,
-        H_nj: ComplexArray,
-        H_jn: ComplexArray,
-        Z: ComplexArray,
-        slopes: tuple[Blocks, ...],
-        at: slice,
-    ) -> ComplexArray:
-        """Return the transposes of -H_nj T H_jn for each matrix, then of the derivatives by the parts.
-
-        Both are (lines, n, L, M): one product for all matrices costs less than many small ones.
-        """
-        n_lines, N, n_in = H_jn.shape
-        moved = (self.form.matrices.reshape(-1, N) @ H_jn).reshape(n_lines, -1, N, n_in)
-        turned = np.swapaxes(moved, 2, 3).reshape(n_lines, -1, N)
-        by_joint = (turned @ (-H_nj).mT).reshape(n_lines, -1, n_in, H_nj.shape[1])
-        if not slopes:
-            return by_joint
-        left, right = H_nj @ Z, Z @ H_jn
-        by_parts = [
-            s.H_aa[at] - left @ s.H_ba[at] - s.H_ab[at] @ right + left @ (s.H_bb[at] @ right) for s in slopes
-        ]
-        return np.concatenate([by_joint, np.stack([part.mT for part in by_parts], axis=1)], axis=1)
-
-
-def _gram(J: ComplexArray) -> ComplexArray:
-    """Return J* Jᵀ at each line, (n_lines, u, u), of which only one triangle is computed."""
-    upper = np.array([zherk(1.0, line.T, trans=2) for line in J])
-    return upper + np.triu(upper, 1).conj().mT
-
-
-def _noise(measured: ComplexArray, noise: npt.ArrayLike | None, reference: ComplexArray) -> FloatArray:
-    """Return the noise's standard deviation at every value; relative noise is one of a reference."""
-    size = np.abs(reference)
-    least = 1e-6 * np.sqrt((size**2).mean(axis=0)) + 1e-300
-    if noise is None:
-        return np.maximum(np.sqrt(2) * relative_noise(measured) * size, least)
-    level = np.asarray(noise, dtype=float)
-    if not (np.isfinite(level).all() and (level > 0).all()):
-        msg = "the noise must be positive and finite: relative as a number, or absolute as an array"
-        raise ValueError(msg)
-    if level.ndim == 0:
-        return np.maximum(level * size, least * 1e-3)
-    try:
-        return np.broadcast_to(level, measured.shape)
-    except ValueError as error:
-        msg = f"noise has shape {level.shape}; a number or what broadcasts to {measured.shape} is needed"
-        raise ValueError(msg) from error
-
-
-def _prior(
-    prior: tuple[npt.ArrayLike, npt.ArrayLike] | None, log: BoolArray, n: int
-) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Check what is known of θ beforehand."""
-    if prior is None:
-        return None
-    mean, std = (np.asarray(v, dtype=float) for v in prior)
-    if mean.shape != (n,) or std.shape != (n,) or not (np.isfinite(mean).all() and (std > 0).all()):
-        msg = (
-            f"the prior has a mean of shape {mean.shape} and deviations of shape {std.shape}; ({n},) each is "
-            "needed, finite means and positive deviations"
-        )
-        raise ValueError(msg)
-    if (wrong := log & (mean <= 0) & np.isfinite(std)).any():
-        msg = f"the prior's mean {mean[wrong][0]:g} is of a parameter that stays positive; it must be too"
-        raise ValueError(msg)
-    return np.where(log & (mean <= 0), 1.0, mean), std, log
-
-
 def _approach(
-    rough: _Problem,
-    state: _State,
+    rough: Likelihood,
+    state: LikelihoodPoint,
     counts: list[int],
     history: list[tuple[float, float, float]],
     max_iterations: int,
-) -> _State:
+) -> LikelihoodPoint:
     """Return where robust steps over ever wider bands end."""
     for count in counts:
         problem = rough.rough(state, count)
@@ -422,7 +208,7 @@ def _approach(
     return state
 
 
-def _scan(problem: _Problem, state: _State) -> _State:
+def _scan(problem: Likelihood, state: LikelihoodPoint) -> LikelihoodPoint:
     """Return the best of points where one stiffness, then another, is up to three decades off."""
     kinds = [term.kind for term in problem.form.terms for _ in term.parameters]
     first = {name for term in problem.form.terms for name, _ in term.parameters[:1]}
@@ -448,53 +234,89 @@ def _scan(problem: _Problem, state: _State) -> _State:
     return problem.state(state.theta, state.x, state.count)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _ScaledPoint:
+    """A point with its unknowns on their own scales: ln θ of positive parameters, and θ and x of others."""
+
+    x: FloatArray
+    at: LikelihoodPoint
+
+    @property
+    def cost(self) -> float:
+        return self.at.cost
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Band:
+    """The likelihood over the first lines, as a function of unknowns on their own scales."""
+
+    likelihood: Likelihood
+    count: int
+    n: int
+    log: BoolArray
+
+    def scaled(self, state: LikelihoodPoint) -> _ScaledPoint:
+        return _ScaledPoint(self.to_scale(state.point), state)
+
+    def to_scale(self, values: FloatArray) -> FloatArray:
+        with np.errstate(divide="ignore"):  # a bound of 0 is one of -∞
+            return np.where(self.log, np.log(np.where(self.log, np.maximum(values, 0.0), 1.0)), values)
+
+    def at(self, x: FloatArray, near: _ScaledPoint) -> _ScaledPoint:
+        # A value that runs to 0 is stopped by itself: its steps meet the limit for ever, and gain nothing.
+        longest = np.where(self.log, _LONGEST_LOG_STEP, np.inf)
+        x = near.x + np.clip(x - near.x, -longest, longest)
+        point = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
+        # Derivatives come with the cost: most trials are accepted, and they share the solved lines.
+        return _ScaledPoint(x, self.likelihood.state(point[: self.n], point[self.n :], self.count))
+
+    def linearised(self, point: _ScaledPoint) -> Linearisation:
+        slope = np.where(self.log, point.at.point, 1.0)  # dθ = θ d ln θ
+        return Linearisation(2 * point.at.g * slope, 2 * point.at.A * np.outer(slope, slope))
+
+
 def _descend(
-    problem: _Problem,
-    state: _State,
+    problem: Likelihood,
+    state: LikelihoodPoint,
     history: list[tuple[float, float, float]],
     max_iterations: int,
     tolerance: float,
-) -> tuple[_State, bool]:
-    """Take Levenberg-Marquardt steps until nothing is gained; return the point and whether it converged."""
-    n = len(state.theta)
-    low, high = problem.form.bounds
-    low, high = np.append(low, np.full(len(state.x), -8.0)), np.append(high, np.full(len(state.x), 8.0))
+) -> tuple[LikelihoodPoint, bool]:
+    """Lower the cost until nothing is gained; return the point and whether it converged.
+
+    Matrix and gradient are summed over lines, as the Jacobian of all would not fit into memory:
+    ``scipy.optimize.least_squares`` would need it whole.
+    """
     log = np.append(problem.positive, np.zeros(len(state.x), dtype=bool))
-    damping = 1e-3
+    band = _Band(problem, state.count, len(state.theta), log)
+    parts = np.full(len(state.x), 8.0)
+    low, high = (np.append(b, side * parts) for b, side in zip(problem.form.bounds, (-1, 1), strict=True))
     top = float(problem.lines[state.count - 1])
-    for _ in range(max_iterations):
-        pinned = ((state.point <= low) & (state.g > 0)) | ((state.point >= high) & (state.g < 0))
-        free = ~pinned & (np.diag(state.A) > 0)
-        # positive parameters move by factors: dθ = θ d ln θ
-        slope = np.where(log, state.point, 1.0)
-        scale = np.sqrt(np.diag(state.A)[free]) * slope[free]
-        A = (state.A * np.outer(slope, slope))[np.ix_(free, free)] / np.outer(scale, scale)
-        g = state.g[free] * slope[free] / scale
-        for _ in range(_STEPS):
-            step = np.zeros(len(state.point))
-            step[free] = -np.linalg.solve(A + damping * np.eye(len(A)), g) / scale
-            gain = -float((state.g * slope) @ step)
-            if gain < tolerance * tolerance * max(state.cost, 1.0):
-                return state, True
-            moved = np.where(log, state.point * np.exp(np.clip(step, -1.5, 1.5)), state.point + step)
-            point = np.clip(moved, low, high)
-            new = problem.state(point[:n], point[n:], state.count)
-            if np.isfinite(new.cost) and new.cost < state.cost:
-                break
-            damping = max(damping * 6, 1e-9)
-        else:
-            return state, True
-        history.append((top, new.cost, float(np.linalg.norm(step[free] * scale))))
-        fell = state.cost - new.cost
-        state, damping = new, max(damping / 8, 1e-14)  # never 0: two parameters may do the same
-        if fell < tolerance * max(new.cost, 1.0):
-            return state, True
-    return state, False
+    reach = np.full(len(log), np.inf)
+    found = minimise(
+        band,
+        band.scaled(state),
+        (band.to_scale(low), band.to_scale(high)),
+        Control(
+            reach=lambda x: reach,
+            promised_gain=Tolerance(tolerance**2, tolerance**2),
+            actual_gain=Tolerance(tolerance, tolerance),
+            max_iterations=max_iterations,
+            least_gain_ratio=0.1,  # the logarithms of small stiffnesses make curved valleys
+            max_trials=40,
+            least_damping=1e-14,  # never 0: two parameters may do the same
+            least_raised=1e-9,
+            raised_by=6.0,
+            lowered_by=8.0,
+        ),
+        lambda point, length: history.append((top, point.cost, length)),
+    )
+    return found.point.at, found.stop is not Stop.OUT_OF_ITERATIONS
 
 
 def _result(
-    problem: _Problem,
-    state: _State,
+    problem: Likelihood,
+    state: LikelihoodPoint,
     history: tuple[tuple[float, float, float], ...],
     converged: bool,
     determined: float,
@@ -562,14 +384,14 @@ def _message(
     return message
 
 
-def _own_noise(problem: _Problem) -> FloatArray:
+def _own_noise(problem: Likelihood) -> FloatArray:
     """Return the data's own noise over the deviation that was allowed, at most 1, (n_freq, M, L)."""
     with np.errstate(invalid="ignore"):  # where there is no value, and no weight
-        own = problem.weight * _noise(problem.measured, None, problem.measured)
+        own = problem.weight * noise_of(problem.measured, None, problem.measured)
     return np.where(problem.weight > 0, np.minimum(np.nan_to_num(own, nan=1.0), 1.0), 0.0)
 
 
-def _at_zero(problem: _Problem, state: _State) -> tuple[_State, BoolArray]:
+def _at_zero(problem: Likelihood, state: LikelihoodPoint) -> tuple[LikelihoodPoint, BoolArray]:
     """Put positive parameters that have run towards zero there; return the point and which they are.
 
     A factor never reaches zero, and its logarithm runs on for ever. At zero is what does no worse there.
@@ -587,7 +409,7 @@ def _at_zero(problem: _Problem, state: _State) -> tuple[_State, BoolArray]:
     return state, np.zeros(n, dtype=bool)
 
 
-def _open_end(problem: _Problem, state: _State, i: int, wider: float) -> str:
+def _open_end(problem: Likelihood, state: LikelihoodPoint, i: int, wider: float) -> str:
     """Return which limit of a stiffness, mass or damping fits as well as its value, all else as it is."""
     if not problem.form.semidefinite[i]:
         return ""

@@ -44,14 +44,18 @@ from updating.correlation.shape_correlation import (
 from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis, diagnose, propose
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
 from updating.diagnosis.localisation import Localisation, locate
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
+from updating.inference.frf_data import frf_data
+from updating.inference.mode_data import mode_data
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import build_problem
 from updating.inference.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
-from updating.inference.residuals import frf_data, mode_data
 from updating.inference.sampling import MissingExtraError, Samples
 from updating.inference.unknowns import Unknown
-from updating.inference.update import Ending, Settings, Updated, UpdatedParameter, UpdateStep, update
+from updating.inference.update import update
+from updating.inference.update_settings import UpdateSettings
+from updating.inference.updated import Ending, Updated, UpdatedParameter, UpdateStep
 from updating.measurement.frf_estimation import (
     EstimatedFRF,
     EstimationError,
@@ -125,10 +129,10 @@ __all__ = [
     "Reciprocity",
     "Samples",
     "Sensor",
-    "Settings",
     "Stabilisation",
     "Step",
     "Unknown",
+    "UpdateSettings",
     "UpdateStep",
     "Updated",
     "UpdatedParameter",

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
-from fem.checks import Fault
+from fem.checks import Defect
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.materials import Material
@@ -214,7 +214,7 @@ FAULT_COLOURS = (style.VERMILION, style.BLUE, style.PURPLE, style.GREEN, style.O
 
 
 def render_faults(
-    model: Model | Mesh, faults: Sequence[Fault], path: str | Path, motion: int = 0, title: str = ""
+    model: Model | Mesh, faults: Sequence[Defect], path: str | Path, motion: int = 0, title: str = ""
 ) -> Path:
     """Draw the faults of a mesh or model, and the motion of a mechanism.
 
@@ -225,7 +225,7 @@ def render_faults(
     ----------
     model : Model or Mesh
         Members without a section are drawn with a round one.
-    faults : sequence of Fault
+    faults : sequence of Defect
         As :func:`fem.checks.check_model` gives them.
     path : str or Path
         PNG file to write.

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from updating.inference.regularisation import LCurve
-from updating.inference.update import Updated
+from updating.inference.updated import Updated
 from viz import style
 from viz.layout import shorten
 

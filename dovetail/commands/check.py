@@ -12,7 +12,7 @@ from dovetail.commands.common import (
 )
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from dovetail.file.config import load_study
-from fem.checks import Fault, check_model
+from fem.checks import Defect, check_model
 from fem.io.atomic import replacing
 from viz.offscreen import require_drawing
 
@@ -39,7 +39,7 @@ def run(options: Options, progress: Progress) -> None:
     warn(text for text in study.warnings if text not in study.implausible)
     progress("checking the model")
     faults = tuple(f for f in check_model(study.model) if f.kind != "implausible")
-    faults += tuple(Fault("implausible", words) for words in study.implausible)
+    faults += tuple(Defect("implausible", words) for words in study.implausible)
     if options.picture is not None:
         from viz.render import render_faults
 

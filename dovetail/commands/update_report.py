@@ -9,7 +9,7 @@ from dovetail.update import StudyUpdate
 
 if TYPE_CHECKING:
     from updating.correlation.pairing import ModeComparison
-    from updating.inference.update import UpdatedParameter
+    from updating.inference.updated import UpdatedParameter
 
 
 REPORT = "report.html"

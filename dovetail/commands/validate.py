@@ -8,7 +8,7 @@ from pathlib import Path
 from dovetail.commands.argument_types import whole, whole_up_to
 from dovetail.commands.common import Options
 from dovetail.disk.output import Progress, write_json
-from dovetail.validation.cases import SETS, Settings
+from dovetail.validation.cases import SETS, CaseSettings
 from dovetail.validation.judging import Record
 from dovetail.validation.run import parse_case, plan, run_case, validate
 from dovetail.validation.table import as_markdown, summarise
@@ -49,7 +49,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Draw cases, diagnose them, judge and print; or one case alone."""
-    settings = Settings(options.seed, options.small)
+    settings = CaseSettings(options.seed, options.small)
     if options.case is not None:
         progress(f"case {options.case} of seed {options.seed}")
         record = run_case(settings, parse_case(options.case))

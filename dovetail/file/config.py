@@ -70,7 +70,7 @@ from fem.model import DIRECTIONS, Effect, Model
 from updating.diagnosis.patches import with_turning
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.parameters import Nuisance
-from updating.inference.unknowns import Unknown
+from updating.inference.unknowns import unknown_of
 from updating.measurement.measurement import Measurement, Sensor, with_sensor_masses
 
 DEFAULT_FREQUENCY = 1000.0
@@ -409,7 +409,7 @@ class _Reader:
         kinds, exclude = self._candidates()
         shaped = bool(raw) or (modes is not None and bool(modes.sensors))
         has = {"frf": bool(raw), "modes": shaped, "frequencies": bool(raw) or modes is not None}
-        known = [_unknown_of(model, n) for n in nuisances if n.effect != SectionShear.kind]
+        known = [unknown_of(model, n) for n in nuisances if n.effect != SectionShear.kind]
         plan = UpdatePlan()
         with self._if_all_was_read():
             plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
@@ -615,10 +615,3 @@ class _Reader:
                 if word not in known:
                     t.refuse(key, f"there is no kind of effect '{word}'; {suggest(word, known)}")
         return kinds, exclude
-
-
-def _unknown_of(model: Model, nuisance: Nuisance) -> Unknown:
-    """Return an uncertain parameter as one that may be updated."""
-    p = next(p for p in model.effect(nuisance.effect).parameters() if p.name == nuisance.parameter)
-    std = nuisance.std if p.log else nuisance.std * abs(p.value)
-    return Unknown(((nuisance.effect, nuisance.parameter),), std=std)

@@ -17,7 +17,7 @@ from fem.io import UFF_SUFFIXES, read_modes
 from fem.io.uff import read_quietly
 from fem.model import Effect, Model, ParameterRef
 from updating.inference.unknowns import Unknown, scaled_unknowns
-from updating.inference.update import Settings
+from updating.inference.update_settings import UpdateSettings
 from updating.measurement.measurement import Sensor
 from updating.modal.identification import LARGEST_MPD, LEAST_MPC
 
@@ -92,7 +92,7 @@ class UpdatePlan:
         What even the right parameters miss, relative [-].
     damping : bool
         Whether damping ratios are updated to FRFs.
-    settings : Settings
+    settings : UpdateSettings
     effects : tuple of Effect
         Candidates that parameters are of and the model has not; they join it for the update.
     """
@@ -102,7 +102,7 @@ class UpdatePlan:
     model_error: float = 1e-3
     amplitude_error: float = 0.01
     damping: bool = True
-    settings: Settings = Settings()  # noqa: RUF009 - frozen
+    settings: UpdateSettings = UpdateSettings()  # noqa: RUF009 - frozen
     effects: tuple[Effect, ...] = ()
 
 
@@ -252,7 +252,7 @@ def read_plan(
     errors = [t.number("model_error", 1e-3, least=0), t.number("amplitude_error", 0.01, least=0)]
     damping = t.flag("damping", True)
     with t.at():
-        settings = Settings(
+        settings = UpdateSettings(
             n_starts=t.whole("starts", 1, most=1000),
             select=t.text("select", "", ("pivoting", "forward")),
             regularisation=t.text("regularisation", "", ("tikhonov",)),

@@ -31,13 +31,14 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import Finding, Ranked
 from updating.diagnosis.separation import Proposal
-from updating.inference.fit import TRANSVERSE, FitData
+from updating.inference.fit_data import TRANSVERSE, FitData
 
 CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
 
 MODULES = (
     "updating.diagnosis.acceptance", "updating.diagnosis.search", "updating.diagnosis.diagnose",
-    "updating.inference.preparation", "updating.inference.fit", "updating.quality.faults",
+    "updating.inference.preparation", "updating.inference.fit", "updating.inference.fit_data",
+    "updating.inference.fit_function", "updating.quality.faults",
 )  # fmt: skip
 """Modules whose constants decide the verdict; the report lists them."""
 

@@ -52,7 +52,7 @@ class CaseError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class CaseSettings:
     """What cases are drawn from.
 
     Attributes
@@ -147,14 +147,14 @@ class Case:
         return f"{self.set}:{self.index}"
 
 
-def generator(settings: Settings, set_name: str, *key: int) -> Generator:
+def generator(settings: CaseSettings, set_name: str, *key: int) -> Generator:
     """Return the random numbers of a case: a child of the seed, whatever else is drawn."""
     return np.random.default_rng(
         np.random.SeedSequence(settings.seed, spawn_key=(SETS.index(set_name), *key))
     )
 
 
-def kinds_of(settings: Settings, set_name: str, index: int) -> tuple[str, ...]:
+def kinds_of(settings: CaseSettings, set_name: str, index: int) -> tuple[str, ...]:
     """Return what a case hides: all kinds come once in each round, in an order that the seed shuffles."""
     if set_name == "null":
         return ()
@@ -168,7 +168,7 @@ def kinds_of(settings: Settings, set_name: str, index: int) -> tuple[str, ...]:
     return tuple(out)
 
 
-def draw_case(settings: Settings, set_name: str, index: int) -> Case:
+def draw_case(settings: CaseSettings, set_name: str, index: int) -> Case:
     """Draw a case by itself.
 
     Raises
@@ -198,7 +198,7 @@ def draw_case(settings: Settings, set_name: str, index: int) -> Case:
 
 
 def _implants(
-    rng: Generator, settings: Settings, draft: Draft, truth: TrueFrame, kinds: Sequence[str]
+    rng: Generator, settings: CaseSettings, draft: Draft, truth: TrueFrame, kinds: Sequence[str]
 ) -> tuple[Implant, ...] | None:
     """Find a place and a strength for each kind, or None if the frame has none."""
     if not kinds:
@@ -359,7 +359,7 @@ def _strength(scale: _Scale, hidden: Hidden, wanted: float) -> Implant | None:
 
 def _measured(
     rng: Generator,
-    settings: Settings,
+    settings: CaseSettings,
     set_name: str,
     index: int,
     draft: Draft,
@@ -404,7 +404,7 @@ def _measured(
     )
 
 
-def _nuisances(settings: Settings, draft: Draft) -> tuple[Nuisance, ...]:
+def _nuisances(settings: CaseSettings, draft: Draft) -> tuple[Nuisance, ...]:
     """Return what the analyst calls uncertain; a uniform half width w has the standard deviation w/√3."""
     # The section's width and height scale together: bending sees their square in E/ρ.
     material = float(np.hypot(settings.material, 2 * settings.section) / np.sqrt(3))

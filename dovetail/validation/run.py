@@ -23,7 +23,7 @@ import numpy as np
 import fem
 import updating
 from dovetail.disk.locks import Lock, holder
-from dovetail.validation.cases import SETS, Settings, draw_case, kinds_of
+from dovetail.validation.cases import SETS, CaseSettings, draw_case, kinds_of
 from dovetail.validation.judging import Record, is_known, judge
 from fem.effects import candidate_kinds
 from fem.io.atomic import WriteError, replacing
@@ -55,7 +55,7 @@ def program() -> str:
     return digest.hexdigest()[:12]
 
 
-def run_case(settings: Settings, task: Task) -> Record:
+def run_case(settings: CaseSettings, task: Task) -> Record:
     """Draw a case, diagnose it and judge the diagnosis; a failure is a record with its traceback."""
     from threadpoolctl import threadpool_limits
 
@@ -127,7 +127,7 @@ def parse_case(text: str) -> Task:
     return name, int(number)
 
 
-def read_records(file: Path, settings: Settings) -> list[Record]:
+def read_records(file: Path, settings: CaseSettings) -> list[Record]:
     """Return the cases of a file, and cut off a line that was not written to its end.
 
     Raises
@@ -161,7 +161,7 @@ def read_records(file: Path, settings: Settings) -> list[Record]:
 
 
 def validate(
-    settings: Settings,
+    settings: CaseSettings,
     tasks: Sequence[Task],
     folder: Path,
     *,
@@ -172,7 +172,7 @@ def validate(
 
     Parameters
     ----------
-    settings : Settings
+    settings : CaseSettings
     tasks : sequence of (str, int)
     folder : Path
         Made if it is not there; one JSON line for each case is added to its ``cases.jsonl``.
@@ -205,7 +205,7 @@ def _alone_in(folder: Path) -> Iterator[None]:
 
 
 def _validate(
-    settings: Settings, tasks: Sequence[Task], folder: Path, processes: int, say: Say
+    settings: CaseSettings, tasks: Sequence[Task], folder: Path, processes: int, say: Say
 ) -> list[Record]:
     """Run and record the cases that are missing, in a folder that no other run uses."""
     file = folder / CASES_FILE
@@ -232,7 +232,7 @@ def _add(file: Path, out: TextIO, record: Record) -> None:
         raise WriteError(reason, file, False) from reason
 
 
-def _records(settings: Settings, tasks: Sequence[Task], processes: int) -> Generator[Record]:
+def _records(settings: CaseSettings, tasks: Sequence[Task], processes: int) -> Generator[Record]:
     if processes <= 1:
         for task in tasks:
             yield run_case(settings, task)
@@ -283,7 +283,7 @@ def _end_with(watched: Connection) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _alone(settings: Settings, task: Task) -> Record:
+def _alone(settings: CaseSettings, task: Task) -> Record:
     try:
         with _workers(1) as pool:
             return pool.submit(run_case, settings, task).result()

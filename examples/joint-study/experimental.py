@@ -18,7 +18,8 @@ from fem import FRF, Damping, Frame, Material, MemberProperties, Mesh, Model, Se
 from fem.io import read_frf
 from fem.model import DIRECTIONS
 from joint import JointFit, ModelParts, Uncertain, fit_joint, relative_coordinates, relative_form
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import build_problem
 from updating.measurement.measurement import Measurement, Sensor

@@ -14,7 +14,8 @@ import fem
 from dovetail.file.config import load_study
 from dovetail.update import update_study
 from fem.io import read_uff
-from updating.inference.update import Ending, update
+from updating.inference.update import update
+from updating.inference.updated import Ending
 from updating.modal.identification import identify_modes
 
 FOLDER = Path(__file__).parents[2] / "examples" / "joint-study"

@@ -10,7 +10,9 @@ import fem
 from fem.effects import MemberStiffness
 from tests.frames import STEEL
 from tests.random_frames import random_frame
-from updating.inference.update import Ending, Settings, update
+from updating.inference.update import update
+from updating.inference.update_settings import UpdateSettings
+from updating.inference.updated import Ending
 
 NOISE, RATIO = 0.01, 0.01
 RHO = ("frame", "rho:steel")
@@ -143,7 +145,7 @@ def test_several_starts_find_what_one_misses():
         return update(
             wrong, dict.fromkeys(frame.refs, 0.5), frf=frame.frf, outputs=frame.outputs, inputs=frame.inputs,
             noise=NOISE, model_error=0.0, amplitude_error=0.0, band=(0.35 * top, top),
-            settings=Settings(n_starts=n, stages=(1.0,)),
+            settings=UpdateSettings(n_starts=n, stages=(1.0,)),
         )  # fmt: skip
 
     assert run(1).misfit["frf"] > 100

@@ -17,7 +17,7 @@ import pytest
 
 from dovetail.cli import main
 from dovetail.validation import run as runner
-from dovetail.validation.cases import SETS, CaseError, Settings, _Scale, draw_case, kinds_of
+from dovetail.validation.cases import SETS, CaseError, CaseSettings, _Scale, draw_case, kinds_of
 from dovetail.validation.frames import draw_draft, perturbed
 from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, draw_hidden
 from dovetail.validation.judging import judge, same_place
@@ -25,7 +25,7 @@ from dovetail.validation.table import as_markdown, interval, summarise
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.diagnosis.diagnose import propose
 
-SETTINGS = Settings(3, small=True)
+SETTINGS = CaseSettings(3, small=True)
 FAMILY = {"joint": "cross", "support": "angle", "end": "angle", "rigid": "angle"}
 
 
@@ -516,7 +516,7 @@ def test_sets_have_their_place_in_the_seed():
 
 
 def test_a_soft_corner_goes_by_either_members_name_but_one_axis():
-    case = draw_case(Settings(911), "weak", 1)  # an arm on a post: its bending is the post's torsion
+    case = draw_case(CaseSettings(911), "weak", 1)  # an arm on a post: its bending is the post's torsion
     place = case.implants[0].hidden.place
     assert place.turns == (("post", "rx"), ("arm", "rz"))
     alike = {e.name: same_place(e, case.model, place) for e in propose(case.model, ["end_release"])}
@@ -541,6 +541,6 @@ def test_two_runs_in_one_folder_do_not_both_compute(tmp_path):
         assert other.stdout.readline() == "held\n"
         words = rf"another validate computes here \(process {other.pid} on"
         with pytest.raises(runner.ValidationError, match=words):
-            runner.validate(Settings(1, True), (), tmp_path)
+            runner.validate(CaseSettings(1, True), (), tmp_path)
         other.kill()
-    assert runner.validate(Settings(1, True), (), tmp_path) == []
+    assert runner.validate(CaseSettings(1, True), (), tmp_path) == []

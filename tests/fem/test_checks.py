@@ -1,4 +1,4 @@
-"""Faults of meshes and models: each planted fault is found, and named by its points and lines."""
+"""Defects of meshes and models: each planted one is found, and named by its points and lines."""
 
 from dataclasses import replace
 

@@ -14,7 +14,7 @@ from fem.io import write_npz
 from fem.model import parameter_values
 from tests.nonlinear import make_rig
 from updating import EFFECT, UNEXPLAINED, diagnose
-from updating.inference.parameters import effect_variables
+from updating.inference.unknowns import effect_unknowns
 
 COMMON = {"name": "e", "joint": "bolt", "direction": "z", "amplitude": 1e-5}
 ELEMENTS = {
@@ -202,13 +202,13 @@ def spread_by_differences(found):
     """Return √(gᵀCg) of ln|H| at some lines, g from central differences over 1e-5 of what was fitted."""
     problem, fit = found.problem, found.steps[-1].result
     element, lines = fit.effects[-1], np.arange(len(found.measured.frequency))[SOME]
-    own = effect_variables([element], [parameter_values(element)])
+    own = effect_unknowns([element], [parameter_values(element)])
     ends = []
     units = np.ones(len(fit.covariance))
     variables = (*problem.function(fit.effects[:-1], [], lines).variables, *own)
     for k, v in enumerate(variables):
-        units[k] = v.unit
-        of_x = np.sqrt(fit.covariance[k, k]) / v.unit
+        units[k] = v.size
+        of_x = np.sqrt(fit.covariance[k, k]) / v.size
         assert fit.std[v.ref] == pytest.approx(v.deviation(v.to_x(fit.values[v.ref]), of_x), rel=1e-6)
         for step in (1e-5, -1e-5):
             value = v.to_value(v.to_x(fit.values[v.ref]) + step)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dovetail.report import words
-from dovetail.validation.cases import Settings, draw_case
+from dovetail.validation.cases import CaseSettings, draw_case
 from fem.model import Effect, parameter_values
 from tests.hidden.cases import make_case
 from updating.diagnosis.acceptance import Limits, whole_level
@@ -25,7 +25,7 @@ SILENT = lambda text, done: None  # noqa: E731
 @pytest.fixture(scope="module")
 def nothing():
     """A small frame with nothing hidden, its truth from exact dynamic stiffness matrices."""
-    case = draw_case(Settings(7, small=True), "null", 1)
+    case = draw_case(CaseSettings(7, small=True), "null", 1)
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
     return case, problem, problem.fit()
 

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from fem.analysis.frf import FRF
 from updating.modal import condensed_lines
 from updating.modal.condensed_lines import N_NODES, condense_lines
-from updating.modal.refinement import FitData, fit_modes
+from updating.modal.modal_fit import ModalFitData
+from updating.modal.refinement import fit_modes
 
 
 def term(omega, pole, power):
@@ -89,7 +90,7 @@ def test_a_fit_and_its_deviations_are_those_of_all_lines(added_decay, monkeypatc
     H = np.einsum("fr,or,ri->foi", p, psi, L) + np.einsum("fr,or,ri->foi", q, psi.conj(), L.conj())
     H += 0.1 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) * np.abs(H).mean()
     spread = np.exp(0.3 * rng.standard_normal((4000, 2)))
-    data = FitData(FRF.from_arrays(lines, H, "accelerance"), np.ones(4), spread, added_decay=added_decay)
+    data = ModalFitData(FRF.from_arrays(lines, H, "accelerance"), np.ones(4), spread, added_decay=added_decay)
     start = poles * (1 + 0.003 * rng.standard_normal(3))
     few = fit_modes(data, start, L)
     assert data.condensed(start).omega.size < 1000

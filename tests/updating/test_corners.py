@@ -10,9 +10,10 @@ from fem.effects.solid_corner import SolidCorner
 from tests.frames import welded
 from updating import Measurement, Sensor, build_problem, diagnose, propose
 from updating.diagnosis.corners import with_corners
-from updating.inference.fit import MODEL_ERROR, NOISE_LIMIT, TRANSVERSE, prepare, sensor_vectors
-from updating.inference.parameters import Nuisance, Variable, nuisance_variables
+from updating.inference.fit_data import MODEL_ERROR, NOISE_LIMIT, TRANSVERSE, prepare, sensor_vectors
+from updating.inference.parameters import Nuisance
 from updating.inference.preparation import NEIGHBOURS, prepared_like, with_higher_mass
+from updating.inference.unknowns import nuisance_unknowns
 from updating.measurement.measurement import place_sensors
 
 NUISANCES = (Nuisance("frame", "E:steel", 0.02), Nuisance("frame", "rho:steel", 0.005))
@@ -111,10 +112,7 @@ def test_corners_that_the_structure_does_not_have_are_not_found():
 def test_what_is_known_of_corners_lies_within_their_bounds():
     (corner,) = SolidCorner.propose(welded())
     model = welded().with_effect(corner.with_values(size=1.0))
-    size, factor = nuisance_variables(
-        model, [Nuisance(corner.name, p.name, 0.3) for p in corner.parameters()]
-    )
-    assert isinstance(size, Variable)
+    size, factor = nuisance_unknowns(model, [Nuisance(corner.name, p.name, 0.3) for p in corner.parameters()])
     assert [size.to_value(x) for x in size.bounds()] == pytest.approx([0.0, 2.0])
     assert [factor.to_value(x) for x in factor.bounds()] == pytest.approx([0.2, 1.0])
 

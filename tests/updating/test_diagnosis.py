@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.validation.cases import Settings, draw_case
+from dovetail.validation.cases import CaseSettings, draw_case
 from fem import FRF
 from fem.elements.frame import Frame
 from tests.hidden.cases import DRAWN, make_case
@@ -54,7 +54,7 @@ def test_nothing_is_found_where_nothing_is_hidden():
 
 
 def test_a_part_of_the_band_with_other_damping_than_its_neighbours_is_fitted_once_more(monkeypatch):
-    case = draw_case(Settings(2401), "null", 156)  # nominal 0.3 %, at the top of the band 3 %
+    case = draw_case(CaseSettings(2401), "null", 156)  # nominal 0.3 %, at the top of the band 3 %
     problem = build_problem(
         preparation.with_higher_mass(case.model), case.measurement, case.nuisances, connections=True,
         model_error=0.0,
@@ -229,7 +229,7 @@ def test_fresh_cases(seed, record_property):
 def test_a_whole_members_torsion_lies_within_its_interval():
     # The nominal model's modes converge slowly to those of a member more than twice as stiff in torsion: on
     # them alone the fit is 0.06 dB off, and its value three deviations.
-    case = draw_case(Settings(1, small=True), "single", 23)
+    case = draw_case(CaseSettings(1, small=True), "single", 23)
     (implant,) = case.implants
     found = run(case, kinds=["member_torsion"], model_error=0.0)
     ((change,),) = (f.parameters for f in found.findings)

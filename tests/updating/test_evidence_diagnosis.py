@@ -5,7 +5,7 @@ from study.run import measured
 
 from dovetail import load_study
 from dovetail.pipeline import without_held_out
-from tests.small_frame import write_study
+from tests.frames import write_study
 from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from fem import assemble, solve_modes
+from fem.effects.section_form import SectionForm
+from fem.effects.zone_form import ZoneForm
 from tests.frames import FLAT, STEEL, beam, fix, portal
-from updating.diagnosis.evidence.form import SectionForm, ZoneForm, form_of
+from updating.diagnosis.evidence.form import form_of
 
 
 def frequencies(model, n=6):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail.validation.cases import Settings, draw_case
+from dovetail.validation.cases import CaseSettings, draw_case
 from fem import FRF
 from tests.hidden.cases import make_case
 from updating import (
@@ -330,7 +330,7 @@ def test_a_tilt_is_sought_towards_any_direction():
 
 @pytest.mark.slow
 def test_a_gain_that_a_support_may_look_like_is_believed_where_no_effect_explains_it():
-    case = draw_case(Settings(2201), "faults", 27)  # a sensor near a clamped foot
+    case = draw_case(CaseSettings(2201), "faults", 27)  # a sensor near a clamped foot
     (implant,) = case.implants
     truth = implant.hidden.values(implant.amplitude)["value"]
     found = diagnose(case.model, [case.measurement], case.nuisances, kinds=["point_mass"], model_error=0.0)
@@ -347,7 +347,7 @@ def test_a_gain_that_a_support_may_look_like_is_believed_where_no_effect_explain
 
 def test_a_tilt_that_makes_most_of_the_misfit_is_a_fault():
     # One of sixteen sensors is off by 8.7 dB, the others by 0.7; of all of them it is 1.2.
-    case = draw_case(Settings(2601), "faults", 25)
+    case = draw_case(CaseSettings(2601), "faults", 25)
     (hidden,) = case.implants
     problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     (found,) = find_faults(problem, problem.fit())[2]
@@ -357,7 +357,7 @@ def test_a_tilt_that_makes_most_of_the_misfit_is_a_fault():
 
 def test_a_support_that_gives_way_is_no_gain_that_leaves_more_when_it_is_set_right():
     # Beside a foot that turns a sensor seems to read half; with that set right 3.8 dB are left for 3.4.
-    case = draw_case(Settings(2801), "single", 26)
+    case = draw_case(CaseSettings(2801), "single", 26)
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, model_error=0.0)
     null = problem.fit()
     mended, fit, found = find_faults(problem, null)

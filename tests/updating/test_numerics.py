@@ -9,8 +9,9 @@ from fem.analysis.frf import FRF, FRFError
 from fem.model import Parameter
 from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
-from updating.inference.parameters import DampingCurve, Variable
-from updating.inference.solve import Prior, solve_robust, step_within
+from updating.inference.parameters import DampingCurve
+from updating.inference.solve import Prior, solve_robust
+from updating.inference.unknowns import ScaledUnknown, Unknown
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.measurement.noise import relative_noise
 
@@ -224,35 +225,6 @@ def test_without_outliers_it_is_least_squares():
     np.testing.assert_allclose(result.covariance, s2 * np.linalg.inv(both.T @ both) * 200 / 400, rtol=0.02)
 
 
-@settings(max_examples=300, derandomize=True, deadline=None)
-@given(seeds, st.integers(1, 6), st.floats(0.0, 4.0))
-def test_a_step_within_limits_is_better_than_a_shortened_one(seed, n, decades):
-    rng = np.random.default_rng(seed)
-    Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
-    H = (Q * 10 ** rng.uniform(-decades / 2, decades / 2, n)) @ Q.T
-    goal = 3 * rng.standard_normal(n) * 10 ** rng.uniform(-1, 1)
-    g = -H @ goal
-    lower, upper = -rng.uniform(0, 1, n), rng.uniform(0, 1, n)  # also none to one side
-    step = step_within(goal, H, g, (lower, upper))
-    assert ((step >= lower) & (step <= upper)).all()
-    inside = (step > lower) & (step < upper)
-    np.testing.assert_allclose((H @ step + g)[inside], 0, atol=1e-9 * np.abs(g).max())
-
-    def model(p):
-        return 0.5 * p @ H @ p + g @ p
-
-    shortened = goal * min(1.0, (np.where(goal > 0, upper, lower) / goal).min())
-    assert model(step) <= model(shortened) + 1e-9 * abs(model(goal))
-
-
-def test_a_step_within_limits_does_not_leave_a_valley():
-    across, along = np.array([3.0, 1.0]) / np.sqrt(10), np.array([1.0, -3.0]) / np.sqrt(10)
-    H = 1e4 * np.outer(across, across) + 1e-2 * np.outer(along, along)
-    goal = np.array([10.0, -30.0])
-    step = step_within(goal, H, -H @ goal, (-np.ones(2), np.ones(2)))
-    np.testing.assert_allclose(step, [1 / 3, -1], rtol=1e-3)
-
-
 @pytest.mark.parametrize("relative", [False, True])
 def test_an_unknown_with_a_long_way_to_go_does_not_hold_up_the_others(relative):
     residual, A, b, _ = linear_problem()
@@ -343,7 +315,7 @@ def test_what_is_systematic_leaves_the_prior_alone():
 @pytest.mark.parametrize("log", [True, False])
 def test_a_deviation_is_half_the_width_of_the_interval_of_the_value(log, std):
     p = Parameter("stiffness", "N/m", 250.0, np.inf, 0.0, np.inf, log=log)
-    v = Variable(("spring", "stiffness"), p, 40.0, None, None)
+    v = ScaledUnknown.of(Unknown((("spring", "stiffness"),)), [p])
     x = v.to_x(250.0)
     width = v.to_value(x + std) - v.to_value(x - std)
     assert v.deviation(x, std) == pytest.approx(width / 2, rel=1e-9)

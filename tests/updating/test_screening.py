@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from dovetail.validation.cases import Settings, draw_case
+from dovetail.validation.cases import CaseSettings, draw_case
 from fem.model import parameter_values
 from tests.hidden.cases import make_case
 from updating.diagnosis import screening
@@ -292,7 +292,7 @@ def test_a_weak_effect_is_looked_at_on_either_side_of_its_absence():
 
 def test_a_member_that_is_a_little_heavier_is_looked_at_among_the_first():
     """Its mode moves by more than its resonance is wide, and a little less mass does not show that."""
-    case = draw_case(Settings(seed=3401), "weak", 37)
+    case = draw_case(CaseSettings(seed=3401), "weak", 37)
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, model_error=0.0)
     grids = tuple(Grid.of(problem, e) for e in propose(case.model, test=case.measurement))
     (hidden,) = case.implants

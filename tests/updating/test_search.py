@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.validation.cases import Settings, draw_case
+from dovetail.validation.cases import CaseSettings, draw_case
 from fem.model import parameter_values
 from fem.reduction.reduced_model import reduce_model
 from tests.frames import chain
@@ -16,15 +16,8 @@ from updating.diagnosis.bootstrap import bootstrap
 from updating.diagnosis.diagnose import diagnose, propose
 from updating.diagnosis.screening import Grid
 from updating.inference import preparation
-from updating.inference.fit import (
-    BEAMS_LEAVE,
-    EXPLAINED_LEVEL,
-    ITERATIONS,
-    LEVEL_FLOOR,
-    NOISE_COUNTED,
-    ROBUST,
-    FitProblem,
-)
+from updating.inference.fit import BEAMS_LEAVE, EXPLAINED_LEVEL, ITERATIONS, NOISE_COUNTED, FitProblem
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import build_problem
 
@@ -167,7 +160,7 @@ def test_what_damps_must_do_so_on_the_fitted_lines_by_themselves(after, falls, f
 
 
 def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise():
-    case = draw_case(Settings(911), "null", 1)  # members 0.3 to 2.5 % over the band, the joint 0.4 %
+    case = draw_case(CaseSettings(911), "null", 1)  # members 0.3 to 2.5 % over the band, the joint 0.4 %
     alike = build_problem(case.model, case.measurement, case.nuisances)
     assert alike.fit().level > 2 * alike.data.noise_level
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
@@ -178,7 +171,7 @@ def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise(
 
 
 def test_a_joint_that_damps_many_times_more_is_not_let_off():
-    case = draw_case(Settings(1409), "single", 40)  # a loss factor of 0.116, members' ratio 0.4 to 1.4 %
+    case = draw_case(CaseSettings(1409), "single", 40)  # a loss factor of 0.116, members' ratio 0.4 to 1.4 %
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
     fit = problem.fit()
     assert fit.level > 1.2 * problem.data.noise_level
@@ -308,7 +301,7 @@ def test_what_is_looked_at_first_has_a_second_start_however_badly_its_first_ends
 
 @pytest.mark.slow
 def test_a_crack_that_stays_at_the_foot_is_found_where_it_is_before_data_are_unexplained(monkeypatch):
-    case = draw_case(Settings(seed=2301), "single", 14)
+    case = draw_case(CaseSettings(seed=2301), "single", 14)
     (hidden,) = case.implants
     truth = hidden.hidden.values(hidden.amplitude)["position"]
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True, model_error=0.0)
@@ -483,7 +476,7 @@ def test_the_others_at_the_place_of_an_accepted_effect_take_its_turn():
 
 def test_a_position_is_fitted_from_beside_where_the_short_fit_ended():
     """A body of 0.16 g·m² 44 mm from a foot ended at 14 mm with four times as much, and a mass did better."""
-    case = draw_case(Settings(3501), "single", 93)
+    case = draw_case(CaseSettings(3501), "single", 93)
     candidates = propose(case.model, ["point_inertia", "point_mass"])
     problem = build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
     null = problem.fit()
@@ -501,7 +494,7 @@ def test_a_position_is_fitted_from_beside_where_the_short_fit_ended():
 @pytest.fixture(scope="module")
 def of_one_material():
     """Two bars of one material; the second is 1.7 % stiffer than both are said to be."""
-    case = draw_case(Settings(3501), "single", 30)
+    case = draw_case(CaseSettings(3501), "single", 30)
     return case, build_problem(case.model, case.measurement, case.nuisances, model_error=0.0)
 
 
@@ -751,7 +744,7 @@ def test_what_is_said_to_be_uncertain_is_no_effect_within_its_tolerance():
 def test_fits_are_repeated_from_where_they_are_on_the_whole_band():
     # On the lower part of the band a mass spread over 0.3 m and one that reaches to the member's end look
     # alike, and a fit that begins there ends in the second, 25 % worse.
-    case = draw_case(Settings(911), "two", 3)
+    case = draw_case(CaseSettings(911), "two", 3)
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
     support, mass = (
         next(e for e in propose(case.model, [kind]) if e.name == name)
@@ -1372,7 +1365,7 @@ def test_one_effect_does_not_take_the_place_of_two_that_are_much_more_likely():
 
 
 def test_the_damping_curve_has_a_knot_for_every_two_modes():
-    case = draw_case(Settings(911), "null", 3)  # nine modes
+    case = draw_case(CaseSettings(911), "null", 3)  # nine modes
     problem = build_problem(case.model, case.measurement, case.nuisances)
     assert (problem.n_modes, len(problem.damping.knots)) == (9, 4)
 
@@ -1395,7 +1388,7 @@ def test_much_may_be_left_of_more_where_beams_may_err():
 def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypatch):
     """Its level counts a tenth more where candidates are compared; a weak effect does not make up for it."""
     monkeypatch.setattr(acceptance, "DAMPING_MARGIN", 1.1)
-    case = draw_case(Settings(1511), "weak", 10)  # a fractional joint; with it the level falls by 1.1
+    case = draw_case(CaseSettings(1511), "weak", 10)  # a fractional joint; with it the level falls by 1.1
     options = {"connections": True, "n_lines": 480, "model_error": 0.0}
     problem = build_problem(case.model, case.measurement, case.nuisances, **options)
     null = problem.fit()
@@ -1415,7 +1408,7 @@ def test_what_damps_is_tried_though_what_does_nothing_stands_before_it(monkeypat
 
 
 def test_an_uncertain_parameter_far_off_its_tolerance_is_an_effect():
-    case = draw_case(Settings(1601), "weak", 20)  # a joint that is 28 % softer, known to 8.7 %
+    case = draw_case(CaseSettings(1601), "weak", 20)  # a joint that is 28 % softer, known to 8.7 %
     told = {}
     for model_error in (0.0, EXPLAINED_LEVEL):
         kinds = ["joint_stiffness", "point_mass"]

@@ -6,7 +6,7 @@ import pytest
 import fem
 from dovetail import load_study
 from updating import Measurement, MeasurementError, Sensor, build_problem, update, with_sensor_masses
-from updating.inference.fit import sensor_vectors
+from updating.inference.fit_data import sensor_vectors
 from updating.inference.preparation import with_higher_mass
 from updating.measurement.measurement import sensor_rows
 

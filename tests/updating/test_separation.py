@@ -10,7 +10,7 @@ from fem.analysis.frf import FRF
 from fem.effects import PointMass
 from updating import Measurement, Sensor, place_sensors
 from updating.diagnosis.separation import next_measurements, what_decides
-from updating.inference.fit import SYSTEMATIC_SHARE
+from updating.inference.fit_data import SYSTEMATIC_SHARE
 from updating.inference.preparation import build_problem
 
 

@@ -13,17 +13,16 @@ from fem.effects import MemberStiffness, SupportFlexibility
 from fem.effects.ground_spring import GroundSpring
 from fem.model import ModelError
 from tests.frames import STEEL, beam, fix, planar, portal
+from updating.inference.frf_data import frf_data
+from updating.inference.frf_residual import FRFResidual
+from updating.inference.mode_data import mode_data
+from updating.inference.mode_residual import mode_jacobian, mode_residual
 from updating.inference.preparation import build_problem
-from updating.inference.residuals import (
-    FRFResidual,
-    frf_data,
-    mode_data,
-    mode_jacobian,
-    mode_residual,
-)
 from updating.inference.sampling import MissingExtraError, sample
 from updating.inference.unknowns import Unknown
-from updating.inference.update import Ending, Settings, update
+from updating.inference.update import update
+from updating.inference.update_settings import UpdateSettings
+from updating.inference.updated import Ending
 from updating.measurement.measurement import Measurement, Sensor
 
 modest = settings(max_examples=8, derandomize=True, deadline=None)
@@ -387,7 +386,7 @@ def test_a_prior_that_the_data_contradict_is_let_go_and_pulls_at_nothing():
     priors = dict(zip(truth, (0.05, 0.02, 0.05, 0.01), strict=True))
     free = update(model, priors | {CHANGES[1]: None}, **data)
     found = update(model, priors, **data)
-    kept = update(model, priors, settings=Settings(contradicted=np.inf), **data)
+    kept = update(model, priors, settings=UpdateSettings(contradicted=np.inf), **data)
     for result in (free, found, kept):
         assert result.ending is Ending.CONVERGED
     errors = [(r.values - list(truth.values())) / r.std for r in (found, kept)]
@@ -407,14 +406,14 @@ def test_a_prior_that_the_data_contradict_is_let_go_and_pulls_at_nothing():
 def test_selection_says_what_it_leaves_out():
     model = planar(beam(10, effects=(fix(0),)))
     f = fem.solve_modes(fem.assemble(model), n=5).frequency
-    result = update(model, [E, RHO], frequency=1.02 * f, settings=Settings(select="pivoting"))
+    result = update(model, [E, RHO], frequency=1.02 * f, settings=UpdateSettings(select="pivoting"))
     ((name, reason),) = result.left_out
     assert name in ("frame E:steel", "frame rho:steel")
     assert "does the same as" in reason
     assert result.ending is Ending.CONVERGED
     ratio = result["frame E:steel"].value / result["frame rho:steel"].value
     assert ratio == pytest.approx(1.02**2 * 210e9 / 7850, rel=1e-6)
-    forward = update(model, [E, RHO], frequency=1.02 * f, settings=Settings(select="forward"))
+    forward = update(model, [E, RHO], frequency=1.02 * f, settings=UpdateSettings(select="forward"))
     assert len(forward.left_out) == 1
 
 
@@ -435,12 +434,12 @@ def test_regularisation_bounds_what_the_data_do_not_say():
     f = f * (1 + 1e-4 * np.random.default_rng(0).standard_normal(4))
     second = np.diff(np.eye(n), 2, axis=0)
     kwargs = {"frequency": f, "frequency_std": 1e-4, "model_error": 0.0}
-    tikhonov = update(model, refs, **kwargs, settings=Settings(regularisation="tikhonov"))
+    tikhonov = update(model, refs, **kwargs, settings=UpdateSettings(regularisation="tikhonov"))
     smoothed = update(
         model,
         refs,
         **kwargs,
-        settings=Settings(regularisation="gsvd", operator=np.vstack([second, np.eye(n)[:2] * 1e-3])),
+        settings=UpdateSettings(regularisation="gsvd", operator=np.vstack([second, np.eye(n)[:2] * 1e-3])),
     )
     assert smoothed.curve is not None
     assert np.isfinite(smoothed.std).all()
@@ -451,7 +450,7 @@ def test_regularisation_bounds_what_the_data_do_not_say():
 def test_several_starts_find_what_one_misses():
     model = beam(10, effects=(fix(0),))
     f = fem.solve_modes(fem.assemble(model), n=4).frequency
-    result = update(model, {E: 0.3}, frequency=1.2 * f, settings=Settings(n_starts=3))
+    result = update(model, {E: 0.3}, frequency=1.2 * f, settings=UpdateSettings(n_starts=3))
     assert len(result.starts) == 3
     assert min(cost for _, cost in result.starts) == pytest.approx(result.path[-1].cost, abs=0.5)
 
@@ -482,7 +481,7 @@ def test_an_updating_brings_samples_when_asked():
     pytest.importorskip("emcee")
     model = beam(4, effects=(fix(0),))
     f = fem.solve_modes(fem.assemble(model), n=3).frequency
-    result = update(model, {E: 0.05}, frequency=f, settings=Settings(n_samples=50, seed=4))
+    result = update(model, {E: 0.05}, frequency=f, settings=UpdateSettings(n_samples=50, seed=4))
     assert result.samples is not None
     assert result.samples.values.shape == (4 * 40, 1)
     got = result["frame E:steel"]
@@ -494,7 +493,7 @@ def test_without_emcee_the_extra_is_named(monkeypatch):
     model = beam(6, effects=(fix(0),))
     f = fem.solve_modes(fem.assemble(model), n=4).frequency
     with pytest.raises(MissingExtraError, match=r"dovetail\[sampling\]"):
-        update(model, {E: 0.05}, frequency=f, settings=Settings(n_samples=10))
+        update(model, {E: 0.05}, frequency=f, settings=UpdateSettings(n_samples=10))
 
 
 # -------------------------------------------------------------------------------------------- failures
@@ -512,7 +511,7 @@ def test_no_partner_at_all_ends_with_the_reason():
 def test_too_few_iterations_give_the_best_point():
     model = beam(10, effects=(fix(0),))
     f = fem.solve_modes(fem.assemble(model), n=4).frequency
-    result = update(model, [E], frequency=1.15 * f, settings=Settings(max_iterations=1))
+    result = update(model, [E], frequency=1.15 * f, settings=UpdateSettings(max_iterations=1))
     assert result.ending is Ending.OUT_OF_ITERATIONS
     assert result.path[-1].cost < result.path[0].cost
     assert "allow more iterations" in result.messages[0]
@@ -559,15 +558,15 @@ def test_parameters_that_make_no_sense_are_refused(parameters, message):
 
 def test_settings_are_checked():
     with pytest.raises(ValueError, match="allowed are tikhonov, gsvd"):
-        Settings(regularisation="ridge")
+        UpdateSettings(regularisation="ridge")
     with pytest.raises(ValueError, match="needs an operator"):
-        Settings(regularisation="gsvd")
+        UpdateSettings(regularisation="gsvd")
     with pytest.raises(ValueError, match="end with 1"):
-        Settings(stages=(0.5,))
+        UpdateSettings(stages=(0.5,))
     with pytest.raises(ValueError, match="n_starts is 0; at least 1 is needed"):
-        Settings(n_starts=0)
+        UpdateSettings(n_starts=0)
     with pytest.raises(ValueError, match="contradicted at -1"):
-        Settings(contradicted=-1)
+        UpdateSettings(contradicted=-1)
 
 
 # -------------------------------------------------------------------- what is not determined, and bad starts
@@ -607,7 +606,7 @@ def test_a_list_of_modes_that_nothing_moves_is_named(how):
     """The measured modes bend across z, and only stiffness along x is updated."""
     model = sprung(x=3e4, z=2e3)
     f = fem.solve_modes(fem.assemble(model), n=6).frequency[[1, 3, 5]] * [1.03, 1.0, 1.0]
-    result = update(model, stiffness_of("x"), frequency=f, numbers=[1, 3, 5], settings=Settings(**how))
+    result = update(model, stiffness_of("x"), frequency=f, numbers=[1, 3, 5], settings=UpdateSettings(**how))
     assert result.ending is Ending.NOTHING_DETERMINED
     assert result.values[0] == pytest.approx(3e4, rel=1e-9)
     assert any(
@@ -621,7 +620,7 @@ def test_parameters_that_do_the_same_are_named_together():
     """Frequencies of a clamped beam have E/rho alone, for which any steps used to solve a singular matrix."""
     model = beam(10, effects=(fix(0),))
     f = 1.01 * fem.solve_modes(fem.assemble(model), n=4).frequency
-    result = update(model, [E, RHO], frequency=f, settings=Settings(max_iterations=100))
+    result = update(model, [E, RHO], frequency=f, settings=UpdateSettings(max_iterations=100))
     assert result.ending is Ending.CONVERGED
     assert result.values[0] / result.values[1] == pytest.approx(1.01**2 * 210e9 / 7850, rel=1e-6)
     # the nearest to the start of all that have this ratio: half the change each
@@ -669,7 +668,7 @@ def test_no_fit_ends_worse_than_it_began():
     H = noisy(frfs_of(model, places, places[:1], lines).H, 0.01)
     data = {"frf": H, "lines": lines, "outputs": places, "inputs": places[:1], "noise": 0.01}
     for seed in range(3):
-        settings = Settings(n_starts=2, seed=seed, max_iterations=3, stages=(0.1, 1.0))
+        settings = UpdateSettings(n_starts=2, seed=seed, max_iterations=3, stages=(0.1, 1.0))
         result = update(model, [Unknown((E,), lower=50e9, upper=800e9)], settings=settings, **data)
         assert result.path[-1].cost <= result.path[0].cost + 1.0
         assert result["frame E:steel"].value == pytest.approx(210e9, rel=1e-3)

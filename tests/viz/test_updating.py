@@ -7,7 +7,8 @@ import fem
 from fem.effects import MemberStiffness
 from tests.frames import portal
 from updating.inference.regularisation import l_curve
-from updating.inference.update import Settings, update
+from updating.inference.update import update
+from updating.inference.update_settings import UpdateSettings
 from viz import style
 from viz.updating import plot_convergence, plot_correlation, plot_l_curve, plot_parameters
 
@@ -24,7 +25,7 @@ def updated():
     parameters = {("dE left", "change"): 0.2, ("frame", "E:steel"): 0.1, ("frame", "rho:steel"): 1e-5}
     return update(
         model, parameters, frequency=modes.frequency, shapes=modes.shapes[rows], outputs=places,
-        settings=Settings(regularisation="tikhonov"),
+        settings=UpdateSettings(regularisation="tikhonov"),
     )  # fmt: skip
 
 

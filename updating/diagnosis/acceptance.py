@@ -10,7 +10,8 @@ import numpy as np
 
 from fem.model import Effect, Parameter
 from updating.diagnosis.findings import Ranked, parameters_of
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 
 STEP_LEVEL = 1.08
 """While much is unexplained an effect is tried with others if both levels fall by more than this factor."""

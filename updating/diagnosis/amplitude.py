@@ -18,19 +18,13 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
-from updating.inference.fit import (
-    LEVEL_FLOOR,
-    ROBUST,
-    SYSTEMATIC_SHARE,
-    FitData,
-    FitProblem,
-    FitResult,
-    by_unknowns,
-    noise_squares,
-    propagated,
-)
-from updating.inference.parameters import effect_variables
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import SYSTEMATIC_SHARE, FitData, noise_squares
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, by_unknowns, propagated
+from updating.inference.fit_result import FitResult
 from updating.inference.solve import Prior, Solution, solve_robust
+from updating.inference.unknowns import effect_unknowns
+from updating.least_squares.loss import pseudo_huber
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
 from updating.quality.gates import at_level
@@ -148,7 +142,7 @@ class _Function:
 
     @property
     def units(self) -> Floats:
-        return np.array([*self.rest.units, *(v.unit for v in self.own)])
+        return np.array([*self.rest.units, *(v.size for v in self.own)])
 
     @property
     def order(self) -> NDArray[np.int64]:
@@ -212,7 +206,7 @@ def _function(
 ) -> _Function:
     starts = [parameter_values(e) for e in linear]
     rest = problem.function(linear, starts, lines)
-    own = effect_variables([element], [parameter_values(element)])
+    own = effect_unknowns([element], [parameter_values(element)])
     return _Function(_AtJoint(problem, tuple(linear), element, lines), levels, rest, own)
 
 
@@ -250,7 +244,7 @@ def _fitted(
             groups=f.groups(),
             robust=ROBUST,
             max_iterations=max_iterations,
-            relative=np.array([*f.rest.relative, *(not v.parameter.log for v in f.own)]),
+            relative=np.array([*f.rest.relative, *(not v.log for v in f.own)]),
         )
         x = solution.x
     n_rest = len(f.rest.start)
@@ -383,5 +377,5 @@ def _seen_level(
         measured = np.where(keep, data.H[lines], 0.0)
         H = solve_steady(element, data.measurement.force_level or 1.0, part, measured).H
         r = np.abs((data.weight[lines] * log_ratio(H, np.where(measured != 0, measured, 1.0)))[keep])
-        squares.append(float(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1))))
+        squares.append(float(np.nanmean(pseudo_huber(r, ROBUST))))
     return float(np.sqrt(np.mean(squares)))

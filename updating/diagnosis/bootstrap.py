@@ -15,7 +15,9 @@ from updating.diagnosis.acceptance import Limits, whole_level
 from updating.diagnosis.findings import Finding
 from updating.diagnosis.screening import Grid
 from updating.diagnosis.search import Progress, Search, best_addition
-from updating.inference.fit import FitData, FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import FitData
+from updating.inference.fit_result import FitResult
 from updating.inference.preparation import finer_receptances
 
 

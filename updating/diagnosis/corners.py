@@ -15,7 +15,8 @@ from fem.model import Effect, Model, ParameterRef, parameter_values
 from updating.diagnosis.acceptance import ACCEPT_GAIN, ACCEPT_LEVEL
 from updating.diagnosis.findings import Finding, Step, parameters_of, step_added, step_of
 from updating.diagnosis.search import QUICK_ITERATIONS, QUICK_LINES, Search
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 
 CORNER_STD, CORNER_REACH = 0.3, 2.0

@@ -41,9 +41,17 @@ from updating.diagnosis.search import (
     similarity_of,
 )
 from updating.diagnosis.separation import what_decides
-from updating.inference.fit import EXPLAINED_LEVEL, FitData, FitProblem, FitResult
+from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.fit_data import FitData
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_LINES, build_fine, build_problem, fitted_model, with_higher_mass
+from updating.inference.preparation import (
+    N_FIT_LINES,
+    build_fine,
+    build_problem,
+    fitted_model,
+    with_higher_mass,
+)
 from updating.measurement.measurement import Measurement, instruments_on
 from updating.quality.faults import Fault, find_faults, settle_faults
 from updating.quality.gates import Gates, check_gates, with_last_faults
@@ -194,7 +202,7 @@ def diagnose(
     band: tuple[float, float] | None = None,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
-    n_lines: int = N_LINES,
+    n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
     n_simulated: int = 0,
     progress: Progress | None = None,
@@ -261,7 +269,7 @@ def begin(
     *,
     damping_std: float = 0.5,
     band: tuple[float, float] | None = None,
-    n_lines: int = N_LINES,
+    n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
 ) -> FitProblem:
     """Return the problem that a diagnosis begins with: data, and a reduced model on a mesh fine enough.

@@ -7,7 +7,7 @@ import numpy as np
 
 from fem.model import Effect, Parameter
 from updating.diagnosis.separation import Decisive, Proposal
-from updating.inference.fit import FitResult
+from updating.inference.fit_result import FitResult
 
 AT_BOUND = 1e-6
 """Values are at a bound if they differ from it by no more than this, relatively [-]."""

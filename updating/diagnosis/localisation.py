@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from fem.effects import candidate_kinds, effect_classes
 from fem.model import Effect, applicable
 from updating.correlation import compare
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 
 
 @dataclass(frozen=True, slots=True, eq=False)

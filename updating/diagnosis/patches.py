@@ -9,7 +9,8 @@ from fem.effects.joint import Joint
 from fem.effects.joint_patch import JointPatch, turning_parameters, with_patch
 from fem.model import Effect, Model, parameter_values
 from updating.diagnosis.acceptance import ACCEPT_GAIN
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 
 PATCH_SIZES = (0.5, 0.75, 1.0, 1.25)

@@ -17,7 +17,10 @@ from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from updating.correlation import complex_log
-from updating.inference.fit import LEVEL_FLOOR, ROBUST, FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST
+from updating.inference.fit_result import FitResult
+from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 N_WHOLE, N_LOW = 44, 24
 """Lines of the whole band, and of the low one, at which candidates are looked at."""
@@ -470,9 +473,8 @@ class _Look:
             J[(np.abs(x[:, None] - limits) < AT_BOUND).any(axis=1)] = 0.0
         some = _some(len(r), most)
         r, J = r[some], J[:, some]
-        robust = 1 / np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2)
-        misfit = float((2 * ROBUST**2 * (1 / robust - 1)).mean())
-        weight = robust * problem.n_independent() / len(r) / (LEVEL_FLOOR**2 + misfit)
+        misfit = float(pseudo_huber(r, ROBUST).mean())
+        weight = pseudo_huber_weight(r, ROBUST) * problem.n_independent() / len(r) / (LEVEL_FLOOR**2 + misfit)
         prior = function.prior()
         known = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
         slopes, trust = np.hstack([J.real, J.imag]), np.concatenate([weight, weight])
@@ -617,7 +619,7 @@ def _best_multiples(
     Within ± ``most`` (n,), or from 0 to it where they are one-sided; the level is infinite where the change
     is invisible.
     """
-    weight = 1 / np.sqrt(1 + np.abs(now) ** 2 / ROBUST**2)
+    weight = pseudo_huber_weight(now, ROBUST)
     size = (weight * np.abs(change) ** 2).sum(axis=1)
     slope = (weight * (change.conj() * now).real).sum(axis=1)
     least = np.where(one_sided, 0.0, -most)
@@ -634,4 +636,4 @@ def _some(n: int, most: int) -> NDArray[np.int64]:
 
 def _level(r: Complexes) -> Floats:
     """Return the robust level of residuals (n, m) [nepers]."""
-    return np.sqrt((2 * ROBUST**2 * (np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2) - 1)).mean(axis=1))
+    return np.sqrt(pseudo_huber(r, ROBUST).mean(axis=1))

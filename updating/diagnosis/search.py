@@ -49,7 +49,9 @@ from updating.diagnosis.findings import (
 )
 from updating.diagnosis.screening import N_BEST, N_BEST_DEEP, Grid, Screened, rivals, screen
 from updating.diagnosis.separation import Decisive, Proposal, next_measurements, what_decides
-from updating.inference.fit import ITERATIONS, LEVEL_FLOOR, FitProblem, FitResult
+from updating.inference.fit import ITERATIONS, FitProblem
+from updating.inference.fit_function import LEVEL_FLOOR
+from updating.inference.fit_result import FitResult
 from updating.inference.preparation import basis_error, fitted_model
 
 RIGHT_MARGIN, BELIEVED_MARGIN = 1.25, 1.15
@@ -71,7 +73,7 @@ SAME_PLACE = 0.1
 """Places no farther apart than this share of the structure's size count as one there."""
 SAME_MEMBER = 0.5
 """Nor may they be farther apart than this share of the longest member's length."""
-N_LINES_WEAK = 480
+N_WEAK_FIT_LINES = 480
 """So many where weak effects are looked for: few lines see a narrow resonance or its absence."""
 N_FINE = 2
 """So many of the best candidates are fitted in fine stages as long as much is unexplained; where more of the
@@ -414,8 +416,8 @@ def _forward(
         part = _part(say, len(rounds))
         grids = grids or {e.name: Grid.of(problem, e) for e in open_}
         settled = current.level < limits.settled
-        if settled and limits.weak and problem.n_lines < N_LINES_WEAK:
-            problem = replace(problem, n_lines=N_LINES_WEAK)
+        if settled and limits.weak and problem.n_lines < N_WEAK_FIT_LINES:
+            problem = replace(problem, n_lines=N_WEAK_FIT_LINES)
             current = problem.refit(current)
             findings = at_values_of(current, findings)
             steps[-1] = step_of(steps[-1].label, current)

@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from fem.model import Model, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.fit import LEVEL_FLOOR, SYSTEMATIC_FROM, SYSTEMATIC_SHARE, FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import SYSTEMATIC_FROM, SYSTEMATIC_SHARE
+from updating.inference.fit_function import LEVEL_FLOOR
+from updating.inference.fit_result import FitResult
 from updating.inference.solve import inflation
 from updating.measurement.measurement import Sensor
 
-N_LINES = 60
+N_COMPARED_LINES = 60
 """Lines at which predictions are compared."""
 POINTS_PER_MEMBER = 5
 """Places along a member at which a sensor or a force is tried; fewer where there are many members."""
@@ -123,7 +126,7 @@ def next_measurements(
     error level s of the data, what remains is ½ dᵀ (s² I + J C Jᵀ)⁻¹ d, the expected log likelihood ratio
     (Lindley, Ann. Math. Stat. 27, 1956, in the linear case). As in the fits, lines stand for
     :data:`updating.inference.fit.INDEPENDENT_PER_MODE` independent data a mode, not for as many as there are,
-    and what is left beyond noise for :data:`updating.inference.fit.SYSTEMATIC_SHARE` of these; the
+    and what is left beyond noise for :data:`updating.inference.fit_data.SYSTEMATIC_SHARE` of these; the
     covariance, in which noise counts for more, is taken as it would be with these.
 
     Parameters
@@ -142,7 +145,7 @@ def next_measurements(
     outputs, inputs = problem.vectors
     f = problem.data.frequency
     band = (float(f[0]), float(f[-1]))
-    lines = np.linspace(*band, N_LINES)
+    lines = np.linspace(*band, N_COMPARED_LINES)
     predict = _Prediction(problem, first, second)
     found: list[Proposal] = []
 
@@ -165,7 +168,7 @@ def next_measurements(
                 break
         found += ranked
     higher = (band[1], BAND_BEYOND * band[1])
-    d, evidence = predict.compare(outputs, inputs, np.linspace(*higher, N_LINES // 2))
+    d, evidence = predict.compare(outputs, inputs, np.linspace(*higher, N_COMPARED_LINES // 2))
     good = np.isfinite(evidence)
     if good.any():
         where = f"the present channels from {higher[0]:.4g} to {higher[1]:.4g} Hz"
@@ -256,7 +259,7 @@ class _Prediction:
             return H, None
         starts = [parameter_values(e) for e in fit.effects]
         function = p.function(fit.effects, starts, np.zeros(0, dtype=np.int64))
-        slope_of = {v.ref: v.slope(v.to_x(fit.values[v.ref])) / v.unit for v in function.variables}
+        slope_of = {v.ref: v.slope(v.to_x(fit.values[v.ref])) / v.size for v in function.variables}
         scale = np.array([slope_of[r] for r in refs])
         safe = np.where(H != 0, H, 1.0)
         return H, scale[:, None, None, None] * dH / safe

@@ -1,11 +1,8 @@
-"""Fits of a reduced model to measured FRFs.
+"""Fits of a reduced model to measured FRFs: nuisance parameters, the damping curve and candidate effects."""
 
-What is fitted are nuisance parameters, the damping curve and candidate effects.
-"""
-
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,256 +10,37 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
-from fem.model import Effect, Model, ParameterRef, parameter_values
+from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.parameters import (
-    DampingCurve,
-    Nuisance,
-    Variable,
-    effect_variables,
-    nuisance_variables,
-)
-from updating.inference.solve import Prior, Residual, Solution, solve_robust
-from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_point
-from updating.measurement.noise import relative_noise
+from updating.inference.fit_data import FitData, sensor_vectors
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, propagated
+from updating.inference.fit_result import FitResult
+from updating.inference.parameters import DampingCurve, Nuisance
+from updating.inference.solve import Solution
+from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
+from updating.least_squares.loss import pseudo_huber
 
 INDEPENDENT_PER_MODE = 8.0
 """How many independent data one mode of the band stands for, against the priors."""
 
-SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
-"""For which share of the independent data that stands, in covariances, which a fit leaves beyond a multiple
-of the noise: an error of the model is much the same at neighbouring lines and sensors."""
 
 NOISE_COUNTED = 4.0
 """For how many times the independent data noise stands there, where the model's form is said to be right: it
 is another at every line and sensor."""
 
+
 ITERATIONS = 14
 """At most so many iterations in each band of a fit."""
 
-ROBUST = 0.5
-"""Residual at which the loss turns from quadratic to linear [nepers]."""
-
-NOISE_LIMIT = 0.2
-"""Lines with more relative noise than this are not compared [-]."""
-
-TRANSVERSE = 0.01
-"""Share of the motion square to a sensor that its reading may hold, where the model's form is not said to be
-right [-]: accelerometers hear one to three per cent of it, and nobody mounts them straighter."""
-
-LEAST_HEARD = 0.2
-"""FRFs that are more than noise at no more than this share of the lines are not compared at any [-]."""
-
-MODEL_ERROR = 0.05
-"""Relative accuracy that is asked of a model where the measurement is better than that [-]."""
 
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
 
+
 BEAMS_LEAVE = 1 / 3
 """Share of that level which the form of beams may leave of any structure."""
-
-LEVEL_FLOOR = 0.01
-"""Residual level below which nothing is gained [nepers]."""
-
-
-def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
-    """Return sensors as combinations of DOFs, shape (n_dof, n).
-
-    Raises
-    ------
-    MeasurementError
-        If the mesh has no point where a sensor sits (see
-        :func:`updating.measurement.measurement.place_sensors`).
-    """
-    out = np.zeros((model.n_dof, len(sensors)))
-    for i, sensor in enumerate(sensors):
-        point = sensor_point(model.mesh, sensor)
-        out[6 * point : 6 * point + 3, i] = sensor.gain * np.asarray(sensor.direction)
-    return out
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FitData:
-    """Measured receptances, prepared for fits.
-
-    Attributes
-    ----------
-    measurement : Measurement
-    frequency : ndarray (n_freq,)
-        All lines that count [Hz].
-    H : ndarray (n_freq, n_out, n_in)
-        Receptances.
-    mask : ndarray of bool (n_freq, n_out, n_in)
-        Values that count: not those of FRFs that are zero by symmetry, nor those with noise above
-        ``NOISE_LIMIT``, nor those that are exactly 0, which nothing was measured at, nor those of sensors
-        that may have read as much of what moves square to them.
-    weight : ndarray (n_freq, n_out, n_in)
-        Weight of each residual, 1 where noise and that are small beside ``MODEL_ERROR``.
-    noise : ndarray (n_freq, n_out, n_in)
-        Relative noise of the amplitude [-].
-    held_out : ndarray of bool (n_freq,)
-        Lines that no fit sees.
-    """
-
-    measurement: Measurement
-    frequency: NDArray[np.float64]
-    H: NDArray[np.complex128]
-    mask: NDArray[np.bool_]
-    weight: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    held_out: NDArray[np.bool_]
-
-    @property
-    def uncertain(self) -> NDArray[np.float64]:
-        """Relative uncertainty of each reading: noise, and what moves square to the sensor [-]."""
-        weight = np.where(self.mask & (self.weight > 0), self.weight, 1.0)
-        return np.maximum(MODEL_ERROR * np.sqrt(np.maximum(weight**-2 - 1, 0.0)), self.noise)
-
-    @property
-    def noise_db(self) -> float:
-        """Root mean square of the noise of the FRFs that count [dB]."""
-        return float(np.sqrt((self.noise[self.mask] ** 2).mean()) * DB_PER_NEPER)
-
-    @property
-    def noise_level(self) -> float:
-        """Residual level that noise alone leaves, amplitude and phase [nepers]."""
-        return float(np.sqrt((2 * (self.weight * self.noise)[self.mask] ** 2).mean()))
-
-
-def prepare(
-    measurement: Measurement,
-    computed: NDArray[np.complex128] | None = None,
-    band: tuple[float, float] | None = None,
-    n_blocks: int = 20,
-    across: NDArray[np.float64] | None = None,
-) -> FitData:
-    """Prepare measured FRFs for fits.
-
-    Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and
-    measured, lies more than 60 dB (measured: 50 dB) under the median level of all, or if it is noise at most
-    lines, or no more there than ``TRANSVERSE`` of the motion across its sensor. What the measurement says of
-    the values that count goes before that.
-
-    Parameters
-    ----------
-    measurement : Measurement
-    computed : ndarray (n_freq, n_out, n_in), optional
-        Receptances of the nominal model at the measurement's lines in the band.
-    band : (float, float), optional
-        Frequencies that count [Hz].
-    n_blocks : int
-    across : ndarray (n_freq, n_out, n_in), optional
-        How far each sensor's place moves square to it, as receptances, where that may be in the readings.
-
-    Raises
-    ------
-    MeasurementError
-        If all FRFs are zero.
-    """
-    frf = measurement.frf.select(band=band) if band else measurement.frf
-    if frf.frequency[0] == 0:
-        frf = frf.select(lines=np.arange(1, frf.n_freq))
-    H = frf.as_kind("receptance").H
-    level = np.sqrt((np.abs(frf.H) ** 2).mean(axis=0))
-    if not level.any():
-        msg = f"all FRFs of '{measurement.name}' are zero"
-        raise MeasurementError(msg)
-    kept = measurement.with_frf(frf)
-    noise = _noise_of(kept)
-    uncertain = noise
-    if across is not None:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            uncertain = np.hypot(noise, np.nan_to_num(TRANSVERSE * across / np.abs(H), nan=0.0, posinf=10.0))
-    mask = counted_values(frf, uncertain, computed)
-    if kept.compared is not None:
-        mask = np.where(np.isfinite(kept.compared), kept.compared > 0, mask) & (H != 0)
-    weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + uncertain**2) * mask
-    block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
-    return FitData(kept, frf.frequency, H, mask, weight, noise, block % 4 == 2)
-
-
-def counted_values(
-    frf: FRF, uncertain: NDArray[np.float64], computed: NDArray[np.complex128] | None = None
-) -> NDArray[np.bool_]:
-    """Return which values of measured FRFs count, (n_freq, n_out, n_in): in comparisons, fits and updates.
-
-    Parameters
-    ----------
-    frf : FRF
-        As measured.
-    uncertain : ndarray (n_freq, n_out, n_in)
-        Relative uncertainty of each reading [-].
-    computed : ndarray (n_freq, n_out, n_in), optional
-        Receptances of the nominal model, of which those that symmetry makes zero are told.
-    """
-    level = np.sqrt((np.abs(frf.H) ** 2).mean(axis=0))
-    mask = level > 10 ** (-50 / 20) * np.median(level[level > 0])
-    if computed is not None:
-        acceleration = np.abs(computed) * (2 * np.pi * frf.frequency[:, None, None]) ** 2
-        calculated = np.sqrt((acceleration**2).mean(axis=0))
-        mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
-    mask = mask & (uncertain < NOISE_LIMIT) & (frf.H != 0)
-    return mask & (mask.mean(axis=0) > LEAST_HEARD)
-
-
-def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
-    """Return the relative noise that is known from coherence or repeats, or else that of the data.
-
-    What is known is kept between a millionth and 10, and what is infinite, as where H is 0, is 10, so that
-    weights and ratios stay finite.
-    """
-    noise, known = relative_noise(measurement.frf.H), measurement.noise
-    if known is not None:
-        noise = np.where(np.isnan(known), noise, known)
-    return np.clip(noise, 1e-6, 10.0) if known is not None else np.where(np.isfinite(noise), noise, 10.0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FitResult:
-    """A fitted model.
-
-    Attributes
-    ----------
-    solution : Solution
-    values : mapping of (effect, parameter) to float
-        Values of all parameters that varied.
-    std : mapping of (effect, parameter) to float
-        Standard deviations: linearised, of parameters that are fitted in the logarithm half the width of the
-        interval.
-    zeta : ndarray (n_unknowns,)
-        The damping curve's unknowns: first the ratios at its knots [-].
-    effects : tuple of Effect
-        The added effects at their fitted values.
-    fit_db, held_out_db : float
-        Root mean square of the amplitude's error on the lines fitted and held out [dB].
-    level, held_out_level : float
-        Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
-    covariance : ndarray (n, n)
-        Of the values, in their order, and the damping curve's unknowns: of ln θ for positive parameters and
-        these unknowns, and of θ for others. Empty for what was not fitted.
-    unseen : float
-        Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
-        it was assessed.
-    audible_db : float
-        ``fit_db``, where what is computed to be less than the noise of the measured value counts as that
-        noise [dB]; NaN unless it was assessed.
-    """
-
-    solution: Solution
-    values: Mapping[ParameterRef, float]
-    std: Mapping[ParameterRef, float]
-    zeta: NDArray[np.float64]
-    effects: tuple[Effect, ...]
-    fit_db: float
-    held_out_db: float
-    level: float
-    held_out_level: float = np.nan
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    unseen: float = np.nan
-    audible_db: float = np.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -492,17 +270,10 @@ class FitProblem:
         """
         fixed = {ref for e in effects for ref in e.replaces()}
         varying = [n for n in self.nuisances if (n.effect, n.parameter) not in fixed]
-        nuisance = nuisance_variables(self.reduced.model, varying)
-        extra = effect_variables(effects, starts)
-        start_of = {(e.name, k): val for e, s in zip(effects, starts, strict=True) for k, val in s.items()}
-        start = np.concatenate(
-            [
-                [float(v.prior or 0.0) for v in nuisance],
-                [v.to_x(start_of[v.ref]) for v in extra],
-                np.log(self.damping.start),
-            ]
-        )
-        return FitFunction(self, tuple(effects), (*nuisance, *extra), start, lines)
+        nuisance = nuisance_unknowns(self.reduced.model, varying)
+        variables = (*nuisance, *effect_unknowns(effects, starts))
+        start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
+        return FitFunction(self, tuple(effects), variables, start, lines)
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
         """Return the median impedance of the structure to motion along a released constraint.
@@ -580,9 +351,9 @@ class FitProblem:
     def nominal(self) -> FitResult:
         """Return the model as it was given, unfitted."""
         n = len(self.nuisances)
-        variables = nuisance_variables(self.reduced.model, self.nuisances)
+        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
-        values = {v.ref: v.to_value(v.prior or 0.0) for v in variables}
+        values = {v.ref: v.to_value(v.mean) for v in variables}
         zero = dict.fromkeys(values, 0.0)
         return self.assessed(FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan))
 
@@ -603,9 +374,9 @@ class FitProblem:
 
     def strains(self, result: FitResult) -> dict[ParameterRef, float]:
         """Return how far nuisance parameters lie from their nominal values, in prior standard deviations."""
-        variables = nuisance_variables(self.reduced.model, self.nuisances)
+        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         known = ((v, v.to_x(result.values[v.ref])) for v in variables if v.ref in result.values)
-        return {v.ref: (x - v.prior) / v.std for v, x in known if v.prior is not None and v.std}
+        return {v.ref: (x - v.mean) / v.std for v, x in known if v.has_prior}
 
     def at_nominal(self, result: FitResult) -> FitResult:
         """Return a result with the nuisance parameters of the model back at their nominal values.
@@ -656,7 +427,7 @@ class FitProblem:
         r = np.abs(self.data.weight[lines] * ratio)
         if np.isnan(r).all():
             return float("nan")
-        return float(np.sqrt(np.nanmean(2 * ROBUST**2 * (np.sqrt(1 + r**2 / ROBUST**2) - 1))))
+        return float(np.sqrt(np.nanmean(pseudo_huber(r, ROBUST))))
 
     def log_ratio(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return ln(computed / measured) at some or all lines, NaN where masked."""
@@ -676,185 +447,6 @@ class FitProblem:
     def _as_measured(self, H: NDArray[np.complex128]) -> FRF:
         m = self.data.measurement.frf
         return FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs).as_kind(m.kind)
-
-
-@dataclass(eq=False)
-class FitFunction:
-    """Residuals of a fit at some lines, as a function of all that varies.
-
-    x holds the variables (nuisance parameters, then those of the effects) and the logarithms of the damping
-    curve's unknowns.
-
-    Attributes
-    ----------
-    problem : FitProblem
-    effects : tuple of Effect
-    variables : tuple of Variable
-    start : ndarray (n,)
-    lines : ndarray of int
-    """
-
-    problem: FitProblem
-    effects: tuple[Effect, ...]
-    variables: tuple[Variable, ...]
-    start: NDArray[np.float64]
-    lines: NDArray[np.int64]
-
-    @property
-    def keep(self) -> NDArray[np.bool_]:
-        """Which values count, (n_lines, n_out, n_in)."""
-        return self.problem.data.mask[self.lines]
-
-    # The engine is made at the first evaluation: many functions are made for their bounds and priors alone.
-
-    @cached_property
-    def _engine(self) -> ParametricFRF:
-        frequency = self.problem.data.frequency[self.lines]
-        return self.problem.engine(frequency, [v.ref for v in self.variables], self.effects)
-
-    @cached_property
-    def _damping(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Hat functions and offset of the damping curve at the lines."""
-        curve, frequency = self.problem.damping, self.problem.data.frequency[self.lines]
-        return curve.hats(frequency), curve.offset(frequency)
-
-    @cached_property
-    def _measured(self) -> NDArray[np.complex128]:
-        """Measured receptances at the lines, 1 where they do not count, so that their logarithm exists."""
-        measured = self.problem.data.H[self.lines]
-        return np.where(self.keep & (measured != 0), measured, 1.0)
-
-    def __call__(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
-        """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
-        keep, weight = self.keep, self.problem.data.weight[self.lines]
-        n_par, (hats, offset) = len(self.variables), self._damping
-        values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])
-        zeta = np.exp(hats @ x[n_par:] + offset)
-        H, dH, dH_dzeta = self._engine.evaluate(values, zeta, gradient)
-        r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
-        if not gradient or dH is None or dH_dzeta is None:
-            return r, None
-        per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)
-        J = np.empty((len(x), r.size), dtype=complex)
-        for k, v in enumerate(self.variables):
-            J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
-        base = dH_dzeta * per
-        J[n_par:] = by_unknowns(zeta, hats, base)[:, keep]
-        return r, J
-
-    @property
-    def units(self) -> NDArray[np.float64]:
-        """Size of one unit of each x: 1 where it is a logarithm, or in that of the parameter."""
-        return np.array([*(v.unit for v in self.variables), *np.ones(len(self.problem.damping.start))])
-
-    @property
-    def relative(self) -> NDArray[np.bool_]:
-        """Which x is in parts of a scale, (n,), rather than a logarithm."""
-        damping = [False] * len(self.problem.damping.start)
-        return np.array([*(not v.parameter.log for v in self.variables), *damping])
-
-    def prior(self) -> Prior:
-        """Return what is known of x beforehand."""
-        p, none = self.problem, np.inf
-        start = np.log(p.damping.start)
-        means = [[v.prior or 0.0 for v in self.variables], start]
-        stds = [[v.std or none for v in self.variables], np.full(len(start), p.damping.std)]
-        return Prior(np.concatenate(means), np.concatenate(stds))
-
-    def moved_to(self, result: "FitResult") -> NDArray[np.float64]:
-        """Return the start with nuisance parameters and damping of a result."""
-        x, n_par = self.start.copy(), len(self.variables)
-        for k, v in enumerate(self.variables):
-            if v.prior is not None and v.ref in result.values:
-                x[k] = v.to_x(result.values[v.ref])
-        x[n_par:] = np.log(result.zeta)
-        return x
-
-    def limits(self) -> NDArray[np.float64]:
-        """Return the bounds of x, shape (n, 2)."""
-        p = self.problem
-        return np.vstack(
-            [
-                np.array([v.bounds() for v in self.variables]).reshape(-1, 2),
-                p.damping.limits,
-            ]
-        )
-
-    def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int) -> Solution:
-        """Find the x of greatest posterior probability from a start."""
-        p, limits = self.problem, self.limits()
-        assert len(limits) == len(x)
-        return solve_robust(
-            self,
-            x,
-            self.prior(),
-            (limits[:, 0], limits[:, 1]),
-            n_independent=p.n_independent(stage),
-            floor=LEVEL_FLOOR,
-            noise=noise_squares(p.data, self.lines),
-            systematic=SYSTEMATIC_SHARE,
-            counted=p.noise_counted,
-            groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
-            robust=ROBUST,
-            max_iterations=max_iterations,
-            relative=self.relative,
-        )
-
-    def result(self, solution: Solution) -> FitResult:
-        """Return a solution as values with standard deviations; its errors are not assessed."""
-        x, n_par = solution.x, len(self.variables)
-        values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)}
-        sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
-        known = zip(self.variables, x[:n_par], sd[:n_par], strict=True)
-        std = {v.ref: v.deviation(xi, deviation) for v, xi, deviation in known}
-        fitted = tuple(
-            e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
-        )
-        zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
-        covariance = solution.covariance * np.outer(self.units, self.units)
-        return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
-
-
-def noise_squares(data: FitData, lines: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return how much of the squares of the weighted residuals at some lines is put down to noise, (m,)."""
-    square = 2 * (SYSTEMATIC_FROM * data.weight[lines] * data.noise[lines]) ** 2
-    return square[data.mask[lines]]
-
-
-def propagated(
-    residual: Residual,
-    x: NDArray[np.float64],
-    units: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return √(gᵀ C g), (m,), of the real parts of residuals, with g their derivatives by x in its units."""
-    _, J = residual(x, True)
-    assert J is not None
-    J = J / units[:, None]
-    variance = np.einsum("im,ij,jm->m", J.real, covariance, J.real, optimize=True)
-    return np.sqrt(np.maximum(variance, 0.0))
-
-
-def by_unknowns(
-    zeta: NDArray[np.float64], hats: NDArray[np.float64], by_zeta: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return derivatives by the logarithms of a damping curve's unknowns from those by ζ at each line.
-
-    Parameters
-    ----------
-    zeta : ndarray (n_freq,) or (2, n_freq)
-        As of :meth:`updating.inference.parameters.DampingCurve.ratio` [-].
-    hats : ndarray (n_freq, n_unknowns) or (2, n_freq, n_unknowns)
-    by_zeta : ndarray (n_freq, n_out, n_in) or (2, n_freq, n_out, n_in)
-
-    Returns
-    -------
-    ndarray (n_unknowns, n_freq, n_out, n_in)
-    """
-    weight = np.moveaxis(zeta[..., None] * hats, -1, 0)[..., None, None]
-    return weight * by_zeta if zeta.ndim == 1 else weight[:, 0] * by_zeta[0] + weight[:, 1] * by_zeta[1]
 
 
 def _rms(error: NDArray[np.float64]) -> float:

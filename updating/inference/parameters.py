@@ -1,9 +1,6 @@
-"""What may vary in a fit.
+"""Nuisance parameters and the damping curve, which fits vary besides the effects in question."""
 
-These are nuisance parameters with prior knowledge, the damping curve, and effects' parameters.
-"""
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.joint import Spread
-from fem.model import Effect, Model, ModelError, Parameter, ParameterRef
+from fem.model import Model, ModelError, ParameterRef
 
 CONNECTIONS_REACH = 2.0
 """Connections' damping is let off by at most so many standard deviations; more is an effect of its own."""
@@ -106,85 +103,6 @@ class DampingCurve:
         return np.log(self.base(frequency)) - self.hats(frequency) @ np.log(self.start)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Variable:
-    """One unknown of a fit on its own scale, x = ln θ or θ / unit.
-
-    Attributes
-    ----------
-    ref : (str, str)
-    parameter : Parameter
-    scale : float
-        For linear parameters, the size of one unit of x.
-    prior : float or None
-        Mean of x.
-    std : float or None
-        Standard deviation of x; None for a free parameter.
-    """
-
-    ref: ParameterRef
-    parameter: Parameter
-    scale: float
-    prior: float | None
-    std: float | None
-
-    def to_x(self, value: float) -> float:
-        """Return x of a value."""
-        return float(np.log(value)) if self.parameter.log else value / self.scale
-
-    def to_value(self, x: float) -> float:
-        """Return the value of x."""
-        return float(np.exp(x)) if self.parameter.log else x * self.scale
-
-    def slope(self, x: float) -> float:
-        """Return dθ/dx."""
-        return float(np.exp(x)) if self.parameter.log else self.scale
-
-    def deviation(self, x: float, std: float) -> float:
-        """Return half the width of the interval of θ for x ± its deviation, θ sinh(std) of θ = exp x.
-
-        For small deviations that is |dθ/dx| std; of a stiffness that may be anything the first order would
-        say that it is known to a few times its value.
-        """
-        return float(np.exp(x) * np.sinh(std)) if self.parameter.log else abs(self.scale) * std
-
-    @property
-    def unit(self) -> float:
-        """Size of one unit of x: 1 where x = ln θ, or in that of θ."""
-        return 1.0 if self.parameter.log else self.scale
-
-    def bounds(self) -> tuple[float, float]:
-        """Return the bounds of x."""
-        p = self.parameter
-        lo, hi = p.lower, p.upper
-        if (
-            self.std is not None and self.prior is not None
-        ):  # what is known within ±std is not let off beyond 4 of it
-            near = self.prior - 4 * self.std, self.prior + 4 * self.std
-            return near if p.log else (max(near[0], lo / self.scale), min(near[1], hi / self.scale))
-        if p.log:
-            return float(np.log(lo)), float(np.log(hi))
-        return lo / self.scale, hi / self.scale
-
-
-def nuisance_variables(model: Model, nuisances: Sequence[Nuisance]) -> tuple[Variable, ...]:
-    """Return the unknowns of nuisance parameters, with their priors at the nominal values."""
-    out = []
-    for n in nuisances:
-        known = {p.name: p for p in model.effect(n.effect).parameters()}
-        if n.parameter not in known:
-            msg = f"effect '{n.effect}' has no parameter '{n.parameter}'; it has {', '.join(known)}"
-            raise ValueError(msg)
-        refuse_constraining(model, (n.effect, n.parameter))
-        p = known[n.parameter]
-        if p.log:
-            out.append(Variable((n.effect, n.parameter), p, 1.0, float(np.log(p.value)), n.std))
-        else:
-            scale = abs(p.value) or 1.0
-            out.append(Variable((n.effect, n.parameter), p, scale, p.value / scale, n.std))
-    return tuple(out)
-
-
 def refuse_constraining(model: Model, ref: ParameterRef) -> None:
     """Refuse a parameter by which constraints change: matrices on a basis do not follow it.
 
@@ -199,14 +117,3 @@ def refuse_constraining(model: Model, ref: ParameterRef) -> None:
             "fit; state it, or let a diagnosis choose it"
         )
         raise ModelError(msg)
-
-
-def effect_variables(effects: Sequence[Effect], start: Sequence[dict[str, float]]) -> tuple[Variable, ...]:
-    """Return the unknowns of candidate effects; the scale of a linear parameter is the size of its start."""
-    out = []
-    for effect, values in zip(effects, start, strict=True):
-        for p in effect.parameters():
-            reach = [abs(b) for b in (p.lower, p.upper) if np.isfinite(b)]
-            scale = abs(values[p.name]) or (0.1 * max(reach) if reach else 1.0)
-            out.append(Variable((effect.name, p.name), p, scale, None, None))
-    return tuple(out)

@@ -17,16 +17,10 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from fem.system import assemble, connection_stiffness
 from updating.correlation import log_ratio, rms_db
-from updating.inference.fit import (
-    EXPLAINED_LEVEL,
-    LEVEL_FLOOR,
-    NOISE_LIMIT,
-    FitData,
-    FitProblem,
-    FitResult,
-    prepare,
-    sensor_vectors,
-)
+from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
+from updating.inference.fit_function import LEVEL_FLOOR
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.measurement.measurement import Measurement, MeasurementError, with_sensor_masses
 
@@ -42,7 +36,7 @@ LEAST_RATIO = 1e-5
 """Least nominal damping ratio, of which a fit can take a multiple [-]."""
 NEIGHBOURS = 0.03
 """Lines within this share of a frequency say how far the structure moves there."""
-N_LINES = 160
+N_FIT_LINES = 160
 """At most this many lines are fitted."""
 LEAST_LINES = 10
 """Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
@@ -87,7 +81,7 @@ def build_problem(
     *,
     damping_std: float = 0.5,
     band: tuple[float, float] | None = None,
-    n_lines: int = N_LINES,
+    n_lines: int = N_FIT_LINES,
     connections: bool = False,
     model_error: float = EXPLAINED_LEVEL,
 ) -> FitProblem:

@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
+from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+
 Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
 
 
@@ -108,129 +111,112 @@ def solve_robust(
         Unknowns for which that is in parts of their size where this is more than 1.
     """
     lo, hi = bounds
-    weight = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
-    mean = np.where(np.isfinite(prior.std), prior.mean, 0.0)
-
-    def loss(r: NDArray[np.complex128]) -> NDArray[np.float64]:
-        rho = 2 * robust**2 * (np.sqrt(1 + np.abs(r) ** 2 / robust**2) - 1)
-        return np.bincount(member, rho, minlength=len(size)) / size
-
-    def total(x: NDArray[np.float64], misfit: NDArray[np.float64]) -> float:
-        return 0.5 * float(share @ np.log(floor**2 + misfit)) + 0.5 * float(weight @ (x - mean) ** 2)
-
-    def normal(
-        r: NDArray[np.complex128], J: NDArray[np.complex128], worth: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return Σ w J r and the normal equations' matrix, with what each group's residuals are worth."""
-        w = worth[member] / np.sqrt(1 + np.abs(r) ** 2 / robust**2)
-        JH, w2 = np.hstack([J.real, J.imag]), np.concatenate([w, w])
-        return JH @ (w2 * np.concatenate([r.real, r.imag])), (JH * w2) @ JH.T + np.diag(weight)
-
     x = np.clip(x0, lo, hi)
     r, J = residual(x, True)
     assert J is not None
     member = np.zeros(len(r), dtype=np.int64) if groups is None else np.unique(groups, return_inverse=True)[1]
-    size = np.bincount(member)
-    share = n_independent * size / len(r)
-    misfit = loss(r)
-    cost = total(x, misfit)
-    damping, converged, iteration = 1e-2, False, 0
-    for iteration in range(1, max_iterations + 1):
-        g, A = normal(r, J, n_independent / len(r) / (floor**2 + misfit))
-        g = g + weight * (x - mean)
-        pinned = ((x <= lo) & (g > 0)) | ((x >= hi) & (g < 0))
-        free = ~pinned
-        if not free.any():
-            converged = True
-            break
-        improved = cut = False
-        trial, misfit_new, cost_new = x, misfit, cost
-        for attempt in range(8):
-            scale = np.diag(A)[free]
-            H = A[np.ix_(free, free)] + np.diag(
-                damping * np.maximum(scale, 1e-12 * scale.max(initial=1e-300))
-            )
-            step = np.zeros_like(x)
-            step[free] = -np.linalg.solve(H, g[free])
-            if attempt == 0 and damping < 1 and -0.5 * float(g @ step) < tolerance:
-                break
-            reach = max_step * np.where(relative, np.maximum(1.0, np.abs(x)), 1.0)
-            limits = np.maximum(-reach, lo - x)[free], np.minimum(reach, hi - x)[free]
-            step[free] = step_within(step[free], H, g[free], limits)
-            trial = np.clip(x + step, lo, hi)
-            try:
-                r_new, _ = residual(trial, False)
-            except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
-                damping = min(damping * 8, 1e8)
-                continue
-            misfit_new = loss(r_new)
-            cost_new = total(trial, misfit_new)
-            if np.isfinite(cost_new) and cost_new < cost:
-                improved, cut = True, bool((np.abs(step) >= reach).any())
-                break
-            damping = min(damping * 8, 1e8)
-        if not improved:
-            converged = True
-            break
-        gain = cost - cost_new
-        x, misfit, cost = trial, misfit_new, cost_new
-        damping = max(damping / 6, 1e-6)
-        if gain < tolerance and not cut:
-            converged = True
-            break
-        if iteration < max_iterations:
-            r, J = residual(x, True)
-            assert J is not None
-    worth = n_independent / len(r) / (floor**2 + misfit)
+    posterior = _Posterior(residual, prior, n_independent, floor, member, np.bincount(member), robust)
+    control = Control(
+        reach=lambda x: max_step * np.where(relative, np.maximum(1.0, np.abs(x)), 1.0),
+        promised_gain=Tolerance(tolerance),
+        actual_gain=Tolerance(tolerance),
+        max_iterations=max_iterations,
+        max_trials=8,
+        damping=1e-2,
+        least_damping=1e-6,
+    )
+    found = minimise(posterior, posterior.point(x, r, J), bounds, control)
+    misfit, size = found.point.misfit, posterior.size
+    worth = posterior.worth(misfit)
     if noise is not None:
         independent = np.bincount(member, noise, minlength=len(size)) / size
         worth = worth / inflation(misfit, independent, floor, systematic, counted)
-    _, A = normal(r, J, worth)
+    _, A = posterior.normal(found.linearisation.r, found.linearisation.J, worth)
     # What the data leave open is as uncertain as its bounds are wide, those of a uniform density; an inverse
     # that leaves such directions out would call them certain.
-    wide = np.isfinite(hi - lo) & (hi > lo) & (weight == 0)
+    wide = np.isfinite(hi - lo) & (hi > lo) & (posterior.prior_weight == 0)
     A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
     covariance: Any = np.linalg.pinv(A, hermitian=True)
-    return Solution(x, cost, float(misfit @ size / len(r)), covariance, iteration, converged)
+    return Solution(
+        found.point.x, found.point.cost, float(misfit @ size / len(r)), covariance, found.n_iterations,
+        found.stop is not Stop.OUT_OF_ITERATIONS,
+    )  # fmt: skip
 
 
-def step_within(
-    goal: NDArray[np.float64],
-    H: NDArray[np.float64],
-    g: NDArray[np.float64],
-    limits: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> NDArray[np.float64]:
-    """Return a step towards the minimum of ½ pᵀ H p + gᵀ p that stays within limits.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Point:
+    """Unknowns, their cost, and the robust mean square of each group; residuals and Jacobian if at hand."""
 
-    From 0 towards the minimum up to the first limit; the unknown that has met it stays there, and the others
-    go on towards what is then their minimum. So one with a long way to go does not hold the others up, as it
-    would if the whole step were shortened, and the quadratic falls all the way.
+    x: NDArray[np.float64]
+    cost: float
+    misfit: NDArray[np.float64]
+    derived: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
 
-    Parameters
-    ----------
-    goal : ndarray (n,)
-        The minimum without limits.
-    H : ndarray (n, n)
-        Positive definite.
-    g : ndarray (n,)
-    limits : (ndarray (n,), ndarray (n,))
-        Of each unknown, with 0 between them.
-    """
-    lower, upper = limits
-    at, held = np.zeros(len(goal)), np.zeros(len(goal), dtype=bool)
-    while not held.all():
-        move = goal - at
-        room = np.where(move > 0, upper, lower) - at
-        share = np.full(len(at), np.inf)
-        np.divide(room, move, out=share, where=~held & (move != 0))
-        first = int(np.argmin(share))
-        if not share[first] < 1:
-            return goal
-        at = at + share[first] * move
-        at[first], held[first] = (upper if move[first] > 0 else lower)[first], True
-        rest, goal = ~held, at.copy()
-        goal[rest] = -np.linalg.solve(H[np.ix_(rest, rest)], g[rest] + H[np.ix_(rest, held)] @ at[held])
-    return at
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Derived(Linearisation):
+    """The quadratic model with the residuals and the Jacobian that it is made of."""
+
+    r: NDArray[np.complex128]
+    J: NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Posterior:
+    """The negative log posterior that :func:`solve_robust` minimises."""
+
+    residual: Residual
+    prior: Prior
+    n_independent: float
+    floor: float
+    member: NDArray[np.int64]  # group of each residual
+    size: NDArray[np.int64]  # of each group
+    robust: float
+
+    @property
+    def prior_weight(self) -> NDArray[np.float64]:
+        return np.where(np.isfinite(self.prior.std), 1 / self.prior.std**2, 0.0)
+
+    @property
+    def prior_mean(self) -> NDArray[np.float64]:
+        return np.where(np.isfinite(self.prior.std), self.prior.mean, 0.0)
+
+    def point(
+        self,
+        x: NDArray[np.float64],
+        r: NDArray[np.complex128],
+        J: NDArray[np.complex128] | None = None,
+    ) -> _Point:
+        """Return the cost of residuals."""
+        misfit = np.bincount(self.member, pseudo_huber(r, self.robust), minlength=len(self.size)) / self.size
+        share = self.n_independent * self.size / len(self.member)
+        data = 0.5 * float(share @ np.log(self.floor**2 + misfit))
+        cost = data + 0.5 * float(self.prior_weight @ (x - self.prior_mean) ** 2)
+        return _Point(x, cost, misfit, None if J is None else (r, J))
+
+    def at(self, x: NDArray[np.float64], near: _Point) -> _Point | None:
+        try:
+            return self.point(x, self.residual(x, False)[0])
+        except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
+            return None
+
+    def linearised(self, point: _Point) -> _Derived:
+        r, J = self.residual(point.x, True) if point.derived is None else point.derived
+        assert J is not None
+        g, A = self.normal(r, J, self.worth(point.misfit))
+        return _Derived(g + self.prior_weight * (point.x - self.prior_mean), A, r, J)
+
+    def worth(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return by how much half the square of a residual of each group counts, (n_groups,)."""
+        return self.n_independent / len(self.member) / (self.floor**2 + misfit)
+
+    def normal(
+        self, r: NDArray[np.complex128], J: NDArray[np.complex128], worth: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return Σ w J r, and the normal equations' matrix with the prior's."""
+        w = worth[self.member] * pseudo_huber_weight(r, self.robust)
+        JH, w2 = np.hstack([J.real, J.imag]), np.concatenate([w, w])
+        return JH @ (w2 * np.concatenate([r.real, r.imag])), (JH * w2) @ JH.T + np.diag(self.prior_weight)
 
 
 def inflation(

@@ -1,20 +1,19 @@
-"""What an updating varies: parameters alone or in groups, with priors and bounds, damping, and nuisances."""
+"""Unknowns of fits and updates: parameters alone or in groups, with priors, bounds and a scale."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from fem.model import Model, ModelError, Parameter, ParameterRef
-from updating.inference.parameters import refuse_constraining
-from updating.inference.residuals import COMMON, FRFData, FRFResidual
+from fem.model import Effect, Model, ModelError, Parameter, ParameterRef
+from updating.inference.parameters import Nuisance, refuse_constraining
 
 WIDTH = 0.2
-"""What a parameter without a prior may be wrong by where a scale is needed: relative, or of its scale [-]."""
+"""Assumed error of a parameter without a prior, where a scale is needed: relative, or of its scale [-]."""
 
-_KNOTS = 20
-"""Most damping ratios that are fitted unless knots are given."""
+NUISANCE_REACH = 4.0
+"""Bounds of nuisance parameters, in standard deviations of their priors [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,82 +57,187 @@ Parameters = Sequence[ParameterRef | Unknown] | Mapping[ParameterRef, float | No
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scaled:
-    """An unknown on its own scale, x = ln θ or θ/scale, and what it moves."""
+class ScaledUnknown:
+    """An unknown on its own scale, x = ln θ or θ/scale: what least squares and sampling vary.
+
+    Attributes
+    ----------
+    name, unit : str
+        For tables.
+    refs : tuple of (effect, parameter)
+        What it moves; empty where it is no parameter of the model, such as a damping ratio.
+    values : ndarray (n_refs,)
+        The model's values of them [unit].
+    nominal : float
+        θ of the model, the value of the first [unit].
+    log : bool
+        Whether x = ln θ.
+    scale : float
+        One unit of x of a linear unknown [unit].
+    start, low, high : float
+        Start and bounds of x.
+    mean, std : float
+        Prior of x; the deviation is infinite without one.
+    prior_std : float or None
+        The prior's deviation as it was given: relative for positive parameters, or in the unit.
+    width : float
+        Assumed error of x: the prior's deviation, or ``WIDTH``.
+    absent : float
+        x at which an effect is absent, or the bound next to it; NaN where there is none.
+    """
 
     name: str
     unit: str
     refs: tuple[ParameterRef, ...]
-    at: NDArray[np.float64]  # the model's values of refs
-    first: float  # the value of the unknown in the model
+    values: NDArray[np.float64]
+    nominal: float
     log: bool
     scale: float
     start: float
     low: float
     high: float
     mean: float
-    std: float  # of x; inf without prior
-    prior_std: float | None
-    width: float  # what x may be wrong by
-    absent: float = (
-        np.nan
-    )  # x where what it stands for is not there, within the bounds; NaN where there is none
+    std: float = np.inf
+    prior_std: float | None = None
+    width: float = WIDTH
+    absent: float = np.nan
 
-    def x_of(self, value: float) -> float:
+    @classmethod
+    def of(cls, unknown: Unknown, parameters: Sequence[Parameter]) -> "ScaledUnknown":
+        """Return an unknown of parameters; nothing is checked (see :func:`scaled_unknowns`)."""
+        p = parameters[0]
+        log = p.log if not unknown.prior else unknown.prior == "log-normal"
+        mean = p.value if unknown.mean is None else unknown.mean
+        start = mean if unknown.start is None else unknown.start
+        lower = p.lower if unknown.lower is None else unknown.lower
+        upper = p.upper if unknown.upper is None else unknown.upper
+        # A parameter that is 0 has no size of its own: its bounds say what is much of it.
+        reach = [abs(b) for b in (lower, upper) if np.isfinite(b) and b != 0]
+        scale = 1.0 if log else abs(p.value) or (0.1 * max(reach) if reach else unknown.std or 1.0)
+        std = np.inf if unknown.std is None else unknown.std / scale
+        bare = cls(
+            unknown.name or " ".join(unknown.refs[0]), p.unit, tuple(unknown.refs),
+            np.array([q.value for q in parameters], dtype=float), p.value, log, scale, 0.0, 0.0, 0.0, 0.0,
+            float(std), unknown.std, float(std) if np.isfinite(std) else WIDTH,
+        )  # fmt: skip
+        return replace(
+            bare,
+            start=bare.to_x(start),
+            low=bare.to_x(lower),
+            high=bare.to_x(upper),
+            mean=bare.to_x(mean),
+            absent=_absent(bare, p, lower, upper),
+        )
+
+    @property
+    def ref(self) -> ParameterRef:
+        """The first of what it moves."""
+        return self.refs[0]
+
+    @property
+    def has_prior(self) -> bool:
+        """Whether anything is known of it beforehand."""
+        return bool(np.isfinite(self.std))
+
+    @property
+    def size(self) -> float:
+        """Size of one unit of x: 1 where x = ln θ, or in that of θ."""
+        return 1.0 if self.log else self.scale
+
+    def to_x(self, value: float) -> float:
         """Return x of a value."""
-        return float(np.log(value)) if self.log else value / self.scale
+        if not self.log:
+            return float(value / self.scale)
+        return float(np.log(value)) if value > 0 else -np.inf
 
-    def value_of(self, x: float) -> float:
+    def to_value(self, x: float) -> float:
         """Return the value of x."""
         return float(np.exp(x)) if self.log else x * self.scale
 
     def slope(self, x: float) -> float:
-        """Return the derivative of the value by x."""
+        """Return dθ/dx."""
         return float(np.exp(x)) if self.log else self.scale
 
+    def deviation(self, x: float, std: float) -> float:
+        """Return half the width of the interval of θ for x ± its deviation, θ sinh(std) of θ = exp x.
+
+        For small deviations that is |dθ/dx| std; of a stiffness that may be anything the first order would
+        say that it is known to a few times its value.
+        """
+        return float(np.exp(x) * np.sinh(std)) if self.log else abs(self.scale) * std
+
+    def bounds(self) -> tuple[float, float]:
+        """Return the bounds of x."""
+        return self.low, self.high
+
     def moved(self, x: float) -> NDArray[np.float64]:
-        """Return the values of what it moves."""
-        value = self.value_of(x)
-        return self.at * (value / self.first) if self.log else self.at + (value - self.first)
+        """Return the values of what it moves: by the same factor, or by the same amount."""
+        value = self.to_value(x)
+        return self.values * (value / self.nominal) if self.log else self.values + (value - self.nominal)
 
     def slopes(self, x: float) -> NDArray[np.float64]:
-        """Return the derivatives of what it moves by x."""
-        return self.moved(x) if self.log else np.full(len(self.at), self.scale)
+        """Return the derivatives by x of what it moves."""
+        return self.moved(x) if self.log else np.full(len(self.values), self.scale)
 
 
-def scaled_unknowns(model: Model, parameters: Parameters) -> tuple[Scaled, ...]:
-    """Return the unknowns of parameters, checked."""
+def _absent(unknown: ScaledUnknown, p: Parameter, lower: float, upper: float) -> float:
+    value = float(np.clip(p.absent, lower, upper))
+    if not np.isfinite(value) or p.absent == p.value:
+        return np.nan
+    return unknown.to_x(max(value, 1e-300) if unknown.log else value)
+
+
+def scaled_unknowns(model: Model, parameters: Parameters) -> tuple[ScaledUnknown, ...]:
+    """Return the unknowns of parameters, checked.
+
+    Raises
+    ------
+    ModelError
+        For parameters that the model does not have, or that are named twice or are of different kinds, and
+        for priors, starts and bounds that contradict one another.
+    """
     given: list[Unknown] = []
     if isinstance(parameters, Mapping):
         given = [Unknown((ref,), std=std) for ref, std in parameters.items()]
     else:
         given = [p if isinstance(p, Unknown) else Unknown((p,)) for p in parameters]
     seen: set[ParameterRef] = set()
-    out: list[Scaled] = []
+    out: list[ScaledUnknown] = []
     for unknown in given:
-        scaled = _scaled(model, unknown)
-        twice = seen & set(scaled.refs)
+        known = _parameters_of(model, unknown)
+        _check(unknown, known)
+        twice = seen & set(unknown.refs)
         if twice:
             effect, parameter = next(iter(twice))
             msg = f"parameter '{parameter}' of effect '{effect}' is updated twice; name it once"
             raise ModelError(msg)
-        seen |= set(scaled.refs)
-        out.append(scaled)
+        seen |= set(unknown.refs)
+        out.append(ScaledUnknown.of(unknown, known))
     return tuple(out)
 
 
-def _scaled(model: Model, unknown: Unknown) -> Scaled:
+def _parameters_of(model: Model, unknown: Unknown) -> list[Parameter]:
     known: list[Parameter] = []
     if not unknown.refs or isinstance(unknown.refs[0], str):
         msg = f"an unknown moves {unknown.refs!r}; (effect, parameter) pairs are needed"
         raise ModelError(msg)
-    for effect, name in unknown.refs:
-        by_name = {p.name: p for p in model.effect(effect).parameters()}
-        if name not in by_name:
-            msg = f"effect '{effect}' has no parameter '{name}'; it has {', '.join(by_name) or 'none'}"
-            raise ModelError(msg)
-        refuse_constraining(model, (effect, name))
-        known.append(by_name[name])
+    for ref in unknown.refs:
+        known.append(_parameter(model, ref))
+        refuse_constraining(model, ref)
+    return known
+
+
+def _parameter(model: Model, ref: ParameterRef) -> Parameter:
+    effect, name = ref
+    by_name = {p.name: p for p in model.effect(effect).parameters()}
+    if name not in by_name:
+        msg = f"effect '{effect}' has no parameter '{name}'; it has {', '.join(by_name) or 'none'}"
+        raise ModelError(msg)
+    return by_name[name]
+
+
+def _check(unknown: Unknown, known: Sequence[Parameter]) -> None:
+    """Refuse parameters that cannot move together, and priors, starts and bounds that do not fit."""
     p = known[0]
     label = unknown.name or " ".join(unknown.refs[0])
     if any(q.log != p.log or q.unit != p.unit for q in known):
@@ -161,73 +265,45 @@ def _scaled(model: Model, unknown: Unknown) -> Scaled:
     if not lower < upper or not lower <= start <= upper:
         msg = f"'{label}' starts at {start:g} with the bounds {lower:g} and {upper:g}; it must lie between"
         raise ModelError(msg)
-    reach = [abs(b) for b in (lower, upper) if np.isfinite(b) and b != 0]
-    scale = 1.0
-    if not log:
-        scale = abs(p.value) or (0.1 * max(reach) if reach else unknown.std or 1.0)
-    std = np.inf if unknown.std is None else unknown.std if log else unknown.std / scale
-    low, high = (np.log(max(lower, 1e-300)), np.log(upper)) if log else (lower / scale, upper / scale)
-    return Scaled(
-        label, p.unit, tuple(unknown.refs), np.array([q.value for q in known], dtype=float), p.value, log,
-        scale, float(np.log(start)) if log else start / scale, float(low), float(high),
-        float(np.log(mean)) if log else mean / scale, float(std), unknown.std,
-        float(std) if np.isfinite(std) else WIDTH,
-        _absent(p, log, scale, lower, upper),
-    )  # fmt: skip
 
 
-def _absent(p: Parameter, log: bool, scale: float, lower: float, upper: float) -> float:
-    """Return x of the value that means that an effect is absent, or of the bound next to it."""
-    value = float(np.clip(p.absent, lower, upper))
-    if not np.isfinite(value) or p.absent == p.value:
-        return np.nan
-    return float(np.log(max(value, 1e-300))) if log else value / scale
+def unknown_of(model: Model, nuisance: Nuisance) -> Unknown:
+    """Return a nuisance parameter as an unknown with its prior.
 
-
-def damping_knots(model: Model, data: FRFData, given: ArrayLike | None) -> NDArray[np.float64]:
-    """Return the frequencies between which damping is linear: given ones, or those of the modes seen [Hz]."""
-    if given is not None:
-        knots = np.array(given, dtype=float, ndmin=1)
-        if not (np.isfinite(knots).all() and (np.diff(knots) > 0).all() and knots.size):
-            msg = f"the damping's frequencies are {knots.tolist()}; they must rise [Hz]"
-            raise ModelError(msg)
-        return knots
-    f = FRFResidual(data.lines(np.inf, 20), model, (), margin=1.5).seen()
-    if f.size < 2:
-        return np.array([float(np.sqrt(data.frequency[0] * data.frequency[-1]))])
-    return np.unique(f if f.size <= _KNOTS else np.quantile(f, np.linspace(0, 1, _KNOTS)))
-
-
-def nuisances_of(knots: NDArray[np.float64], data: FRFData) -> list[Scaled]:
-    """Return what the model misses though its parameters are right: shifts of frequencies, and gains.
-
-    Part of the shifts' variance is common to all: models tend to be too stiff, or too soft, throughout.
+    Raises
+    ------
+    ModelError
+        If the effect has no such parameter.
     """
-    shifts, gains = [], []
-    if knots.size:
-        common, own = data.model_error * np.sqrt(COMMON), data.model_error * np.sqrt(1 - COMMON)
-        shifts = [("shift of all", common), *((f"shift at {f:.4g} Hz", own) for f in knots.tolist())]
-    if data.amplitude_error > 0:
-        names = [f"gain of output {i}" for i in range(data.outputs.shape[1])]
-        names += [f"gain of input {i}" for i in range(data.inputs.shape[1])]
-        gains = [(name, data.amplitude_error) for name in names]
-    return [
-        Scaled(name, "-", (), np.zeros(0), 0.0, False, 1.0, 0.0, -8 * std, 8 * std, 0.0, std, std, std)
-        for name, std in (*shifts, *gains)
-    ]
+    ref = nuisance.effect, nuisance.parameter
+    p = _parameter(model, ref)
+    # A nuisance is known relative to its value; one that is 0, in its unit.
+    return Unknown((ref,), std=nuisance.std if p.log else nuisance.std * (abs(p.value) or 1.0))
 
 
-def damping_ratios(model: Model, knots: NDArray[np.float64]) -> list[Scaled]:
-    """Return modal damping ratios as unknowns, which start at the model's; ln ζ is known within 1.5."""
-    d = model.damping
-    omega = 2 * np.pi * knots
-    other = (d.alpha / omega + d.beta * omega + d.loss_factor) / 2
-    ratio = d.ratio_at(knots)
-    start = np.where(ratio > 0, ratio, np.where(other > 0, 0.1 * other, 0.005))
-    return [
-        Scaled(
-            f"damping at {f:.4g} Hz", "-", (), np.zeros(0), z, True, 1.0, float(np.log(z)),
-            float(np.log(1e-6)), float(np.log(0.5)), float(np.log(z)), 1.5, 1.5, 1.5,
-        )
-        for f, z in zip(knots.tolist(), start.tolist(), strict=True)
-    ]  # fmt: skip
+def nuisance_unknowns(model: Model, nuisances: Sequence[Nuisance]) -> tuple[ScaledUnknown, ...]:
+    """Return the unknowns of nuisance parameters, with their priors at the nominal values.
+
+    They stay within ``NUISANCE_REACH`` standard deviations: an error beyond that is an effect of its own.
+    """
+    out = []
+    for nuisance in nuisances:
+        unknown = unknown_of(model, nuisance)
+        scaled = ScaledUnknown.of(unknown, _parameters_of(model, unknown))
+        low = scaled.mean - NUISANCE_REACH * scaled.std
+        high = scaled.mean + NUISANCE_REACH * scaled.std
+        if not scaled.log:
+            low, high = max(low, scaled.low), min(high, scaled.high)
+        out.append(replace(scaled, low=low, high=high))
+    return tuple(out)
+
+
+def effect_unknowns(
+    effects: Sequence[Effect], starts: Sequence[dict[str, float]]
+) -> tuple[ScaledUnknown, ...]:
+    """Return the unknowns of candidate effects; the scale of a linear parameter is the size of its start."""
+    return tuple(
+        ScaledUnknown.of(Unknown(((effect.name, p.name),)), [replace(p, value=values[p.name])])
+        for effect, values in zip(effects, starts, strict=True)
+        for p in effect.parameters()
+    )

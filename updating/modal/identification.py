@@ -26,6 +26,7 @@ from updating.correlation.complexity import (
     real_shapes,
 )
 from updating.measurement.frf_estimation import EstimatedFRF
+from updating.modal.modal_fit import ModalFit, ModalFitData
 from updating.modal.peaks import Candidate, UnexplainedPeak, peak_words, unexplained_peaks
 from updating.modal.poles import (
     LEAST_ORDERS,
@@ -37,7 +38,7 @@ from updating.modal.poles import (
     fit_orders,
     track_poles,
 )
-from updating.modal.refinement import FitData, ModalFit, fit_modes, scatter_near, synthesise
+from updating.modal.refinement import fit_modes, scatter_near, synthesise
 
 LARGEST_DEVIATION = 0.15
 """A mode's frequency and decay must be known within this part of its half-power half-width [-]."""
@@ -418,13 +419,13 @@ def _standard_deviation(std: ArrayLike, frf: FRF) -> Floats:
     return sigma
 
 
-def _fit_data(data: FRF, sigma: Floats | None) -> FitData:
+def _fit_data(data: FRF, sigma: Floats | None) -> ModalFitData:
     if sigma is None:
         of_output, of_input = channel_sizes(data.H)
-        return FitData(data, of_output, np.tile(of_input, (data.n_freq, 1)))
+        return ModalFitData(data, of_output, np.tile(of_input, (data.n_freq, 1)))
     log = np.log(sigma)
     of_output = log.mean(axis=(0, 2))
-    return FitData(data, np.exp(of_output), np.exp((log - of_output[:, None]).mean(axis=1)))
+    return ModalFitData(data, np.exp(of_output), np.exp((log - of_output[:, None]).mean(axis=1)))
 
 
 def _decay(added: float) -> float:
@@ -493,7 +494,7 @@ class _Start:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
-    data: FitData
+    data: ModalFitData
     estimate_noise: bool
     least_mpc: float
     largest_mpd: float
@@ -505,7 +506,7 @@ class _Task:
 class _State:
     """Modes so far, their fit and the weights it used."""
 
-    data: FitData
+    data: ModalFitData
     starts: tuple[_Start, ...]
     fit: ModalFit | None
     rejected: tuple[Candidate, ...]
@@ -517,7 +518,7 @@ class _State:
         return self.fit
 
 
-def _starts(tracks: Sequence[Track], data: FitData) -> tuple[_Start, ...]:
+def _starts(tracks: Sequence[Track], data: ModalFitData) -> tuple[_Start, ...]:
     """Return poles to begin with, without the decay that a window added."""
     return tuple(
         _Start(
@@ -596,7 +597,7 @@ def _settle(task: _Task, state: _State) -> _State:
         starts = tuple(s for s, reason in zip(starts, reasons, strict=True) if not reason)
 
 
-def _reweighted(data: FitData, fit: ModalFit) -> FitData:
+def _reweighted(data: ModalFitData, fit: ModalFit) -> ModalFitData:
     """Return weights for what the fit leaves: σ² = (s_o)² (a_ki² + ε_i² h_ki²).
 
     a is the level of noise over the lines, a running median over a sixteenth of them, which resonances do not
@@ -626,7 +627,7 @@ def _running_median(values: Floats, width: int) -> Floats:
     return np.stack([median_filter(column, width, mode="nearest") for column in values.T], axis=1)
 
 
-def _reasons(task: _Task, data: FitData, fit: ModalFit) -> list[str]:
+def _reasons(task: _Task, data: ModalFitData, fit: ModalFit) -> list[str]:
     """Return for each pole why it is not a mode, or nothing."""
     frequency = fit.poles.imag / (2 * np.pi)
     low, high = data.frf.frequency[[0, -1]]

@@ -10,14 +10,15 @@ outputs follow from one Gram matrix. Steps and covariances are computed at few n
 which lose nothing (:mod:`updating.modal.condensed_lines`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF
-from updating.modal.condensed_lines import CondensedLines, condense_lines
+from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
+from updating.modal.condensed_lines import CondensedLines
+from updating.modal.modal_fit import ModalFit, ModalFitData, Scatter
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -26,8 +27,17 @@ _CONVERGED = 1e-3
 """A step that lowers the sum of squares by less than this, relative to its mean for one value, is the last:
 on the scale on which a parameter that is wrong by its standard deviation raises it by 1."""
 
+_FIRST_DAMPING = 1e-6
+"""Damping of the first step: poles come from a linear fit and are near [-]."""
+
+_LONGEST_STEP = 0.5
+"""Longest step of a pole in one iteration, in parts of its decay [-]."""
+
 _BLOCK = 4096
 """Lines that are synthesised at a time."""
+
+_LEAST_INFORMATION = 1e-100
+"""Information that an unknown has at least, so that no variance overflows [-]."""
 
 _TALL = 1e8
 """Products in BᵀB beyond which B is made orthogonal by them."""
@@ -37,116 +47,6 @@ _WELL_CONDITIONED = 1e-5
 
 _NEAR = 3.0
 """Lines within this many half-power half-widths of a pole tell the scatter of the FRFs near it."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scatter:
-    """Covariance of shapes: of (Re ψ_o, Im ψ_o) it is own_o + slope_o · covariance · slope_oᵀ.
-
-    Attributes
-    ----------
-    covariance : ndarray (n, n)
-        Of the unknowns besides the shapes: (ln -Re λ, Im λ / -Re λ) mode by mode, then the real and the
-        imaginary part of each participation but the largest of its mode.
-    rows, cols : ndarray of int (n - 2 n_modes over 2,)
-        Modes and inputs of these participations.
-    own : ndarray (n_modes, n_out, 2, 2)
-        With the other unknowns known.
-    slope : ndarray (n_modes, n_out, 2, n)
-        Derivatives by the other unknowns.
-    """
-
-    covariance: Floats
-    rows: NDArray[np.int64]
-    cols: NDArray[np.int64]
-    own: Floats
-    slope: Floats
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ModalFit:
-    """Poles, participations, shapes and residuals that fit FRFs.
-
-    Attributes
-    ----------
-    poles : ndarray of complex (n_modes,)
-        [rad/s].
-    participation : ndarray of complex (n_modes, n_in)
-        The largest entry of each row is 1.
-    shapes : ndarray of complex (n_out, n_modes)
-        ψ, the residue of a receptance being ψ_or L_ri [m/(N s)].
-    lower, upper : ndarray (n_out, n_in)
-        Residuals of modes below the band [1/kg] and above it [m/N]; 0 if not asked for.
-    H : ndarray of complex (n_freq, n_out, n_in)
-        What was fitted, synthesised [unit of the FRF].
-    misfit : ndarray of complex (n_freq, n_out, n_in)
-        (measured - synthesised) over the standard deviation that was assumed [-].
-    covariance : ndarray (2 n_modes, 2 n_modes)
-        Of (ln -Re λ, Im λ / -Re λ), mode by mode: relative to the decay [-].
-    scatter : Scatter
-        Of shapes and of all that they depend on.
-    energy : ndarray (n_modes,)
-        Rise of the sum of squares of ``misfit`` if the mode is left out and all the rest stays free but the
-        poles [-].
-    n_parameters : int
-        Of one mode.
-    converged : bool
-    n_steps : int
-    """
-
-    poles: Complexes
-    participation: Complexes
-    shapes: Complexes
-    lower: Floats
-    upper: Floats
-    H: Complexes
-    misfit: Complexes
-    covariance: Floats
-    scatter: Scatter
-    energy: Floats
-    n_parameters: int
-    converged: bool
-    n_steps: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FitData:
-    """FRFs with the weights of their fit.
-
-    Attributes
-    ----------
-    frf : FRF
-    scale : ndarray (n_out,)
-        Standard deviation of each output [unit of the FRF].
-    spread : ndarray (n_freq, n_in)
-        By what that is multiplied at each line and input [-].
-    lower, upper : bool
-        Whether there are residuals of modes below and above the band.
-    added_decay : float
-        What an exponential window added to the decay of all motions: the FRFs are those at s = iω + this
-        [1/s].
-    """
-
-    frf: FRF
-    scale: Floats
-    spread: Floats
-    lower: bool = True
-    upper: bool = True
-    added_decay: float = 0.0
-
-    def s(self, omega: Floats) -> Complexes:
-        """Return Laplace's variable at frequencies of rad/s [1/s]."""
-        return np.asarray(1j * omega + self.added_decay, dtype=complex)
-
-    def singular(self, poles: Complexes) -> Complexes:
-        """Return the complex frequencies at which terms of these poles and residuals are infinite [rad/s]."""
-        at = np.concatenate([poles, poles.conj(), [0.0]])
-        return np.asarray((at - self.added_decay) / 1j, dtype=complex)
-
-    def condensed(self, poles: Complexes) -> CondensedLines:
-        """Return the weighted FRFs at few nodes, for a fit of poles near given ones."""
-        H = self.frf.H / self.scale[:, None]
-        return condense_lines(self.frf.omega, H, self.spread, self.singular(poles))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,48 +70,110 @@ class _Linear:
         return self.x[: 2 * n].reshape(n, 2, self.x.shape[1])
 
 
-def fit_modes(data: FitData, poles: Complexes, participation: Complexes, most_steps: int = 60) -> ModalFit:
+def fit_modes(
+    data: ModalFitData, poles: Complexes, participation: Complexes, most_steps: int = 60
+) -> ModalFit:
     """Find the poles and participations nearest to given ones that fit FRFs best.
 
-    Steps are Gauss and Newton's, damped after Levenberg and Marquardt. The covariance has all linear unknowns
-    free, and in each FRF the noise that the fit leaves.
+    Variable projection gives gradient and Gauss-Newton matrix of what the linear unknowns leave, and no
+    Jacobian that ``scipy.optimize.least_squares`` could take: the steps are those of
+    :mod:`updating.least_squares.levenberg_marquardt`. The covariance has all linear unknowns free, and in
+    each FRF the noise that the fit leaves.
     """
     poles = np.array(poles, dtype=complex)
     L: Complexes = np.array(participation, dtype=complex)
     pivot = np.argmax(np.abs(L), axis=1)
     L = L / L[np.arange(len(L)), pivot][:, None]
-    lines = data.condensed(poles)
-    now = _solve(data, lines, poles, L)
-    rounding = 1e-28 * (lines.left + float((lines.target**2).sum()))
-    damping, converged, step = 1e-6, False, 0
-    slopes = _slopes(data, now, poles, L, pivot)
-    J2, gradient = slopes.square(), slopes.gradient
-    while poles.size and step < most_steps and not converged:
-        step += 1
-        size = np.sqrt(np.maximum(J2.diagonal(), 1e-300))
-        scaled = J2 / np.outer(size, size)
-        move = np.linalg.solve(scaled + damping * np.eye(len(scaled)), gradient / size) / size
-        n = 2 * poles.size
-        decay = -poles.real
-        change = np.clip(move[:n].reshape(-1, 2), -0.5, 0.5)
-        new_poles = -decay * np.exp(change[:, 0]) + 1j * (poles.imag + decay * change[:, 1])
-        new_L = L.copy()
-        rows, cols = _free(L.shape, pivot)
-        new_L[rows, cols] += move[n::2] + 1j * move[n + 1 :: 2]
-        if not lines.holds(data.singular(new_poles)):
-            lines = data.condensed(np.concatenate([poles, new_poles]))
-            now = _solve(data, lines, poles, L)
-        trial = _solve(data, lines, new_poles, new_L)
-        if trial.square <= now.square:
-            gain = now.square - trial.square
-            converged = gain <= max(_CONVERGED * now.square / lines.n_values, rounding)
-            poles, L, now, damping = new_poles, new_L, trial, max(damping / 10, 1e-12)
-            slopes = _slopes(data, now, poles, L, pivot)
-            J2, gradient = slopes.square(), slopes.gradient
-        else:
-            damping = max(10 * damping, 1e-6)
-            converged = damping > 1e6
-    return _fit(data, now, slopes, poles, L, pivot, converged, step)
+    problem = _Refinement(data, poles, L, pivot)
+    start = problem.start()
+    lines, free = start.linear.lines, np.full(len(start.x), np.inf)
+    rounding = Tolerance(0.5e-28 * (lines.left + float((lines.target**2).sum())))
+    control = Control(
+        reach=lambda x: free,
+        promised_gain=rounding,
+        actual_gain=replace(rounding, relative=_CONVERGED / lines.n_values),
+        max_iterations=most_steps,
+        max_evaluations=most_steps,
+        max_trials=14,
+        damping=_FIRST_DAMPING,
+        raised_by=10.0,
+        lowered_by=10.0,
+    )
+    found = minimise(problem, start, (-free, free), control)
+    point, last = found.point, found.linearisation
+    slopes = last.slopes if last.at is point else problem.slopes(point)
+    return _fit(
+        data, point.linear, slopes, point.poles, point.L, pivot, found.stop is not Stop.OUT_OF_ITERATIONS,
+        found.n_iterations,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ModalPoint:
+    """Poles and participations, with the linear problem that is solved there."""
+
+    x: Floats
+    poles: Complexes
+    L: Complexes
+    linear: _Linear
+
+    @property
+    def cost(self) -> float:
+        return 0.5 * self.linear.square
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ModalLinearisation(Linearisation):
+    at: _ModalPoint
+    slopes: "_Slopes"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Refinement:
+    """Half the sum of squares as a function of poles and participations.
+
+    x holds (ln decay, frequency beyond that at the start over the decay there) of each pole, then the real
+    and the imaginary part of each participation but the largest of its mode, which stays 1.
+    """
+
+    data: ModalFitData
+    first: Complexes
+    L: Complexes
+    pivot: NDArray[np.int64]
+
+    def start(self) -> _ModalPoint:
+        of_poles = np.stack([np.log(-self.first.real), np.zeros(self.first.size)], axis=1)
+        free = self.L[_free(self.L.shape, self.pivot)]
+        x = np.concatenate([of_poles.ravel(), np.stack([free.real, free.imag], axis=1).ravel()])
+        linear = _solve(self.data, self.data.condensed(self.first), self.first, self.L)
+        return _ModalPoint(x, self.first, self.L, linear)
+
+    def at(self, x: Floats, near: _ModalPoint) -> _ModalPoint:
+        # Poles that are no modes run away from the first steps on. Each is stopped by itself: a step that
+        # was solved again with them held would bend the paths of the modes.
+        n, present = 2 * self.first.size, near.poles.real / self.first.real
+        reach = _LONGEST_STEP * np.stack([np.ones(self.first.size), present], axis=1).ravel()
+        x = np.concatenate([near.x[:n] + np.clip(x[:n] - near.x[:n], -reach, reach), x[n:]])
+        of_poles = x[:n].reshape(-1, 2)
+        frequency = self.first.imag - self.first.real * of_poles[:, 1]
+        poles = np.asarray(-np.exp(of_poles[:, 0]) + 1j * frequency, dtype=complex)
+        L = self.L.copy()
+        L[_free(L.shape, self.pivot)] = x[n::2] + 1j * x[n + 1 :: 2]
+        lines = near.linear.lines
+        if not lines.holds(self.data.singular(poles)):
+            lines = self.data.condensed(np.concatenate([near.poles, poles]))
+        return _ModalPoint(x, poles, L, _solve(self.data, lines, poles, L))
+
+    def slopes(self, point: _ModalPoint) -> "_Slopes":
+        return _slopes(self.data, point.linear, point.poles, point.L, self.pivot)
+
+    def linearised(self, point: _ModalPoint) -> _ModalLinearisation:
+        slopes = self.slopes(point)
+        # Slopes are by frequency over the present decay, and x has it over that at the start.
+        unit, n = np.ones(len(point.x)), 2 * self.first.size
+        unit[1:n:2] = self.first.real / point.poles.real
+        matrix = slopes.square() * np.outer(unit, unit)
+        return _ModalLinearisation(-slopes.gradient * unit, matrix, point, slopes)
 
 
 def _free(shape: tuple[int, ...], pivot: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -221,12 +183,12 @@ def _free(shape: tuple[int, ...], pivot: NDArray[np.int64]) -> tuple[NDArray[np.
     return rows[keep], cols[keep]
 
 
-def _factor(data: FitData, omega: Floats) -> Complexes:
+def _factor(data: ModalFitData, omega: Floats) -> Complexes:
     """Return s^d."""
     return np.asarray(data.s(omega) ** data.frf.kind.derivatives, dtype=complex)
 
 
-def _fractions(data: FitData, omega: Floats, poles: Complexes) -> tuple[Complexes, Complexes]:
+def _fractions(data: ModalFitData, omega: Floats, poles: Complexes) -> tuple[Complexes, Complexes]:
     """Return s^d/(s - λ) and s^d/(s - λ*), shape (n_freq, n_modes)."""
     s = data.s(omega)[:, None]
     g = _factor(data, omega)[:, None]
@@ -241,13 +203,13 @@ def _pairs(p: Complexes, q: Complexes, participation: Complexes) -> Complexes:
     return out
 
 
-def _statics(data: FitData, omega: Floats) -> list[Complexes]:
+def _statics(data: ModalFitData, omega: Floats) -> list[Complexes]:
     """Return what multiplies the residuals of modes below and above the band, shape (n_freq,) each."""
     g = _factor(data, omega)
     return [values for wanted, values in ((data.lower, g / data.s(omega) ** 2), (data.upper, g)) if wanted]
 
 
-def _solve(data: FitData, lines: CondensedLines, poles: Complexes, L: Complexes) -> _Linear:
+def _solve(data: ModalFitData, lines: CondensedLines, poles: Complexes, L: Complexes) -> _Linear:
     n, n_in, n_nodes = 2 * poles.size, L.shape[1], lines.omega.size
     p, q = _fractions(data, lines.omega, poles)
     static = np.array(_statics(data, lines.omega), dtype=complex).reshape(-1, n_nodes).T
@@ -348,7 +310,9 @@ class _Slopes:
         return _summed(G, self.X, self.X * power, self.mode)
 
 
-def _slopes(data: FitData, now: _Linear, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]) -> _Slopes:
+def _slopes(
+    data: ModalFitData, now: _Linear, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]
+) -> _Slopes:
     n, n_in, (rows, cols) = poles.size, L.shape[1], _free(L.shape, pivot)
     mode = np.repeat(np.concatenate([np.arange(n), rows]), 2)
     Q, rest = (values.reshape(n_in, 2 * now.lines.omega.size, -1) for values in (now.Q, now.rest))
@@ -374,7 +338,12 @@ def _slopes(data: FitData, now: _Linear, poles: Complexes, L: Complexes, pivot: 
 
 
 def _derivatives(
-    data: FitData, lines: CondensedLines, poles: Complexes, L: Complexes, modes: NDArray[np.int64], i: int
+    data: ModalFitData,
+    lines: CondensedLines,
+    poles: Complexes,
+    L: Complexes,
+    modes: NDArray[np.int64],
+    i: int,
 ) -> Floats:
     """Return the different columns of dB at input i, (2 n_nodes, 4 n_modes + 2 n).
 
@@ -401,7 +370,7 @@ def _summed(G: Floats, X: Floats, Y: Floats, mode: NDArray[np.int64]) -> Floats:
 
 
 def _covariance(
-    data: FitData,
+    data: ModalFitData,
     slopes: _Slopes,
     poles: Complexes,
     L: Complexes,
@@ -424,7 +393,8 @@ def _covariance(
     V = np.zeros(J2.shape)
     for i in range(n_in):
         V += slopes.square_of(i, power[:, i])
-    size = np.sqrt(np.maximum(J2.diagonal(), 1e-300))
+    # A pole without a part in any FRF has no information: its variance is huge, and finite.
+    size = np.sqrt(np.maximum(J2.diagonal(), _LEAST_INFORMATION))
     values, vectors = np.linalg.eigh(J2 / np.outer(size, size))
     # what the data do not tell at all gets a large variance, not none
     unsure = (vectors / np.maximum(values, 1e-13)) @ vectors.T / np.outer(size, size)
@@ -439,7 +409,7 @@ def _covariance(
 
 
 def _fit(
-    data: FitData,
+    data: ModalFitData,
     now: _Linear,
     slopes: _Slopes,
     poles: Complexes,
@@ -481,13 +451,13 @@ def _fit(
     )
 
 
-def synthesise(data: FitData, fit: ModalFit, which: NDArray[np.bool_]) -> Complexes:
+def synthesise(data: ModalFitData, fit: ModalFit, which: NDArray[np.bool_]) -> Complexes:
     """Return what some of the modes of a fit are of its FRFs, (n_freq, n_out, n_in)."""
     return _synthesised(data, fit.poles[which], fit.participation[which], fit.shapes[:, which])
 
 
 def _synthesised(
-    data: FitData, poles: Complexes, L: Complexes, shapes: Complexes, static: Floats | None = None
+    data: ModalFitData, poles: Complexes, L: Complexes, shapes: Complexes, static: Floats | None = None
 ) -> Complexes:
     """Return the sum of modes and of residuals (n, n_out, n_in) at all lines, (n_freq, n_out, n_in)."""
     omega, n_out, n_in = data.frf.omega, len(shapes), L.shape[1]
@@ -509,7 +479,7 @@ def _regular(R: Floats) -> bool:
     return not d.size or bool(d.min() > 1e-13 * d.max())
 
 
-def scatter_near(fit: ModalFit, data: FitData) -> Floats:
+def scatter_near(fit: ModalFit, data: ModalFitData) -> Floats:
     """Return by what the noise near each pole exceeds the assumed one, shape (n_modes,) [-].
 
     The root mean square of ``misfit`` over the lines within three half-power half-widths, nine lines at

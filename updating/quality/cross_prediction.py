@@ -20,9 +20,10 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.system import sum_contributions
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 
-N_LINES = 200
+N_PREDICTION_LINES = 200
 """At most this many lines are predicted."""
 
 _WIDTH = 0.15
@@ -81,7 +82,7 @@ class Field:
         return out * np.where(self.loose, loose**2, 1.0)
 
     @classmethod
-    def of(cls, problem: FitProblem, result: FitResult, n_lines: int = N_LINES) -> "Field":
+    def of(cls, problem: FitProblem, result: FitResult, n_lines: int = N_PREDICTION_LINES) -> "Field":
         """Return the field of a fitted model."""
         data, model, basis = problem.data, problem.reduced.model, problem.reduced.basis
         lines = np.unique(np.linspace(0, len(data.frequency) - 1, n_lines).round().astype(np.int64))

@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 from fem.elements.frame import Frame
 from fem.model import Model
 from updating.correlation import complex_log
-from updating.inference.fit import FitData, FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import FitData
+from updating.inference.fit_result import FitResult
+from updating.least_squares.loss import pseudo_huber
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor
 from updating.quality.cross_prediction import (
     CrossPrediction,
@@ -231,7 +234,7 @@ Losses = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def _loss(z: NDArray[np.complex128] | NDArray[np.float64]) -> NDArray[np.float64]:
-    return 2 * _TURN**2 * (np.sqrt(1 + np.abs(z) ** 2 / _TURN**2) - 1)
+    return pseudo_huber(z, _TURN)
 
 
 def _log(ratio: NDArray[np.complex128]) -> NDArray[np.complex128]:

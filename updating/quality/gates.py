@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.fit import FitData, FitProblem, FitResult, prepare
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import FitData, prepare
+from updating.inference.fit_result import FitResult
 from updating.measurement.measurement import Measurement
 from updating.quality.cross_prediction import Field, cross_predict
 from updating.quality.faults import Fault, corrected, uncorrected

@@ -19,10 +19,11 @@ from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
 from updating.diagnosis.search import Progress, change_of, similarity_of
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
-from updating.inference.fit import EXPLAINED_LEVEL, FitProblem, FitResult
+from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import (
-    N_LINES,
+    N_FIT_LINES,
     basis_error,
     build_fine,
     build_problem,
@@ -92,7 +93,7 @@ def search_by_evidence(
     band: tuple[float, float] | None = None,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
-    n_lines: int = N_LINES,
+    n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
     progress: Progress | None = None,
 ) -> Searched:
@@ -142,7 +143,7 @@ def diagnose_by_evidence(
     band: tuple[float, float] | None = None,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
-    n_lines: int = N_LINES,
+    n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
     n_simulated: int = 0,
     progress: Progress | None = None,

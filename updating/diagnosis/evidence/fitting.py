@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from fem.model import Effect
 from updating.diagnosis.evidence.marginal import log_evidence
 from updating.diagnosis.evidence.priors import DATA_PER_MODE, EffectPrior, prior_of
-from updating.inference.fit import LEVEL_FLOOR, ROBUST, FitFunction, FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction
+from updating.inference.fit_result import FitResult
 from updating.inference.solve import Prior, Solution, solve_robust
 
 Floats = NDArray[np.float64]
@@ -64,7 +66,7 @@ def _of_effects(function: FitFunction) -> dict[int, EffectPrior]:
     return {
         k: prior_of(function.problem, by_name[v.ref[0]], v)
         for k, v in enumerate(function.variables)
-        if v.prior is None
+        if not v.has_prior
     }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.inference.fit import FitProblem
-from updating.inference.parameters import Variable
+from updating.inference.unknowns import ScaledUnknown
 
 DATA_PER_MODE = 4.0
 """Independent data that each mode of the band stands for: frequency, damping and a few of the shape [-]."""
@@ -52,7 +52,7 @@ class EffectPrior:
         return max(abs(x), self.least) * self.range / float(np.sqrt(2 * np.pi))
 
 
-def prior_of(problem: FitProblem, effect: Effect, variable: Variable) -> EffectPrior:
+def prior_of(problem: FitProblem, effect: Effect, variable: ScaledUnknown) -> EffectPrior:
     """Return what is known beforehand of an unknown of an effect.
 
     As wide as the grid from which the effect asks to be started, on the scale of the unknown: it spans what

@@ -15,7 +15,8 @@ from fem.model import parameter_values
 from fem.reduction.local_changes import LocalChanges
 from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.places import Place, Reach
-from updating.inference.fit import FitProblem, FitResult
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 
 SCAN_LINES = 48
 """Lines at which places are looked at."""

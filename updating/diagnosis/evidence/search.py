@@ -16,7 +16,8 @@ from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.priors import FORM_LEFT, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
-from updating.inference.fit import LEVEL_FLOOR, FitProblem
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import LEVEL_FLOOR
 from updating.inference.parameters import Nuisance
 
 QUICK_LINES, FULL_LINES = 40, 100

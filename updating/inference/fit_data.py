@@ -1,0 +1,192 @@
+"""Measured receptances prepared for fits: which values count, with which noise and weight."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.frf import FRF
+from fem.model import Model
+from updating.correlation import DB_PER_NEPER
+from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_point
+from updating.measurement.noise import relative_noise
+
+SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
+"""For which share of the independent data that stands, in covariances, which a fit leaves beyond a multiple
+of the noise: an error of the model is much the same at neighbouring lines and sensors."""
+
+
+NOISE_LIMIT = 0.2
+"""Lines with more relative noise than this are not compared [-]."""
+
+
+TRANSVERSE = 0.01
+"""Share of the motion square to a sensor that its reading may hold, where the model's form is not said to be
+right [-]: accelerometers hear one to three per cent of it, and nobody mounts them straighter."""
+
+
+LEAST_HEARD = 0.2
+"""FRFs that are more than noise at no more than this share of the lines are not compared at any [-]."""
+
+
+MODEL_ERROR = 0.05
+"""Relative accuracy that is asked of a model where the measurement is better than that [-]."""
+
+
+def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+    """Return sensors as combinations of DOFs, shape (n_dof, n).
+
+    Raises
+    ------
+    MeasurementError
+        If the mesh has no point where a sensor sits (see
+        :func:`updating.measurement.measurement.place_sensors`).
+    """
+    out = np.zeros((model.n_dof, len(sensors)))
+    for i, sensor in enumerate(sensors):
+        point = sensor_point(model.mesh, sensor)
+        out[6 * point : 6 * point + 3, i] = sensor.gain * np.asarray(sensor.direction)
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitData:
+    """Measured receptances, prepared for fits.
+
+    Attributes
+    ----------
+    measurement : Measurement
+    frequency : ndarray (n_freq,)
+        All lines that count [Hz].
+    H : ndarray (n_freq, n_out, n_in)
+        Receptances.
+    mask : ndarray of bool (n_freq, n_out, n_in)
+        Values that count: not those of FRFs that are zero by symmetry, nor those with noise above
+        ``NOISE_LIMIT``, nor those that are exactly 0, which nothing was measured at, nor those of sensors
+        that may have read as much of what moves square to them.
+    weight : ndarray (n_freq, n_out, n_in)
+        Weight of each residual, 1 where noise and that are small beside ``MODEL_ERROR``.
+    noise : ndarray (n_freq, n_out, n_in)
+        Relative noise of the amplitude [-].
+    held_out : ndarray of bool (n_freq,)
+        Lines that no fit sees.
+    """
+
+    measurement: Measurement
+    frequency: NDArray[np.float64]
+    H: NDArray[np.complex128]
+    mask: NDArray[np.bool_]
+    weight: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    held_out: NDArray[np.bool_]
+
+    @property
+    def uncertain(self) -> NDArray[np.float64]:
+        """Relative uncertainty of each reading: noise, and what moves square to the sensor [-]."""
+        weight = np.where(self.mask & (self.weight > 0), self.weight, 1.0)
+        return np.maximum(MODEL_ERROR * np.sqrt(np.maximum(weight**-2 - 1, 0.0)), self.noise)
+
+    @property
+    def noise_db(self) -> float:
+        """Root mean square of the noise of the FRFs that count [dB]."""
+        return float(np.sqrt((self.noise[self.mask] ** 2).mean()) * DB_PER_NEPER)
+
+    @property
+    def noise_level(self) -> float:
+        """Residual level that noise alone leaves, amplitude and phase [nepers]."""
+        return float(np.sqrt((2 * (self.weight * self.noise)[self.mask] ** 2).mean()))
+
+
+def prepare(
+    measurement: Measurement,
+    computed: NDArray[np.complex128] | None = None,
+    band: tuple[float, float] | None = None,
+    n_blocks: int = 20,
+    across: NDArray[np.float64] | None = None,
+) -> FitData:
+    """Prepare measured FRFs for fits.
+
+    Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and
+    measured, lies more than 60 dB (measured: 50 dB) under the median level of all, or if it is noise at most
+    lines, or no more there than ``TRANSVERSE`` of the motion across its sensor. What the measurement says of
+    the values that count goes before that.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    computed : ndarray (n_freq, n_out, n_in), optional
+        Receptances of the nominal model at the measurement's lines in the band.
+    band : (float, float), optional
+        Frequencies that count [Hz].
+    n_blocks : int
+    across : ndarray (n_freq, n_out, n_in), optional
+        How far each sensor's place moves square to it, as receptances, where that may be in the readings.
+
+    Raises
+    ------
+    MeasurementError
+        If all FRFs are zero.
+    """
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    if frf.frequency[0] == 0:
+        frf = frf.select(lines=np.arange(1, frf.n_freq))
+    H = frf.as_kind("receptance").H
+    level = np.sqrt((np.abs(frf.H) ** 2).mean(axis=0))
+    if not level.any():
+        msg = f"all FRFs of '{measurement.name}' are zero"
+        raise MeasurementError(msg)
+    kept = measurement.with_frf(frf)
+    noise = _noise_of(kept)
+    uncertain = noise
+    if across is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            uncertain = np.hypot(noise, np.nan_to_num(TRANSVERSE * across / np.abs(H), nan=0.0, posinf=10.0))
+    mask = counted_values(frf, uncertain, computed)
+    if kept.compared is not None:
+        mask = np.where(np.isfinite(kept.compared), kept.compared > 0, mask) & (H != 0)
+    weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + uncertain**2) * mask
+    block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
+    return FitData(kept, frf.frequency, H, mask, weight, noise, block % 4 == 2)
+
+
+def counted_values(
+    frf: FRF, uncertain: NDArray[np.float64], computed: NDArray[np.complex128] | None = None
+) -> NDArray[np.bool_]:
+    """Return which values of measured FRFs count, (n_freq, n_out, n_in): in comparisons, fits and updates.
+
+    Parameters
+    ----------
+    frf : FRF
+        As measured.
+    uncertain : ndarray (n_freq, n_out, n_in)
+        Relative uncertainty of each reading [-].
+    computed : ndarray (n_freq, n_out, n_in), optional
+        Receptances of the nominal model, of which those that symmetry makes zero are told.
+    """
+    level = np.sqrt((np.abs(frf.H) ** 2).mean(axis=0))
+    mask = level > 10 ** (-50 / 20) * np.median(level[level > 0])
+    if computed is not None:
+        acceleration = np.abs(computed) * (2 * np.pi * frf.frequency[:, None, None]) ** 2
+        calculated = np.sqrt((acceleration**2).mean(axis=0))
+        mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
+    mask = mask & (uncertain < NOISE_LIMIT) & (frf.H != 0)
+    return mask & (mask.mean(axis=0) > LEAST_HEARD)
+
+
+def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
+    """Return the relative noise that is known from coherence or repeats, or else that of the data.
+
+    What is known is kept between a millionth and 10, and what is infinite, as where H is 0, is 10, so that
+    weights and ratios stay finite.
+    """
+    noise, known = relative_noise(measurement.frf.H), measurement.noise
+    if known is not None:
+        noise = np.where(np.isnan(known), noise, known)
+    return np.clip(noise, 1e-6, 10.0) if known is not None else np.where(np.isfinite(noise), noise, 10.0)
+
+
+def noise_squares(data: FitData, lines: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return how much of the squares of the weighted residuals at some lines is put down to noise, (m,)."""
+    square = 2 * (SYSTEMATIC_FROM * data.weight[lines] * data.noise[lines]) ** 2
+    return square[data.mask[lines]]

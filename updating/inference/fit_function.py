@@ -1,0 +1,202 @@
+"""Weighted residuals of a fit as a function of its unknowns, and their minimum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect
+from fem.reduction.parametric_frf import ParametricFRF
+from updating.correlation import log_ratio
+from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
+from updating.inference.fit_result import FitResult
+from updating.inference.solve import Prior, Residual, Solution, solve_robust
+from updating.inference.unknowns import ScaledUnknown
+
+if TYPE_CHECKING:
+    from updating.inference.fit import FitProblem
+
+
+ROBUST = 0.5
+"""Residual at which the loss turns from quadratic to linear [nepers]."""
+
+
+LEVEL_FLOOR = 0.01
+"""Residual level below which nothing is gained [nepers]."""
+
+
+@dataclass(eq=False)
+class FitFunction:
+    """Residuals of a fit at some lines, as a function of all that varies.
+
+    x holds the variables (nuisance parameters, then those of the effects) and the logarithms of the damping
+    curve's unknowns.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    effects : tuple of Effect
+    variables : tuple of ScaledUnknown
+    start : ndarray (n,)
+    lines : ndarray of int
+    """
+
+    problem: FitProblem
+    effects: tuple[Effect, ...]
+    variables: tuple[ScaledUnknown, ...]
+    start: NDArray[np.float64]
+    lines: NDArray[np.int64]
+
+    @property
+    def keep(self) -> NDArray[np.bool_]:
+        """Which values count, (n_lines, n_out, n_in)."""
+        return self.problem.data.mask[self.lines]
+
+    # The engine is made at the first evaluation: many functions are made for their bounds and priors alone.
+
+    @cached_property
+    def _engine(self) -> ParametricFRF:
+        frequency = self.problem.data.frequency[self.lines]
+        return self.problem.engine(frequency, [v.ref for v in self.variables], self.effects)
+
+    @cached_property
+    def _damping(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Hat functions and offset of the damping curve at the lines."""
+        curve, frequency = self.problem.damping, self.problem.data.frequency[self.lines]
+        return curve.hats(frequency), curve.offset(frequency)
+
+    @cached_property
+    def _measured(self) -> NDArray[np.complex128]:
+        """Measured receptances at the lines, 1 where they do not count, so that their logarithm exists."""
+        measured = self.problem.data.H[self.lines]
+        return np.where(self.keep & (measured != 0), measured, 1.0)
+
+    def __call__(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
+        keep, weight = self.keep, self.problem.data.weight[self.lines]
+        n_par, (hats, offset) = len(self.variables), self._damping
+        values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])
+        zeta = np.exp(hats @ x[n_par:] + offset)
+        H, dH, dH_dzeta = self._engine.evaluate(values, zeta, gradient)
+        r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
+        if not gradient or dH is None or dH_dzeta is None:
+            return r, None
+        per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)
+        J = np.empty((len(x), r.size), dtype=complex)
+        for k, v in enumerate(self.variables):
+            J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
+        base = dH_dzeta * per
+        J[n_par:] = by_unknowns(zeta, hats, base)[:, keep]
+        return r, J
+
+    @property
+    def units(self) -> NDArray[np.float64]:
+        """Size of one unit of each x: 1 where it is a logarithm, or in that of the parameter."""
+        return np.array([*(v.size for v in self.variables), *np.ones(len(self.problem.damping.start))])
+
+    @property
+    def relative(self) -> NDArray[np.bool_]:
+        """Which x is in parts of a scale, (n,), rather than a logarithm."""
+        damping = [False] * len(self.problem.damping.start)
+        return np.array([*(not v.log for v in self.variables), *damping])
+
+    def prior(self) -> Prior:
+        """Return what is known of x beforehand."""
+        damping = self.problem.damping
+        start = np.log(damping.start)
+        means = [[v.mean for v in self.variables], start]
+        stds = [[v.std for v in self.variables], np.full(len(start), damping.std)]
+        return Prior(np.concatenate(means), np.concatenate(stds))
+
+    def moved_to(self, result: FitResult) -> NDArray[np.float64]:
+        """Return the start with nuisance parameters and damping of a result."""
+        x, n_par = self.start.copy(), len(self.variables)
+        for k, v in enumerate(self.variables):
+            if v.has_prior and v.ref in result.values:
+                x[k] = v.to_x(result.values[v.ref])
+        x[n_par:] = np.log(result.zeta)
+        return x
+
+    def limits(self) -> NDArray[np.float64]:
+        """Return the bounds of x, shape (n, 2)."""
+        p = self.problem
+        return np.vstack(
+            [
+                np.array([v.bounds() for v in self.variables]).reshape(-1, 2),
+                p.damping.limits,
+            ]
+        )
+
+    def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int) -> Solution:
+        """Find the x of greatest posterior probability from a start."""
+        p, limits = self.problem, self.limits()
+        assert len(limits) == len(x)
+        return solve_robust(
+            self,
+            x,
+            self.prior(),
+            (limits[:, 0], limits[:, 1]),
+            n_independent=p.n_independent(stage),
+            floor=LEVEL_FLOOR,
+            noise=noise_squares(p.data, self.lines),
+            systematic=SYSTEMATIC_SHARE,
+            counted=p.noise_counted,
+            groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
+            robust=ROBUST,
+            max_iterations=max_iterations,
+            relative=self.relative,
+        )
+
+    def result(self, solution: Solution) -> FitResult:
+        """Return a solution as values with standard deviations; its errors are not assessed."""
+        x, n_par = solution.x, len(self.variables)
+        values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)}
+        sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
+        known = zip(self.variables, x[:n_par], sd[:n_par], strict=True)
+        std = {v.ref: v.deviation(xi, deviation) for v, xi, deviation in known}
+        fitted = tuple(
+            e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
+        )
+        zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
+        covariance = solution.covariance * np.outer(self.units, self.units)
+        return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
+
+
+def propagated(
+    residual: Residual,
+    x: NDArray[np.float64],
+    units: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return √(gᵀ C g), (m,), of the real parts of residuals, with g their derivatives by x in its units."""
+    _, J = residual(x, True)
+    assert J is not None
+    J = J / units[:, None]
+    variance = np.einsum("im,ij,jm->m", J.real, covariance, J.real, optimize=True)
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
+def by_unknowns(
+    zeta: NDArray[np.float64], hats: NDArray[np.float64], by_zeta: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return derivatives by the logarithms of a damping curve's unknowns from those by ζ at each line.
+
+    Parameters
+    ----------
+    zeta : ndarray (n_freq,) or (2, n_freq)
+        As of :meth:`updating.inference.parameters.DampingCurve.ratio` [-].
+    hats : ndarray (n_freq, n_unknowns) or (2, n_freq, n_unknowns)
+    by_zeta : ndarray (n_freq, n_out, n_in) or (2, n_freq, n_out, n_in)
+
+    Returns
+    -------
+    ndarray (n_unknowns, n_freq, n_out, n_in)
+    """
+    weight = np.moveaxis(zeta[..., None] * hats, -1, 0)[..., None, None]
+    return weight * by_zeta if zeta.ndim == 1 else weight[:, 0] * by_zeta[0] + weight[:, 1] * by_zeta[1]

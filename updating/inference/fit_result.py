@@ -1,0 +1,55 @@
+"""A fitted model: values, standard deviations, and errors on fitted and held-out lines."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, ParameterRef
+from updating.inference.solve import Solution
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitResult:
+    """A fitted model.
+
+    Attributes
+    ----------
+    solution : Solution
+    values : mapping of (effect, parameter) to float
+        Values of all parameters that varied.
+    std : mapping of (effect, parameter) to float
+        Standard deviations: linearised, of parameters that are fitted in the logarithm half the width of the
+        interval.
+    zeta : ndarray (n_unknowns,)
+        The damping curve's unknowns: first the ratios at its knots [-].
+    effects : tuple of Effect
+        The added effects at their fitted values.
+    fit_db, held_out_db : float
+        Root mean square of the amplitude's error on the lines fitted and held out [dB].
+    level, held_out_level : float
+        Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
+    covariance : ndarray (n, n)
+        Of the values, in their order, and the damping curve's unknowns: of ln θ for positive parameters and
+        these unknowns, and of θ for others. Empty for what was not fitted.
+    unseen : float
+        Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
+        it was assessed.
+    audible_db : float
+        ``fit_db``, where what is computed to be less than the noise of the measured value counts as that
+        noise [dB]; NaN unless it was assessed.
+    """
+
+    solution: Solution
+    values: Mapping[ParameterRef, float]
+    std: Mapping[ParameterRef, float]
+    zeta: NDArray[np.float64]
+    effects: tuple[Effect, ...]
+    fit_db: float
+    held_out_db: float
+    level: float
+    held_out_level: float = np.nan
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    unseen: float = np.nan
+    audible_db: float = np.nan

@@ -1,0 +1,242 @@
+"""The result of an update: parameters before and after, the path between them, and how it ended."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from fem.model import Model, ParameterRef
+from updating.inference.mode_residual import ModePairs
+from updating.inference.regularisation import LCurve
+from updating.inference.sampling import Samples
+
+
+class Ending(Enum):
+    """How an updating ended: its cause, and what to do."""
+
+    CONVERGED = ("converged", "the last step is small beside the standard deviations", "")
+    OUT_OF_ITERATIONS = (
+        "out of iterations",
+        "the misfit was still falling",
+        "allow more iterations, or start nearer: a wrong start makes steps short",
+    )
+    STUCK = (
+        "stuck",
+        "no step along the derivatives lowers the misfit, though they say it should",
+        "check whether modes change partners between steps; give shapes, a narrower band, or more starts",
+    )
+    NO_PARTNERS = (
+        "no partners",
+        "no measured mode looks like a mode of the model at the start",
+        "check the outputs' points, directions and signs, or raise the number of starts",
+    )
+    NOT_FINITE = (
+        "not finite",
+        "the model has no finite response at the start",
+        "give it damping, and leave out lines at 0 Hz",
+    )
+    NOTHING_DETERMINED = (
+        "nothing determined",
+        "no measured mode or line changes with any of the parameters",
+        "check which modes the measured ones are (shapes, or numbers), or name other parameters",
+    )
+    AT_BOUNDS = (
+        "at bounds",
+        "every parameter has run to a bound",
+        "the model lacks what the data show, or the bounds are too narrow: look for a missing effect",
+    )
+
+    @property
+    def cause(self) -> str:
+        """What happened."""
+        return self.value[1]
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it; empty where nothing need be done."""
+        return self.value[2]
+
+
+@dataclass(frozen=True, slots=True)
+class UpdatedParameter:
+    """One unknown before and after.
+
+    Attributes
+    ----------
+    name, unit : str
+    refs : tuple of (effect, parameter)
+        What it moves; empty for a damping ratio.
+    start, lower, upper : float
+        [unit]
+    prior_std : float or None
+        Relative for a log-normal prior, in its unit for a normal one.
+    value, std : float
+        [unit]; the deviation is infinite where the data say nothing, and NaN at a bound.
+    log : bool
+        Whether the logarithm is what is normally distributed.
+    at_bound : bool
+    determined : bool
+        Whether the data, and not the prior, say what it is.
+    from_prior : float
+        How far the value is from the prior's mean, in its standard deviations; NaN without a prior [-].
+    released : bool
+        Whether the data contradict the prior so much that it was let go (``UpdateSettings.contradicted``).
+    """
+
+    name: str
+    unit: str
+    refs: tuple[ParameterRef, ...]
+    start: float
+    lower: float
+    upper: float
+    prior_std: float | None
+    value: float
+    std: float
+    log: bool
+    at_bound: bool
+    determined: bool
+    from_prior: float = np.nan
+    released: bool = False
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """Return the interval that holds the truth with a probability; symmetric in ln θ where ``log``."""
+        half = float(ndtri(0.5 + level / 2)) * self.std
+        if self.log:
+            factor = float(np.exp(min(half / self.value, 700.0)))  # beyond is without bounds, as floats go
+            return self.value / factor, self.value * factor
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UpdateStep:
+    """One accepted step.
+
+    Attributes
+    ----------
+    stage : str
+        ``"modes"``, or up to which frequency FRFs were fitted.
+    values : ndarray (n,)
+        Of all unknowns [their units].
+    cost : float
+        Negative log posterior up to a constant; comparable within a stage.
+    frequency_error : float
+        Root mean square of the relative errors of natural frequencies; NaN without [-].
+    mac : float
+        Mean of the paired modes'; NaN without shapes [-].
+    frf_db : float
+        Root mean square of the FRFs' error in amplitude; NaN without [dB].
+    lost : tuple of int
+        Measured modes without a partner.
+    """
+
+    stage: str
+    values: NDArray[np.float64]
+    cost: float
+    frequency_error: float
+    mac: float
+    frf_db: float
+    lost: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Updated:
+    """An updated model, how it came about, and how far to trust it.
+
+    Attributes
+    ----------
+    model : Model
+        With the parameters at their updated values, and the damping if that was fitted.
+    parameters : tuple of UpdatedParameter
+        Then damping ratios, if they were fitted.
+    correlation : ndarray (n, n)
+        Of the estimates [-].
+    covariance : ndarray (n, n)
+        Linearised, of the values [products of their units].
+    path : tuple of UpdateStep
+        From the start to the end.
+    misfit : mapping of str to float
+        Mean square residual in units of the stated variance, of ``"modes"`` and ``"frf"``; 1 if noise and
+        model error are as stated, more widens the standard deviations.
+    pairs : ModePairs or None
+        Measured modes and their partners.
+    frequency : ndarray (n,)
+        Measured natural frequencies, in the order of the pairs [Hz].
+    shifts : ndarray (k, 3)
+        Of FRFs, what the model misses of natural frequencies though its parameters are right: frequency [Hz],
+        relative shift and its standard deviation [-].
+    gains : ndarray (n_out + n_in, 2)
+        The same of the amplitudes of outputs, then inputs: factor and its standard deviation [-].
+    left_out : tuple of (name, reason)
+        Parameters that selection kept at their start.
+    curve : LCurve or None
+        Of the regularisation.
+    samples : Samples or None
+        Of the values, if asked for.
+    starts : tuple of (values, cost)
+        Where several starts led.
+    ending : Ending
+    messages : tuple of str
+        What to doubt.
+    """
+
+    model: Model
+    parameters: tuple[UpdatedParameter, ...]
+    correlation: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    path: tuple[UpdateStep, ...]
+    misfit: Mapping[str, float]
+    pairs: ModePairs | None
+    frequency: NDArray[np.float64]
+    shifts: NDArray[np.float64]
+    gains: NDArray[np.float64]
+    left_out: tuple[tuple[str, str], ...]
+    curve: LCurve | None
+    samples: Samples | None
+    starts: tuple[tuple[NDArray[np.float64], float], ...]
+    ending: Ending
+    messages: tuple[str, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether it ended as it should."""
+        return self.ending is Ending.CONVERGED
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Updated values, (n,) [their units]."""
+        return np.array([p.value for p in self.parameters])
+
+    @property
+    def std(self) -> NDArray[np.float64]:
+        """Standard deviations, (n,) [their units]."""
+        return np.array([p.std for p in self.parameters])
+
+    def __getitem__(self, name: str) -> UpdatedParameter:
+        for p in self.parameters:
+            if p.name == name:
+                return p
+        msg = f"nothing named '{name}' was updated; there are {', '.join(self.names)}"
+        raise KeyError(msg)
+
+    def table(self) -> str:
+        """Return start, value and standard deviation of each parameter as text, then what to doubt."""
+        width = max([len("parameter"), *(len(p.name) for p in self.parameters)])
+        lines = [f"{'parameter':{width}}  {'start':>11}  {'value':>11}  {'std':>9}  {'change':>8}  unit"]
+        for p in self.parameters:
+            change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
+            mark = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
+            mark += " (prior dropped)" if p.released else ""
+            std = f"{p.std:9.2g}" if np.isfinite(p.std) else f"{'-':>9}"
+            lines.append(
+                f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {std}  {change:>8}  {p.unit}{mark}"
+            )
+        lines += [f"{name}: left at its start, as {reason}" for name, reason in self.left_out]
+        return "\n".join([*lines, *self.messages])

@@ -1,0 +1,1 @@
+"""Nonlinear least squares: one loop for all fits, and the robust loss of residuals."""
