@@ -95,6 +95,6 @@ def patches(result: RunResult) -> tuple[Spread, ...]:
 
 def form(result: RunResult) -> tuple[Effect, ...]:
     """Return the uncertain form of sections and connections of the fitted model that the study has not."""
-    known, patched = {e.name for e in result.study.model.effects}, patches(result)
-    model = result.diagnosis.model
-    return tuple(e for e in model.effects if e.is_form and e.name not in known and e not in patched)
+    d, model = result.diagnosis, result.diagnosis.model
+    told = {e.name for e in (*result.study.model.effects, *patches(result), *(f.effect for f in d.findings))}
+    return tuple(e for e in model.effects if e.is_form and e.name not in told)

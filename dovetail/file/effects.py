@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import LEAST, Table, suggest
 from dovetail.file.toml import toml_table
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
@@ -103,7 +103,7 @@ def effect_table(effect: Effect, candidate: str, name: str = "") -> str:
         Its own name, where it is not "known" and the candidate's.
     """
     values: dict[str, Any] = {"candidate": candidate} | ({"name": name} if name else {})
-    values |= {p.name: float(p.value) for p in effect.parameters()}
+    values |= {p.name: _written(float(p.value)) for p in effect.parameters()}
     if isinstance(effect, AmplitudeDependent):
         values["amplitude"] = float(effect.amplitude)
     return toml_table("[[effects]]", values)
@@ -115,3 +115,8 @@ def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[
     ]
     axes = [np.array([s.direction for s in g], dtype=float).reshape(-1, 3) for g in (sensors, excitations)]
     return Instruments(points[0], axes[0], points[1], axes[1])
+
+
+def _written(value: float) -> float:
+    """Return a value as a study file may hold it: no quantity is as small as rounding leaves of zero."""
+    return 0.0 if abs(value) < LEAST else value

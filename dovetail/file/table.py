@@ -23,6 +23,10 @@ class StudyError(ValueError):
     """A study file that cannot be what the user meant; the message names file, line and key."""
 
 
+LEAST = 1e-30
+"""Smallest size of a number that is not zero, in any SI unit; the largest is its inverse."""
+
+
 @dataclass(frozen=True, slots=True)
 class Source:
     """A study file's name and where its keys stand."""
@@ -242,7 +246,7 @@ def suggest(word: str, known: Iterable[str]) -> str:
 def _is_number(value: Any) -> bool:
     # no quantity in SI units is larger or smaller; powers of sizes must not overflow
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and (value == 0 or 1e-30 <= abs(value) <= 1e30)
+    return number and (value == 0 or LEAST <= abs(value) <= 1 / LEAST)
 
 
 def _shown(value: Any) -> str:

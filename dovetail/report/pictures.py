@@ -191,6 +191,8 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     levels = [r.level * DB_PER_NEPER for r in ranked]
     outcome = f"{accepted} is accepted" if accepted else "none of them is accepted"
     limit, how = "to be accepted", "The best must reach the dotted line to be accepted."
+    if not np.isfinite(ranked[0].asked):
+        how = "They are ranked by their evidence, which also counts what a law asks for."
     if not found and ranked[0].level < ranked[0].asked:
         limit = "asked of the level"
         how = "What lies below the dotted line is within tolerance, uncertain, or worse on held-out lines."
@@ -207,7 +209,8 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
             accepted=accepted,
             xlabel="residual level, amplitude and phase [dB]",
         )
-        _mark_limit(figure.axes[0], ranked[0].asked * DB_PER_NEPER, limit)
+        if np.isfinite(ranked[0].asked):
+            _mark_limit(figure.axes[0], ranked[0].asked * DB_PER_NEPER, limit)
         save(figure, path, DPI)
 
     album.add(

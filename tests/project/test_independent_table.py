@@ -143,7 +143,7 @@ def test_two_connections_are_told_apart():
     assert table.judge(*truth, result("effect", RX, RY)) == table.NO
 
 
-@pytest.mark.parametrize(("kind", "found"), [(k, f) for k, (f,) in table.MOVED.items()])
+@pytest.mark.parametrize(("kind", "found"), [(k, f) for k, several in table.MOVED.items() for f in several])
 def test_a_point_of_action_elsewhere_is_right_by_kind_and_place(kind, found):
     moved = {"type": kind, "location": "joint J", "member": "D", "magnitude": {"along_m": 0.02}}
     truth = table.hidden_effects({"effects": [moved]}, NOMINAL)

@@ -285,7 +285,7 @@ def _twins(done: Searched, best: Hypothesis, effect: Effect) -> list[str]:
 def _ranked(problem: FitProblem, effect: Effect, result: FitResult, similarity: float) -> Ranked:
     return Ranked(
         effect.name, effect.kind, effect.where, parameters_of(effect, result), result.level, result.fit_db,
-        result.held_out_db, similarity, True, result.level, result,
+        result.held_out_db, similarity, True, np.nan, result,
     )  # fmt: skip
 
 

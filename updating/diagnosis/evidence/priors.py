@@ -63,7 +63,7 @@ def prior_of(problem: FitProblem, effect: Effect, variable: ScaledUnknown) -> Ef
     grid = effect.starts(problem.surroundings)
     x = np.array([variable.to_x(point[name]) for point in grid if name in point])
     size = np.abs(x)
-    p = variable.parameter
+    p = next(q for q in effect.parameters() if q.name == name)
     sized = len(x) > 0 and not p.log and p.absent == 0 and size.min() > 0
     if sized and size.max() > DECADE * size.min():
         signs = 2 if x.min() < 0 < x.max() else 1
