@@ -446,7 +446,7 @@ def test_a_long_thin_structure_is_compared_without_its_modes(load, computed, mon
         return float(re.search(r"are ([\d.e+-]+) times", said)[1])
 
     with monkeypatch.context() as patched:
-        patched.setattr("fem.analysis.frf.modes_below", _refuse)
+        patched.setattr("fem.analysis.frf_solver.modes_below", _refuse)
         by_lines = found()
     monkeypatch.setattr("fem.analysis.condensed._SECONDS_PER_MODE", 0.0)
     assert by_lines == pytest.approx(found(), rel=0.02)
