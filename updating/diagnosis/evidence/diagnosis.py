@@ -120,7 +120,9 @@ def search_by_evidence(
     search = Search(whole, own, candidates, floor, partial(_told, say))
     if not faults:
         search.known[frozenset()] = Hypothesis(null, search.prior(()))
-    return Searched(search, search.run(), faults, left[0], formed)
+    best = search.run()
+    say("refining", 0.9)
+    return Searched(search, search.polished(best), faults, left[0], formed)
 
 
 def _candidates(

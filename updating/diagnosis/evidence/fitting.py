@@ -10,9 +10,10 @@ from fem.model import Effect
 from updating.diagnosis.evidence.marginal import log_evidence
 from updating.diagnosis.evidence.priors import DATA_PER_MODE, EffectPrior, prior_of
 from updating.inference.fit import FitProblem
+from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
-from updating.inference.solve import Prior, Solution, solve_robust
+from updating.inference.solve import Prior, Solution, inflation, solve_robust
 
 Floats = NDArray[np.float64]
 
@@ -142,5 +143,8 @@ def _assessed(function: FitFunction, solution: Solution) -> tuple[float, float, 
         if own.range:
             off[k], std[k] = 0.0, own.width_at(float(x[k]))
     A = np.real((J.conj() * w) @ J.T) + np.diag(std**-2.0)
-    covariance: Floats = np.linalg.inv(A).astype(float)
-    return log_evidence(likelihood, off, std, A), likelihood, covariance
+    # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
+    noise = np.bincount(groups, noise_squares(function.problem.data, function.lines)) / size
+    wider = inflation(level - LEVEL_FLOOR**2, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE)[groups]
+    B = np.real((J.conj() * (w / wider)) @ J.T) + np.diag(std**-2.0)
+    return log_evidence(likelihood, off, std, A), likelihood, np.linalg.inv(B)

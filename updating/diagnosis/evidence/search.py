@@ -28,6 +28,8 @@ too [-]."""
 N_SCANNED, N_PLACES, N_PAIRS, N_SINGLES, N_THERE, N_AGAIN, N_FINAL, N_BEAM = 10, 4, 2, 8, 4, 4, 3, 2
 """Effects of so many of the first places of the scan are looked at; so many connections, pairs of them and
 single effects are fitted; so many of these go on."""
+AROUND = (0.8, 0.9, 1.1, 1.25)
+"""Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 N_RIVALS = 6
@@ -108,6 +110,12 @@ def near_to(effect: Effect) -> set[str]:
         many = getattr(effect, key, None)
         names |= {x for x in many if isinstance(x, str)} if isinstance(many, tuple) else set()
     return names or {place_of(effect)[1]}
+
+
+def _distance(one: Fitted, other: Fitted) -> float:
+    """Return the largest distance of unknowns in standard deviations of the second fit."""
+    sd = np.sqrt(np.diag(other.result.covariance))
+    return float(np.abs((one.result.solution.x - other.result.solution.x) / sd).max())
 
 
 @dataclass(slots=True, eq=False)
@@ -374,6 +382,44 @@ class Search:
         ways = problem.stages, problem.stages[-1:]
         fits = [fit(problem, effects, starts, stages=way, n_lines=FULL_LINES) for way in ways]
         return Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
+
+    def polished(self, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis at the best of the maxima around it, as uncertain as they are apart.
+
+        Resonances that pass each other leave several maxima of the posterior. The covariance is that of the
+        mixture of their normal approximations: Σ w (C + d dᵀ), with weights w by their evidence and distances
+        d from the best one.
+        """
+        if not h.effects:
+            return h
+        values = [parameter_values(e) for e in h.effects]
+        fits = [h.fitted, *(self.at(h.effects, start).fitted for start in self._around(h.effects))]
+        best = max(fits, key=lambda f: f.log_evidence)
+        apart: list[Fitted] = []
+        for f in sorted(fits, key=lambda f: -f.log_evidence):
+            near = f.log_evidence > best.log_evidence - BEAM_NATS
+            if near and all(_distance(f, a) > 1.0 for a in apart):
+                apart.append(f)
+        weight = np.exp([f.log_evidence - best.log_evidence for f in apart])
+        d = [f.result.solution.x - best.result.solution.x for f in apart]
+        each = [f.result.covariance + np.outer(x, x) for f, x in zip(apart, d, strict=True)]
+        covariance = np.tensordot(weight / weight.sum(), np.stack(each), axes=1)
+        lines = self.problem.lines_up_to(np.inf, FULL_LINES)
+        function = self.problem.function(h.effects, values, lines)
+        result = function.result(replace(best.result.solution, covariance=covariance))
+        self.known[h.key] = Hypothesis(replace(best, result=result), h.prior)
+        return self.known[h.key]
+
+    def _around(self, effects: Sequence[Effect]) -> list[list[dict[str, float]]]:
+        """Return starts at the effects' values, and with one positive parameter some factors off."""
+        values = [parameter_values(e) for e in effects]
+        starts = [values]
+        for k, e in enumerate(effects):
+            for p in e.parameters():
+                for factor in AROUND if p.log else ():
+                    moved = {p.name: float(np.clip(factor * p.value, p.lower, p.upper))}
+                    starts.append([*values[:k], values[k] | moved, *values[k + 1 :]])
+        return starts
 
     def prior(self, effects: Sequence[Effect]) -> float:
         """Return the logarithm of the prior probability of effects."""
