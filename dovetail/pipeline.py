@@ -119,11 +119,13 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
     fitted = [without_held_out(study, m) for m in measured(study)]
-    # The search by evidence knows neither joints that depend on amplitude nor simulations of chance, and its
-    # count of independent data is that of models whose form errs.
-    exact = study.model_error == 0
-    older = exact or study.n_simulated > 0 or len({m.force_level for m in fitted}) > 1
-    return (diagnose if older else diagnose_by_evidence)(
+    if study.evidence and (study.n_simulated or len({m.force_level for m in fitted}) > 1):
+        msg = (
+            f"{study.path}: [fit] evidence = true has no bootstrap and one force level; take one of them out"
+        )
+        raise StudyError(msg)
+    search = diagnose_by_evidence if study.evidence else diagnose
+    return search(
         study.model,
         fitted,
         study.nuisances,

@@ -116,6 +116,8 @@ class Study:
         Band of comparison and fit; None for that of the measurements [Hz].
     model_error : float
         Residual level up to which a model of beams counts as right [neper].
+    evidence : bool
+        Whether effects are searched for by evidence.
     n_simulated : int
         Measurements to simulate for trying a verdict against chance.
     n_lines : int or None
@@ -181,6 +183,7 @@ class Study:
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
     measured_notes: tuple[str, ...] = ()
+    evidence: bool = False
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
@@ -343,6 +346,7 @@ class _Reader:
         fit = top.table("fit")
         band, n_lines = read_band(fit), fit.whole("lines", None, 8, MOST_LINES)
         n_simulated = fit.whole("bootstrap", 0, 0, MOST_REPEATS)
+        by_evidence = fit.flag("evidence", False)
         model_error = fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper")
         held_out, held_out_sensors = (), ()
         fit.get("held_out", ())
@@ -460,6 +464,7 @@ class _Reader:
                 for key, group in (("outputs", sensors), ("inputs", excitations))
             },
             tuple(dict.fromkeys(self.measured_notes)),
+            by_evidence,
         )
 
     def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,8 +65,6 @@ def test_result_json_has_the_documented_keys(done, root):
         np.hypot(result["noise_db"], result["discretisation_db"])
     )
     assert result["ranking"][0][0]["name"] == effect["name"]
-    assert effect["name"] in result["posterior"][0]["effects"]
-    assert sum(h["probability"] for h in result["posterior"]) == pytest.approx(1.0)
     assert [c["channel"] for c in result["held_out_channels"]] == ["excitation K", "sensor P"]
     assert result["model"]["values"][f"{effect['name']}.mass"] == pytest.approx(0.25, rel=0.05)
     assert all(type(v) in (float, int) for v in result["model"]["values"].values())
@@ -73,10 +72,45 @@ def test_result_json_has_the_documented_keys(done, root):
 
 def test_the_study_that_was_found_runs_and_is_better(done):
     found = load_study(done.folder / "found.toml")
-    (effect,) = (e for e in found.model.effects if e.name.startswith("known ") and not e.is_form)
+    (effect,) = (e for e in found.model.effects if e.name.startswith("known "))
     assert effect.kind == done.diagnosis.findings[0].effect.kind
     before, after = (fit_problem(s).fit().fit_db for s in (done.study, found))
     assert after < 0.5 * before
+
+
+@pytest.fixture(scope="module")
+def by_evidence(tmp_path_factory):
+    file = write_study(tmp_path_factory.mktemp("evidence"))
+    text = file.read_text(encoding="utf-8")
+    asked = (
+        text.replace("[fit]\n", "[fit]\nevidence = true\n")
+        if "[fit]\n" in text
+        else f"{text}\n[fit]\nevidence = true\n"
+    )
+    file.write_text(asked, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
+        return run.run(load_study(file), file.parent / "out")
+
+
+def test_the_search_by_evidence_finds_the_hidden_mass(by_evidence):
+    assert by_evidence.diagnosis.verdict == "effect"
+    assert [f.effect.kind for f in by_evidence.diagnosis.findings] == ["point_mass"]
+    result = json.loads(by_evidence.json.read_text(encoding="utf-8"))
+    assert result["effects"][0]["name"] in result["posterior"][0]["effects"]
+    assert sum(h["probability"] for h in result["posterior"]) == pytest.approx(1.0)
+    assert result["places"]
+
+
+def test_found_by_evidence_is_the_reported_model(by_evidence):
+    problem = fit_problem(load_study(by_evidence.folder / "found.toml"))
+    assert problem.nominal().fit_db == pytest.approx(by_evidence.diagnosis.steps[-1].fit_db, rel=0.02)
+
+
+def test_evidence_and_bootstrap_exclude_each_other(study_file):
+    study = load_study(study_file)
+    with pytest.raises(StudyError, match="no bootstrap and one force level"):
+        run.diagnose_study(replace(study, evidence=True, n_simulated=3))
 
 
 def test_the_docs_list_every_kind_with_its_parameters(root):

@@ -330,7 +330,7 @@ class _Asked:
         They are no parameter of a fit, and are looked for first.
         """
         every = propose(model, self.kinds, self.exclude, self.measurements[0])
-        return tuple(e for e in every if not isinstance(e, JointPatch))
+        return tuple(e for e in every if not (e.evidence_only or isinstance(e, JointPatch)))
 
     def amplitude_candidates(self, model: Model) -> tuple[AmplitudeDependent, ...]:
         """Return those that depend on amplitude."""
