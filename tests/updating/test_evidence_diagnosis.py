@@ -1,10 +1,9 @@
 """The search by evidence on a small frame: what is hidden, nothing, and what the library lacks."""
 
 import pytest
-from study.run import measured
 
 from dovetail import load_study
-from dovetail.pipeline import without_held_out
+from dovetail.pipeline import measured, without_held_out
 from tests.frames import write_study
 from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
