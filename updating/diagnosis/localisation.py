@@ -71,8 +71,9 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     members: dict[str, float] = dict.fromkeys(problem.reduced.model.mesh.members, 0.0)
     places: dict[str, float] = {}
     project = _Projection.of(problem, result)
-    for kind in candidate_kinds():
-        proposed = effect_classes()[kind].propose(problem.reduced.model)
+    classes = [effect_classes()[kind] for kind in candidate_kinds()]
+    for cls in (c for c in classes if not c.evidence_only):
+        proposed = cls.propose(problem.reduced.model)
         for effect in applicable(proposed, problem.reduced.model):
             if effect.amplitude_dependent:
                 continue
