@@ -550,7 +550,7 @@ def test_a_tower_of_a_hundred_members_gets_its_candidates():
     assert names == [e.name for e in finer]
     kinds = {e.kind for e in candidates}
     joints = {k for k in candidate_kinds() if k.startswith("joint_")}
-    assert kinds == set(candidate_kinds()) - joints
+    assert kinds == set(candidate_kinds()) - joints - {"part_shift", "foot_shift"}  # those of elastic joints
     one = {k: sum(e.kind == k for e in candidates) for k in kinds}
     assert one["crack"] == one["fluid_added_mass"] == one["member_section"] == 216
     assert one["rigid_end_zone"] == 216 + 1

@@ -58,7 +58,9 @@ def test_a_stiffer_stretch_gives_way_less_by_its_share_of_the_flexibility():
     model = beam(8).with_effect(fix(0))
     member = next(iter(model.mesh.members))
     L, z, u = model.mesh.member_length(member), 0.13, 1.2
-    zone = ZoneForm(name="zone", zones=((member, 0.0, z, 1),), place="clamp", u=u)
+    zone = ZoneForm(
+        name="zone", zones=((member, 0.0, z, 1),), place="clamp", frame=model.effect("frame"), u=u
+    )
     axes = model.effect("frame").rotations(model.mesh)[0]
     direction = int(np.argmax(np.abs(axes[2])))
     lost = (L**3 - (L - z) ** 3) / (3 * STEEL.E * FLAT.Iy) * (1 - np.exp(-u))
