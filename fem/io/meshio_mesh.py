@@ -218,7 +218,9 @@ def _numbers(found: Any, array: str, sizes: list[int]) -> NDArray[np.int64] | No
 
 def _by_number(found: Any, tag: str, numbers: NDArray[np.int64]) -> _Sets:
     """Name cells by the numbers of a cell array, with the names that the file has for them."""
-    known = {int(v[0]): name for name, v in found.field_data.items() if np.size(v) == 2 and int(v[1]) == 1}
+    # A VTK file may hold field data of any shape; meshio makes (number, dimension) of a Gmsh file's names.
+    pairs = {name: np.ravel(v) for name, v in found.field_data.items() if np.size(v) == 2}
+    known = {int(v[0]): name for name, v in pairs.items() if np.isfinite(v).all() and int(v[1]) == 1}
     families = getattr(found, "cell_tags", None) or {}
     word = {"gmsh:physical": "physical"}.get(tag, tag)
     order = np.argsort(numbers, kind="stable")

@@ -2,13 +2,14 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
 import pytest
 
 from fem.io import read_mesh, write_mesh, write_uff
-from fem.io.meshio_mesh import quiet
+from fem.io.meshio_mesh import _by_number, quiet
 from fem.mesh import Mesh, MeshError, MeshWarning
 
 
@@ -512,3 +513,10 @@ def test_universal_file_without_lines(tmp_path):
 def test_importing_fem_io_imports_neither_meshio_nor_pyuff():
     code = "import sys, fem, fem.io; assert not {'meshio', 'pyuff'} & set(sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_number_and_a_dimension_in_a_row_name_cells_too():
+    """A damaged VTK file gave field data of shape (1, 2)."""
+    found = SimpleNamespace(field_data={"legs": np.array([[3, 1]]), "odd": np.array([np.nan, 1.0])})
+    named = _by_number(found, "gmsh:physical", np.array([3, 3, 4]))
+    assert [(name, rows.tolist()) for name, rows in named] == [("legs", [0, 1]), ("physical 4", [2])]
