@@ -87,10 +87,7 @@ class Study(config.Study):
         StudyError
             If the study has no sensors or no excitations.
         """
-        for part in ("sensors", "excitations"):
-            if not getattr(self, part):
-                msg = f"{self.path}: it has no [[{part}]]; FRFs need both sensors and excitations"
-                raise StudyError(msg)
+        self.require_ends()
         measured = self.measurements[0].frf if self.measurements else None
         if frequency is None:
             frequency = self.frequency if measured is None else measured.frequency
@@ -100,6 +97,13 @@ class Study(config.Study):
         H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, kind).H
         names, forces = (tuple(s.name for s in part) for part in (self.sensors, self.excitations))
         return FRF.from_arrays(frequency, H, kind, names, forces)
+
+    def require_ends(self) -> None:
+        """Raise a :class:`StudyError` if the study has no sensors or no excitations."""
+        for part in ("sensors", "excitations"):
+            if not getattr(self, part):
+                msg = f"{self.path}: it has no [[{part}]]; FRFs need both sensors and excitations"
+                raise StudyError(msg)
 
     def compare(self, n_bands: int = N_BANDS) -> Comparison:
         """Return how far the model's FRFs are from the first measurement's, on all lines.

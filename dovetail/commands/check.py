@@ -11,7 +11,7 @@ from dovetail.commands.common import (
     warn,
 )
 from dovetail.disk.output import Output, OutputError, Progress, write_json
-from dovetail.file.config import load_study
+from dovetail.study import load_study
 from fem.checks import Defect, check_model
 from fem.io.atomic import replacing
 from viz.offscreen import require_drawing

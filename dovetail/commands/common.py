@@ -8,8 +8,9 @@ from typing import Any
 
 from dovetail.commands.labels import NodeNumbers
 from dovetail.disk.output import Output, check_outputs
-from dovetail.file.config import NEEDS, Study, load_study
+from dovetail.file.config import NEEDS
 from dovetail.file.paths import InputFile, input_files
+from dovetail.study import Study, load_study
 from fem.io import write_uff
 from fem.io.atomic import goes_to_stdout
 

@@ -15,13 +15,10 @@ from dovetail.commands.common import (
 )
 from dovetail.commands.labels import NodeNumbers, own_labels
 from dovetail.disk.output import Output, OutputError, Progress, write_json
-from dovetail.file.config import MOST_LINES, Study
-from dovetail.file.table import StudyError
+from dovetail.file.config import MOST_LINES
+from dovetail.study import Study
 from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
 from fem.io import write_csv, write_npz
-from fem.system import assemble
-from updating.measurement.measurement import sensor_rows
 
 HELP = "compute FRFs from the excitations to the sensors"
 EXAMPLE = "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5"
@@ -61,10 +58,7 @@ def run(options: Options, progress: Progress) -> None:
         raise OutputError(msg)
     check_places(options, Output("--out", options.out))
     study = loaded(options, ("sensors",))
-    if not study.sensors or not study.excitations:
-        missing = "sensors" if not study.sensors else "excitations"
-        msg = f"{options.study}: it has no [[{missing}]]; FRFs need both sensors and excitations"
-        raise StudyError(msg)
+    study.require_ends()
     parts = {"outputs": study.sensors, "inputs": study.excitations}
     nodes = NodeNumbers(study) if writers[suffix] is None else None
     labels = [
@@ -72,17 +66,9 @@ def run(options: Options, progress: Progress) -> None:
         for which, part in parts.items()
     ]
     frequency = _lines(study, options)
-    kind = options.kind or (study.measurements[0].frf.kind if study.measurements else "accelerance")
     progress("computing FRFs")
-    H = compute_frf(
-        assemble(study.model, reciprocal=False),
-        frequency,
-        sensor_rows(study.model, study.sensors),
-        sensor_rows(study.model, study.excitations),
-        kind,
-    )
-    names = [tuple(s.name for s in part) for part in (study.sensors, study.excitations)]
-    computed = FRF.from_arrays(frequency, H.H, kind, *labels)
+    own = study.frf(frequency, options.kind)
+    computed = FRF.from_arrays(frequency, own.H, own.kind, *labels)
     writer = writers[suffix]
     if writer is not None:
         writer(options.out, computed)
@@ -97,16 +83,16 @@ def run(options: Options, progress: Progress) -> None:
         "lines": computed.n_freq,
         "first_Hz": frequency[0],
         "last_Hz": frequency[-1],
-        "outputs": names[0],
-        "inputs": names[1],
+        "outputs": own.outputs,
+        "inputs": own.inputs,
         "measured_notes": study.measured_notes,
         "warnings": study.warnings,
     }
     write_json(options.json, words)
     say(
         options,
-        f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(names[0])} responses to "
-        f"{len(names[1])} force(s), "
+        f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(own.outputs)} responses to "
+        f"{len(own.inputs)} force(s), "
         f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
         *([f"note: the file has {new}; give these labels in the study to read it back"] if new else []),
     )

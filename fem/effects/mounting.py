@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,3 +133,39 @@ class OnSide(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the joint's place."""
         return model.effect(self.joint).locations(model)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class AlongMember(OnSide):
+    """A side that acts further along its member, or less far."""
+
+    of_feet: ClassVar[bool]
+
+    @property
+    def where(self) -> str:
+        """Joint and member."""
+        return f"joint {self.joint}, member {self.member}"
+
+    def moved_rows(self, model: Model, joint: Joint) -> tuple[NDArray[np.int64], Array]:
+        """Return DOFs and rows of the motion of the member's axis where the side is."""
+        point = joint.point1 if self.side == 1 else joint.point2
+        assert point is not None
+        dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.at + self.amount)
+        return dofs, lever_matrix(joint.location - model.mesh.points[point]) @ N
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Return each elastic foot, or each side of each elastic joint of two parts."""
+        out = []
+        for joint, side, member, at in sides_of(model):
+            if is_foot(joint) == cls.of_feet:
+                length = model.mesh.member_length(member)
+                reach = REACH * length
+                out.append(
+                    cls(
+                        name=f"{cls.kind}:{joint.name}.{member}", joint=joint.name, side=side, member=member,
+                        at=at, amount=0.0, lower=-min(at, reach), upper=min(length - at, reach),
+                        scale=0.35 * reach,
+                    )
+                )  # fmt: skip
+        return tuple(out)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF
 from fem.model import Model
 from updating.correlation import DB_PER_NEPER
-from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_point
+from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_rows
 from updating.measurement.noise import relative_noise
 
 SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
@@ -43,11 +43,7 @@ def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float6
         If the mesh has no point where a sensor sits (see
         :func:`updating.measurement.measurement.place_sensors`).
     """
-    out = np.zeros((model.n_dof, len(sensors)))
-    for i, sensor in enumerate(sensors):
-        point = sensor_point(model.mesh, sensor)
-        out[6 * point : 6 * point + 3, i] = sensor.gain * np.asarray(sensor.direction)
-    return out
+    return np.ascontiguousarray(sensor_rows(model, sensors).T)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

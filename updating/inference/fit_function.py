@@ -133,21 +133,46 @@ class FitFunction:
             ]
         )
 
-    def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int) -> Solution:
-        """Find the x of greatest posterior probability from a start."""
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """Band of each residual, each with its own level of error, (m,)."""
+        return np.broadcast_to(self.problem.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep]
+
+    def minimise(
+        self,
+        x: NDArray[np.float64],
+        stage: float,
+        max_iterations: int,
+        *,
+        prior: Prior | None = None,
+        n_independent: float | None = None,
+    ) -> Solution:
+        """Find the x of greatest posterior probability from a start.
+
+        Parameters
+        ----------
+        x : ndarray (n,)
+        stage : float
+            Upper end of the band [Hz].
+        max_iterations : int
+        prior : Prior, optional
+            :meth:`prior` unless given.
+        n_independent : float, optional
+            How many independent data the lines stand for; as the problem counts them unless given.
+        """
         p, limits = self.problem, self.limits()
         assert len(limits) == len(x)
         return solve_robust(
             self,
             x,
-            self.prior(),
+            self.prior() if prior is None else prior,
             (limits[:, 0], limits[:, 1]),
-            n_independent=p.n_independent(stage),
+            n_independent=p.n_independent(stage) if n_independent is None else n_independent,
             floor=LEVEL_FLOOR,
             noise=noise_squares(p.data, self.lines),
             systematic=SYSTEMATIC_SHARE,
             counted=p.noise_counted,
-            groups=np.broadcast_to(p.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep],
+            groups=self.groups,
             robust=ROBUST,
             max_iterations=max_iterations,
             relative=self.relative,

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fem.model import Effect, Model
+from fem.model import Effect, Model, parameter_values
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation.frf_correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT, FAULT, FITTED, NOTHING, UNEXPLAINED, Diagnosis, propose
@@ -206,7 +206,7 @@ def _chain(done: Searched, best: Hypothesis) -> list[Hypothesis]:
         h, rest = chain[0], []
         for e in h.effects:
             fewer = tuple(x for x in h.effects if x.name != e.name)
-            starts = [tuple({p.name: p.value for p in x.parameters()} for x in fewer)]
+            starts = [tuple(map(parameter_values, fewer))]
             rest.append(search.full(fewer, starts, h.fitted, h))
         chain.insert(0, max(rest, key=lambda r: r.score))
     return chain

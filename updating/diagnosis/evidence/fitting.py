@@ -13,7 +13,8 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
-from updating.inference.solve import Prior, Solution, inflation, solve_robust
+from updating.inference.solve import Prior, Solution, inflation
+from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Floats = NDArray[np.float64]
 
@@ -104,7 +105,9 @@ def fit(
         function = problem.function(effects, starts, lines)
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
-        solution = _minimised(function, x, stage, max_iterations)
+        solution = function.minimise(
+            x, stage, max_iterations, prior=priors_of(function), n_independent=n_data(problem, stage)
+        )
         x = solution.x
     assert function is not None
     assert solution is not None
@@ -113,31 +116,17 @@ def fit(
     return Fitted(result, evidence, likelihood)
 
 
-def _groups(function: FitFunction) -> NDArray[np.int64]:
-    bands = function.problem.band_of(function.lines)[:, None, None]
-    return np.broadcast_to(bands, function.keep.shape)[function.keep]
-
-
-def _minimised(function: FitFunction, x: Floats, stage: float, max_iterations: int) -> Solution:
-    return solve_robust(
-        function, x, priors_of(function), tuple(function.limits().T),  # type: ignore[arg-type]
-        n_independent=n_data(function.problem, stage), floor=LEVEL_FLOOR, groups=_groups(function),
-        robust=ROBUST, max_iterations=max_iterations, relative=function.relative,
-    )  # fmt: skip
-
-
 def _assessed(function: FitFunction, solution: Solution) -> tuple[float, float, Floats]:
     """Return log evidence and log likelihood at a solution, and the covariance of its unknowns."""
     x, prior = solution.x, priors_of(function)
     r, J = function(x, True)
     assert J is not None
-    groups = np.unique(_groups(function), return_inverse=True)[1]
+    groups = np.unique(function.groups, return_inverse=True)[1]
     size = np.bincount(groups)
-    rho = 2 * ROBUST**2 * (np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2) - 1)
-    level = LEVEL_FLOOR**2 + np.bincount(groups, rho) / size
+    level = LEVEL_FLOOR**2 + np.bincount(groups, pseudo_huber(r, ROBUST)) / size
     n = n_data(function.problem)
     likelihood = -0.5 * n * float(size @ np.log(level)) / len(r)
-    w = (n / len(r) / level)[groups] / np.sqrt(1 + np.abs(r) ** 2 / ROBUST**2)
+    w = (n / len(r) / level)[groups] * pseudo_huber_weight(r, ROBUST)
     off, std = x - prior.mean, prior.std.copy()
     for k, own in _of_effects(function).items():
         if own.range:

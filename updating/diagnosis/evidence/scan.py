@@ -37,13 +37,10 @@ class Scanned:
     left : float
         Mean square of the misfit that is left, over what is left without the place, each by its degrees of
         freedom [-].
-    n_motions : int
-        Independent motions there.
     """
 
     places: tuple[Place, ...]
     left: float
-    n_motions: int
 
     @property
     def name(self) -> str:
@@ -101,7 +98,7 @@ class Scan:
         for place in places:
             A = shapes[place.name]
             if A.size and A.shape[3] < A.shape[2]:
-                singles.append(Scanned((place,), self._left(A) / none, A.shape[3]))
+                singles.append(Scanned((place,), self._left(A) / none))
         singles.sort(key=lambda s: s.left)
         connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
         connections = [s for s in connections if "," not in s.name][:n_pairs]
@@ -109,7 +106,7 @@ class Scan:
         for one, two in combinations(connections, 2):
             A = np.concatenate([shapes[one.name], shapes[two.name]], axis=3)
             if 2 * A.shape[3] <= A.shape[2]:
-                both = Scanned((*one.places, *two.places), self._left(A) / none, A.shape[3])
+                both = Scanned((*one.places, *two.places), self._left(A) / none)
                 if both.left < 0.9 * min(one.left, two.left):
                     pairs.append(both)
         return tuple(sorted([*singles, *pairs], key=lambda s: s.left))

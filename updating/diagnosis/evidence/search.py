@@ -1,5 +1,6 @@
 """The search: places by the scan, blocks and single laws there by evidence, then the simplest law."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -142,8 +143,14 @@ class Search:
     places: tuple[Place, ...] = ()
     scanned: tuple[Scanned, ...] = ()
 
+    _n_candidates: Counter[str] = field(init=False)
+    _n_places: Counter[str] = field(init=False)
+
     def __post_init__(self) -> None:
         self.places = places_of(self.problem, self.candidates)
+        where = [place_of(c) for c in self.candidates]
+        self._n_candidates = Counter(name for _, name in where)
+        self._n_places = Counter(kind for kind, _ in set(where))
 
     # the search ---------------------------------------------------------------------------------------------
 
@@ -212,7 +219,7 @@ class Search:
                 options.append(self.quickly(quick, h, rest, [tuple(values[x.name] for x in rest)], near=True))
             best = max(options, key=lambda o: o.score)
             now = self.quickly(quick, h, h.effects, [tuple(values.values())], near=True)
-            if best.score < now.score - 3:
+            if best.score < now.score - TWIN_NATS:
                 return h
             less = self.full(best.effects, [tuple(parameter_values(x) for x in best.effects)], best.fitted, h)
             if less.score <= h.score:
@@ -226,16 +233,15 @@ class Search:
 
         All that are nearly as probable are fitted fully: they are its credible set.
         """
-        result = h.fitted.result
+        result, quick = h.fitted.result, self.quick(h)
+        now = self.quickly(quick, h, h.effects, [tuple(map(parameter_values, h.effects))], near=True)
         for e in h.effects:
-            quick = self.quick(h)
             rest = tuple(x for x in h.effects if x.name != e.name)
             near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
             own = {r: v for r, v in result.values.items() if r[0] not in self._form_names}
             last = replace(result, effects=(*rest, e), values=own)
             found = rivals(quick, last, [Grid.of(quick, c) for c in near], N_RIVALS)
             kept = tuple(parameter_values(x) for x in rest)
-            now = self.quickly(quick, h, h.effects, [tuple(map(parameter_values, h.effects))], near=True)
             for s in found:
                 other = self.quickly(quick, h, (*rest, s.effect), [(*kept, s.starts[0])])
                 self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
@@ -427,12 +433,10 @@ class Search:
         seen: set[str] = set()
         for e in effects:
             kind, name = place_of(e)
-            alike = [c for c in self.candidates if place_of(c)[1] == name]
-            total -= np.log(max(len(alike), 1))
+            total -= np.log(max(self._n_candidates[name], 1))
             if name not in seen:
                 seen.add(name)
-                n = len({place_of(c)[1] for c in self.candidates if place_of(c)[0] == kind})
-                total -= PLACE_ODDS + np.log(max(n, 1))
+                total -= PLACE_ODDS + np.log(max(self._n_places[kind], 1))
         return float(total)
 
     def unknown(self, best: Hypothesis) -> float:
