@@ -4,16 +4,22 @@ import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import measured, without_held_out
+from fem.model import parameter_values
 from tests.frames import write_study
 from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED
-from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
+from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence, search_by_evidence
+
+
+def asked(folder, mass):
+    study = load_study(write_study(folder, mass))
+    return study, [without_held_out(study, m) for m in measured(study)]
 
 
 def diagnosed(folder, *, mass, kinds):
-    study = load_study(write_study(folder, mass))
+    study, measurements = asked(folder, mass)
     said = []
     found = diagnose_by_evidence(
-        study.model, [without_held_out(study, m) for m in measured(study)], study.nuisances,
+        study.model, measurements, study.nuisances,
         damping_std=study.damping_std, kinds=kinds, model_error=0.1,
         progress=lambda text, done: said.append((text, done)),
     )  # fmt: skip
@@ -36,6 +42,20 @@ def test_a_hidden_mass_is_named_with_its_probability(tmp_path):
     assert sum(p for names, p in found.posterior if finding.effect.name in names) > 0.95
     assert [s.label for s in found.steps][1:] == ["uncertain parameters fitted", f"{found.steps[-1].label}"]
     assert found.steps[-1].fit_db < 0.3 * found.steps[1].fit_db
+
+
+def test_with_one_maximum_the_deviations_are_those_of_its_fit(tmp_path):
+    """A mass and its position vary on scales of their own, the mass as a share of where its fit began."""
+    study, (measurement,) = asked(tmp_path, 0.25)
+    done = search_by_evidence(
+        study.model, measurement, study.nuisances, damping_std=study.damping_std, kinds=["point_mass"],
+        model_error=0.1,
+    )  # fmt: skip
+    (effect,) = done.best.effects
+    alone = done.search.at([effect], [parameter_values(effect)]).fitted.result
+    for name in ("mass", "position"):
+        ref = effect.name, name
+        assert done.best.fitted.result.std[ref] == pytest.approx(alone.std[ref], rel=0.02)
 
 
 def test_nothing_is_found_where_nothing_is_hidden(tmp_path):

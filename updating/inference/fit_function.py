@@ -123,6 +123,11 @@ class FitFunction:
         x[n_par:] = np.log(result.zeta)
         return x
 
+    def point_of(self, result: FitResult) -> NDArray[np.float64]:
+        """Return x of a result that has the same unknowns, whatever it was started from."""
+        own = [v.to_x(result.values[v.ref]) for v in self.variables]
+        return np.concatenate([own, np.log(result.zeta)])
+
     def limits(self) -> NDArray[np.float64]:
         """Return the bounds of x, shape (n, 2)."""
         p = self.problem

@@ -68,12 +68,11 @@ class Scan:
         lines, data = problem.lines_up_to(np.inf, n_lines), problem.data
         starts = [parameter_values(e) for e in current.effects]
         function = problem.function(current.effects, starts, lines)
-        x = np.array([v.to_x(current.values[v.ref]) for v in function.variables])
         f, refs, measured = data.frequency[lines], list(current.values), data.H[lines]
         values, zeta = np.array([current.values[r] for r in refs]), problem.damping.ratio(f, current.zeta)
         changes = LocalChanges.of(problem.engine(f, refs, current.effects), values, zeta)
         H, keep = changes.H, function.keep
-        _, J = function(np.concatenate([x, np.log(current.zeta)]), True)
+        _, J = function(function.point_of(current), True)
         assert J is not None
         slopes = np.zeros((len(J), *keep.shape), dtype=complex)
         slopes[:, keep] = J * (H / np.where(keep, data.weight[lines], 1.0))[keep]

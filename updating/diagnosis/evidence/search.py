@@ -8,6 +8,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
 from fem.reduction.reduced_model import ReducedModel
@@ -113,10 +114,24 @@ def near_to(effect: Effect) -> set[str]:
     return names or {place_of(effect)[1]}
 
 
-def _distance(one: Fitted, other: Fitted) -> float:
-    """Return the largest distance of unknowns in standard deviations of the second fit."""
-    sd = np.sqrt(np.diag(other.result.covariance))
-    return float(np.abs((one.result.solution.x - other.result.solution.x) / sd).max())
+@dataclass(frozen=True, slots=True, eq=False)
+class Maximum:
+    """A maximum of the posterior and the normal approximation around it.
+
+    Attributes
+    ----------
+    x : ndarray (n,)
+    covariance : ndarray (n, n)
+    log_evidence : float
+    """
+
+    x: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    log_evidence: float
+
+    def distance(self, other: "Maximum") -> float:
+        """Return the largest distance of unknowns, in standard deviations of the other."""
+        return float(np.abs((self.x - other.x) / np.sqrt(np.diag(other.covariance))).max())
 
 
 @dataclass(slots=True, eq=False)
@@ -398,21 +413,23 @@ class Search:
         """
         if not h.effects:
             return h
-        values = [parameter_values(e) for e in h.effects]
         fits = [h.fitted, *(self.at(h.effects, start).fitted for start in self._around(h.effects))]
-        best = max(fits, key=lambda f: f.log_evidence)
-        apart: list[Fitted] = []
-        for f in sorted(fits, key=lambda f: -f.log_evidence):
-            near = f.log_evidence > best.log_evidence - BEAM_NATS
-            if near and all(_distance(f, a) > 1.0 for a in apart):
-                apart.append(f)
-        weight = np.exp([f.log_evidence - best.log_evidence for f in apart])
-        d = [f.result.solution.x - best.result.solution.x for f in apart]
-        each = [f.result.covariance + np.outer(x, x) for f, x in zip(apart, d, strict=True)]
+        fits.sort(key=lambda f: -f.log_evidence)
+        best = fits[0]
+        # The scale of an unknown is that of its start: all are compared on the one of the best.
+        values = [parameter_values(e) for e in best.effects]
+        function = self.problem.function(best.effects, values, self.problem.lines_up_to(np.inf, FULL_LINES))
+        scale = np.outer(function.units, function.units)
+        apart: list[Maximum] = []
+        for f in fits:
+            m = Maximum(function.point_of(f.result), f.result.covariance / scale, f.log_evidence)
+            if f.log_evidence > best.log_evidence - BEAM_NATS and all(m.distance(a) > 1.0 for a in apart):
+                apart.append(m)
+        x = apart[0].x
+        weight = np.exp([m.log_evidence - best.log_evidence for m in apart])
+        each = [m.covariance + np.outer(m.x - x, m.x - x) for m in apart]
         covariance = np.tensordot(weight / weight.sum(), np.stack(each), axes=1)
-        lines = self.problem.lines_up_to(np.inf, FULL_LINES)
-        function = self.problem.function(h.effects, values, lines)
-        result = function.result(replace(best.result.solution, covariance=covariance))
+        result = function.result(replace(best.result.solution, x=x, covariance=covariance))
         self.known[h.key] = Hypothesis(replace(best, result=result), h.prior)
         return self.known[h.key]
 
