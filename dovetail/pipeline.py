@@ -121,7 +121,8 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     fitted = [without_held_out(study, m) for m in measured(study)]
     if study.evidence and (study.n_simulated or len({m.force_level for m in fitted}) > 1):
         msg = (
-            f"{study.path}: [fit] evidence = true has no bootstrap and one force level; take one of them out"
+            f"{study.path}: the search by evidence ([fit] evidence = true) takes one force level and no "
+            "bootstrap; leave evidence out, or leave bootstrap and the other force levels out"
         )
         raise StudyError(msg)
     search = diagnose_by_evidence if study.evidence else diagnose

@@ -28,7 +28,7 @@ class JointComplexStiffness(JointStiffness):
     evidence_only: ClassVar[bool] = True
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
     marker: ClassVar[Marker | None] = Marker("diamond", "purple")
-    statement: ClassVar[str] = "{thing} {are} {stiffer} {direction} and dissipates"
+    statement: ClassVar[str] = "{thing} {are} {stiffer} {direction} and dissipates more"
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `loss_factor` [-]",
         meaning="a joint's stiffness and loss factor in one direction, in place of the model's",
@@ -72,11 +72,10 @@ class JointComplexStiffness(JointStiffness):
         return tuple(
             cls(
                 name=f"joint_complex_stiffness:{j.name}.{d}", joints=(j.name,), direction=d, stiffness=k,
-                assumed=k,
-                bounds=(1e-4 * k, 1e4 * k), loss_factor=float(np.real(j.eta)),
-                assumed_loss=float(np.real(j.eta)),
+                assumed=k, bounds=(1e-4 * k, 1e4 * k), loss_factor=eta, assumed_loss=eta,
             )
             for j in model.of_kind(Joint)
             for d in j.elastic
-            for k in (float(np.real(j.K[DIRECTIONS.index(d), DIRECTIONS.index(d)])),)
+            for i, eta in [(DIRECTIONS.index(d), float(np.real(j.eta)))]
+            for k in [float(np.real(j.K[i, i]))]
         )  # fmt: skip

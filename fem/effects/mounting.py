@@ -1,4 +1,4 @@
-"""What effects share that move one side of a connection along or across its member."""
+"""The common base of effects that move one side of a connection along or across its member."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -72,11 +72,11 @@ class OnSide(Effect):
     at : float
         Where the side is in the model, arc length [m].
     amount : float
-        [m].
+        The shift [m].
     lower, upper : float
         Bounds [m].
     scale : float
-        Size that amounts are tried of [m].
+        Typical shift, of which searches start at several multiples [m].
     """
 
     joint: str
@@ -89,7 +89,7 @@ class OnSide(Effect):
     scale: float
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return by how much."""
+        """Return the shift."""
         return (Parameter("amount", "m", self.amount, 0.0, self.lower, self.upper),)
 
     def moved_rows(self, model: Model, joint: Joint) -> tuple[NDArray[np.int64], Array]:

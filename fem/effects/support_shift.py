@@ -35,7 +35,7 @@ class SupportShift(Effect):
     at : float
         Where it is in the model, arc length [m].
     amount : float
-        [m].
+        The shift [m].
     springs : tuple of float
         Stiffness of the six springs that stand for the clamp [N/m, N·m/rad].
     lower, upper : float
@@ -67,7 +67,7 @@ class SupportShift(Effect):
         return f"support {self.support}, member {self.member}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return by how much."""
+        """Return the shift."""
         return (Parameter("amount", "m", self.amount, 0.0, self.lower, self.upper),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:

@@ -109,7 +109,7 @@ def test_found_by_evidence_is_the_reported_model(by_evidence):
 
 def test_evidence_and_bootstrap_exclude_each_other(study_file):
     study = load_study(study_file)
-    with pytest.raises(StudyError, match="no bootstrap and one force level"):
+    with pytest.raises(StudyError, match="takes one force level and no bootstrap; leave evidence out"):
         run.diagnose_study(replace(study, evidence=True, n_simulated=3))
 
 

@@ -28,22 +28,23 @@ FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
 N_SCANNED, N_PLACES, N_PAIRS, N_SINGLES, N_THERE, N_AGAIN, N_FINAL, N_BEAM = 10, 4, 2, 8, 4, 4, 3, 2
-"""Effects of so many of the first places of the scan are looked at; so many connections, pairs of them and
-single effects are fitted; so many of these go on."""
+"""Numbers of places whose effects are screened; of connections, pairs of connections, single effects, and
+effects at each of the first places that get short fits; and of hypotheses that are refitted, fitted fully,
+and kept."""
 AROUND = (0.8, 0.9, 1.1, 1.25)
 """Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 N_RIVALS = 6
-"""So many other candidates at the place of a found effect are fitted."""
+"""Number of rival candidates at the place of a found effect that are fitted."""
 MOST_EFFECTS = 6
-"""A model has at most so many effects."""
+"""Largest number of effects in a hypothesis."""
 BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
 """Kinds that give way in single directions: all of a connection's together are its block."""
 MOST_GRIDS = 100
-"""Of more candidates a short list is made by what a little of each does."""
+"""Number of candidates above which a first-order estimate makes a short list."""
 N_STARTS = 3
-"""Of more starts so many go on, by short fits of the low band."""
+"""Number of starts that are kept after short fits of the lowest band."""
 BLOCK_SHARES = (0.2, 0.6)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
 Say = Callable[[str], None]
