@@ -274,5 +274,5 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     rows = np.zeros((len(sensors), model.n_dof))
     for i, s in enumerate(sensors):
         point = sensor_point(model.mesh, s)
-        rows[i, 6 * point : 6 * point + 3] = s.gain * s.direction
+        rows[i, 6 * point : 6 * point + 3] = s.gain * np.asarray(s.direction)
     return rows
