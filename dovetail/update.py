@@ -21,7 +21,8 @@ from updating.inference.mode_data import mode_data
 from updating.inference.update import update
 from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows
-from updating.modal.identification import IdentifiedModes, identify_modes
+from updating.modal.identification import identify_modes
+from updating.modal.identified_modes import IdentifiedModes
 
 SAME = 1e-9
 """Values of a written study differ by no more than this from those of the update, relatively [-]."""

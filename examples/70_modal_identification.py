@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from fem.io import read_frf
-from updating.modal.identification import damping_matrix, identify_modes
+from updating.modal.damping import damping_matrix
+from updating.modal.identification import identify_modes
 from viz.modal import plot_stabilisation, plot_synthesis
 from viz.style import save
 

@@ -87,7 +87,10 @@ from updating.measurement.tables import (
     sensors_from_table,
     table_from_sensors,
 )
-from updating.modal.identification import Candidate, IdentifiedModes, damping_matrix, identify_modes
+from updating.modal.damping import damping_matrix
+from updating.modal.identification import identify_modes
+from updating.modal.identified_modes import IdentifiedModes
+from updating.modal.peaks import Candidate
 from updating.modal.poles import IdentificationError, Stabilisation
 from updating.quality.faults import Fault, confirm_faults, find_faults, settle_faults
 from updating.quality.gates import Check, Gates, Homogeneity, Reciprocity, check_gates

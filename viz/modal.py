@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fem.analysis.frf import FRF
-from updating.modal.identification import IdentifiedModes
+from updating.modal.identified_modes import IdentifiedModes
 from viz import style
 from viz.axes import legend_above
 from viz.curves import plot_frf

@@ -21,7 +21,8 @@ from updating.correlation.complexity import (
     real_shapes,
 )
 from updating.measurement.frf_estimation import estimate_roving
-from updating.modal.identification import damping_matrix, identify_modes
+from updating.modal.damping import damping_matrix
+from updating.modal.identification import identify_modes
 from updating.modal.poles import IdentificationError
 
 SOUTHAMPTON = Path(__file__).parents[2] / "examples" / "southampton-frame" / "accelerance_3x3.uff"

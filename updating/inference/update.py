@@ -29,7 +29,7 @@ from updating.inference.update_settings import UpdateSettings
 from updating.inference.update_stages import run_and_release
 from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, with_sensor_masses
-from updating.modal.identification import IdentifiedModes
+from updating.modal.identified_modes import IdentifiedModes
 
 
 def update(

@@ -1,0 +1,263 @@
+"""Which poles are modes: fit them, reject those that are none, and search the residual for more."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from updating.correlation import mac
+from updating.correlation.complexity import (
+    mean_phase_deviation,
+    modal_phase_collinearity,
+    real_shapes,
+)
+from updating.modal.modal_fit import ModalFit, ModalFitData
+from updating.modal.peaks import Candidate
+from updating.modal.poles import (
+    MATHEMATICAL_DAMPING,
+    Track,
+    channel_sizes,
+    fit_orders,
+    track_poles,
+)
+from updating.modal.refinement import fit_modes, scatter_near
+
+LARGEST_DEVIATION = 0.15
+"""A mode's frequency and decay must be known within this part of its half-power half-width [-]."""
+
+SIGNIFICANCE = 8.0
+"""A mode must lower the weighted sum of squares by its number of parameters n and this times √(2n), which is
+the standard deviation of what n parameters gain by fitting noise [-]."""
+
+TWIN_MAC, TWIN_DISTANCE = 0.9, 1.0
+"""Of two modes with a higher MAC of shapes and of participations, |λ₁ - λ₂| being less than this times the
+sum of their |Re λ|, one is dropped."""
+
+ROUNDING = 1e-10
+"""Noise is taken for at least this part of the root mean square of an output [-]."""
+
+_FEW_STEPS, _MANY_STEPS = 8, 60
+"""Steps of a fit while there may be poles that are no modes, which converge slowly or not at all, and of the
+last."""
+
+_PARTS, _PART, _PART_ORDER = 8, 128, 24
+"""The residual of a fit is searched in this many parts of the band, of so many lines at least, up to this
+order."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Initial values of a pole, and the number of orders in which it was found."""
+
+    pole: complex
+    participation: tuple[complex, ...]
+    n_orders: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """Data to fit, and limits that a mode must keep."""
+
+    data: ModalFitData
+    estimate_noise: bool
+    least_mpc: float
+    largest_mpd: float
+    turned: bool = False
+    """Whether responses and forces have changed places."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Modes found so far, their fit, and the data with the weights of that fit."""
+
+    data: ModalFitData
+    starts: tuple[Start, ...]
+    fit: ModalFit | None
+    rejected: tuple[Candidate, ...]
+    steps: tuple[str, ...]
+
+    @property
+    def fitted(self) -> ModalFit:
+        """The last fit."""
+        assert self.fit is not None
+        return self.fit
+
+
+def starts_of(tracks: Sequence[Track], data: ModalFitData) -> tuple[Start, ...]:
+    """Return initial poles, without the decay that a window added."""
+    return tuple(
+        Start(
+            complex(min(t.pole.real + data.added_decay, 0.01 * t.pole.real), t.pole.imag),
+            tuple(t.participation.tolist()),
+            len(t.members),
+        )
+        for t in tracks
+    )
+
+
+def search_modes(task: Task, tracks: Sequence[Track], orders: NDArray[np.int64]) -> tuple[State, int]:
+    """Find modes among the tracks, then in the residual; return also the number of poles of the residual."""
+    found = _settle(task, State(task.data, starts_of(tracks, task.data), None, (), ()))
+    more = _overlooked(found, orders)
+    if more:
+        wider = _settle(task, replace(found, starts=found.starts + more))
+        found = wider if len(wider.starts) > len(found.starts) else replace(found, rejected=wider.rejected)
+    return found, len(more)
+
+
+def _overlooked(found: State, orders: NDArray[np.int64]) -> tuple[Start, ...]:
+    """Return poles that persist in the residual of the fit, by parts of the band that overlap by half.
+
+    In a part, fewer poles describe the residual, and strong modes elsewhere do not matter.
+    """
+    data = found.data.frf
+    left = replace(data, H=data.H - found.fitted.H)
+    quiet = np.exp(-np.log(found.data.spread).mean(axis=1))
+    size = max(_PART, data.n_freq // _PARTS)
+    firsts = np.arange(0, max(data.n_freq - size // 2, 1), max(size // 2, 1))
+    low_orders = orders[orders <= _PART_ORDER]
+    out: list[Start] = []
+    for first in firsts:
+        rows = np.arange(first, min(first + size, data.n_freq))
+        part = fit_orders(left.select(lines=rows), low_orders, found.data.scale, quiet[rows])
+        for start in starts_of(track_poles(part), found.data):
+            near = (abs(start.pole - other.pole) < -start.pole.real - other.pole.real for other in out)
+            if not any(near):
+                out.append(start)
+    return tuple(out)
+
+
+def _settle(task: Task, state: State) -> State:
+    """Fit, reject poles that are no modes, and fit again until none is left."""
+    data, starts, rejected, steps = state.data, state.starts, state.rejected, state.steps
+    final = False
+    while True:
+        n_in = data.spread.shape[1]
+        poles = np.array([s.pole for s in starts], dtype=complex)
+        L = np.array([s.participation for s in starts], dtype=complex).reshape(-1, n_in)
+        fit = fit_modes(data, poles, L, _MANY_STEPS if final else _FEW_STEPS)
+        if task.estimate_noise:
+            data = _reweighted(data, fit)
+            fit = fit_modes(data, fit.poles, fit.participation, _MANY_STEPS if final else _FEW_STEPS)
+        steps = (
+            *steps,
+            f"{len(starts)} poles fitted in {fit.n_steps} steps"
+            + ("" if fit.converged else ", not converged yet"),
+        )
+        starts = tuple(
+            Start(complex(p), tuple(row.tolist()), s.n_orders)
+            for p, row, s in zip(fit.poles, fit.participation, starts, strict=True)
+        )
+        reasons = _reasons(task, data, fit)
+        if not any(reasons):
+            if fit.converged or final:
+                return State(data, starts, fit, rejected, steps)
+            final = True
+            continue
+        rejected += tuple(
+            Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, False, reason)
+            for s, reason in zip(starts, reasons, strict=True)
+            if reason
+        )
+        starts = tuple(s for s, reason in zip(starts, reasons, strict=True) if not reason)
+
+
+def _reweighted(data: ModalFitData, fit: ModalFit) -> ModalFitData:
+    """Return data with weights from the residual of the fit: σ² = (s_o)² (a_ki² + ε_i² h_ki²).
+
+    a is the level of noise over the lines, a running median over a sixteenth of them, which resonances do not
+    raise. h_ki² is the mean over the outputs of |H_oi|²/s_o², and ε_i what errors in proportion to the
+    response (gains, places, masses of sensors, lines too far apart for a peak) leave on the twentieth of the
+    lines with the largest h.
+    """
+    error = np.abs(data.frf.H - fit.H) ** 2 / 2
+    n_freq, _, n_in = error.shape
+    level, unit = channel_sizes(data.frf.H)
+    free = 1 - min(fit.poles.size / n_in + 1, 0.5 * n_freq) / n_freq
+    scale = np.maximum(np.sqrt(np.median((error / unit**2).mean(axis=2), axis=0) / free), ROUNDING * level)
+    over_lines = (error / scale[:, None] ** 2).mean(axis=1)
+    width = max(n_freq // 16, 9) | 1
+    along = np.maximum(_running_median(over_lines, width) / free, 1e-6 * unit**2)
+    size = (np.abs(fit.H) ** 2 / scale[:, None] ** 2).mean(axis=1)
+    top = np.argsort(-size, axis=0, kind="stable")[: max(n_freq // 20, 5)]
+    size_top, along_top = (np.take_along_axis(x, top, axis=0) for x in (size.clip(min=1e-300), along))
+    proportion = (np.take_along_axis(over_lines - along, top, axis=0) / size_top).mean(axis=0)
+    chance = np.sqrt(((along_top / size_top) ** 2).sum(axis=0) / data.frf.H.shape[1]) / len(top)
+    proportion = np.where(proportion > 3 * chance, proportion, 0.0)
+    return replace(data, scale=scale, spread=np.sqrt(along + proportion * size))
+
+
+def _running_median(values: Floats, width: int) -> Floats:
+    """Return running medians of columns: each by itself, as SciPy is fast in one dimension alone."""
+    return np.stack([median_filter(column, width, mode="nearest") for column in values.T], axis=1)
+
+
+def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
+    """Return for each pole the reason to reject it, empty for a mode."""
+    frequency = fit.poles.imag / (2 * np.pi)
+    low, high = data.frf.frequency[[0, -1]]
+    noise = scatter_near(fit, data)
+    deviation = np.sqrt(fit.covariance.diagonal()).reshape(-1, 2).max(axis=1, initial=0.0) * noise
+    width = data.added_decay - fit.poles.real  # as the data show it
+    deviation *= -fit.poles.real / width
+    n = fit.n_parameters
+    needed = n + SIGNIFICANCE * np.sqrt(2 * n)
+    zeta = -fit.poles.real / np.abs(fit.poles)
+    gain = fit.energy / noise**2
+    reasons = [""] * fit.poles.size
+    for k in range(fit.poles.size):
+        if not low <= frequency[k] <= high:
+            reasons[k] = "outside the band"
+        elif zeta[k] > MATHEMATICAL_DAMPING:
+            reasons[k] = f"damping ratio above {MATHEMATICAL_DAMPING:g}"
+        elif deviation[k] > LARGEST_DEVIATION:
+            reasons[k] = (
+                f"uncertain: the standard deviation of its frequency or decay is {deviation[k]:.2g} of its "
+                f"half-power half-width, above {LARGEST_DEVIATION:g}"
+            )
+        elif gain[k] < needed:
+            reasons[k] = (
+                f"insignificant: it lowers the weighted sum of squares by {gain[k]:.3g}, and a mode must "
+                f"do so by {needed:.3g}"
+            )
+    alike = np.ones((fit.poles.size, fit.poles.size), dtype=bool)
+    for vectors in (fit.shapes, fit.participation.T):
+        real = real_shapes(vectors)
+        alike &= np.maximum(mac(vectors, vectors), mac(real, real)) > TWIN_MAC
+    apart = np.abs(fit.poles[:, None] - fit.poles) / (width[:, None] + width)
+    twins = np.triu(alike & (apart < TWIN_DISTANCE), 1) & (max(data.frf.H.shape[1:]) > 1)
+    uncertain = deviation > LARGEST_DEVIATION
+    # two copies of a mode make each other uncertain: the stronger one is tried again without the other
+    sure = [k for k in range(fit.poles.size) if not reasons[k]]
+    left = uncertain.copy()
+    for i, j in np.argwhere(twins & uncertain & uncertain[:, None]):
+        left[i if gain[i] < gain[j] else j] = False
+    for k in np.flatnonzero(left & (twins | twins.T)[:, uncertain].any(axis=1)):
+        if reasons[k].startswith("uncertain") and not (twins | twins.T)[k, sure].any():
+            reasons[k] = ""
+    for i, j in np.argwhere(twins):
+        if not reasons[i] and not reasons[j]:
+            weaker, other = (i, j) if gain[i] < gain[j] else (j, i)
+            reasons[weaker] = f"a second copy of the mode at {frequency[other]:.4g} Hz"
+    return reasons
+
+
+def complexity_reasons(task: Task, fit: ModalFit) -> list[str]:
+    """Return for each pole whose shape is too complex the reason, empty for the others.
+
+    Such a pole stays in the fit: it describes the data, and without it other poles would be wrong.
+    """
+    shapes = fit.participation.T if task.turned else fit.shapes
+    out = []
+    for mpc, mpd in zip(modal_phase_collinearity(shapes), mean_phase_deviation(shapes), strict=True):
+        words = []
+        if mpc < task.least_mpc:
+            words.append(f"modal phase collinearity {mpc:.2f}, below {task.least_mpc:g} (least_mpc)")
+        if mpd > task.largest_mpd:
+            words.append(f"mean phase deviation {mpd:.0f}°, above {task.largest_mpd:g}° (largest_mpd)")
+        out.append(" and ".join(words))
+    return out
