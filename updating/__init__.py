@@ -92,7 +92,8 @@ from updating.modal.identification import identify_modes
 from updating.modal.identified_modes import IdentifiedModes
 from updating.modal.peaks import Candidate
 from updating.modal.poles import IdentificationError, Stabilisation
-from updating.quality.faults import Fault, confirm_faults, find_faults, settle_faults
+from updating.quality.corrections import Fault
+from updating.quality.faults import confirm_faults, find_faults, settle_faults
 from updating.quality.gates import Check, Gates, Homogeneity, Reciprocity, check_gates
 
 __all__ = [

@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.file.table import Table, suggest
 from dovetail.file.toml import toml_table
 from updating.measurement.measurement import Sensor
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 UNITS = {
     "sensor_sign": "-", "sensor_gain": "-", "sensor_delay": "s", "sensor_swap": "-", "sensor_tilt": "rad",

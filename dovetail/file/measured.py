@@ -19,7 +19,7 @@ from fem.io.uff_types import Function
 from fem.io.uff_units import FREQUENCY, abscissa_factor
 from updating.measurement.measurement import Measurement, at_values_of
 from updating.measurement.noise import noise_from_repeats
-from updating.quality.faults import Fault, set_right
+from updating.quality.corrections import Fault, set_right
 from updating.quality.phase import phase_evidence
 
 COHERENCE_TYPE = 6

@@ -38,7 +38,8 @@ CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "une
 MODULES = (
     "updating.diagnosis.acceptance", "updating.diagnosis.search", "updating.diagnosis.diagnose",
     "updating.inference.preparation", "updating.inference.fit", "updating.inference.fit_data",
-    "updating.inference.fit_function", "updating.quality.faults",
+    "updating.inference.fit_function", "updating.quality.fault_hypotheses",
+    "updating.quality.sensor_faults", "updating.quality.faults",
 )  # fmt: skip
 """Modules whose constants decide the verdict; the report lists them."""
 

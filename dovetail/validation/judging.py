@@ -14,7 +14,7 @@ from fem.model import Effect, Model
 from updating.correlation import log_ratio, rms_db
 from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, Diagnosis, propose
 from updating.diagnosis.findings import Finding
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""

@@ -28,7 +28,7 @@ from tests.frames import STUDY, write_study
 from updating.diagnosis.diagnose import begin
 from updating.inference.parameters import DampingCurve
 from updating.measurement.measurement import Measurement, sensor_rows
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 LINES = np.array([20.0, 47.0, 130.0, 290.0])
 """Frequencies at which the reported model and the one that was read are compared [Hz]."""

@@ -23,7 +23,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.acceptance import STEP_LEVEL
 from updating.diagnosis.bootstrap import Bootstrap
 from updating.diagnosis.diagnose import NOTHING
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 VOID = {"meta", "link", "img", "br", "hr"}
 

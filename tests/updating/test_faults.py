@@ -18,9 +18,10 @@ from updating import (
     settle_faults,
 )
 from updating.diagnosis.diagnose import diagnose
-from updating.quality import faults
+from updating.quality.corrections import Fault, combined, corrected, uncorrected
 from updating.quality.cross_prediction import Field, cross_predict
-from updating.quality.faults import Fault, combined, corrected, uncorrected
+from updating.quality.fault_hypotheses import valued
+from updating.quality.sensor_faults import best_azimuth
 
 
 def changed(case, change):
@@ -313,18 +314,18 @@ def test_noise_from_coherence_and_from_repeats():
 
 def test_values_are_found_in_a_narrow_valley():
     grid = np.linspace(0, 0.84, 41)
-    value, std, after = faults._valued(grid, lambda x: np.sqrt(np.abs(x - 0.4731))[:, None] * np.ones(40))
+    value, std, after = valued(grid, lambda x: np.sqrt(np.abs(x - 0.4731))[:, None] * np.ones(40))
     assert value == pytest.approx(0.4731, abs=1e-4)
     assert std < 1e-6
     assert after.max() < 0.01
-    at_end, _, _ = faults._valued(grid, lambda x: (x + 1.0)[:, None] * np.ones(40))
+    at_end, _, _ = valued(grid, lambda x: (x + 1.0)[:, None] * np.ones(40))
     assert at_end == 0.0
 
 
 def test_a_tilt_is_sought_towards_any_direction():
     motions, towards = np.eye(2, 5), np.radians(-40.0)
     target = np.cos(towards) * motions[0] + np.sin(towards) * motions[1]
-    turn = faults._azimuth(lambda motion: -abs(float(motion @ target)), motions)
+    turn = best_azimuth(lambda motion: -abs(float(motion @ target)), motions)
     assert abs(float(turn[0] @ [np.cos(towards), np.sin(towards)])) > np.cos(np.radians(2))
 
 

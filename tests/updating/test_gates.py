@@ -14,7 +14,7 @@ from tests.hidden.cases import make_case
 from updating import build_problem, check_gates
 from updating.diagnosis.amplitude import force_levels
 from updating.measurement.measurement import MeasurementError, at_values_of
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 from updating.quality.gates import Reciprocity, reciprocity_check, with_last_faults
 
 AVERAGES = 25

@@ -12,8 +12,8 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData, prepare
 from updating.inference.fit_result import FitResult
 from updating.measurement.measurement import Measurement
+from updating.quality.corrections import Fault, corrected, uncorrected
 from updating.quality.cross_prediction import Field, cross_predict
-from updating.quality.faults import Fault, corrected, uncorrected
 from updating.quality.phase import misphased, phase_evidence
 
 NOT_RECIPROCAL = 3.0

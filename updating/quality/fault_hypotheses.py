@@ -1,0 +1,222 @@
+"""Hypotheses about faults: the best value of each, and how much of a misfit it explains."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.correlation import complex_log
+from updating.least_squares.loss import pseudo_huber
+from updating.quality.corrections import Fault
+
+EXCITATION_GAIN_LEAST = 0.07
+"""Smallest deviation of an excitation's gain from 1 that is called a fault, as a logarithm [-]. It is larger
+than that of a sensor, as a factor that all excitations share may also be a wrong mass of the model."""
+
+DELAY_LEAST = 0.12
+"""Smallest delay that is called a fault, as the phase at the highest frequency [rad]."""
+
+LEAST_MISFIT_RATIO = 2.2
+"""A fault must lower a sensor's misfit to the others' prediction by more than this factor."""
+
+LEAST_VALUE_PER_STD = 10.0
+"""The value of a fault must be this multiple of its standard deviation."""
+
+LEAST_SHARE_OF_BLOCKS = 0.8
+"""A fault must lower the misfit in this share of the blocks of lines [-]."""
+
+LEAST_MISFIT = 1.5
+"""Sensors with a smaller misfit to the others' prediction are not examined; noise gives about 0.8 [-]."""
+
+_TURN = 2.0
+"""Misfit at which the loss turns from quadratic to linear, in standard deviations [-]."""
+
+_N_BLOCKS = 10
+
+_ZOOMS = 2
+"""Number of times that the grid of a fault's values is refined around the best."""
+
+Losses = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""From values (n,) of a fault to the losses (n, n_lines)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """A fault that a sensor or an excitation may have, and the misfit that it explains.
+
+    Attributes
+    ----------
+    fault : Fault
+    size, least : float
+        The fault is large if |size| exceeds ``least``.
+    gain : float
+        Decrease of the sum of losses.
+    before, after : float
+        Mean losses without and with the fault, on lines that did not give its value.
+    better : float
+        Share of the blocks of lines where the loss falls [-].
+    change : float
+        Median change of the logarithm of the readings by the fault.
+    """
+
+    fault: Fault
+    size: float
+    least: float
+    gain: float
+    before: float
+    after: float
+    better: float
+    change: float = np.inf
+
+    @property
+    def large(self) -> bool:
+        """Whether the fault is larger than deviations that every measurement has."""
+        return abs(self.size) > self.least
+
+    @property
+    def believed(self) -> bool:
+        """Whether the fault is large, well determined, and explains most of the misfit all over the band."""
+        explained = self.before > LEAST_MISFIT_RATIO * self.after and self.better >= LEAST_SHARE_OF_BLOCKS
+        return self.large and self._determined and explained
+
+    @property
+    def _determined(self) -> bool:
+        fault = self.fault
+        if fault.kind.endswith(("swap", "sign")):  # these have no value
+            return True
+        if fault.kind.endswith("gain"):
+            return abs(self.size) > LEAST_VALUE_PER_STD * fault.std / fault.value
+        return abs(fault.value) > LEAST_VALUE_PER_STD * fault.std
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """A sensor's readings and their prediction, both (n_lines, n), with relative standard deviation."""
+
+    frequency: NDArray[np.float64]
+    measured: NDArray[np.complex128]
+    predicted: NDArray[np.complex128]
+    sigma: NDArray[np.float64]
+    seen: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, frequency: NDArray[np.float64], *arrays: Any) -> "Series":
+        """Return a series of readings, prediction, deviation and mask of any shape (n_lines, …)."""
+        measured, predicted, sigma, seen = (np.reshape(a, (len(frequency), -1)) for a in arrays)
+        return cls(frequency, measured, predicted, sigma, seen)
+
+    def losses(self, predicted: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the losses (…, n_lines) against other predictions (…, n_lines, n)."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            z = _log(self.measured / predicted) / self.sigma
+        return (_loss(z) * self.seen).sum(axis=-1)
+
+    def change(self, predicted: NDArray[np.complex128]) -> float:
+        """Return the median of |ln(other prediction / prediction)|."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return float(np.median(np.abs(_log(predicted / self.predicted))[self.seen]))
+
+    @property
+    def log_ratio(self) -> NDArray[np.complex128]:
+        """Logarithm of readings over prediction, 0 where a line is masked."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return np.where(self.seen, _log(self.measured / self.predicted), 0.0)
+
+    def gain_losses(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the losses for gains exp(x)."""
+        z = (self.log_ratio - x[:, None, None]) / self.sigma
+        return (_loss(z) * self.seen).sum(axis=-1)
+
+    def delay_losses(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the losses for delays x [s]."""
+        r = self.log_ratio
+        phase = r.imag + 2 * np.pi * self.frequency[:, None] * x[:, None, None]
+        phase = (phase + np.pi) % (2 * np.pi) - np.pi
+        return (_loss(np.hypot(r.real, phase) / self.sigma) * self.seen).sum(axis=-1)
+
+
+def valued(grid: NDArray[np.float64], losses: Losses) -> tuple[float, float, NDArray[np.float64]]:
+    """Return the best value of a fault, its standard deviation, and the losses (n_lines,).
+
+    The loss of each block of lines is that with the value from all other blocks; the deviation is Tukey's
+    jackknife over blocks (Efron & Tibshirani, An Introduction to the Bootstrap, 1993, ch. 11).
+    """
+    lowest, highest = float(grid[0]), float(grid[-1])
+    every, parts, block = 0.0, np.zeros(0), np.zeros(0, dtype=int)
+    for _ in range(_ZOOMS + 1):  # the losses at resonances and between them have a narrow valley
+        table, step = losses(grid), grid[1] - grid[0]
+        n = table.shape[1]
+        block = np.arange(n) * _N_BLOCKS // n
+        every, *rest = (_lowest(grid, table[:, block != b]) for b in range(-1, _N_BLOCKS))
+        parts = np.array(rest)
+        first, last = max(parts.min() - step, lowest), min(parts.max() + step, highest)
+        grid = np.linspace(first, last, len(grid))
+    held = losses(parts)[block, np.arange(len(block))]
+    variance = (_N_BLOCKS - 1) / _N_BLOCKS * ((parts - parts.mean()) ** 2).sum()
+    return every, float(np.sqrt(variance)), held
+
+
+def judge(
+    fault: Fault,
+    size: float,
+    least: float,
+    before: NDArray[np.float64],
+    after: NDArray[np.float64],
+    count: int,
+    change: float = np.inf,
+) -> Hypothesis:
+    """Return a hypothesis from the losses (n_lines,) of ``count`` readings without and with a fault."""
+    start = np.searchsorted(np.arange(len(before)) * _N_BLOCKS // len(before), np.arange(_N_BLOCKS))
+    was, fall = (np.add.reduceat(x, start) for x in (before, before - after))
+    tell = was > count / _N_BLOCKS  # blocks with something to explain
+    better = float((fall[tell] > 0).mean()) if tell.sum() >= _N_BLOCKS // 3 else 0.0
+    return Hypothesis(
+        fault,
+        size,
+        least,
+        float((before - after).sum()),
+        float(before.sum() / count),
+        float(after.sum() / count),
+        better,
+        change,
+    )
+
+
+def factor_hypotheses(series: Series, name: str) -> list[Hypothesis]:
+    """Return the sign, gain and delay of an excitation that make the series' two sides agree."""
+    count = int(series.seen.sum())
+    if count < 20:
+        return []
+    before, top = series.losses(series.predicted), float(series.frequency[-1])
+    if before.sum() < LEAST_MISFIT * count:
+        return []
+    turned = Fault("excitation_sign", name, -1.0, 0.0)
+    out = [judge(turned, 1.0, 0.0, before, series.losses(-series.predicted), count)]
+    x, std, after = valued(np.linspace(-8, 8, 321), series.gain_losses)
+    gain = float(np.exp(x))
+    fault = Fault("excitation_gain", name, gain, gain * std)
+    out.append(judge(fault, x, EXCITATION_GAIN_LEAST, before, after, count))
+    x, std, after = valued(np.linspace(-0.8, 0.8, 129) / top, series.delay_losses)
+    fault = Fault("excitation_delay", name, x, std, "s")
+    return [*out, judge(fault, 2 * np.pi * top * x, DELAY_LEAST, before, after, count)]
+
+
+def _lowest(grid: NDArray[np.float64], table: NDArray[np.float64]) -> float:
+    """Return the value with the least sum of losses (n, n_lines), by a parabola through the grid's points."""
+    total = table.sum(axis=1)
+    k = int(np.argmin(total))
+    if not 0 < k < len(grid) - 1:
+        return float(grid[k])
+    a, b, c = total[k - 1 : k + 2]
+    curvature = a - 2 * b + c
+    return float(grid[k] + (0.5 * (a - c) / curvature * (grid[1] - grid[0]) if curvature > 0 else 0.0))
+
+
+def _loss(z: NDArray[np.complex128] | NDArray[np.float64]) -> NDArray[np.float64]:
+    return pseudo_huber(z, _TURN)
+
+
+def _log(ratio: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    return complex_log(np.where((ratio == 0) | ~np.isfinite(ratio), 1e-300, ratio))
