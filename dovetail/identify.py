@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from dovetail.file.config import Study
+from dovetail.file.contents import Study
 from dovetail.file.table import StudyError, suggest
 from fem.connection_damping import ConnectionDamping
 from fem.directions import directions_from

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.disk.output import Output, check_outputs, result_folder, write_json
-from dovetail.file.config import Study
+from dovetail.file.contents import Study
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
 from dovetail.found import found_text

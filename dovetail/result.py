@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.config import Study
+from dovetail.file.contents import Study
 from updating.correlation import Comparison
 from updating.diagnosis.diagnose import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step

@@ -15,7 +15,7 @@ from dovetail.commands.common import (
 )
 from dovetail.commands.labels import NodeNumbers, own_labels
 from dovetail.disk.output import Output, OutputError, Progress, write_json
-from dovetail.file.config import MOST_LINES
+from dovetail.file.settings import MOST_LINES
 from dovetail.study import Study
 from fem.analysis.frf import FRF
 from fem.io import write_csv, write_npz

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.disk.output import OutputError
-from dovetail.file.config import Study
+from dovetail.file.contents import Study
 from fem.io.uff import UffError, label_of, parse_label
 from fem.io.uff_types import Points, TraceLine
 from fem.mesh import Mesh

@@ -1,10 +1,10 @@
-"""From a study file to a :class:`Study`: a model, measurements, and what is uncertain about them."""
+"""Read a study file, and the files that it names, as a :class:`dovetail.file.contents.Study`."""
 
 import os
 import tomllib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from dovetail.file.connections import (
     read_superelements,
     read_viscoelastic,
 )
+from dovetail.file.contents import Study
 from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, read_effects, read_values
 from dovetail.file.faults import read_faults, tilted
@@ -33,7 +34,6 @@ from dovetail.file.measured import (
     RawMeasurement,
     labels_of,
     match,
-    read_band,
     read_files,
     read_held_out,
     top_frequency,
@@ -41,7 +41,6 @@ from dovetail.file.measured import (
 from dovetail.file.measured_modes import (
     MeasuredModes,
     RawModes,
-    ShapeLimits,
     UpdatePlan,
     match_modes,
     read_plan,
@@ -59,135 +58,55 @@ from dovetail.file.parts import (
 )
 from dovetail.file.plausible import beside_implausible, implausible, path_of_request
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
+from dovetail.file.settings import read_candidates, read_fit, read_frequency
 from dovetail.file.suspicions import LazyComparison, suspicions
-from dovetail.file.table import Source, StudyError, Table, suggest
-from fem.effects import candidate_kinds
+from dovetail.file.table import Source, StudyError, Table
+from dovetail.file.uncertain import read_uncertain, shear_std
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
-from fem.materials import Material
-from fem.model import DIRECTIONS, Effect, Model
-from updating.diagnosis.patches import with_turning
-from updating.inference.fit import EXPLAINED_LEVEL
+from fem.elements.properties import MemberProperties
+from fem.mesh import Mesh
+from fem.model import Damping, Effect, Model
 from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import unknown_of
 from updating.measurement.measurement import Measurement, Sensor, with_sensor_masses
+from updating.quality.corrections import Fault
 
-DEFAULT_FREQUENCY = 1000.0
-"""Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
-
-
-SHEAR_STD = 0.3
-"""Relative standard deviation of shear coefficients of sections with walls, unless the study says it."""
 NEEDS = ("sensors", "measurements")
-"""What a study has besides the model: sensors with excitations, and what was measured at them."""
-MOST_REPEATS = 10_000
-"""Simulated measurements beyond which a mistake is taken for granted."""
-MOST_LINES = 1_000_000
-"""Frequency lines beyond which a mistake is taken for granted."""
+"""Parts of a study besides the model: sensors with excitations, and measurements at them."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Study:
-    """A structure, what was measured on it, and what is uncertain.
-
-    Attributes
-    ----------
-    name, description : str
-    path : Path
-        The study file.
-    text : str
-        Its text.
-    model : Model
-        With the mesh refined and points where sensors, supports, joints and masses are.
-    measurements : tuple of Measurement
-        By the names of the study's sensors and excitations; empty where none are given.
-    sensors, excitations : tuple of Sensor
-        All of the study.
-    nuisances : tuple of Nuisance
-        Parameters of the model that are uncertain.
-    damping_std : float
-        Standard deviation of the logarithm of the damping [-].
-    kinds : tuple of str or None
-        Kinds of candidate effects; None for every kind.
-    exclude : tuple of str
-        Kinds that are left out.
-    band : (float, float) or None
-        Band of comparison and fit; None for that of the measurements [Hz].
-    model_error : float
-        Residual level up to which a model of beams counts as right [neper].
-    evidence : bool
-        Whether effects are searched for by evidence.
-    n_simulated : int
-        Measurements to simulate for trying a verdict against chance.
-    n_lines : int or None
-        Number of frequency lines to fit; None for the program's choice.
-    held_out : tuple of str
-        Names of excitations whose FRFs are compared but not fitted.
-    held_out_sensors : tuple of str
-        Names of sensors whose FRFs are.
-    frequency : ndarray
-        Lines of :command:`dovetail frf` where there is no measurement [Hz].
-    max_frequency : float
-        What the mesh is fine enough for [Hz].
-    element_size : (float, float)
-        Smallest and largest element size aimed at [m].
-    assumptions : tuple of str
-        What the study did not say and was assumed, in sentences.
-    modes : MeasuredModes or None
-        Measured modes, where the study gives them.
-    plan : UpdatePlan
-        What :command:`dovetail update` does.
-    warnings : tuple of str
-        What is probably wrong in the study and its files, and what was left unread, in sentences.
-    implausible : tuple of str
-        Those of them that are about values of the model, with file, line and key.
-    shape_limits : ShapeLimits
-        How complex the shapes of modes identified in FRFs may be.
-    chosen_sizes : mapping of str to float
-        Element sizes of the members for which the study gives none [m].
-    labels : mapping
-        How files call sensors (``"outputs"``) and excitations (``"inputs"``), by their names, where the study
-        says it.
-    measured_notes : tuple of str
-        What the readers of the measured files left out, converted or found twice, a sentence each.
-    """
-
-    name: str
-    description: str
-    path: Path
-    text: str
-    model: Model
-    measurements: tuple[Measurement, ...]
-    sensors: tuple[Sensor, ...]
-    excitations: tuple[Sensor, ...]
-    nuisances: tuple[Nuisance, ...]
-    damping_std: float
-    kinds: tuple[str, ...] | None
-    exclude: tuple[str, ...]
-    band: tuple[float, float] | None
-    model_error: float
-    n_simulated: int
-    n_lines: int | None
-    held_out: tuple[str, ...]
-    held_out_sensors: tuple[str, ...]
-    frequency: np.ndarray
-    max_frequency: float
-    element_size: tuple[float, float]
-    assumptions: tuple[str, ...]
-    modes: MeasuredModes | None = None
-    plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
-    warnings: tuple[str, ...] = ()
-    implausible: tuple[str, ...] = ()
-    shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
-    chosen_sizes: Mapping[str, float] = field(default_factory=dict)
-    labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
-    measured_notes: tuple[str, ...] = ()
-    evidence: bool = False
-
-    def refined(self, factor: int) -> "Study":
-        """Return the study with every element divided by a factor; points keep their indices."""
-        return replace(self, model=self.model.with_mesh(self.model.mesh.split(factor)))
+TABLES = (
+    "study",
+    "mesh",
+    "points",
+    "members",
+    "defaults",
+    "materials",
+    "sections",
+    "supports",
+    "joints",
+    "viscoelastic",
+    "rigid_links",
+    "constraints",
+    "superelements",
+    "masses",
+    "effects",
+    "damping",
+    "sensors",
+    "excitations",
+    "measurements",
+    "faults",
+    "modes",
+    "identification",
+    "update",
+    "values",
+    "uncertain",
+    "candidates",
+    "fit",
+    "frequency",
+)
+"""Tables of a study file."""
 
 
 def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> Study:
@@ -255,6 +174,44 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
     raise StudyError(msg) from None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parts:
+    """The parts of the structure: properties and element sizes of members, and effects."""
+
+    properties: dict[str, MemberProperties]
+    sizes: dict[str, tuple[float | None, int | None]]
+    supports: tuple[Effect, ...]
+    joints: tuple[Joint, ...]
+    connections: tuple[Effect, ...]
+    masses: tuple[Effect, ...]
+
+    @property
+    def frame(self) -> tuple[Effect, ...]:
+        """Members, supports and joints."""
+        return Frame(members=self.properties), *self.supports, *self.joints
+
+    def note_free(self, notes: list[str]) -> None:
+        """Note the assumption of a study without supports."""
+        if self.supports:
+            return
+        grounded = [j.name for j in self.joints if j.point2 is None]
+        notes.append(
+            f"no supports are given: {', '.join(grounded)} alone hold the structure"
+            if grounded
+            else "no supports are given: the structure is free"
+        )
+
+
+def _highest(
+    raw: list[RawMeasurement], raw_modes: RawModes | None, band: tuple[float, float] | None
+) -> float | None:
+    """Return the highest frequency of measurements and modes, None without any [Hz]."""
+    highest = top_frequency(raw, band)
+    if raw_modes is not None:
+        highest = max(highest or 0.0, float(raw_modes.modes.frequency.max(initial=0.0))) or None
+    return highest
+
+
 @dataclass(slots=True)
 class _Reader:
     path: Path
@@ -287,48 +244,89 @@ class _Reader:
                 raise
 
     def read(self) -> Study:
+        """Return the study; errors come in the order of the steps here."""
         top, notes = self.top, []
-        head = top.table("study")
-        name = head.text(
-            "name", self.path.parent.resolve().name if self.path.stem == "study" else self.path.stem
-        )
-        description = head.get("description", "")
-        head.finish()
-        sections = (
-            "study",
-            "mesh",
-            "points",
-            "members",
-            "defaults",
-            "materials",
-            "sections",
-            "supports",
-            "joints",
-            "viscoelastic",
-            "rigid_links",
-            "constraints",
-            "superelements",
-            "masses",
-            "effects",
-            "damping",
-            "sensors",
-            "excitations",
-            "measurements",
-            "faults",
-            "modes",
-            "identification",
-            "update",
-            "values",
-            "uncertain",
-            "candidates",
-            "fit",
-            "frequency",
-        )
-        for key in sections:
+        name, description = self._head()
+        for key in TABLES:
             top.get(key, None)
         top.finish()
 
         geometry = read_geometry(top, self.path.parent, notes)
+        parts = self._parts(geometry, notes)
+        raw, raw_modes, nodes = self._files(notes)
+        sensors, excitations = self._channels(raw, raw_modes, geometry, nodes, notes)
+        groups = [[c.sensor for c in group] for group in (sensors, excitations)]
+
+        fit = top.table("fit")
+        settings = read_fit(fit)
+        held_out, held_out_sensors = self._held_out(fit, sensors, excitations)
+        measured_to = _highest(raw, raw_modes, settings.band)
+        frequency, highest = read_frequency(top, measured_to, notes)
+        superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
+        mesh, aimed, chosen = self._refined(geometry.mesh, parts, highest, notes)
+        damping, connection_damping = read_damping(top, self.path.parent, notes)
+        more = (*parts.connections, *superelements, *parts.masses, *connection_damping)
+        model = self._model(mesh, (*parts.frame, *more), damping, groups)
+
+        measurements, modes, faults = self._measured(raw, raw_modes, sensors, excitations, notes)
+        nuisances, damping_std = read_uncertain(top, model, parts.joints, notes)
+        kinds, exclude = read_candidates(top)
+        plan = self._plan(model, groups, nuisances, bool(raw), modes)
+        odd = implausible(top, model, highest)
+        if "measurements" in self.needs and measurements:
+            with beside_implausible(odd), top.at():
+                comparisons = LazyComparison.of(model, measurements)
+                evidence = check_phase(comparisons, raw, sensors, excitations, self.warnings)
+                self.warnings += suspicions(comparisons, raw, evidence)
+        parts.note_free(notes)
+        return Study(
+            name=name,
+            description=description,
+            path=self.path,
+            text=self.text,
+            model=model,
+            measurements=measurements,
+            sensors=tilted(groups[0], faults),
+            excitations=tuple(groups[1]),
+            nuisances=nuisances,
+            damping_std=damping_std,
+            kinds=kinds,
+            exclude=exclude,
+            band=settings.band,
+            model_error=settings.model_error,
+            n_simulated=settings.n_simulated,
+            n_lines=settings.n_lines,
+            held_out=held_out,
+            held_out_sensors=held_out_sensors,
+            frequency=frequency,
+            max_frequency=highest,
+            element_size=(float(aimed.min()), float(aimed.max())),
+            assumptions=tuple(dict.fromkeys(notes)),
+            modes=modes,
+            plan=plan,
+            warnings=tuple(dict.fromkeys([*odd, *self.warnings])),
+            implausible=odd,
+            shape_limits=read_shape_limits(top),
+            chosen_sizes=chosen,
+            labels={
+                key: {c.sensor.name: c.written for c in group if c.written}
+                for key, group in (("outputs", sensors), ("inputs", excitations))
+            },
+            measured_notes=tuple(dict.fromkeys(self.measured_notes)),
+            evidence=settings.evidence,
+        )
+
+    def _head(self) -> tuple[str, str]:
+        """Read ``[study]``; a study without a name has that of its file or folder."""
+        head, path = self.top.table("study"), self.path
+        name = head.text("name", path.parent.resolve().name if path.stem == "study" else path.stem)
+        description = head.get("description", "")
+        head.finish()
+        return name, description
+
+    def _parts(self, geometry: Geometry, notes: list[str]) -> "_Parts":
+        """Read the parts of the structure that need no mesh of elements."""
+        top = self.top
         inline = "file" not in top.table("mesh").values
         materials, known_sections = read_materials(top), read_sections(top)
         properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
@@ -339,133 +337,98 @@ class _Reader:
             *read_rigid_links(top, geometry),
             *read_constraints(top, geometry),
         )
-        masses = read_masses(top, geometry)
-        raw, raw_modes, nodes = self._files(notes)
-        sensors, excitations = self._channels(raw, raw_modes, geometry, nodes, notes)
+        return _Parts(properties, sizes, supports, joints, connections, read_masses(top, geometry))
 
-        fit = top.table("fit")
-        band, n_lines = read_band(fit), fit.whole("lines", None, 8, MOST_LINES)
-        n_simulated = fit.whole("bootstrap", 0, 0, MOST_REPEATS)
-        by_evidence = fit.flag("evidence", False)
-        model_error = fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper")
+    def _held_out(
+        self, fit: Table, sensors: list[Channel], excitations: list[Channel]
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Read the names of the excitations and sensors that are not fitted, the last key of ``[fit]``."""
         held_out, held_out_sensors = (), ()
         fit.get("held_out", ())
         with self._if_all_was_read():
             held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
         fit.finish()
-        top_line = top_frequency(raw, band)
-        if raw_modes is not None:
-            top_line = max(top_line or 0.0, float(raw_modes.modes.frequency.max(initial=0.0))) or None
-        frequency, highest = self._frequency(top_line, bool(raw), notes)
-        superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
+        return held_out, held_out_sensors
 
-        mesh_table = top.table("mesh")
-        size = mesh_table.number("element_size", None, above=0, unit="m")
-        most = mesh_table.whole("max_elements", MOST_ELEMENTS)
+    def _refined(
+        self, mesh: Mesh, parts: "_Parts", highest: float, notes: list[str]
+    ) -> tuple[Mesh, np.ndarray, dict[str, float]]:
+        """Return the mesh of elements, the size of each member's, and those sizes that were chosen here."""
+        top, sizes = self.top, parts.sizes
+        table = top.table("mesh")
+        size = table.number("element_size", None, above=0, unit="m")
+        most = table.whole("max_elements", MOST_ELEMENTS)
         for key in ("file", "scale", "merge_tolerance", "sets", "connect"):
-            mesh_table.get(key, None)
-        mesh_table.finish()
+            table.get(key, None)
+        table.finish()
         try:
-            mesh, aimed = refine(geometry.mesh, properties, highest, size, sizes, most=most)
+            fine, aimed = refine(mesh, parts.properties, highest, size, sizes, most=most)
         except TooManyElementsError as reason:
-            place = path_of_request(reason, top.values, geometry.mesh)
+            place = path_of_request(reason, top.values, mesh)
             raise top.source.error(place, str(reason)) from reason
         except ValueError as reason:
-            raise top.source.error(mesh_table.path, str(reason)) from reason
-        chosen = {
-            name: float(h)
-            for (name, own), h in zip(sizes.items(), aimed, strict=True)
-            if size is None and not any(own)
-        }
-        if size is None and not all(any(v) for v in sizes.values()):
+            raise top.source.error(table.path, str(reason)) from reason
+        if size is not None:
+            return fine, aimed, {}
+        given = [any(own) for own in sizes.values()]
+        if not all(given):
             notes.append(
-                "no element size is "
-                f"given{' for all members' if any(any(v) for v in sizes.values()) else ''}: elements of "
-                f"{describe_sizes(aimed)} ({mesh.n_lines} in all) are taken, "
+                f"no element size is given{' for all members' if any(given) else ''}: elements of "
+                f"{describe_sizes(aimed)} ({fine.n_lines} in all) are taken, "
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
-        damping, connection_damping = read_damping(top, self.path.parent, notes)
-        effects: tuple[Effect, ...] = (
-            Frame(members=properties),
-            *supports,
-            *joints,
-            *connections,
-            *superelements,
-            *masses,
-            *connection_damping,
-        )
+        chosen = zip(sizes, aimed, given, strict=True)
+        return fine, aimed, {name: float(h) for name, h, own in chosen if not own}
+
+    def _model(
+        self, mesh: Mesh, effects: tuple[Effect, ...], damping: Damping, groups: Sequence[list[Sensor]]
+    ) -> Model:
+        """Return the model with masses of sensors, the study's effects and values, and shear coefficients."""
+        top = self.top
         with top.at():
-            model = Model(mesh, effects, damping)
-            model = with_sensor_masses(model, [c.sensor for c in (*sensors, *excitations)])
-            groups = [[c.sensor for c in group] for group in (sensors, excitations)]
+            model = with_sensor_masses(
+                Model(mesh, effects, damping), [sensor for group in groups for sensor in group]
+            )
             model = read_effects(top, model, *groups)
             shear = SectionShear.of(model)
-            model = model.with_effect(shear) if shear and self._shear_std() else model
+            model = model.with_effect(shear) if shear and shear_std(top) else model
             model = read_values(top, model)
-            model.contributions()
+            model.contributions()  # finds values that no matrix can be made of
+        return model
+
+    def _measured(
+        self,
+        raw: list[RawMeasurement],
+        raw_modes: RawModes | None,
+        sensors: list[Channel],
+        excitations: list[Channel],
+        notes: list[str],
+    ) -> tuple[tuple[Measurement, ...], MeasuredModes | None, tuple[Fault, ...]]:
+        """Return measurements and modes at the study's sensors, and the faults that the study states."""
         measurements, modes, faults = (), None, ()
         with self._attempt("measurements"):
-            faults = read_faults(top, *groups)
+            faults = read_faults(self.top, [c.sensor for c in sensors], [c.sensor for c in excitations])
             measurements = match(raw, sensors, excitations, faults, notes)
         with self._attempt("measurements"):
             modes = match_modes(raw_modes, sensors, notes)
-        nuisances, damping_std = self._uncertain(model, joints, notes)
-        kinds, exclude = self._candidates()
-        shaped = bool(raw) or (modes is not None and bool(modes.sensors))
-        has = {"frf": bool(raw), "modes": shaped, "frequencies": bool(raw) or modes is not None}
+        return measurements, modes, faults
+
+    def _plan(
+        self,
+        model: Model,
+        groups: Sequence[list[Sensor]],
+        nuisances: Sequence[Nuisance],
+        has_frf: bool,
+        modes: MeasuredModes | None,
+    ) -> UpdatePlan:
+        """Read ``[update]``."""
+        shaped = has_frf or (modes is not None and bool(modes.sensors))
+        has = {"frf": has_frf, "modes": shaped, "frequencies": has_frf or modes is not None}
         known = [unknown_of(model, n) for n in nuisances if n.effect != SectionShear.kind]
         plan = UpdatePlan()
         with self._if_all_was_read():
-            plan = read_plan(top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
-        odd = implausible(top, model, highest)
-        if "measurements" in self.needs and measurements:
-            with beside_implausible(odd), top.at():
-                comparisons = LazyComparison.of(model, measurements)
-                evidence = check_phase(comparisons, raw, sensors, excitations, self.warnings)
-                self.warnings += suspicions(comparisons, raw, evidence)
-        if not supports:
-            grounded = [j.name for j in joints if j.point2 is None]
-            notes.append(
-                "no supports are given: the structure is free"
-                if not grounded
-                else f"no supports are given: {', '.join(grounded)} alone hold the structure"
-            )
-        return Study(
-            name,
-            description,
-            self.path,
-            self.text,
-            model,
-            measurements,
-            tilted(groups[0], faults),
-            tuple(groups[1]),
-            nuisances,
-            damping_std,
-            kinds,
-            exclude,
-            band,
-            model_error,
-            n_simulated,
-            n_lines,
-            held_out,
-            held_out_sensors,
-            frequency,
-            highest,
-            (float(aimed.min()), float(aimed.max())),
-            tuple(dict.fromkeys(notes)),
-            modes,
-            plan,
-            tuple(dict.fromkeys([*odd, *self.warnings])),
-            odd,
-            read_shape_limits(top),
-            chosen,
-            {
-                key: {c.sensor.name: c.written for c in group if c.written}
-                for key, group in (("outputs", sensors), ("inputs", excitations))
-            },
-            tuple(dict.fromkeys(self.measured_notes)),
-            by_evidence,
-        )
+            plan = read_plan(self.top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
+        return plan
 
     def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:
         """Read the measured files: FRFs, modes, and the coordinates of their nodes."""
@@ -525,98 +488,3 @@ class _Reader:
             f"{', '.join(c.sensor.name for c in out)}"
         )
         return out
-
-    def _frequency(self, highest: float | None, measured: bool, notes: list[str]) -> tuple[np.ndarray, float]:
-        """Read ``[frequency]``."""
-        t = self.top.table("frequency")
-        stop = t.number("stop", None, above=0, unit="Hz")
-        start, step = t.number("start", None, least=0, unit="Hz"), t.number("step", None, above=0, unit="Hz")
-        t.finish()
-        if stop is None:
-            if highest is None:
-                notes.append(
-                    "neither a measurement nor a frequency range is given: the mesh is made "
-                    f"for {DEFAULT_FREQUENCY:g} Hz"
-                )
-            stop = highest or DEFAULT_FREQUENCY
-        if start is not None and start >= stop:
-            t.refuse("start", f"{start:g} Hz is not below stop, {stop:g} Hz")
-        step = step or stop / 1000
-        start = step if start is None else start
-        if (stop - start) / step > MOST_LINES:
-            t.refuse(
-                "step", f"{(stop - start) / step:.3g} lines of {step:g} Hz are too many; at most {MOST_LINES}"
-            )
-        n = int(np.floor((stop - start) / step + 1e-9)) + 1
-        return start + step * np.arange(n), max(stop, highest or 0.0)
-
-    def _uncertain(
-        self, model: Model, joints: tuple[Joint, ...], notes: list[str]
-    ) -> tuple[tuple[Nuisance, ...], float]:
-        """Read ``[uncertain]``: relative standard deviations; 0 for what is known."""
-        t = self.top.table("uncertain")
-        default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "shear": SHEAR_STD, "damping": 0.5}
-        std = {key: t.number(key, None, least=0) for key in default}
-        shear = model.of_kind(SectionShear)
-        there = {"joints": any(j.elastic for j in joints), "shear": bool(shear)}
-        assumed = [key for key, value in std.items() if value is None and there.get(key, True)]
-        words = {
-            "E": "E 2 %",
-            "rho": "density 1 %",
-            "joints": "joint stiffness 5 %",
-            "shear": f"shear coefficients of walls {SHEAR_STD:.0%}".replace("%", " %"),
-            "damping": "damping a factor of 1.6 (0.5 of its logarithm)",
-        }
-        if assumed:
-            notes.append(
-                "default standard deviations, for those that are not given: "
-                f"{', '.join(words[key] for key in assumed)}"
-            )
-        std = {key: default[key] if value is None else value for key, value in std.items()}
-        frame = model.effect("frame")
-        materials: dict[str, Material] = frame.materials if isinstance(frame, Frame) else {}
-        out = []
-        by_material, by_joint = t.table("materials"), t.table("joint")
-        for name in materials:
-            own = by_material.table(name)
-            for key in ("E", "rho"):
-                out.append(Nuisance("frame", f"{key}:{name}", own.number(key, std[key], least=0)))
-            own.finish()
-        by_material.finish()
-        for joint in joints:
-            own = by_joint.table(joint.name)
-            whole = own.number("k", std["joints"], least=0)
-            for d in DIRECTIONS:
-                value = own.number(f"k{d}", whole, least=0)
-                if d in joint.elastic:
-                    out.append(Nuisance(joint.name, f"k{d}", value))
-                elif f"k{d}" in own.values:
-                    own.refuse(
-                        f"k{d}",
-                        f"joint '{joint.name}' has no stiffness in {d}; elastic are "
-                        f"{', '.join(joint.elastic) or 'none'}",
-                    )
-            eta = own.number("eta", 0.0, least=0)
-            if eta and not joint.eta:
-                own.refuse("eta", f"joint '{joint.name}' has no loss factor")
-            out.append(Nuisance(joint.name, "eta", eta))
-            own.finish()
-        by_joint.finish()
-        t.finish()
-        out += [Nuisance(e.name, p.name, std["shear"]) for e in shear for p in e.parameters()]
-        return with_turning([n for n in out if n.std > 0], model), std["damping"]
-
-    def _shear_std(self) -> float:
-        """Return how unsure shear coefficients are that the study does not state."""
-        return self.top.table("uncertain").number("shear", SHEAR_STD, least=0)
-
-    def _candidates(self) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
-        t = self.top.table("candidates")
-        kinds, exclude = t.texts("kinds", None), t.texts("exclude", ())
-        t.finish()
-        known = candidate_kinds()
-        for key, words in (("kinds", kinds or ()), ("exclude", exclude)):
-            for word in words:
-                if word not in known:
-                    t.refuse(key, f"there is no kind of effect '{word}'; {suggest(word, known)}")
-        return kinds, exclude

@@ -43,6 +43,7 @@ ALLOWED = {
     "joint/assembly.py": ("identifies a joint", {"Joint"}),
     "joint/physics.py": ("makes the elements that a fit stands for", {"Joint", "Viscoelastic"}),
     "dovetail/file/config.py": (BUILDS, {"Joint", "SectionShear"}),
+    "dovetail/file/uncertain.py": (BUILDS, {"Joint", "SectionShear"}),
     "dovetail/file/connections.py": (
         BUILDS,
         {"Joint", "MultiPointConstraint", "RigidLink", "Superelement", "TabulatedStiffness", "Viscoelastic"},

@@ -1,0 +1,119 @@
+"""The contents of a study file: a model, measurements, and their uncertainties."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.file.measured_modes import (
+    MeasuredModes,
+    ShapeLimits,
+    UpdatePlan,
+)
+from fem.model import Model
+from updating.inference.parameters import Nuisance
+from updating.measurement.measurement import Measurement, Sensor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """A structure, what was measured on it, and what is uncertain.
+
+    Attributes
+    ----------
+    name, description : str
+    path : Path
+        The study file.
+    text : str
+        Its text.
+    model : Model
+        With the mesh refined and points where sensors, supports, joints and masses are.
+    measurements : tuple of Measurement
+        By the names of the study's sensors and excitations; empty where none are given.
+    sensors, excitations : tuple of Sensor
+        All of the study.
+    nuisances : tuple of Nuisance
+        Parameters of the model that are uncertain.
+    damping_std : float
+        Standard deviation of the logarithm of the damping [-].
+    kinds : tuple of str or None
+        Kinds of candidate effects; None for every kind.
+    exclude : tuple of str
+        Kinds that are left out.
+    band : (float, float) or None
+        Band of comparison and fit; None for that of the measurements [Hz].
+    model_error : float
+        Residual level up to which a model of beams counts as right [neper].
+    evidence : bool
+        Whether effects are searched for by evidence.
+    n_simulated : int
+        Measurements to simulate for trying a verdict against chance.
+    n_lines : int or None
+        Number of frequency lines to fit; None for the program's choice.
+    held_out : tuple of str
+        Names of excitations whose FRFs are compared but not fitted.
+    held_out_sensors : tuple of str
+        Names of sensors whose FRFs are.
+    frequency : ndarray
+        Lines of :command:`dovetail frf` where there is no measurement [Hz].
+    max_frequency : float
+        What the mesh is fine enough for [Hz].
+    element_size : (float, float)
+        Smallest and largest element size aimed at [m].
+    assumptions : tuple of str
+        What the study did not say and was assumed, in sentences.
+    modes : MeasuredModes or None
+        Measured modes, where the study gives them.
+    plan : UpdatePlan
+        What :command:`dovetail update` does.
+    warnings : tuple of str
+        What is probably wrong in the study and its files, and what was left unread, in sentences.
+    implausible : tuple of str
+        Those of them that are about values of the model, with file, line and key.
+    shape_limits : ShapeLimits
+        How complex the shapes of modes identified in FRFs may be.
+    chosen_sizes : mapping of str to float
+        Element sizes of the members for which the study gives none [m].
+    labels : mapping
+        How files call sensors (``"outputs"``) and excitations (``"inputs"``), by their names, where the study
+        says it.
+    measured_notes : tuple of str
+        What the readers of the measured files left out, converted or found twice, a sentence each.
+    """
+
+    name: str
+    description: str
+    path: Path
+    text: str
+    model: Model
+    measurements: tuple[Measurement, ...]
+    sensors: tuple[Sensor, ...]
+    excitations: tuple[Sensor, ...]
+    nuisances: tuple[Nuisance, ...]
+    damping_std: float
+    kinds: tuple[str, ...] | None
+    exclude: tuple[str, ...]
+    band: tuple[float, float] | None
+    model_error: float
+    n_simulated: int
+    n_lines: int | None
+    held_out: tuple[str, ...]
+    held_out_sensors: tuple[str, ...]
+    frequency: np.ndarray
+    max_frequency: float
+    element_size: tuple[float, float]
+    assumptions: tuple[str, ...]
+    modes: MeasuredModes | None = None
+    plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
+    warnings: tuple[str, ...] = ()
+    implausible: tuple[str, ...] = ()
+    shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
+    chosen_sizes: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
+    measured_notes: tuple[str, ...] = ()
+    evidence: bool = False
+
+    def refined(self, factor: int) -> "Study":
+        """Return the study with every element divided by a factor; points keep their indices."""
+        return replace(self, model=self.model.with_mesh(self.model.mesh.split(factor)))

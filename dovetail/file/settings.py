@@ -1,0 +1,82 @@
+"""Read the settings of analyses: the tables ``[fit]``, ``[frequency]`` and ``[candidates]``."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dovetail.file.measured import read_band
+from dovetail.file.table import Table, suggest
+from fem.effects import candidate_kinds
+from updating.inference.fit import EXPLAINED_LEVEL
+
+DEFAULT_FREQUENCY = 1000.0
+"""Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
+
+MOST_REPEATS = 10_000
+"""Largest number of simulated measurements; a larger one is taken for a mistake."""
+
+MOST_LINES = 1_000_000
+"""Largest number of frequency lines; a larger one is taken for a mistake."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitSettings:
+    """The settings of ``[fit]`` that need no measurement; :class:`dovetail.file.contents.Study` has them."""
+
+    band: tuple[float, float] | None
+    n_lines: int | None
+    n_simulated: int
+    evidence: bool
+    model_error: float
+
+
+def read_fit(fit: Table) -> FitSettings:
+    """Read ``[fit]`` except ``held_out``, which needs the sensors and excitations."""
+    return FitSettings(
+        read_band(fit),
+        fit.whole("lines", None, 8, MOST_LINES),
+        fit.whole("bootstrap", 0, 0, MOST_REPEATS),
+        fit.flag("evidence", False),
+        fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper"),
+    )
+
+
+def read_frequency(top: Table, highest: float | None, notes: list[str]) -> tuple[np.ndarray, float]:
+    """Read ``[frequency]``: the lines and the highest frequency of interest [Hz].
+
+    ``highest`` is the highest frequency of the measurements, None without any [Hz].
+    """
+    t = top.table("frequency")
+    stop = t.number("stop", None, above=0, unit="Hz")
+    start, step = t.number("start", None, least=0, unit="Hz"), t.number("step", None, above=0, unit="Hz")
+    t.finish()
+    if stop is None:
+        if highest is None:
+            notes.append(
+                "neither a measurement nor a frequency range is given: the mesh is made "
+                f"for {DEFAULT_FREQUENCY:g} Hz"
+            )
+        stop = highest or DEFAULT_FREQUENCY
+    if start is not None and start >= stop:
+        t.refuse("start", f"{start:g} Hz is not below stop, {stop:g} Hz")
+    step = step or stop / 1000
+    start = step if start is None else start
+    if (stop - start) / step > MOST_LINES:
+        t.refuse(
+            "step", f"{(stop - start) / step:.3g} lines of {step:g} Hz are too many; at most {MOST_LINES}"
+        )
+    n = int(np.floor((stop - start) / step + 1e-9)) + 1
+    return start + step * np.arange(n), max(stop, highest or 0.0)
+
+
+def read_candidates(top: Table) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
+    """Read ``[candidates]``: kinds of effects to try, None for all, and kinds to exclude."""
+    t = top.table("candidates")
+    kinds, exclude = t.texts("kinds", None), t.texts("exclude", ())
+    t.finish()
+    known = candidate_kinds()
+    for key, words in (("kinds", kinds or ()), ("exclude", exclude)):
+        for word in words:
+            if word not in known:
+                t.refuse(key, f"there is no kind of effect '{word}'; {suggest(word, known)}")
+    return kinds, exclude

@@ -1,0 +1,87 @@
+"""Read the uncertainties of a model's parameters: the table ``[uncertain]``."""
+
+from collections.abc import Iterable, Mapping
+
+from dovetail.file.table import Table
+from fem.effects.joint import Joint
+from fem.effects.section_shear import SectionShear
+from fem.elements.frame import Frame
+from fem.materials import Material
+from fem.model import DIRECTIONS, Model
+from updating.diagnosis.patches import with_turning
+from updating.inference.parameters import Nuisance
+
+SHEAR_STD = 0.3
+"""Relative standard deviation of shear coefficients of sections with walls, unless the study gives it."""
+
+
+def read_uncertain(
+    top: Table, model: Model, joints: tuple[Joint, ...], notes: list[str]
+) -> tuple[tuple[Nuisance, ...], float]:
+    """Read ``[uncertain]``: relative standard deviations; 0 for a known parameter."""
+    t = top.table("uncertain")
+    default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "shear": SHEAR_STD, "damping": 0.5}
+    std = {key: t.number(key, None, least=0) for key in default}
+    shear = model.of_kind(SectionShear)
+    there = {"joints": any(j.elastic for j in joints), "shear": bool(shear)}
+    assumed = [key for key, value in std.items() if value is None and there.get(key, True)]
+    words = {
+        "E": "E 2 %",
+        "rho": "density 1 %",
+        "joints": "joint stiffness 5 %",
+        "shear": f"shear coefficients of walls {SHEAR_STD:.0%}".replace("%", " %"),
+        "damping": "damping a factor of 1.6 (0.5 of its logarithm)",
+    }
+    if assumed:
+        notes.append(
+            "default standard deviations, for those that are not given: "
+            f"{', '.join(words[key] for key in assumed)}"
+        )
+    std = {key: default[key] if value is None else value for key, value in std.items()}
+    frame = model.effect("frame")
+    materials: dict[str, Material] = frame.materials if isinstance(frame, Frame) else {}
+    out = _of_materials(t.table("materials"), materials, std)
+    out += _of_joints(t.table("joint"), joints, std["joints"])
+    t.finish()
+    out += [Nuisance(e.name, p.name, std["shear"]) for e in shear for p in e.parameters()]
+    return with_turning([n for n in out if n.std > 0], model), std["damping"]
+
+
+def shear_std(top: Table) -> float:
+    """Return the relative standard deviation of shear coefficients."""
+    return top.table("uncertain").number("shear", SHEAR_STD, least=0)
+
+
+def _of_materials(t: Table, materials: Iterable[str], std: Mapping[str, float]) -> list[Nuisance]:
+    out = []
+    for name in materials:
+        own = t.table(name)
+        for key in ("E", "rho"):
+            out.append(Nuisance("frame", f"{key}:{name}", own.number(key, std[key], least=0)))
+        own.finish()
+    t.finish()
+    return out
+
+
+def _of_joints(t: Table, joints: Iterable[Joint], std: float) -> list[Nuisance]:
+    out = []
+    for joint in joints:
+        own = t.table(joint.name)
+        whole = own.number("k", std, least=0)
+        for d in DIRECTIONS:
+            value = own.number(f"k{d}", whole, least=0)
+            if d in joint.elastic:
+                out.append(Nuisance(joint.name, f"k{d}", value))
+            elif f"k{d}" in own.values:
+                own.refuse(
+                    f"k{d}",
+                    f"joint '{joint.name}' has no stiffness in {d}; elastic are "
+                    f"{', '.join(joint.elastic) or 'none'}",
+                )
+        eta = own.number("eta", 0.0, least=0)
+        if eta and not joint.eta:
+            own.refuse("eta", f"joint '{joint.name}' has no loss factor")
+        out.append(Nuisance(joint.name, "eta", eta))
+        own.finish()
+    t.finish()
+    return out
