@@ -1,5 +1,6 @@
 """The facade: load, compare, diagnose, add, fit, save."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ DEMO = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 
 @pytest.fixture(scope="module")
 def study():
-    return dovetail.load_study(DEMO)
+    return replace(dovetail.load_study(DEMO), n_lines=60)
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from updating.measurement.measurement import Measurement, Sensor
 @pytest.mark.parametrize(
     ("kind", "seed", "rivals"),
     [
-        ("joint_fractional", 4, ("joint_stiffness",)),
+        pytest.param("joint_fractional", 4, ("joint_stiffness",), marks=pytest.mark.slow),
         pytest.param("joint_offset", 3, ("joint_mass", "point_mass"), marks=pytest.mark.slow),
     ],
 )

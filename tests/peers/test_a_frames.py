@@ -13,7 +13,7 @@ from dovetail.pipeline import fit_problem
 from tests.conftest import PEERS_PYTHON, ROOT
 from tests.independent.convert import convert
 
-pytestmark = pytest.mark.peer
+pytestmark = [pytest.mark.peer, pytest.mark.slow]
 SHARED = ROOT.parent / "shared" / "data" / "independent-cases" / "truth.json"
 
 FREQUENCIES = """

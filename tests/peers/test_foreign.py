@@ -89,6 +89,7 @@ def answer(code):
     return json.loads(next(line for line in run("-c", code).stdout.splitlines() if line.startswith("{")))
 
 
+@pytest.mark.slow
 def test_a_cantilever_of_solids_agrees_with_its_closed_form():
     """Blevins, table 8-1: β₁L = 1.8751, β₂L = 4.6941; static L³/(3 E I).
 
@@ -113,6 +114,7 @@ def test_the_mast_agrees_with_a_third_code_and_the_reduction_with_full_matrices(
     np.testing.assert_allclose(out["reduced"], out["direct"], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_case_is_complete_and_its_model_comes_near_the_noise(tmp_path):
     """Beams of another program, joints off by 10 %, E and ρ by 2 %: fitted, no more than noise is left."""
     command = ("-m", "tests.independent.foreign", str(tmp_path), "--structures", "cycle", "--cases", "2")
@@ -128,6 +130,7 @@ def test_a_case_is_complete_and_its_model_comes_near_the_noise(tmp_path):
     assert abs(nominal["material"]["E"] / 210e9 - 1) <= 0.02
 
 
+@pytest.mark.slow
 def test_a_seed_makes_the_same_files_and_a_stopped_run_goes_on(tmp_path):
     def made(folder, n):
         command = ("-m", "tests.independent.foreign", str(folder), "--structures", "mast", "--seed", "3")

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.modal_identification import FREQUENCY, RATIO, measured, sdypy
 from updating.modal.identification import identify_modes
 
-pytestmark = pytest.mark.peer
+pytestmark = [pytest.mark.peer, pytest.mark.slow]
 
 
 def test_separate_modes_agree_and_the_pair_is_merged_there():

@@ -12,7 +12,7 @@ from dovetail.pipeline import fit_problem
 from tests.conftest import PEERS_PYTHON, ROOT
 from tests.independent.convert import convert
 
-pytestmark = pytest.mark.peer
+pytestmark = [pytest.mark.peer, pytest.mark.slow]
 
 DRIVER = """
 import json

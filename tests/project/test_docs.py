@@ -106,6 +106,7 @@ def test_the_python_in_the_readme_finds_the_effect(monkeypatch):
     assert names["better"].compare().total_db < 0.25 * names["study"].compare().total_db
 
 
+@pytest.mark.slow
 def test_a_study_from_python_is_saved_with_the_effect(monkeypatch, tmp_path):
     """The first block of docs/python.md, with the candidates of the second, which take seconds."""
     whole, chosen = blocks("python", "docs/python.md")

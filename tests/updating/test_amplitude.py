@@ -221,6 +221,7 @@ def spread_by_differences(found):
     return np.sqrt(np.einsum("ifop,ij,jfop->fop", g, fit.covariance, g))
 
 
+@pytest.mark.slow
 def test_of_a_joint_that_moves_harmonically_the_cubic_spring_is_found_as_it_is():
     """Without noise and third harmonic the mesh is left: element lengths of a half give 1/16 of its error."""
     force, levels, values = TRUTHS["joint_cubic"]

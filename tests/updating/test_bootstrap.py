@@ -89,12 +89,12 @@ def test_an_effect_that_chance_could_have_made_is_dropped_and_a_real_one_stays()
     found = tuple(Finding(e, parameters_of(e, both), ()) for e in both.effects)
     fits = {"nominal": problem.nominal(), "uncertain": null, "both": both}
     begin = Search(problem, found, ((), ()), tuple(step_of(n, f) for n, f in fits.items()), both)
-    after, tried = bootstrap(begin, candidates, Limits(1.0, 1.0), 3, SILENT)
+    after, tried = bootstrap(begin, candidates, Limits(1.0, 1.0), 2, SILENT)
     assert [t.effect for t in tried] == [idle.name, real.name]
     assert [t.believed for t in tried] == [False, True]
     assert tried[0].gain < 1.02
     assert tried[1].gain > 1.5
-    assert tried[1].chance == 1 / 4
+    assert tried[1].chance == 1 / 3
     (left,) = after.findings
     assert left.effect.name == real.name
     assert [s.label for s in after.steps[:2]] == ["nominal", "uncertain"]

@@ -82,20 +82,20 @@ def test_few_lines_stay_as_they_are():
 @pytest.mark.parametrize("added_decay", [0.0, 3.0])
 def test_a_fit_and_its_deviations_are_those_of_all_lines(added_decay, monkeypatch):
     rng = np.random.default_rng(3)
-    lines = np.linspace(0.05, 100.0, 4000)
+    lines = np.linspace(0.05, 100.0, 1500)
     poles = np.array([-4.0 + 120j, -2.5 + 126j, -5.0 + 400j])
     L, psi = rng.standard_normal((3, 2)) + 0j, rng.standard_normal((4, 3)) + 0j
     s = 2j * np.pi * lines[:, None] + added_decay
     p, q = s**2 / (s - poles), s**2 / (s - poles.conj())
     H = np.einsum("fr,or,ri->foi", p, psi, L) + np.einsum("fr,or,ri->foi", q, psi.conj(), L.conj())
     H += 0.1 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) * np.abs(H).mean()
-    spread = np.exp(0.3 * rng.standard_normal((4000, 2)))
+    spread = np.exp(0.3 * rng.standard_normal((1500, 2)))
     data = ModalFitData(FRF.from_arrays(lines, H, "accelerance"), np.ones(4), spread, added_decay=added_decay)
     start = poles * (1 + 0.003 * rng.standard_normal(3))
     few = fit_modes(data, start, L)
-    assert data.condensed(start).omega.size < 1000
-    monkeypatch.setattr(condensed_lines, "N_NODES", 4000)
-    assert data.condensed(start).omega.size == 4000
+    assert data.condensed(start).omega.size < 500
+    monkeypatch.setattr(condensed_lines, "N_NODES", 1500)
+    assert data.condensed(start).omega.size == 1500
     full = fit_modes(data, start, L)
     assert few.n_steps == full.n_steps
     np.testing.assert_allclose(few.poles, full.poles, rtol=1e-10)

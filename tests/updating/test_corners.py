@@ -57,6 +57,7 @@ def both():
     return diagnose(model, [m], NUISANCES, kinds=kinds)
 
 
+@pytest.mark.slow
 def test_corners_are_found_beside_what_is_hidden(both):
     assert both.verdict == "effect"
     assert [f.effect.name for f in both.findings] == ["solid_corner:all", "member_density:arm"]
@@ -83,6 +84,7 @@ def plain_values(fit):
     return {ref: v for ref, v in fit.values.items() if ref[0] == "frame"}
 
 
+@pytest.mark.slow
 def test_the_found_model_has_the_corners_and_earlier_steps_do_not(both):
     (corner,) = both.model.of_kind(SolidCorner)
     assert corner.size == both.findings[0].effect.size == both.findings[0].parameters[0].value
