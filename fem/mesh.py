@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.chains import chains_of
+from fem.recent import Recent
 
 MOST_LINES = 5_000_000
 """Lines that a mesh is divided into at most; its matrices would take some ten GB."""
+_KEPT = 10_000
+"""Number of arrays that a mesh keeps, one for a member."""
 
 
 class MeshError(ValueError):
@@ -61,6 +64,9 @@ class Mesh:
         Names of points.
     notes : tuple of str
         What the reader left out or found suspicious, a sentence each; changed copies keep them.
+    kept : Recent
+        Arrays that follow from the mesh alone and are asked for many times: positions along members, and the
+        pattern of its matrices. Changed copies have others.
     """
 
     points: NDArray[np.float64]
@@ -69,7 +75,7 @@ class Mesh:
     groups: Mapping[str, tuple[str, ...]]
     point_names: Mapping[str, int]
     notes: tuple[str, ...] = ()
-    _positions: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
+    kept: Recent = field(default_factory=lambda: Recent(_KEPT), init=False, repr=False)
 
     @classmethod
     def from_lines(
@@ -195,13 +201,15 @@ class Mesh:
         return (found[0],)
 
     def member_positions(self, name: str) -> NDArray[np.float64]:
-        """Return the arc length of each of a member's points from its first end [m] (computed once)."""
-        if name not in self._positions:
-            chain = self.points[self.member_points(name)]
-            steps = np.linalg.norm(np.diff(chain, axis=0), axis=1)
-            self._positions[name] = np.concatenate([[0.0], np.cumsum(steps)])
-            self._positions[name].flags.writeable = False
-        return self._positions[name]
+        """Return the arc length of each of a member's points from its first end [m]; the mesh keeps it."""
+        return self.kept.get(("positions", name), lambda: self._positions(name))
+
+    def _positions(self, name: str) -> NDArray[np.float64]:
+        chain = self.points[self.member_points(name)]
+        steps = np.linalg.norm(np.diff(chain, axis=0), axis=1)
+        positions = np.concatenate([[0.0], np.cumsum(steps)])
+        positions.flags.writeable = False
+        return positions
 
     def member_length(self, name: str) -> float:
         """Return the length of a member [m]."""

@@ -1,9 +1,8 @@
 """Assembly: from a model to K, M, C and D on the independent coordinates."""
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -105,7 +104,8 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
         if not np.isfinite(X.data).all():
             msg = f"the matrix {name} of the model has entries that are not finite numbers"
             raise ModelError(msg)
-    Q = null_space(_constraints(model), model.n_dof)
+    constraints = model.constraints()
+    Q = null_space(constraints, model.n_dof)
     Q = _without_idle_turns(model, Q, full["K"], full["M"])
     free = _selection(Q)
     K, M, C, D = (_on_q(full.pop(key), Q, free) for key in "KMCD")
@@ -114,7 +114,7 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
         keep = np.setdiff1d(np.arange(Q.shape[1]), idle)
         Q, K, M, C, D = Q[:, keep], *(sp.csc_array(X[keep][:, keep]) for X in (K, M, C, D))
     on_q = tuple((law, sp.csc_array(Q.T @ X @ Q)) for law, X in laws)
-    return System(K, M, C, D, Q, _allowed(model, Q), model, on_q)
+    return System(K, M, C, D, Q, _allowed(model, Q, constraints), model, on_q)
 
 
 def refuse_motionless(system: System) -> None:
@@ -182,7 +182,8 @@ def reassemble(system: System, model: Model) -> System:
         )
     before = [c for e in gone for c in e.contribute(was)]
     after = [c for e in new for c in e.contribute(model)]
-    left_out = _left_out(model, system.Q)
+    constraints = model.constraints()
+    left_out = _left_out(system.Q, constraints)
     if any(c.law is not None or left_out[c.dofs].any() for c in after):
         return assemble(model)
     if change is not None:
@@ -200,7 +201,7 @@ def reassemble(system: System, model: Model) -> System:
         if not np.isfinite(matrices[key].data).all():
             msg = f"the matrix {key} of the model has entries that are not finite numbers"
             raise ModelError(msg)
-    return replace(system, **matrices, rigid=_allowed(model, system.Q), model=model)
+    return replace(system, **matrices, rigid=_allowed(model, system.Q, constraints), model=model)
 
 
 def _scaled(part: Contribution, factor: Mapping[str, float]) -> Contribution:
@@ -209,23 +210,14 @@ def _scaled(part: Contribution, factor: Mapping[str, float]) -> Contribution:
     return replace(part, **{key: None if X is None else factor[key] * X for key, X in scaled.items()})
 
 
-def _left_out(model: Model, Q: Any) -> NDArray[np.bool_]:
+def _left_out(Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.bool_]:
     """Return the DOFs that Q leaves out, wholly or in part, though no constraint holds them, (n_dof,)."""
     idle = np.diff(Q.indptr) == 0
     if _selection(Q) is None:
         idle = np.asarray(Q.multiply(Q).sum(axis=1)).ravel() < 1 - 1e-9
-    constraints = _constraints(model)
     if constraints:
         idle[np.concatenate([c.dofs for c in constraints])] = False
     return idle
-
-
-@lru_cache(maxsize=4)
-def _constraints(model: Model) -> tuple[Constraint, ...]:
-    """Return the constraints of a model, kept for the last few models: thousands of supports have many."""
-    # A memo, as models never change and are compared by identity: assembly, its check of rigid motions and
-    # the modes ask for the constraints of one model in turn.
-    return model.constraints()
 
 
 def law_change(law: Law, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -341,14 +333,14 @@ def unopposed(rows: NDArray[np.float64], tolerance: float) -> NDArray[np.float64
     return Vt[s < tolerance].T
 
 
-def reproduced(model: Model, Q: Any) -> NDArray[np.float64]:
-    """Return the combinations (6, n) of rigid-body motions that meet the constraints.
+def reproduced(model: Model, Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
+    """Return the combinations (6, n) of rigid-body motions that meet the model's constraints.
 
     Rotations that nothing touches and that Q therefore leaves out do not count.
     """
     motions = rigid_motions(model)
     missed = motions - Q @ (Q.T @ motions)
-    idle = _left_out(model, Q)
+    idle = _left_out(Q, constraints)
     missed[idle] = 0.0
     missed[: 6 * model.mesh.n_points].reshape(-1, 6, 6)[:, 3:] *= model.mesh.size
     found = unopposed(missed[np.abs(missed).max(axis=1) > _ROUNDING], 10 * _ROUNDING)
@@ -359,9 +351,9 @@ def reproduced(model: Model, Q: Any) -> NDArray[np.float64]:
     return found @ Vt[: int((s > _ROUNDING * max(s[0], 1.0)).sum())].T
 
 
-def _allowed(model: Model, Q: Any) -> NDArray[np.float64]:
+def _allowed(model: Model, Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
     """Return the rigid-body motions (n_free, n_rigid) that Q reproduces and that no element resists."""
-    motions = rigid_motions(model) @ reproduced(model, Q)
+    motions = rigid_motions(model) @ reproduced(model, Q, constraints)
     if not motions.shape[1]:
         return np.zeros((Q.shape[1], 0))
     size = model.mesh.size
@@ -379,10 +371,8 @@ class _Pattern:
     once: bool  # no two lines join the same two points
 
 
-@lru_cache(maxsize=4)
 def _pattern(mesh: Mesh) -> _Pattern:
-    """Return the blocks of a mesh, kept for the last few meshes."""
-    # A memo, as meshes never change and are compared by identity: every model of a fit is on one mesh.
+    """Return the blocks of a mesh."""
     n, first, second = mesh.n_points, *mesh.lines.T
     keys = np.concatenate([np.arange(n) * (n + 1), first * n + second, second * n + first])
     blocks, place = np.unique(keys, return_inverse=True)
@@ -399,7 +389,7 @@ def _full_matrices(
     Elements on lines of the mesh are summed block by block in a pattern that is sorted once; all others are
     sorted by their entries.
     """
-    pattern = _pattern(mesh)
+    pattern = mesh.kept.get("pattern", lambda: _pattern(mesh))  # every model of a fit is on one mesh
     blocks: dict[str, Any] = {}
     others: list[Contribution] = []
     for part in batches:

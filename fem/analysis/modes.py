@@ -354,9 +354,9 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
     n_below : int
         How many eigenvalues are negative, and not by rounding.
     """
-    K, M, mesh = system.K, system.M, system.model.mesh
-    upper = _highest(system)
-    q = system.Q.T @ rigid_motions(system.model) @ reproduced(system.model, system.Q)
+    K, M, Q, model = system.K, system.M, system.Q, system.model
+    mesh, upper = model.mesh, _highest(system)
+    q = Q.T @ rigid_motions(model) @ reproduced(model, Q, model.constraints())
     held = q.shape[1] == 0
     shift = -upper * max((1e-4 / max(mesh.n_lines, 1)) ** 2, 1e-14 if held else 1e-12)
     shifted = K - shift * M

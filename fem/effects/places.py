@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -171,12 +170,7 @@ def sheared_frame(model: Model) -> Frame:
     What takes a part of an element's stiffness must take it of the element as it is.
     """
     frame, shear = frame_of(model), model.of_kind(SectionShear)
-    return _sheared(frame, shear[0]) if shear else frame
-
-
-@lru_cache(maxsize=8)
-def _sheared(frame: Frame, shear: SectionShear) -> Frame:
-    return shear.applied_to(frame)
+    return shear[0].applied_to(frame) if shear else frame
 
 
 def member_mass(model: Model, member: str) -> float:

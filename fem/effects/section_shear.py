@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from fem.declarations import Role
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+from fem.recent import Recent
 
 _ALIKE = 1e-6
 """Relative difference up to which the coefficients along y and z are one."""
+_FRAMES = 8
+"""Number of frames that an effect keeps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -31,6 +34,8 @@ class SectionShear(Effect):
         For each of them the parameters: ``"ky"`` and ``"kz"``, or ``"k"`` for both.
     values : mapping of str to number
         Factors ``"ky:<first member>"`` of the coefficients of the model's sections [-].
+    frames : Recent
+        Frames with these coefficients, by the frames that they are made of; effects on members share them.
     """
 
     kind: ClassVar[str] = "section_shear"
@@ -39,6 +44,7 @@ class SectionShear(Effect):
     groups: Mapping[str, tuple[str, ...]]
     directions: Mapping[str, tuple[str, ...]]
     values: Mapping[str, Any] = field(default_factory=dict)
+    frames: Recent = field(default_factory=lambda: Recent(_FRAMES), init=False, repr=False)
 
     @classmethod
     def of(cls, model: Model) -> "SectionShear | None":
@@ -103,8 +109,11 @@ class SectionShear(Effect):
 
     def applied_to(self, frame: Frame) -> Frame:
         """Return a frame whose members have these coefficients, for what changes a part of them."""
-        shear = {m: self._factors(first) for first, members in self.groups.items() for m in members}
-        return replace(frame, shear=shear)
+        return self.frames.get(frame, lambda: replace(frame, shear=self._shear()))
+
+    def _shear(self) -> dict[str, tuple[Any, Any]]:
+        """Return the factors of the shear flexibility of each member."""
+        return {m: self._factors(first) for first, members in self.groups.items() for m in members}
 
     def _factors(self, first: str) -> tuple[Any, Any]:
         """Return the factors of the shear flexibility along y and z."""

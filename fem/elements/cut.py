@@ -1,6 +1,5 @@
 """A cut: a place of a member that gives way in one direction, as a crack or a joint within it does."""
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -47,7 +46,8 @@ def cut(
     """
     mesh = model.mesh
     at = mesh.locate(member, float(np.real(position)))
-    g, K0, whole = _uncut_line(frame, mesh, at.line)
+    # the cuts of one line are asked for together, in all directions
+    g, K0, whole = frame.kept.get(("uncut", mesh, at.line), lambda: _uncut_line(frame, mesh, at.line))
     xi = at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0.0)
     x = flexible_fraction(g, np.atleast_1d(xi))[0]
     i = DIRECTIONS.index(direction)
@@ -77,7 +77,6 @@ def cut(
     return Contribution(g.dofs, K, M, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
 
-@lru_cache(maxsize=16)  # cuts of one line are asked for together, in all directions
 def _uncut_line(frame: Frame, mesh: Mesh, line: int) -> tuple[Lines, Array, Array]:
     """Return a line of the mesh and its local stiffness and mass (12, 12) from node to node."""
     g = frame.lines(mesh, [line])

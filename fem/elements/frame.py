@@ -7,13 +7,13 @@ moduli (`Frame.lines`), and the matrices of these. Parts of members are in `fem.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.declarations import Role
+from fem.elements.by_member import ByMember
 from fem.elements.closed_form import closed_mass, closed_stiffness, global_blocks
 from fem.elements.connections import connect_ends, with_rigid_ends
 from fem.elements.interpolation import motion_matrix
@@ -33,9 +33,12 @@ from fem.elements.rigid_zones import zone_masses
 from fem.materials import Material
 from fem.mesh import Location, Mesh
 from fem.model import Array, Contribution, Effect, Model, ModelError, Parameter, dofs_of
+from fem.recent import Recent
 
 BATCH = 2048
 """Elements that are formed at a time, so that their arrays stay within some megabytes."""
+_KEPT = 1024
+"""Number of matrices and shapes of members and lines that a frame keeps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +76,9 @@ class Frame(Effect):
         those of the materials; G follows E at constant ν.
     shear : mapping of str to (number, number)
         Factors of members' shear flexibility 1/(k G A) along y and z [-].
+    kept : Recent
+        Matrices and shapes of single members and lines, which effects on them ask for many times. Frames with
+        other values have others.
     """
 
     kind: ClassVar[str] = "frame"
@@ -81,8 +87,11 @@ class Frame(Effect):
     members: Mapping[str, MemberProperties]
     values: Mapping[str, Any] = field(default_factory=dict)
     shear: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    kept: Recent = field(default_factory=lambda: Recent(_KEPT), init=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "members", ByMember.of(self.members))
+        object.__setattr__(self, "shear", ByMember.of(self.shear))
         by_name: dict[str, Material] = {}
         for properties in self._different():
             known = by_name.setdefault(properties.material.name, properties.material)
@@ -91,7 +100,7 @@ class Frame(Effect):
                 raise ModelError(msg)
 
     def _different(self) -> list[MemberProperties]:
-        return list({id(p): p for p in self.members.values()}.values())
+        return list(dict.fromkeys(self.members.values()))
 
     @property
     def materials(self) -> dict[str, Material]:
@@ -140,10 +149,8 @@ class Frame(Effect):
         """Return a frame with mass of higher order in place of consistent mass; itself if there is none."""
         if all(p.mass != "consistent" for p in self._different()):
             return self
-        new = {
-            id(p): replace(p, mass="higher-order") if p.mass == "consistent" else p for p in self._different()
-        }
-        return replace(self, members={name: new[id(p)] for name, p in self.members.items()})
+        new = {p: replace(p, mass="higher-order") if p.mass == "consistent" else p for p in self._different()}
+        return replace(self, members={name: new[p] for name, p in self.members.items()})
 
     def rotations(self, mesh: Mesh, lines: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the local axes of some or all lines of the mesh as rows, shape (n_lines, 3, 3)."""
@@ -300,7 +307,7 @@ class Frame(Effect):
         It may carry a complex step.
         """
         real = float(np.real(position))
-        dofs, N = _shapes(self, mesh, member, real)
+        dofs, N = self.kept.get(("shapes", mesh, member, real), lambda: _shapes(self, mesh, member, real))
         if np.iscomplexobj(position):
             slope = self.interpolate_slope(mesh, [mesh.locate(member, real)])[0]
             return dofs, N + 1j * np.imag(position) * slope
@@ -346,7 +353,8 @@ class Frame(Effect):
         ∫ N (v'² + w'² + (Iy + Iz)/A a'²) dx with the twist a, along the whole axis: rigid zones turn with
         their nodes.
         """
-        unit = _unit_tension(self, model, member)
+        mesh = model.mesh
+        unit = self.kept.get(("unit tension", mesh, member), lambda: _unit_tension(self, mesh, member))
         return Contribution(unit.dofs, tension * unit.K)
 
 
@@ -365,37 +373,32 @@ def _merged(
     return Contribution(dofs, merged["K"], merged["M"], None, merged["D"], lines=rows)
 
 
-@lru_cache(maxsize=32)
 def nominal(frame: Frame) -> Frame:
     """Return a frame with the moduli and densities of its materials instead of fitted ones.
 
     Relative changes refer to it, so that they mean the same before, during and after a fit.
     """
-    return replace(frame, values={}) if frame.values else frame
+    return frame.kept.get("nominal", lambda: replace(frame, values={})) if frame.values else frame
 
 
 def member_contribution(frame: Frame, model: Model, member: str) -> tuple[Contribution, ...]:
     """Return one member's stiffness, mass and structural damping.
 
-    Those of nominal frames are kept for the last thousand members; those of fitted values change each step.
+    Nominal frames keep them; those of fitted values change each step.
     """
-    return (_contribution if frame.values else _kept_contribution)(frame, model, member)
+    mesh = model.mesh
+
+    def make() -> tuple[Contribution, ...]:
+        return frame.contribution_of(model, mesh.members[member])
+
+    return make() if frame.values else frame.kept.get(("contribution", mesh, member), make)
 
 
-def _contribution(frame: Frame, model: Model, member: str) -> tuple[Contribution, ...]:
-    return frame.contribution_of(model, model.mesh.members[member])
-
-
-_kept_contribution = lru_cache(maxsize=1024)(_contribution)
-
-
-@lru_cache(maxsize=1024)
-def _unit_tension(frame: Frame, model: Model, member: str) -> Contribution:
-    g = frame.lines(model.mesh, model.mesh.members[member])
+def _unit_tension(frame: Frame, mesh: Mesh, member: str) -> Contribution:
+    g = frame.lines(mesh, mesh.members[member])
     return Contribution(g.dofs, unit_tension_stiffness(g))
 
 
-@lru_cache(maxsize=2)  # a fit asks for the derivative where it has just asked for the value
 def _shapes(frame: Frame, mesh: Mesh, member: str, position: float) -> tuple[NDArray[np.int64], Array]:
     (dofs,), (N,) = frame.interpolate(mesh, [mesh.locate(member, position)])
     dofs.flags.writeable = N.flags.writeable = False

@@ -1,19 +1,18 @@
 """Layout of a mesh's lines: the properties, end connections and axes of every line, without moduli.
 
-Members share properties, so that each line has a row in a table of kinds. Layouts are kept for the last few
-meshes: a fit changes moduli and densities, which are not part of them.
+Members share properties, so that each line has a row in a table of kinds. The properties own the layouts
+(`fem.elements.by_member`): a fit changes moduli and densities, which are not part of them.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.elements import tapered
 from fem.elements.axes import axes_of, is_parallel, parallel_message, turned
+from fem.elements.by_member import ByMember
 from fem.elements.properties import MemberProperties
 from fem.materials import Material
 from fem.mesh import Mesh
@@ -21,11 +20,13 @@ from fem.model import ModelError
 from fem.sections.section import Section
 
 MANY_LINES = 100_000
-"""Axes and lengths of all lines are kept for meshes of at most this many lines."""
+"""Layouts hold the axes and lengths of all lines for meshes of at most this many lines."""
 EQUAL = 1e-10
 """Relative difference of lengths and axes up to which elements count as equal: coordinates are rounded."""
 CONSTANTS = ("A", "Iy", "Iz", "Ip", "J", "ky", "kz")
 """Constants of a section that elements use."""
+AxesAndArms = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Local axes (b, 3, 3), arms (b, 2, 3), lengths of the axes and of the flexible parts (b,) [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,42 +44,25 @@ class Layout:
     taper: NDArray[np.int64]  # (n_lines,): row of knots, -1 for prismatic lines
     knots: NDArray[np.float64]  # (n_tapers, N_KNOTS, 7): constants along members
     along: NDArray[np.float64]  # (n_lines, 2): fractions of the member where lines with a taper begin and end
-
-
-class Identity:
-    """A key of a cache for an object without a hash: it equals another key of the same object.
-
-    It holds the object, so that its id is not used again while the key is kept.
-    """
-
-    def __init__(self, held: Any) -> None:
-        self.held = held
-
-    def __hash__(self) -> int:
-        return id(self.held)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Identity) and other.held is self.held
+    axes: AxesAndArms | None = None  # of all lines; None for meshes with more than `MANY_LINES`
 
 
 def layout_of(members: Mapping[str, MemberProperties], mesh: Mesh) -> Layout:
     """Return the layout of a mesh, which does not depend on moduli and densities."""
-    return _kept_layout(Identity(members), mesh)
+    return ByMember.of(members).on(mesh, _layout)
 
 
-@lru_cache(maxsize=8)  # one object `members` serves all frames of a fit
-def _kept_layout(members: Identity, mesh: Mesh) -> Layout:
-    properties: Mapping[str, MemberProperties] = members.held
+def _layout(members: Mapping[str, MemberProperties], mesh: Mesh) -> Layout:
     names = list(mesh.members)
     try:
-        of_member = [properties[name] for name in names]
+        of_member = [members[name] for name in names]
     except KeyError:
-        missing = next(name for name in names if name not in properties)
-        msg = f"member '{missing}' of the mesh has no material and section; given are {', '.join(properties)}"
+        missing = next(name for name in names if name not in members)
+        msg = f"member '{missing}' of the mesh has no material and section; given are {', '.join(members)}"
         raise ModelError(msg) from None
-    different = list({id(p): p for p in of_member}.values())
-    number = {id(p): i for i, p in enumerate(different)}
-    owner = np.array([number[id(p)] for p in of_member])
+    different = list(dict.fromkeys(of_member))  # members share the objects of their properties
+    number = {p: i for i, p in enumerate(different)}
+    owner = np.array([number[p] for p in of_member])
     chains, member = mesh.chains()
     row = np.empty(mesh.n_lines, dtype=np.int64)  # of each line in `different`
     row[chains] = owner[member]
@@ -110,7 +94,9 @@ def _kept_layout(members: Identity, mesh: Mesh) -> Layout:
         along,
     )
     _check_layout(layout, mesh)
-    return layout
+    if mesh.n_lines > MANY_LINES:
+        return layout
+    return replace(layout, axes=_axes_and_arms_of(layout, mesh, np.arange(mesh.n_lines)))
 
 
 def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, NDArray[np.float64]]:
@@ -258,29 +244,15 @@ def axis_vectors(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> NDArray
     return mesh.points[line[:, 1]] - mesh.points[line[:, 0]] + layout.offset[rows, 1] - layout.offset[rows, 0]
 
 
-def axes_and_arms(
-    layout: Layout, mesh: Mesh, rows: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part.
-
-    They are kept for all lines of meshes with at most `MANY_LINES`.
-    """
-    if mesh.n_lines > MANY_LINES:
+def axes_and_arms(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> AxesAndArms:
+    """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part."""
+    if layout.axes is None:
         return _axes_and_arms_of(layout, mesh, rows)
-    axes, arms, span, L = _kept_axes_and_arms(layout, mesh)
+    axes, arms, span, L = layout.axes
     return axes[rows], arms[rows], span[rows], L[rows]
 
 
-@lru_cache(maxsize=8)
-def _kept_axes_and_arms(
-    layout: Layout, mesh: Mesh
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    return _axes_and_arms_of(layout, mesh, np.arange(mesh.n_lines))
-
-
-def _axes_and_arms_of(
-    layout: Layout, mesh: Mesh, rows: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _axes_and_arms_of(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> AxesAndArms:
     t = axis_vectors(layout, mesh, rows)
     kind = layout.kind[rows]
     R = turned(axes_of(t, layout.table["up"][kind]), layout.table["angle"][kind])
@@ -301,12 +273,7 @@ def alike(members: Mapping[str, MemberProperties], mesh: Mesh, member: str) -> b
 
     They have where they are equally long, in one line, and without offsets, rigid zones and end connections.
     """
-    return _kept_alike(Identity(members), mesh, member)
-
-
-@lru_cache(maxsize=1024)
-def _kept_alike(members: Identity, mesh: Mesh, member: str) -> bool:
-    layout, rows = _kept_layout(members, mesh), mesh.members[member]
+    layout, rows = layout_of(members, mesh), mesh.members[member]
     R, _, _, L = axes_and_arms(layout, mesh, rows)
     same = layout.plain[rows].all() and (layout.kind[rows] == layout.kind[rows[0]]).all()
     return bool(same and np.ptp(L) <= EQUAL * L[0] and np.abs(R - R[0]).max() <= EQUAL)

@@ -6,14 +6,14 @@ formed at once. `form_lines` leaves end connections rigid; `fem.elements.connect
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.elements import tapered
-from fem.elements.layout import CONSTANTS, Identity, Layout, axes_and_arms, constants_at
+from fem.elements.by_member import ByMember
+from fem.elements.layout import CONSTANTS, Layout, axes_and_arms, constants_at
 from fem.mesh import Mesh
 from fem.model import Array, dofs_of
 
@@ -222,12 +222,10 @@ def _stations(
 
 def shear_factors(shear: Mapping[str, tuple[Any, Any]], mesh: Mesh) -> Array:
     """Return the factors of shear flexibility along y and z of all lines, shape (2, n_lines)."""
-    return _kept_shear_factors(Identity(shear), mesh)
+    return ByMember.of(shear).on(mesh, _shear_factors)
 
 
-@lru_cache(maxsize=8)
-def _kept_shear_factors(held: Identity, mesh: Mesh) -> Array:
-    shear: Mapping[str, tuple[Any, Any]] = held.held
+def _shear_factors(shear: Mapping[str, tuple[Any, Any]], mesh: Mesh) -> Array:
     each = [np.asarray(pair) for pair in shear.values()]
     out = np.ones((2, mesh.n_lines), dtype=np.result_type(float, *each))
     for member, pair in zip(shear, each, strict=True):
