@@ -7,11 +7,10 @@ Seconds depend on the machine; ratios within a row are what to compare.
 
 import sys
 import time
-from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.engine import cross_beam
+from benchmarks.engine import cross_beam, seconds
 from benchmarks.lattice import lattice
 from fem import Joint, assemble
 from fem.analysis.frf_solver import compute_frf, frf_blocks
@@ -20,16 +19,6 @@ from fem.analysis.selection import dof_vectors
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
-
-
-def seconds(call: Callable[[], object], repeat: int = 1) -> float:
-    """Return the shortest of several times of a call [s]."""
-    best = np.inf
-    for _ in range(repeat):
-        start = time.perf_counter()
-        call()
-        best = min(best, time.perf_counter() - start)
-    return best
 
 
 def lattice_row(n: int, damped: bool) -> str:

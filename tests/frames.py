@@ -298,3 +298,21 @@ def write_study(folder, mass=0.25, at=0.3):
     write_npz(folder / "frf.npz", FRF.from_arrays(frequency, H, "accelerance", *names))
     file.write_text(STUDY + _MEASURED, encoding="utf-8")
     return file
+
+
+CROSSED_BEAMS = """
+[materials.steel]
+E = 210e9
+rho = 7850
+[sections.flat]
+shape = "rectangle"
+b = 0.03
+h = 0.01
+[members.U]
+from = [0, 0, 0.01]
+to = [0.8, 0, 0.01]
+[members.D]
+from = [0.45, -0.25, -0.01]
+to = [0.45, 0.55, -0.01]
+"""
+"""Two beams of a study that cross at 0.45 m and 0.25 m, without a joint."""

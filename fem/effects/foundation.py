@@ -1,45 +1,24 @@
 """Supports that give way and dissipate: soil, rubber mounts, bolted feet."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role, Yardstick
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import joint_unit
-from fem.effects.places import odd_stiffness
+from fem.effects.places import OnSupports
 from fem.effects.support_flexibility import SupportFlexibility
-from fem.model import DIRECTIONS, Array, Contribution, Effect, Model, Parameter, dofs_of
+from fem.model import Contribution, Effect, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Foundation(Effect):
-    connection: ClassVar[bool] = True
-    supports: tuple[str, ...]
-    direction: str
-    stiffness: Any
-
-    @property
-    def where(self) -> str:
-        """Supports and direction."""
-        names = ", ".join(self.supports)
-        return f"support{'s' if len(self.supports) > 1 else ''} {names}, {self.direction}"
-
+class _Foundation(OnSupports):
     def _stiffness(self) -> Parameter:
         unit = joint_unit(self.direction)
         return Parameter("stiffness", unit, self.stiffness, np.inf, 1e-6, 1e18, log=True)
-
-    def _springs(self, model: Model) -> tuple[NDArray[np.int64], Array]:
-        points = [model.effect(name).point for name in self.supports]  # type: ignore[attr-defined]
-        dofs = dofs_of(points)[:, [DIRECTIONS.index(self.direction)]]
-        return dofs, np.full((len(points), 1, 1), self.stiffness)
-
-    def released(self) -> tuple[tuple[str, str], ...]:
-        """Return the supports' constraints in this direction."""
-        return tuple((name, self.direction) for name in self.supports)
 
     def _grid(
         self, scale: Callable[[tuple[str, str]], float], losses: list[dict[str, float]]
@@ -62,14 +41,6 @@ class _Foundation(Effect):
             for e in SupportFlexibility.propose(model)
             if isinstance(e, SupportFlexibility)
         )
-
-    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
-        """Yield an absurd stiffness."""
-        yield from odd_stiffness(self, structure)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the supports."""
-        return np.vstack([model.effect(name).locations(model) for name in self.supports])
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -108,7 +79,7 @@ class Foundation(_Foundation):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return k and η k."""
-        dofs, K = self._springs(model)
+        dofs, K = self.springs(model)
         return (Contribution(dofs, K, D=self.loss_factor * K),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
@@ -157,7 +128,7 @@ class FoundationDashpot(_Foundation):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return k and τ k."""
-        dofs, K = self._springs(model)
+        dofs, K = self.springs(model)
         return (Contribution(dofs, K, C=self.tau * K),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:

@@ -1,4 +1,4 @@
-"""What effects share: joints, members and points that they sit on, where members are welded or end freely."""
+"""Parts that effects share: their joints, members, supports and points, welded and free ends of members."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from fem.effects.joint import Joint, PointPair
 from fem.effects.section_shear import SectionShear
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
-from fem.model import DIRECTIONS, Effect, Model, ModelError, ParameterRef, dofs_of
+from fem.model import DIRECTIONS, Array, Effect, Model, ModelError, ParameterRef, dofs_of
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -56,6 +56,50 @@ class OnJoint(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the joint's place."""
         return self.of(model).locations(model)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OnSupports(Effect):
+    """A spring in place of a direction in which supports are rigid in the model, alike at each.
+
+    Attributes
+    ----------
+    supports : tuple of str
+        Names of supports that hold the direction.
+    direction : str
+        One of x, y, z, rx, ry, rz.
+    stiffness : float
+        Of each [N/m or N·m/rad]; absent is infinite.
+    """
+
+    connection: ClassVar[bool] = True
+    supports: tuple[str, ...]
+    direction: str
+    stiffness: Any
+
+    @property
+    def where(self) -> str:
+        """Supports and direction."""
+        names = ", ".join(self.supports)
+        return f"support{'s' if len(self.supports) > 1 else ''} {names}, {self.direction}"
+
+    def springs(self, model: Model) -> tuple[NDArray[np.int64], Array]:
+        """Return the DOF (n, 1) and the stiffness (n, 1, 1) of each support."""
+        points = [model.effect(name).point for name in self.supports]  # type: ignore[attr-defined]
+        dofs = dofs_of(points)[:, [DIRECTIONS.index(self.direction)]]
+        return dofs, np.full((len(points), 1, 1), self.stiffness)
+
+    def released(self) -> tuple[tuple[str, str], ...]:
+        """Return the supports' constraints in this direction."""
+        return tuple((name, self.direction) for name in self.supports)
+
+    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
+        """Yield an absurd stiffness."""
+        yield from odd_stiffness(self, structure)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the supports."""
+        return np.vstack([model.effect(name).locations(model) for name in self.supports])
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -147,7 +191,7 @@ def material_of(model: Model, member: str, *quantities: str) -> tuple[ParameterR
 
 
 def elements_of(model: Model, member: str, *quantities: str) -> tuple[ParameterRef, ...]:
-    """Return what a member's elements depend on: its material, and shear coefficients that are uncertain."""
+    """Return the parameters of a member's elements: of its material, and uncertain shear coefficients."""
     shear = (ref for effect in model.of_kind(SectionShear) for ref in effect.of_member(member))
     return (*shear, *material_of(model, member, *quantities))
 
@@ -167,7 +211,7 @@ def frame_of(model: Model) -> Frame:
 def sheared_frame(model: Model) -> Frame:
     """Return the model's frame with the shear coefficients that it has where these are uncertain.
 
-    What takes a part of an element's stiffness must take it of the element as it is.
+    An effect that takes part of an element's stiffness must refer to the actual element.
     """
     frame, shear = frame_of(model), model.of_kind(SectionShear)
     return shear[0].applied_to(frame) if shear else frame

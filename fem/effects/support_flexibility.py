@@ -1,21 +1,20 @@
 """A support that gives way in a direction in which the model holds it rigidly."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role, Yardstick
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import joint_unit
-from fem.effects.places import odd_stiffness
+from fem.effects.places import OnSupports
 from fem.effects.support import Support
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, dofs_of
+from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SupportFlexibility(Effect):
+class SupportFlexibility(OnSupports):
     """One spring stiffness to ground, in one direction, at one support or alike at several.
 
     Attributes
@@ -37,16 +36,6 @@ class SupportFlexibility(Effect):
         meaning="a support that gives way in a direction in which the model holds it",
         places="each held direction of each support, and of all alike",
     )
-    connection: ClassVar[bool] = True
-    supports: tuple[str, ...]
-    direction: str
-    stiffness: Any
-
-    @property
-    def where(self) -> str:
-        """Supports and direction."""
-        names = ", ".join(self.supports)
-        return f"support{'s' if len(self.supports) > 1 else ''} {names}, {self.direction}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the stiffness."""
@@ -65,13 +54,7 @@ class SupportFlexibility(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the springs."""
-        points = [model.effect(name).point for name in self.supports]  # type: ignore[attr-defined]
-        dofs = dofs_of(points)[:, [DIRECTIONS.index(self.direction)]]
-        return (Contribution(dofs, np.full((len(points), 1, 1), self.stiffness)),)
-
-    def released(self) -> tuple[tuple[str, str], ...]:
-        """Return the supports' constraints in this direction."""
-        return tuple((name, self.direction) for name in self.supports)
+        return (Contribution(*self.springs(model)),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Six decades around the stiffness of the structure at the supports."""
@@ -90,11 +73,3 @@ class SupportFlexibility(Effect):
                 for g in groups
             ]
         return tuple(out)
-
-    def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
-        """Yield an absurd stiffness."""
-        yield from odd_stiffness(self, structure)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the supports."""
-        return np.vstack([model.effect(name).locations(model) for name in self.supports])

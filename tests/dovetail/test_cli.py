@@ -13,6 +13,7 @@ from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
 from fem.system import assemble
+from tests.frames import CROSSED_BEAMS
 from updating.measurement.measurement import sensor_rows
 
 COMMANDS = ("new", "check", "modes", "frf", "identify-joint")
@@ -207,20 +208,9 @@ def test_faults_of_the_program_are_told_from_bad_input(portal, capsys, monkeypat
 
 # identify-joint -----------------------------------------------------------------------------------------
 
-CROSS = """
-[materials.steel]
-E = 210e9
-rho = 7850
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-[members.U]
-from = [0, 0, 0.01]
-to = [0.8, 0, 0.01]
-[members.D]
-from = [0.45, -0.25, -0.01]
-to = [0.45, 0.55, -0.01]
+CROSS = (
+    CROSSED_BEAMS
+    + """
 [damping]
 modal = 0.003
 [frequency]
@@ -251,6 +241,7 @@ sensor = "fz"
 sensor = "by"
 {measurements}
 """
+)
 ELASTIC = "k = {{ kx = 5e7, ky = 5e7, kz = 1e7, krx = {krx}, kry = 3000, krz = 5000 }}\neta = 0.1"
 
 

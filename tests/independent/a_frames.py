@@ -6,10 +6,8 @@ hidden effects are added to them. Runs under the peers' interpreter.
 """
 
 import itertools
-import json
 import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import eigh
@@ -17,7 +15,7 @@ from scipy.linalg import eigh
 from benchmarks.peers.drive_opensees import build, matrices
 from benchmarks.peers.exchange import TIMOSHENKO, PeerFrame
 from tests.independent.bodies import geometric_stiffness
-from tests.independent.casefiles import AXES, NOTHING, named, with_noise, write_files
+from tests.independent.casefiles import AXES, NOTHING, named, with_noise, write_cases, write_files
 
 E, NU, RHO = 2.10e11, 0.3, 7850.0
 PIECES = 12
@@ -355,16 +353,5 @@ def write(folder, name):
     return {"code": "OpenSees", "effects": effects}
 
 
-def main(argv):
-    folder, names = Path(argv[0]), argv[1:] or list(CASES)
-    folder.mkdir(parents=True, exist_ok=True)
-    truth = folder / "truth.json"
-    known = json.loads(truth.read_text(encoding="utf-8")) if truth.exists() else {}
-    for name in names:
-        known[name] = write(folder, name)
-        truth.write_text(json.dumps(known, indent=1), encoding="utf-8")
-        sys.stderr.write(f"{folder / name}\n")
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    write_cases(sys.argv[1:], CASES, write)

@@ -1,6 +1,8 @@
 """Files of a case: nominal.json, FRFs in UFF 58 with noise, and the words of truth.json."""
 
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 
@@ -77,3 +79,18 @@ def write_files(target, nominal, frequency, H, file="frf.uff"):
             }
             sets.append(empty | given)
     pyuff.UFF(str(target / file)).write_sets(sets, "overwrite")
+
+
+def write_cases(argv, cases, write):
+    """Write the cases of some names, all without names, into a folder: the arguments are folder and names.
+
+    ``write(folder, name)`` writes one case and returns its truth. ``truth.json`` keeps earlier truths.
+    """
+    folder, names = Path(argv[0]), argv[1:] or list(cases)
+    folder.mkdir(parents=True, exist_ok=True)
+    truth = folder / "truth.json"
+    known = json.loads(truth.read_text(encoding="utf-8")) if truth.exists() else {}
+    for name in names:
+        known[name] = write(folder, name)
+        truth.write_text(json.dumps(known, indent=1), encoding="utf-8")
+        sys.stderr.write(f"{folder / name}\n")

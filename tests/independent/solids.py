@@ -10,7 +10,6 @@ solid_structures.toml and solid_cases.toml. It runs where scikit-fem and pyuff a
 imports nothing of Dovetail.
 """
 
-import json
 import sys
 import tomllib
 from dataclasses import dataclass, field, replace
@@ -20,7 +19,16 @@ import numpy as np
 from scipy.optimize import brentq
 
 from tests.independent.bodies import NU, PATCH, RHO, Bar, E, bar_alone, coupled, welded, zeta_of
-from tests.independent.casefiles import AXES, DIRECTIONS, NOTHING, fault, named, with_noise, write_files
+from tests.independent.casefiles import (
+    AXES,
+    DIRECTIONS,
+    NOTHING,
+    fault,
+    named,
+    with_noise,
+    write_cases,
+    write_files,
+)
 
 HERE = Path(__file__).parent
 TRUE_JOINT = dict(zip(DIRECTIONS, (5e7, 5e7, 1e7, 3e3, 3e3, 5e3), strict=True))
@@ -464,16 +472,5 @@ def write(folder, name):
     return {"code": "scikit-fem, quadratic hexahedra", "effects": effects}
 
 
-def main(argv):
-    folder, names = Path(argv[0]), argv[1:] or list(CASES)
-    folder.mkdir(parents=True, exist_ok=True)
-    truth = folder / "truth.json"
-    known = json.loads(truth.read_text(encoding="utf-8")) if truth.exists() else {}
-    for name in names:
-        known[name] = write(folder, name)
-        truth.write_text(json.dumps(known, indent=1), encoding="utf-8")
-        sys.stderr.write(f"{folder / name}\n")
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    write_cases(sys.argv[1:], CASES, write)

@@ -19,6 +19,7 @@ from fem.reduction.reduced_model import reduce_model
 from joint import ReleasedParts, couple, fit_joint, relative_coordinates, relative_form
 from joint.assembly import identify
 from joint.assembly_fit import estimate
+from tests.frames import CROSSED_BEAMS
 from updating.inference.parameters import DampingCurve, Nuisance
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
@@ -136,20 +137,9 @@ def test_three_directions_are_found_from_a_wrong_start(factor, monkeypatch):
     assert found.misfit_db < 1.1
 
 
-CROSS = """
-[materials.steel]
-E = 210e9
-rho = 7850
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-[members.U]
-from = [0, 0, 0.01]
-to = [0.8, 0, 0.01]
-[members.D]
-from = [0.45, -0.25, -0.01]
-to = [0.45, 0.55, -0.01]
+CROSS = (
+    CROSSED_BEAMS
+    + """
 [damping]
 loss_factor = 0.0004
 [frequency]
@@ -172,6 +162,7 @@ sensor = "az"
 [[excitations]]
 sensor = "cz"
 """
+)
 SPRINGS = "{ kx = 5e7, ky = 5e7, kz = 1e7, kry = 3000, krz = 5000 }"
 RUBBER = """
 [[viscoelastic]]

@@ -182,12 +182,7 @@ def match_geometry(
     """
     test, mesh = _points("test", test_points), _points("mesh", mesh_points)
     labels = dict(labels or {})
-    if not tolerance > 0:
-        msg = f"the tolerance is {tolerance:g} m; it must be positive"
-        raise ValueError(msg)
-    if axes not in ("same", "any"):
-        msg = f"the axes are '{axes}'; allowed are same, any"
-        raise ValueError(msg)
+    _check_options(tolerance, axes)
     for i, j in labels.items():
         if not (0 <= i < len(test) and 0 <= j < len(mesh)):
             msg = f"label {i} → {j} is not among {len(test)} test and {len(mesh)} mesh points, counted from 0"
@@ -258,12 +253,7 @@ def match_members(
         If arguments are not as told.
     """
     test = _points("test", test_points)
-    if not tolerance > 0:
-        msg = f"the tolerance is {tolerance:g} m; it must be positive"
-        raise ValueError(msg)
-    if axes not in ("same", "any"):
-        msg = f"the axes are '{axes}'; allowed are same, any"
-        raise ValueError(msg)
+    _check_options(tolerance, axes)
     scale = _scale(test, mesh.points[np.unique(mesh.lines)], unit)
     scaled = scale * test
     ends = mesh.points[mesh.lines]
@@ -286,6 +276,15 @@ def match_members(
         mesh = mesh.with_point_on(member, position)
         pairs[k, 1] = mesh.nearest_point(mesh.point_at(mesh.locate(member, position)))[0]
     return replace(best, pairs=pairs), mesh
+
+
+def _check_options(tolerance: float, axes: str) -> None:
+    if not tolerance > 0:
+        msg = f"the tolerance is {tolerance:g} m; it must be positive"
+        raise ValueError(msg)
+    if axes not in ("same", "any"):
+        msg = f"the axes are '{axes}'; allowed are same, any"
+        raise ValueError(msg)
 
 
 def _along(mesh: Mesh) -> tuple[Floats, float]:
