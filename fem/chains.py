@@ -14,7 +14,7 @@ STRAIGHT = 0.5
 def chains_of(
     points: NDArray[np.float64], lines: NDArray[np.int64], owner: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the lines of every set as chains: order (n_lines,), length of each chain, and what is turned.
+    """Return the lines of every set as chains: order (n_lines,), length of each chain, and lines to reverse.
 
     A chain continues at a point where just two lines of its set meet, without a sharp corner. The chains of
     the first set come first; those of one set are in the order of their first lines. The direction is that

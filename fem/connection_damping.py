@@ -39,7 +39,7 @@ class ConnectionDamping(Effect):
     """A modal damping ratio of joints, mounts and supports, in place of the structure's.
 
     Structural damping of each connection's stiffness, D(ω) = 2 (ζ_c(ω) - ζ(ω)) K, beside what the structure's
-    ratio ζ makes of it. No candidate: what is unsure about a model, as its damping is.
+    ratio ζ makes of it. No candidate, but an uncertain parameter, as the damping of the structure is.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class ConnectionDamping(Effect):
         return tuple(Contribution(c.dofs, K, law=law) for c in parts if (K := _stiffness(c)) is not None)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return the connections' parameters, and what they depend on."""
+        """Return the connections' parameters, and those on which they depend."""
         refs = (
             ref
             for e in self._connections(model)

@@ -1,4 +1,4 @@
-"""What an effect declares of itself, so that no one has to ask for its class: role, marker, documentation."""
+"""Declarations of an effect, so that no other code asks for its class: role, marker, documentation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -29,7 +29,7 @@ SYMMETRY = 1e-8
 
 
 class MatricesError(ValueError):
-    """Matrices that cannot be those of a structure; the message says what was found."""
+    """Matrices that cannot be those of a structure; the message gives the value found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

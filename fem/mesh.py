@@ -23,11 +23,11 @@ _KEPT = 10_000
 
 
 class MeshError(ValueError):
-    """A mesh that cannot be what the user meant; the message names the place."""
+    """An invalid mesh; the message names the place."""
 
 
 class MeshWarning(UserWarning):
-    """One warning with all that a reader left out of a mesh; the mesh keeps its sentences as ``notes``."""
+    """One warning with all omissions of a reader; the mesh keeps its sentences as ``notes``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Mesh:
     point_names : mapping of str to int
         Names of points.
     notes : tuple of str
-        What the reader left out or found suspicious, a sentence each; changed copies keep them.
+        Omissions and suspicions of the reader, a sentence each; changed copies keep them.
     kept : Recent
         Arrays that follow from the mesh alone and are asked for many times: positions along members, and the
         pattern of its matrices. Changed copies have others.
@@ -104,7 +104,7 @@ class Mesh:
         point_names : mapping of str to int, optional
             Names of points.
         notes : iterable of str, optional
-            What a reader left out or found suspicious.
+            Omissions and suspicions of a reader.
 
         Raises
         ------
@@ -392,7 +392,7 @@ def _parts(rows: NDArray[np.int64], counts: NDArray[np.int64]) -> list[NDArray[n
 
 
 def _check_lines(points: NDArray[np.float64], lines: NDArray[np.int64]) -> None:
-    """Refuse what is no mesh: coordinates that are not numbers, lines without points or length."""
+    """Refuse an invalid mesh: coordinates that are not numbers, lines without points or length."""
     if lines.size == 0:
         msg = "the mesh has no lines; a frame needs at least one two-node line"
         raise MeshError(msg)

@@ -226,7 +226,7 @@ class Effect(ABC):
         return replace(self, **values)
 
     def contribute(self, model: "Model") -> tuple[Contribution, ...]:
-        """Return what it adds to K, M, C and D.
+        """Return its contributions to K, M, C and D.
 
         It must accept complex parameter values, for complex-step derivatives.
         """
@@ -539,7 +539,7 @@ class Model:
 def applicable(effects: Iterable[Effect], model: Model) -> tuple[Effect, ...]:
     """Return the effects that a model has room for: it has all constraints that they would release.
 
-    What another effect has released already is no constraint any more.
+    Constraints that another effect has released do not count.
     """
     keys = {c.key for c in model.constraints()}
     return tuple(e for e in effects if keys.issuperset(e.released()))
@@ -573,7 +573,7 @@ def lever_stiffness(arm: NDArray[np.float64], force: NDArray[Any]) -> NDArray[An
     arm : ndarray (n, 3)
         From the points to the ends [m].
     force : ndarray (n, 3)
-        What the points exert on the ends [N].
+        Forces of the points on the ends [N].
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What of a model no structure has: units that were mixed up, and values that slipped by powers of ten.
+"""Implausible values of a model: units that were mixed up, and values that are off by powers of ten.
 
 Each suspicion names the quantity, its value, what solids or structures have, and the unit that it would be
 right in. Nothing here is refused: what cannot exist at all is refused by the constructors.
@@ -98,7 +98,7 @@ class Suspicion:
         Of what it is: ``("material", name, "E")``, ``("section", member)``, ``("member", name, key)``,
         ``("effect", name, key)``, ``("damping", key)`` or ``("mesh",)``.
     message : str
-        What was found, what is usual, and what to do.
+        The value found, the usual values, and a remedy.
     lines : tuple of int
         Lines of the mesh that it concerns.
     """
@@ -109,7 +109,7 @@ class Suspicion:
 
 
 def suspicions(model: Model, max_frequency: float | None = None) -> tuple[Suspicion, ...]:
-    """Return what of a model is implausible, materials first.
+    """Return the implausible values of a model, materials first.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def suspicions(model: Model, max_frequency: float | None = None) -> tuple[Suspic
 
 
 def suspicions_of_material(m: Material) -> Iterator[Suspicion]:
-    """Yield what is implausible of a material."""
+    """Yield the implausible values of a material."""
     outside = {
         key: f"solids have {si_number(low)} to {si_number(high)} {unit} ({ends})"
         for key, value, unit, (low, high), ends in (

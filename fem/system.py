@@ -139,7 +139,7 @@ def refuse_unsymmetric(model: Model) -> None:
 
 
 def reassemble(system: System, model: Model) -> System:
-    """Return what :func:`assemble` returns for a model that shares most effects with the system's own.
+    """Assemble a model that shares most effects with the system's own, faster than :func:`assemble`.
 
     Effects that are the same objects are not formed again where nothing else is new. New moduli and
     densities of a frame scale its matrices, if all its lines have the same factor, or form those lines again
@@ -221,7 +221,7 @@ def _left_out(Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.bool_]:
 
 
 def law_change(law: Law, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return storage(ω) - storage(0) + i loss(ω), shape (n,): what a law adds to the static stiffness."""
+    """Return storage(ω) - storage(0) + i loss(ω), shape (n,): the change of the static stiffness by a law."""
     storage, loss = law(omega)
     return storage - law(np.zeros(1))[0][0] + 1j * loss
 

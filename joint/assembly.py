@@ -1,4 +1,4 @@
-"""A joint in its assembly: what is asked of it, and its dynamic stiffness line by line.
+"""A joint in its assembly: the task of identifying it, and its dynamic stiffness line by line.
 
 The substructures are the model of the whole assembly without the joint.
 """
@@ -22,7 +22,7 @@ from updating.measurement.measurement import Measurement, sensor_rows
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTask:
-    """What is asked of a joint of a model that was measured as a whole.
+    """The task of identifying a joint of a model that was measured as a whole.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class JointTask:
         return sensor_rows(model, m.sensors), sensor_rows(model, m.excitations), rows
 
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """Return what is uncertain besides the directions asked for."""
+        """Return the uncertain parameters besides the directions asked for."""
         asked = {f"k{d}" for d in self.directions} | {"eta"}
         return tuple(n for n in self.uncertain if not (n.effect == self.joint.name and n.parameter in asked))
 

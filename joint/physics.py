@@ -130,7 +130,7 @@ def explain_stiffness(
     use: npt.ArrayLike | None = None,
     weight: npt.ArrayLike | None = None,
 ) -> tuple[StiffnessLaw, ...]:
-    """Say what each direction of a joint is made of, from its dynamic stiffness over frequency.
+    """Find the elements of each direction of a joint from its dynamic stiffness over frequency.
 
     Constant → stiffness, ω² → mass, iω → viscous, i → structural, rising → viscoelastic. Every combination of
     the first four with a stiffness or a mass, and every viscoelastic law, is fitted by robust least squares
@@ -192,7 +192,7 @@ def effects_of(
     location: npt.ArrayLike,
     **more: Any,
 ) -> tuple[Effect, ...]:
-    """Return the effects that a model should get for what was found.
+    """Return the effects that the findings suggest for a model.
 
     One `Joint` with the constant stiffnesses and dampings, and one `Viscoelastic` element for each direction
     that rises; a direction that no law explains gets its constant stiffness. Masses are not relative motions

@@ -1,4 +1,4 @@
-"""A structure without one of its joints, as a function of what is uncertain about it."""
+"""A structure without one of its joints, as a function of its uncertain parameters."""
 
 from __future__ import annotations
 

@@ -216,7 +216,7 @@ def invert_substructure(
 def interface_problem(
     parts: FRF | Sequence[FRF], connections: Sequence[tuple[str, str]], *, removed: FRF | None = None
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return what coupling and decoupling invert, and what they apply it to: A = B Y Bᵀ and B Y.
+    """Return the matrix that coupling and decoupling invert, and its right side: A = B Y Bᵀ and B Y.
 
     For `l_curve`, which shows how much to regularise.
 
@@ -383,7 +383,7 @@ _Touched = tuple[IntArray, IntArray, IntArray, FloatArray]
 def _interface(
     parts: tuple[FRF, ...], connections: Sequence[tuple[str, str]], signs: tuple[float, ...]
 ) -> tuple[list[_Touched], ComplexArray, ComplexArray]:
-    """Return what of the parts lies at the interface, B Y Bᵀ and B Y."""
+    """Return the parts' FRFs at the interface, B Y Bᵀ and B Y."""
     if not parts:
         msg = "there are no parts; at least one is needed"
         raise SubstructuringError(msg)

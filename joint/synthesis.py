@@ -134,7 +134,7 @@ def decouple(assembly: AssemblyFRF, Z_j: npt.ArrayLike) -> SubstructureFRF:
 
     From (15), H_bb⁻¹ = H_jj⁻¹ - Z_j; Z_j = Z + (-Z) = 0 leaves the substructures of (12)-(15).
 
-    Errors grow by up to ‖I + Z_j H_bb‖ squared in H_bb: what a stiff joint hides is not recovered.
+    Errors grow by up to ‖I + Z_j H_bb‖ squared in H_bb: motion that a stiff joint hides is not recovered.
 
     Parameters
     ----------

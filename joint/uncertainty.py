@@ -1,4 +1,4 @@
-"""What the data say about fitted parameters of a joint: deviations, bounds, and what stays open."""
+"""Uncertainty of fitted parameters of a joint: deviations, bounds, and undetermined parameters."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ OPEN_ENDS = {
     "rigid": "cannot be distinguished from rigid",
     "either": "any value from zero to rigid fits",
 }
-"""What is said of a parameter for which a limit fits the data as well as its value."""
+"""Note on a parameter for which a limit fits the data as well as its value."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identifiability:
-    """What the data say about the parameters.
+    """Uncertainty of the parameters.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Identifiability:
 
 
 def inverse_information(A: FloatArray, fixed: BoolArray) -> FloatArray:
-    """Return the covariance (2 A)⁻¹ of what is not fixed, (n, n).
+    """Return the covariance (2 A)⁻¹ of parameters that are not fixed, (n, n).
 
     The information of real unknowns in circular complex noise of variance σ² is 2 Re JᴴJ / σ². Variances are
     infinite of what takes part in a direction without information, and 0 of what is fixed.
@@ -198,7 +198,7 @@ def stated_covariance(
 
 
 def root_of(covariance: FloatArray) -> FloatArray:
-    """Return L with L Lᵀ the covariance, of what has a finite variance, (n, n)."""
+    """Return L with L Lᵀ the covariance of parameters with a finite variance, (n, n)."""
     known = np.isfinite(np.diag(covariance))
     C = np.where(np.outer(known, known), covariance, 0.0)
     scale = np.sqrt(np.where(np.diag(C) > 0, np.diag(C), 1.0))
@@ -207,7 +207,7 @@ def root_of(covariance: FloatArray) -> FloatArray:
 
 
 def correlation_of(covariance: FloatArray) -> FloatArray:
-    """Return the correlation of estimates, (n, n): none of what is fixed or not determined."""
+    """Return the correlation of estimates, (n, n): none of fixed or undetermined ones."""
     variance = np.diag(covariance)
     known = np.isfinite(variance) & (variance > 0)
     std = np.sqrt(np.where(known, variance, 1.0))

@@ -217,7 +217,7 @@ def plot_orthogonality(
     labels : (sequence of n_x str, sequence of n_a str)
         Names of the modes.
     names : (str, str)
-        What the rows and the columns are.
+        Names of the rows and of the columns.
     limit : float
         Largest size off the diagonal; on it, pairs below 1 - limit are framed too [-].
     title : str
@@ -345,7 +345,7 @@ def plot_mode_pairs(comparison: ModeComparison, title: str = "", band: float = 0
 
 
 def plot_pretest(plan: PretestPlan, title: str = "") -> Figure:
-    """Plot what a pretest plan sees: the autoMAC at its sensors, and how far modes are seen and driven."""
+    """Plot a pretest plan: the autoMAC at its sensors, and how well modes are observed and excited."""
     o, n = plan.observability, plan.frequency.size
     names = [f"{f:.4g} Hz" for f in plan.frequency]
     with style.look():
@@ -362,7 +362,7 @@ def plot_pretest(plan: PretestPlan, title: str = "") -> Figure:
         right.set_yticks(y, names, fontsize=7)
         right.set_ylim(n - 0.5, -0.5)
         right.set_xlim(0, 1.02)
-        right.set_xlabel("part of what is possible [-]")
+        right.set_xlabel("share of the possible maximum [-]")
         right.grid(visible=False, axis="y")
         legend_above(figure, title, right.get_legend_handles_labels()[0])
     return figure
@@ -388,7 +388,7 @@ def plot_geometry_match(
     names : sequence of str, optional
         Names of the test points; their numbers unless given.
     title : str
-        Heading; what the match says of itself unless given.
+        Heading; a summary of the match unless given.
     """
     axes = view_axes(mesh.points)[:2]
     points, placed = mesh.points @ axes.T, match.points @ axes.T

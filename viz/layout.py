@@ -1,4 +1,4 @@
-"""Where labels go in a picture: beside what they name, clear of each other and of the structure."""
+"""Places of labels in a picture: beside their objects, clear of each other and of the structure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -20,7 +20,7 @@ def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = 
     Parameters
     ----------
     measured : FRF
-        What the modes were identified from.
+        The FRFs from which the modes were identified.
     identified : IdentifiedModes
     title : str
         Heading.
@@ -76,10 +76,10 @@ def plot_synthesis(
     Parameters
     ----------
     measured : FRF
-        What the modes were identified from.
+        The FRFs from which the modes were identified.
     identified : IdentifiedModes
     pairs : sequence of (output, input), optional
-        What to plot, by label; the first four unless given.
+        FRFs to plot, by label; the first four unless given.
     title : str
         Heading.
     """

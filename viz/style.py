@@ -21,7 +21,7 @@ INK = "#1f2328"
 MUTED = "#6e7781"
 """Secondary text and reference lines."""
 FAINT = "#d0d7de"
-"""Grids and outlines of what is only context."""
+"""Colour of grids and of outlines that are only context."""
 BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 PURPLE, SKY, YELLOW, GREY = "#CC79A7", "#56B4E9", "#F0E442", "#999999"
 

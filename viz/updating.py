@@ -1,4 +1,4 @@
-"""Pictures of an updating: how it converged, what it changed and how surely, and its L-curve."""
+"""Pictures of an updating: convergence, changes with their deviations, and the L-curve."""
 
 from collections.abc import Sequence
 

@@ -89,12 +89,12 @@ class Crack(OnMember):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return what one element loses of its stiffness, and its mass that follows the kink."""
+        """Return the stiffness that one element loses, and its mass that follows the kink."""
         frame = sheared_frame(model)
         return (cut(frame, model, self.member, self.position, self.direction, self.compliance),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return what the member's elements depend on."""
+        """Return the parameters on which the member's elements depend."""
         return elements_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
@@ -174,13 +174,13 @@ class EndRelease(OnMember):
         return (Parameter("compliance", "rad/(N·m)", self.compliance, 0.0, 0.0, 1e3 * self.reference),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return what the end's element loses of its stiffness, and its mass that follows the turn."""
+        """Return the stiffness that the end's element loses, and its mass that follows the turn."""
         frame = sheared_frame(model)
         position = 0.0 if self.end == 1 else model.mesh.member_length(self.member)
         return (cut(frame, model, self.member, position, self.direction, self.compliance),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return what the member's elements depend on."""
+        """Return the parameters on which the member's elements depend."""
         return elements_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:

@@ -1,4 +1,4 @@
-"""What a test does to the structure: masses of sensors and drivers, stiffness of stingers."""
+"""Changes of the structure by the test: masses of sensors and drivers, stiffness of stingers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

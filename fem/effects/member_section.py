@@ -17,7 +17,7 @@ from fem.model import Array, Contribution, Effect, Model, Parameter, ParameterRe
 def changed_member(
     model: Model, member: str, change: SectionChange, instead_of: SectionChange | None = None
 ) -> tuple[Contribution, ...]:
-    """Return what other sections add to a member's K, M and D.
+    """Return the changes of a member's K, M and D by other sections.
 
     ``instead_of`` gives the sections that the model has; those of its frame unless given. Of elements that
     are alike one is formed, and stands for all.
@@ -36,7 +36,7 @@ def changed_member(
     def minus(a: Array | None, b: Array | None) -> Array | None:
         if a is None or b is None:
             return None
-        change = a - b  # symmetric but for the rounding of what cancels
+        change = a - b  # symmetric but for the rounding of the parts that cancel
         return (change + np.swapaxes(change, 1, 2)) / 2
 
     changes = tuple(
@@ -108,7 +108,7 @@ class MemberSection(OnMember):
         )
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return what the member's elements depend on."""
+        """Return the parameters on which the member's elements depend."""
         return elements_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
@@ -223,7 +223,7 @@ class MemberShear(OnMember):
         return changed_member(model, self.member, here, there)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return what the member's elements depend on."""
+        """Return the parameters on which the member's elements depend."""
         return elements_of(model, self.member, "E", "rho")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:

@@ -23,7 +23,7 @@ class _Proportional(Effect):
         return "the whole structure"
 
     def _others(self, model: Model) -> list[Contribution]:
-        """Return what all other effects of the model contribute."""
+        """Return the contributions of all other effects of the model."""
         return [c for e in model.effects if not isinstance(e, _Proportional) for c in e.contribute(model)]
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -61,7 +61,7 @@ class RigidEndZone(Effect):
         return (Parameter("length", "m", self.length, 0.0, 0.0, self.longest),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return what the zones gain in stiffness."""
+        """Return the stiffness that the zones gain."""
         frame, zones = sheared_frame(model), []
         for m, end in self.ends:
             p, whole = frame.members[m], model.mesh.member_length(m)
@@ -70,7 +70,7 @@ class RigidEndZone(Effect):
         return (stiffening(frame, model, zones, _FLEXIBILITY),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return what the members' stiffness depends on."""
+        """Return the parameters on which the members' stiffness depends."""
         return tuple(dict.fromkeys(ref for m, _ in self.ends for ref in elements_of(model, m, "E")))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:

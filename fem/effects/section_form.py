@@ -55,7 +55,7 @@ class SectionForm(Effect):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return what the changes add to K."""
+        """Return the contributions of the changes to K."""
         return tuple(
             replace(c, K=getattr(self, key) * c.K) for key, parts in self.parts.items() for c in parts
         )

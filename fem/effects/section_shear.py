@@ -24,7 +24,7 @@ class SectionShear(Effect):
 
     Formulas for them differ: of a box that is 0.6 times as wide as high, along its width, by Cowper (1966)
     0.28, as the share of the walls that lie along the force 0.36, as one number for all boxes 0.44. No
-    candidate: what is unsure about a model, as its moduli are.
+    candidate: the coefficients are uncertain parameters, as moduli are.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class SectionShear(Effect):
         return replace(self, values={**self.values, **values})
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return what other coefficients add to K, M and D of the members."""
+        """Return the changes of the members' K, M and D by the coefficients."""
         (frame,), out = model.of_kind(Frame), []
         sheared = self.applied_to(frame)
         for members in self.groups.values():
@@ -108,7 +108,7 @@ class SectionShear(Effect):
         return tuple((self.name, f"{k}:{first}") for first in groups for k in self.directions[first])
 
     def applied_to(self, frame: Frame) -> Frame:
-        """Return a frame whose members have these coefficients, for what changes a part of them."""
+        """Return a frame whose members have these coefficients, for effects on parts of members."""
         return self.frames.get(frame, lambda: replace(frame, shear=self._shear()))
 
     def _shear(self) -> dict[str, tuple[Any, Any]]:

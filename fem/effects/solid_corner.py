@@ -106,7 +106,7 @@ class SolidCorner(Effect):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return what the zones gain in stiffness, and lose of their mass."""
+        """Return the stiffness that the zones gain, and the mass that they lose."""
         frame, stiffer, lighter = sheared_frame(model), [], []
         density = {m: frame.mass_per_length(m) for m in {z.member for z in self.zones}}
         for z in self.zones:
@@ -120,7 +120,7 @@ class SolidCorner(Effect):
         return (*out, mass_of_stretches(frame, model, lighter, (1, 1, 1, 0, 0, 0))) if lighter else out
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return what the members' elements depend on."""
+        """Return the parameters on which the members' elements depend."""
         members = dict.fromkeys(z.member for z in self.zones)
         return tuple(dict.fromkeys(ref for m in members for ref in elements_of(model, m, "E", "rho")))
 

@@ -85,7 +85,7 @@ class StiffnessLoss(Effect):
         return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return what the member's stiffness depends on."""
+        """Return the parameters on which the member's stiffness depends."""
         return elements_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:

@@ -66,7 +66,7 @@ class ZoneForm(Effect):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return what the stretches gain."""
+        """Return the stiffness and mass that the stretches gain."""
         frame = self.frame
         stiff = stiffening(frame, model, self.zones, np.exp(-self.u))
         ends = [

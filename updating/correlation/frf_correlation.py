@@ -322,7 +322,7 @@ def compare(
 
 
 By = Literal["all", "band", "output", "input", "each"]
-"""What an error is said for: everything, each band, sensor, force, or each of all these."""
+"""Groups for which an error is given: all, each band, sensor, force, or each of all these."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -262,7 +262,7 @@ def _close_sets(f: NDArray[np.float64], usable: NDArray[np.int64], close: float)
 def _independent(
     x: NDArray[Any], mine: list[int], score: NDArray[np.float64], of: dict[int, int], why_not: dict[int, str]
 ) -> list[int]:
-    """Return the measured modes of a set without those that say again what better ones say."""
+    """Return the measured modes of a set without those that repeat better ones."""
     kept: list[int] = []
     for i in sorted(mine, key=lambda i: -score[i, of[i]]):
         shared = ~np.isnan(x[:, [i, *kept]]).any(axis=1)

@@ -211,7 +211,7 @@ class CoordinateElimination:
 
     @property
     def gain(self) -> NDArray[np.float64]:
-        """What each removal added to the mean MAC, shape (n_removed,) [-]."""
+        """Gain of the mean MAC by each removal, shape (n_removed,) [-]."""
         return np.diff(self.mac.mean(axis=1))
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.analysis.frf import FRF, FRFKind
 
 ESTIMATORS = ("H1", "H2", "Hv")
-"""What ``estimate_frf`` may be asked for."""
+"""Estimators of ``estimate_frf``."""
 
 WINDOWS = ("hann", "rectangular", "flattop", "exponential")
 """Windows of the blocks; the exponential one is for free decays after a hit."""
@@ -31,12 +31,12 @@ Complexes = NDArray[np.complex128]
 
 
 class EstimationError(ValueError):
-    """Time data from which FRFs cannot be estimated; the message says what was found and what is allowed."""
+    """Time data from which FRFs cannot be estimated; the message gives the found and allowed values."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EstimatedFRF:
-    """FRFs with what the averages say of their quality.
+    """FRFs, with their quality from the averages.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class EstimatedFRF:
         By what an exponential window raises the decay -Re λ of all poles [1/s];
         ``identify_modes(…, added_decay=…)`` takes it off again.
     messages : tuple of str
-        What was left out, and why.
+        Omissions, with the reason.
     """
 
     frf: FRF
@@ -131,7 +131,7 @@ def estimate_frf(
         Standard deviation of the noise in the responses over that in the forces, for ``"Hv"``
         [unit of response over N].
     kind : FRFKind or str
-        What the responses are.
+        Quantity of the responses.
     outputs, inputs : sequence of str, optional
         Labels of the channels.
     band : (float, float), optional
@@ -390,7 +390,7 @@ def _blocks(word: str, data: ArrayLike) -> Floats:
 def _good_hits(
     x: Floats, y: Floats, full_scale: float | None, hits: bool
 ) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-    """Return the blocks to use, and what is wrong with the others."""
+    """Return the blocks to use, and the defects of the others."""
     good, messages = [], []
     for k in range(len(x)):
         wrong = [f"overload in {channel}" for channel in _overloads(x[k], y[k], full_scale)]

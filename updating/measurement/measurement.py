@@ -32,7 +32,7 @@ class Sensor:
     member : str or None
         Member that it sits on; None for the nearest.
     gain : float
-        Its reading over what it should read [-].
+        Its reading over the true value [-].
     mass : float
         Mass that it adds to the structure, which :func:`with_sensor_masses` puts into a model [kg]. Of a
         triaxial sensor one channel has it.
@@ -116,7 +116,7 @@ class Measurement:
     def with_frf(self, frf: FRF) -> "Measurement":
         """Return a measurement with other data of the same or fewer sensors, excitations and lines.
 
-        What is known of the noise follows; at lines that were not measured it is not known.
+        Estimates of the noise follow; at lines that were not measured they are unknown.
         """
         by_out = {s.name: s for s in self.sensors}
         by_in = {s.name: s for s in self.excitations}
@@ -132,7 +132,7 @@ class Measurement:
 
     @property
     def noise(self) -> NDArray[np.float64] | None:
-        """What is known of the relative noise of ln|H|, (n_freq, n_out, n_in); None where nothing is [-].
+        """Estimated relative noise of ln|H|, (n_freq, n_out, n_in); None without an estimate [-].
 
         From ``scatter``, or else from coherence and averages; NaN for values of which nothing is known.
         """

@@ -1,4 +1,4 @@
-"""Where to put sensors and exciters before a test, and what the chosen set cannot see."""
+"""Places of sensors and exciters, chosen before a test, and the modes that they cannot observe."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _FULL_RANK = 1e-10
 
 
 def effective_independence(phi: ArrayLike) -> Floats:
-    """Compute what each DOF adds to the independence of the shapes, diag(Φ (ΦᵀΦ)⁻¹ Φᵀ).
+    """Compute the contribution of each DOF to the independence of the shapes, diag(Φ (ΦᵀΦ)⁻¹ Φᵀ).
 
     Kammer, J. Guid. Control Dyn. 14, 1991, 251-259. Without a DOF of value E the determinant of Fisher's
     information matrix ΦᵀΦ is (1 - E) times as large; at 1 the shapes depend on one another without it. The
@@ -233,7 +233,7 @@ def place_exciters(phi: ArrayLike, frequency: ArrayLike, n_exciters: int, keep: 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observability:
-    """What a set of sensors sees of the modes.
+    """Observability of modes by a set of sensors.
 
     Attributes
     ----------
@@ -268,7 +268,7 @@ class Observability:
 def assess_sensors(
     phi: ArrayLike, chosen: ArrayLike, least_seen: float = 0.1, most_alike: float = 0.25
 ) -> Observability:
-    """Say what a set of sensors cannot see: modes that hardly move them, and pairs that they confuse.
+    """List the weaknesses of a set of sensors: modes that hardly move them, and pairs that they confuse.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def assess_sensors(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PretestPlan:
-    """Sensors and exciters for the modes of a model, and what they see.
+    """Sensors and exciters for the modes of a model, and their assessment.
 
     Attributes
     ----------
@@ -342,7 +342,7 @@ class PretestPlan:
     driven: Floats
 
     def summary(self) -> str:
-        """Return what was chosen and what it cannot see as lines of text, modes counted from 1."""
+        """Return the choice and its weaknesses as lines of text, modes counted from 1."""
         o = self.observability
         lines = [
             f"{len(self.sensors)} sensors: {', '.join(s.name for s in self.sensors)}",

@@ -68,10 +68,10 @@ def identify_modes(
     Poles of polyreference least-squares models of all orders (:func:`updating.modal.poles.fit_orders`) that
     persist over orders are candidates. A fit of greatest likelihood (:mod:`updating.modal.refinement`)
     refines them, with residuals of the modes outside the band. Those that are uncertain, insignificant, not
-    collinear or a second copy are left out, and the rest is fitted again; then what the fit leaves is
+    collinear or a second copy are left out, and the rest is fitted again; then the residual of the fit is
     searched in the same way for more. Nothing is random: the same data give the same result.
 
-    The standard deviations are those of the fit, for the noise given or estimated from what it leaves, and
+    The standard deviations are those of the fit, for the noise given or estimated from its residual, and
     are raised where the misfit near a mode is larger or correlated from line to line.
 
     Parameters
@@ -91,8 +91,8 @@ def identify_modes(
     std : array_like, optional
         Standard deviation of the real and of the imaginary part of the FRFs, of the shape of ``H`` or one
         that broadcasts to it [unit of the FRF]. The fit uses the product of a number for each output and one
-        for each line and input that comes nearest to it. Estimated from what the fit leaves, unless given,
-        and where the fit misses the data by more than three times what is given (``choices`` says so).
+        for each line and input that comes nearest to it. Unless given, it is estimated from the residual of
+        the fit; also where this residual exceeds three times the given value (``choices`` says so).
     driving : sequence of (output, input), optional
         Labels of responses at the place and in the direction of a force, or their numbers, from 0; equal
         labels, but for the sign, unless given.

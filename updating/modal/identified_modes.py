@@ -59,7 +59,7 @@ class IdentifiedModes:
     candidates : tuple of Candidate
         All that were tried, by frequency.
     choices : tuple of str
-        What was chosen on the way, in order.
+        Choices made on the way, in order.
     unexplained : tuple of UnexplainedPeak
         Peaks of the data that the modes do not explain, the highest first, with the reason.
     """

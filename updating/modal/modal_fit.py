@@ -1,4 +1,4 @@
-"""What a modal fit is given, and what it finds."""
+"""Data and result of a modal fit."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,7 @@ class ModalFit:
     lower, upper : ndarray (n_out, n_in)
         Residuals of modes below the band [1/kg] and above it [m/N]; 0 if not asked for.
     H : ndarray of complex (n_freq, n_out, n_in)
-        What was fitted, synthesised [unit of the FRF].
+        Synthesised FRFs [unit of the FRF].
     misfit : ndarray of complex (n_freq, n_out, n_in)
         (measured - synthesised) over the standard deviation that was assumed [-].
     covariance : ndarray (2 n_modes, 2 n_modes)

@@ -15,7 +15,7 @@ UNEXPLAINED_SHARE = 0.5
 """Part of a peak's power beyond which the synthesised FRFs do not explain it [-]."""
 
 BEYOND_NOISE = 8.0
-"""What is left of a peak must exceed noise by this many standard deviations of it [-]."""
+"""The residual of a peak must exceed noise by this many standard deviations of it [-]."""
 
 MOST_NAMED = 12
 """At most so many peaks are named one by one, the highest first."""
@@ -69,7 +69,7 @@ class UnexplainedPeak:
 
     @property
     def words(self) -> str:
-        """Say what was found, and why there is no mode."""
+        """Return a sentence with the peak, and the reason why there is no mode."""
         return f"the peak at {self.frequency:.5g} Hz has no mode: {self.reason}"
 
 

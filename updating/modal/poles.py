@@ -35,7 +35,7 @@ Complexes = NDArray[np.complex128]
 
 
 class IdentificationError(ValueError):
-    """FRFs or settings from which modes cannot be identified; the message says what was found."""
+    """FRFs or settings from which modes cannot be identified; the message gives the value found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -196,7 +196,7 @@ def _fractions(data: ModalFitData, omega: Floats, poles: Complexes) -> tuple[Com
 
 
 def _pairs(p: Complexes, q: Complexes, participation: Complexes) -> Complexes:
-    """Return what multiplies Re ψ and Im ψ for one input, shape (n_freq, 2 n_modes)."""
+    """Return the factors of Re ψ and Im ψ for one input, shape (n_freq, 2 n_modes)."""
     out = np.empty((p.shape[0], 2 * p.shape[1]), dtype=complex)
     one, two = p * participation, q * participation.conj()
     out[:, 0::2], out[:, 1::2] = one + two, 1j * (one - two)
@@ -204,7 +204,7 @@ def _pairs(p: Complexes, q: Complexes, participation: Complexes) -> Complexes:
 
 
 def _statics(data: ModalFitData, omega: Floats) -> list[Complexes]:
-    """Return what multiplies the residuals of modes below and above the band, shape (n_freq,) each."""
+    """Return the factors of the residuals of modes below and above the band, shape (n_freq,) each."""
     g = _factor(data, omega)
     return [values for wanted, values in ((data.lower, g / data.s(omega) ** 2), (data.upper, g)) if wanted]
 
@@ -396,7 +396,7 @@ def _covariance(
     # A pole without a part in any FRF has no information: its variance is huge, and finite.
     size = np.sqrt(np.maximum(J2.diagonal(), _LEAST_INFORMATION))
     values, vectors = np.linalg.eigh(J2 / np.outer(size, size))
-    # what the data do not tell at all gets a large variance, not none
+    # unknowns that the data do not determine at all get a large variance, not none
     unsure = (vectors / np.maximum(values, 1e-13)) @ vectors.T / np.outer(size, size)
     shapes = inverse[: 2 * n].reshape(n, 2, -1)
     own = (
@@ -452,7 +452,7 @@ def _fit(
 
 
 def synthesise(data: ModalFitData, fit: ModalFit, which: NDArray[np.bool_]) -> Complexes:
-    """Return what some of the modes of a fit are of its FRFs, (n_freq, n_out, n_in)."""
+    """Return the part of some modes in the FRFs of a fit, (n_freq, n_out, n_in)."""
     return _synthesised(data, fit.poles[which], fit.participation[which], fit.shapes[:, which])
 
 

@@ -1,4 +1,4 @@
-"""What is checked of a measurement before any physics is fitted to it."""
+"""Checks of a measurement before any physics is fitted to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -60,7 +60,7 @@ class Homogeneity:
     ----------
     measurement : str
     ratio : float
-        Median difference in multiples of what noise explains [-]; NaN where lines or channels differ.
+        Median difference in multiples of the noise [-]; NaN where lines or channels differ.
     somewhere : float
         The same of the tenth of the values that differ most, in means over seven lines: what changes with
         amplitude shows at few resonances, but there on many lines [-].
@@ -83,7 +83,7 @@ class Homogeneity:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One gate: what was asked of the measurement, and what came out.
+    """One gate: a check of the measurement, and its outcome.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Check:
     outcome : str
         ``"passed"``, ``"failed"`` or ``"not run"``.
     found : str
-        What was found, or why it could not run, in a sentence.
+        The outcome, or why the check could not run, in a sentence.
     """
 
     name: str
@@ -154,7 +154,7 @@ class Gates:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader should know, in sentences."""
+        """Remarks for the reader, in sentences."""
         levels = tuple(_homogeneity_words(h) for h in self.homogeneity)
         return levels + tuple(
             f"the FRFs between {r.first} and {r.second} differ by {r.error_db:.2g} dB from one direction to "
@@ -185,7 +185,7 @@ def check_gates(
         Error of the model's mesh, for instance of :func:`updating.inference.preparation.discretisation_error`
         [dB].
     faults : sequence of Fault
-        What has been set right in the problem's data; the same is done to the others.
+        Faults that were corrected in the problem's data; the others are corrected in the same way.
     """
     ratio = problem.log_ratio(result)
     every = np.arange(len(problem.data.frequency))
@@ -254,15 +254,15 @@ def phase_check(measurement: Measurement) -> Check:
 
 
 def with_last_faults(gates: Gates, first: Sequence[Fault], last: Sequence[Fault]) -> Gates:
-    """Return gates that say what became of the faults when effects were found.
+    """Return gates that state the outcome for the faults once effects were found.
 
     Parameters
     ----------
     gates : Gates
     first : sequence of Fault
-        What was set right before the search.
+        Faults that were corrected before the search.
     last : sequence of Fault
-        What stayed after it, or came to light.
+        Faults that remained after it, or appeared.
     """
     stay = {(f.kind, f.sensor) for f in last}
     check = _fault_check(gates, last, [f for f in first if (f.kind, f.sensor) not in stay])
@@ -273,7 +273,7 @@ def _fault_check(gates: Gates, faults: Sequence[Fault], withdrawn: Sequence[Faul
     taken_back = ""
     if withdrawn:
         names = ", ".join(dict.fromkeys(f.sensor for f in withdrawn))
-        taken_back = f"what looked like a fault of {names} is explained by what was found"
+        taken_back = f"the apparent fault of {names} is explained by the effects that were found"
     if faults:  # of forces also where sensors are too few to check one another
         names = ", ".join(dict.fromkeys(f.sensor for f in faults))
         said = f"{len(faults)} fault(s) were set right, at {names}"
@@ -326,7 +326,7 @@ def _homogeneity_words(h: Homogeneity) -> str:
     if not h.violated:
         return f"{h.measurement} and the first measurement agree within their noise: the structure is linear"
     return (
-        f"{h.measurement} differs from the first measurement by {h.ratio:.2g} times what noise explains in "
+        f"{h.measurement} differs from the first measurement by {h.ratio:.2g} times the noise in "
         f"the median, and {h.somewhere:.2g} times ({h.largest_db:.2g} dB) where it differs most: the "
         "structure is not linear, or the two were not measured alike"
     )
@@ -370,7 +370,7 @@ def reciprocity(problem: FitProblem) -> tuple[Reciprocity, ...]:
 def at_level(problem: FitProblem, other: Measurement, faults: Sequence[Fault] = ()) -> FitData | None:
     """Return another measurement at the problem's lines, prepared like its data; None where they differ.
 
-    Values count that count in both. What was set right in the problem's data is set right in these.
+    Values count that count in both. Faults that were corrected in the problem's data are corrected in these.
     """
     first, frf = problem.data, other.frf
     before = uncorrected(first, faults).measurement
