@@ -39,6 +39,7 @@ def test_a_saved_study_is_the_fitted_one(tmp_path, with_effect):
     assert again.compare().total_db == pytest.approx(fitted.compare().total_db, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_second_fit_starts_where_the_first_did(with_effect):
     _, fitted = with_effect
     once, twice = fitted.model.values(), fitted.fit().model.values()

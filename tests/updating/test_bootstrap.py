@@ -101,6 +101,7 @@ def test_an_effect_that_chance_could_have_made_is_dropped_and_a_real_one_stays()
     assert whole_level(after.current) == pytest.approx(whole_level(both), rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_says_what_chance_gives_and_drops_what_is_no_more(monkeypatch):
     case = make_case(0)
 

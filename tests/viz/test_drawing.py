@@ -74,6 +74,7 @@ def test_a_run_without_pyvista_has_all_the_rest(study, tmp_path):
     assert result["verdict"] == "effect"
 
 
+@pytest.mark.slow
 def test_a_match_is_drawn_without_pyvista(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     (tmp_path / "points.csv").write_text(
