@@ -8,7 +8,8 @@ from pathlib import Path
 from dovetail.commands.argument_types import whole, whole_up_to
 from dovetail.commands.common import Options
 from dovetail.disk.output import Progress, write_json
-from dovetail.validation.cases import SETS, CaseSettings
+from dovetail.validation.cases import CaseSettings
+from dovetail.validation.hidden import SETS
 from dovetail.validation.judging import Record
 from dovetail.validation.run import parse_case, plan, run_case, validate
 from dovetail.validation.table import as_markdown, summarise
@@ -35,7 +36,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="cases with nothing hidden (default: as many as the others)",
     )
     p.add_argument(
-        "--sets", metavar="LIST", help="of single, null, withheld, weak, two, faults (default: all)"
+        "--sets", metavar="LIST", help=f"of {', '.join(SETS)} (default: all)"
     )
     p.add_argument(
         "--processes", type=whole_up_to(1000), default=1, metavar="P", help="cases at a time (default 1)"
@@ -56,7 +57,7 @@ def run(options: Options, progress: Progress) -> None:
         progress.close()
         sys.stdout.write(json.dumps(record, indent=2, ensure_ascii=False, default=float) + "\n")
         return
-    sets = tuple(s.strip() for s in options.sets.split(",") if s.strip()) if options.sets else SETS
+    sets = tuple(s.strip() for s in options.sets.split(",") if s.strip()) if options.sets else tuple(SETS)
     nulls = options.nulls if options.nulls is not None else options.cases
     tasks = plan(options.cases, nulls, sets)
     folder: Path = options.out or Path(f"validation-{options.seed}")

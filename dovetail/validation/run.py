@@ -23,7 +23,8 @@ import numpy as np
 import fem
 import updating
 from dovetail.disk.locks import Lock, holder
-from dovetail.validation.cases import SETS, CaseSettings, draw_case, kinds_of
+from dovetail.validation.cases import CaseSettings, draw_case, kinds_of
+from dovetail.validation.hidden import SETS
 from dovetail.validation.judging import Record, is_known, judge
 from fem.effects import candidate_kinds
 from fem.io.atomic import WriteError, replacing
