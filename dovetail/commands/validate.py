@@ -35,9 +35,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="M",
         help="cases with nothing hidden (default: as many as the others)",
     )
-    p.add_argument(
-        "--sets", metavar="LIST", help=f"of {', '.join(SETS)} (default: all)"
-    )
+    p.add_argument("--sets", metavar="LIST", help=f"of {', '.join(SETS)} (default: all)")
     p.add_argument(
         "--processes", type=whole_up_to(1000), default=1, metavar="P", help="cases at a time (default 1)"
     )
@@ -45,12 +43,13 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", help="folder of the results; a run that was stopped goes on there"
     )
     p.add_argument("--case", metavar="CASE", help="run one case alone and print it, such as 12 or null:3")
+    p.add_argument("--evidence", action="store_true", help="search by evidence, and say what is lost and why")
     p.add_argument("--small", action="store_true", help="small frames and few lines, to try the command")
 
 
 def run(options: Options, progress: Progress) -> None:
     """Draw cases, diagnose them, judge and print; or one case alone."""
-    settings = CaseSettings(options.seed, options.small)
+    settings = CaseSettings(options.seed, options.small, evidence=options.evidence)
     if options.case is not None:
         progress(f"case {options.case} of seed {options.seed}")
         record = run_case(settings, parse_case(options.case))

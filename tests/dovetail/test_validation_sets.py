@@ -78,7 +78,7 @@ def to_a_node(hidden, effect, mesh):
 
 
 def mounted(draft, kind):
-    """Return an amplitude that shifts to a node; elements are not exact for a force within them."""
+    """Yield the changed truth, the model and the model with the effect for some draws of a kind."""
     model = model_of(draft)
     candidates = propose(model, kinds=[kind])
     for k in range(6):
