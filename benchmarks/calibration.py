@@ -31,12 +31,13 @@ from viz import style
 def reliability_diagram(calibration: Calibration) -> Figure:
     """Return the share that is right for each bin of stated probability, of answers and of places."""
     with style.look():
-        figure = style.new_figure(height=3.2)
+        figure = style.new_figure(height=3.4)
         left, right = figure.subplots(1, 2, sharey=True)
         _draw(left, calibration.answers, "Answer: kind and place", style.BLUE)
         _draw(right, calibration.places, "Place alone", style.GREEN)
         left.set_ylabel("right [%]")
-        right.legend(loc="lower right")
+        handles = left.get_legend_handles_labels()
+        figure.legend(*handles, loc="outside upper right", ncols=2)
     return figure
 
 
@@ -62,10 +63,11 @@ def _draw(ax: Axes, shares: Sequence[Share], title: str, colour: str) -> None:
             capsize=3,
             label="right, 95 % interval" if first else None,
         )
-        ax.annotate(f"{share.cases}", (k, 0), (0, 3), textcoords="offset points", ha="center", fontsize=7)
     ax.set_title(title)
-    ax.set_xticks(np.arange(len(shares)), [name.removesuffix(" %") for name in bin_names()])
-    ax.set_xlabel("stated probability [%], number of cases above")
+    names = (name.removesuffix(" %") for name in bin_names())
+    labels = [f"{name}\n{share.cases}" for name, share in zip(names, shares, strict=True)]
+    ax.set_xticks(np.arange(len(shares)), labels)
+    ax.set_xlabel("stated probability [%], and number of cases")
     ax.set_xlim(-0.6, len(shares) - 0.4)
     ax.set_ylim(-4, 104)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from dovetail.commands.argument_types import whole, whole_up_to
 from dovetail.commands.common import Options
 from dovetail.disk.output import Progress, write_json
+from dovetail.validation import calibration
 from dovetail.validation.cases import CaseSettings
 from dovetail.validation.hidden import SETS
 from dovetail.validation.judging import Record
@@ -74,6 +75,8 @@ def run(options: Options, progress: Progress) -> None:
     progress.close()
     summary = summarise(records)
     text = as_markdown(summary, f"Validation with seed {options.seed}")
+    if any("evidence" in r for r in records):
+        text += f"\n## By evidence\n\n{calibration.as_markdown(records)}"
     write_json(folder / "table.json", {"settings": settings.as_dict(), **summary})
     with replacing(folder / "table.md") as scratch:
         scratch.write_text(text, encoding="utf-8")

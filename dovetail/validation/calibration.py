@@ -10,7 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.validation.evidence import CREDIBLE, LOST_BY_DATA, LOST_BY_SEARCH, NOT_IN_LIBRARY, SURE
+from dovetail.validation.evidence import (
+    CREDIBLE,
+    LOST_BY_DATA,
+    LOST_BY_SEARCH,
+    NOT_IN_LIBRARY,
+    SURE,
+    WRONG_FAULT,
+)
 from dovetail.validation.table import interval
 from updating.diagnosis.diagnose import UNEXPLAINED
 
@@ -177,7 +184,7 @@ def _set_rows(records: Sequence[Record]) -> list[str]:
         cells = (
             name, len(of_set), right, sum(e["in_three"] for e in every),
             sum(e["sure_and_wrong"] for e in every), loss[LOST_BY_SEARCH], loss[LOST_BY_DATA],
-            loss[NOT_IN_LIBRARY], len(of_set) - len(every),
+            loss[WRONG_FAULT], loss[NOT_IN_LIBRARY], len(of_set) - len(every),
             f"{100 * right / attained:.0f} %" if attained else "-",
             f"{np.median(seconds):.0f}, {max(seconds):.0f}" if seconds else "-",
         )  # fmt: skip
@@ -190,8 +197,9 @@ def as_markdown(records: Sequence[Record]) -> str:
     c = calibrate(records)
     lines = [
         "| set | cases | right | right or in a credible set of three | sure and wrong | search loss "
-        "| information loss | not in the library | failed | of the attainable | CPU [s], median, largest |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "| information loss | wrong fault | not in the library | failed | of the attainable "
+        "| CPU [s], median, largest |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
         *_set_rows(records),
         "",
         "| stated probability | answers right | mean stated | places right | mean stated |",
@@ -203,10 +211,10 @@ def as_markdown(records: Sequence[Record]) -> str:
         "",
         "| | share |",
         "|---|---|",
-        f"| answers at least {SURE:.0%} sure that are right | {c.sure}; {_percent(c.sure)} stated |",
+        f"| right, of answers at least {100 * SURE:g} % sure | {c.sure}; {_percent(c.sure)} stated |",
         f"| of these, effects | {c.sure_findings}; {_percent(c.sure_findings)} stated |",
         f"| sure and wrong, of all cases | {c.sure_and_wrong} |",
-        f"| {CREDIBLE:.0%} credible sets with the truth | {c.coverage}; {_percent(c.coverage)} in them |",
+        f"| truth in {100 * CREDIBLE:g} % credible sets | {c.coverage}; {_percent(c.coverage)} stated |",
         f"| right, of the attainable | {c.attainable} |",
     ]
     return "\n".join(lines) + "\n"

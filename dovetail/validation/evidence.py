@@ -6,7 +6,7 @@ Cases of this package and those of other codes are judged alike.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import chain, islice, product
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,10 @@ MOST_CREDIBLE = 3
 SEARCH_LOSS = 0.5
 """A truth that scores more than this above the answer has been lost by the search [nats]."""
 MOST_STARTS = 12
-"""Largest number of combinations of candidates and values that a case is started from at its truth."""
-RIGHT, LOST_BY_SEARCH, LOST_BY_DATA, NOT_IN_LIBRARY = "-", "search loss", "information loss", "not in library"
+"""Largest number of combinations of candidates and values from which one way to state a truth is fitted."""
+RIGHT, LOST_BY_SEARCH, LOST_BY_DATA = "-", "search loss", "information loss"
+WRONG_FAULT, NOT_IN_LIBRARY = "wrong fault", "not in library"
+"""Why an answer is not right. Faults are set right before the search: its scores say nothing of them."""
 
 Start = tuple[Effect, dict[str, float]]
 
@@ -93,13 +95,16 @@ def keeping_searches() -> Iterator[list[Searched]]:
         by_evidence.search_by_evidence = original
 
 
-def at_truth(search: Search, stated: Sequence[Stated]) -> Hypothesis | None:
-    """Return the best fit that begins at the truth; None if the library does not have it."""
-    if not stated:
+def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> Hypothesis | None:
+    """Return the best fit that begins at the truth; None if the library does not have it.
+
+    The library may have several ways to state it, each with one or several effects.
+    """
+    if not any(ways):
         return search.known.get(frozenset()) or search.full((), [()])
-    options = [s.starts(search) for s in stated]
+    options = (product(*(s.starts(search) for s in way)) for way in ways)
     fits = []
-    for starts in islice(product(*options), MOST_STARTS):
+    for starts in chain.from_iterable(islice(each, MOST_STARTS) for each in options):
         effects = [e for e, _ in starts]
         if len({e.name for e in effects}) < len(effects):
             continue  # one candidate cannot be two of the hidden effects
@@ -110,10 +115,12 @@ def at_truth(search: Search, stated: Sequence[Stated]) -> Hypothesis | None:
     return max(fits, key=lambda h: h.score, default=None)
 
 
-def loss_of(right: bool, answer: float, truth: float | None) -> str:
+def loss_of(right: bool, faults_right: bool, answer: float, truth: float | None) -> str:
     """Say why an answer is not right: by the scores of the answer and of the truth [nats]."""
     if right:
         return RIGHT
+    if not faults_right:
+        return WRONG_FAULT
     if truth is None:
         return NOT_IN_LIBRARY
     return LOST_BY_SEARCH if truth > answer + SEARCH_LOSS else LOST_BY_DATA
@@ -134,7 +141,8 @@ def assess(
     done: Searched,
     diagnosis: Diagnosis,
     right: bool,
-    stated: Sequence[Stated],
+    faults_right: bool,
+    ways: Sequence[Sequence[Stated]],
     is_right: Callable[[Sequence[Effect]], bool],
 ) -> dict[str, Any]:
     """Return how probable the answer was and whether the truth could have been found, as plain values.
@@ -146,10 +154,12 @@ def assess(
     diagnosis : Diagnosis
     right : bool
         Whether its verdict and findings are right.
-    stated : sequence of Stated
-        What is hidden, but for faults.
+    faults_right : bool
+        Whether the faults that it names are those that are hidden.
+    ways : sequence of sequence of Stated
+        What is hidden, but for faults, in each way in which the library may state it.
     is_right : callable
-        Whether effects, together with the faults that were found, are what is hidden.
+        Whether effects are those that are hidden.
 
     Returns
     -------
@@ -161,11 +171,11 @@ def assess(
     """
     best = done.best
     unexplained = diagnosis.verdict == UNEXPLAINED
-    truth = at_truth(done.search, stated)
+    truth = at_truth(done.search, ways)
     members = credible_set(done)
 
     def fits_truth(h: Hypothesis | None) -> bool:
-        return truth is None if h is None else is_right(h.effects)
+        return truth is None if h is None else faults_right and is_right(h.effects)
 
     probability = float(np.exp(done.unknown - done.evidence)) if unexplained else done.probability(best)
     right_ones = [fits_truth(h) for h, _ in members]
@@ -184,7 +194,7 @@ def assess(
             for (h, p), r in zip(members, right_ones, strict=True)
         ],
         "truth": None if truth is None else truth.score - best.score,
-        "loss": loss_of(right, best.score, None if truth is None else truth.score),
+        "loss": loss_of(right, faults_right, best.score, None if truth is None else truth.score),
         "residual_db": decibels(best.fitted.level),
         "floor_db": decibels(done.search.floor),
     }

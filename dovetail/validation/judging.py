@@ -101,11 +101,7 @@ def judge_evidence(case: Case, diagnosis: Diagnosis, searched: Searched, record:
     right = record["outcome"] == "right" or (case.set, record["outcome"]) == ("withheld", "twin")
     faults_right = record["outcome"] in ("right", "beside") if case.set == "faults" else not diagnosis.faults
     return assess(
-        searched,
-        diagnosis,
-        right,
-        stated(case),
-        lambda effects: faults_right and is_hidden(case, effects),
+        searched, diagnosis, right, faults_right, [stated(case)], lambda effects: is_hidden(case, effects)
     )
 
 

@@ -45,17 +45,18 @@ def test_a_credible_set_is_the_fewest_hypotheses_with_nine_tenths():
 
 
 @pytest.mark.parametrize(
-    ("right", "truth", "loss"),
+    ("right", "faults_right", "truth", "loss"),
     [
-        (True, 99.0, "-"),
-        (False, None, "not in library"),
-        (False, 10.6, "search loss"),
-        (False, 10.4, "information loss"),
-        (False, 2.0, "information loss"),
+        (True, True, 99.0, "-"),
+        (False, True, None, "not in library"),
+        (False, True, 10.6, "search loss"),
+        (False, True, 10.4, "information loss"),
+        (False, True, 2.0, "information loss"),
+        (False, False, 99.0, "wrong fault"),
     ],
 )
-def test_a_truth_that_scores_better_is_lost_by_the_search(right, truth, loss):
-    assert loss_of(right, 10.0, truth) == loss
+def test_a_truth_that_scores_better_is_lost_by_the_search(right, faults_right, truth, loss):
+    assert loss_of(right, faults_right, 10.0, truth) == loss
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def fake_search(candidates):
 
 def test_a_soft_connection_is_started_from_all_its_directions_with_their_stiffness(soft):
     search, begun = fake_search(propose(soft.model, test=soft.measurement))
-    truth = at_truth(search, stated(soft))
+    truth = at_truth(search, [stated(soft)])
     assert truth is not None
     wanted = {
         f"support_flexibility:{i.hidden.place.support}.{i.hidden.place.direction}":
@@ -89,9 +90,9 @@ def test_a_soft_connection_is_started_from_all_its_directions_with_their_stiffne
 
 def test_what_the_library_lacks_has_no_start_and_nothing_is_a_truth_too(soft):
     search, _ = fake_search([c for c in propose(soft.model) if c.kind != "support_flexibility"])
-    assert at_truth(search, stated(soft)) is None
+    assert at_truth(search, [stated(soft)]) is None
     search.known[frozenset()] = "nothing"
-    assert at_truth(search, ()) == "nothing"
+    assert at_truth(search, [()]) == "nothing"
 
 
 def test_parameters_that_the_truth_does_not_state_begin_on_the_grid(soft):
@@ -100,7 +101,7 @@ def test_parameters_that_the_truth_does_not_state_begin_on_the_grid(soft):
     at_half = Stated(
         ("stiffness_loss",), lambda e: e.member == member, lambda e: {"position": 0.1, "nonsense": 3.0}
     )
-    at_truth(search, [at_half])
+    at_truth(search, [[at_half]])
     values = [next(iter(b.values())) for b in begun]
     assert len(values) > 1
     assert {v["position"] for v in values} == {0.1}
@@ -169,7 +170,7 @@ def test_shares_that_are_aimed_at():
     assert (c.attainable.hits, c.attainable.cases) == (2, 3)
     assert [(s.hits, s.cases) for s in c.places] == [(0, 1), (0, 0), (0, 0), (1, 1), (1, 1), (0, 0)]
     text = as_markdown(records)
-    assert "| a | 6 | 2 | 2 | 1 | 1 | 2 | 0 | 1 | 67 % | 3, 3 |" in text
+    assert "| a | 6 | 2 | 2 | 1 | 1 | 2 | 0 | 0 | 1 | 67 % | 3, 3 |" in text
     assert "| 95-99 % | 2 of 2, 100.0 %" in text
 
 
