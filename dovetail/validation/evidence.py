@@ -196,7 +196,7 @@ def assess(
         "truth": None if truth is None else truth.score - best.score,
         "loss": loss_of(right, faults_right, best.score, None if truth is None else truth.score),
         "residual_db": decibels(best.fitted.level),
-        "floor_db": decibels(done.search.floor),
+        "floor_db": decibels(diagnosis.noise_limit),
     }
 
 
