@@ -1,6 +1,7 @@
 """Cases of other codes by evidence: truths in the terms of the library, and what becomes of a record."""
 
 import json
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -102,6 +103,32 @@ def test_records_go_to_a_file_that_the_calibration_reads(tmp_path):
     assert cells[1] == cells[2] == ("-",) * len(table.BY_EVIDENCE)
     table.write_records(results, tmp_path / "records.jsonl")
     assert [r["case"] for r in read_records(tmp_path)] == ["a"]
+
+
+def test_two_processes_give_the_table_of_one(tmp_path, monkeypatch, capsys):
+    nominal = {"joints": [], "members": [], "supports": [], "sensors": []}
+    for name in "abc":
+        (tmp_path / "cases" / name).mkdir(parents=True)
+        (tmp_path / "cases" / name / "nominal.json").write_text(json.dumps(nominal))
+    none = {"type": "none", "location": "-", "magnitude": 0}
+    (tmp_path / "cases" / "truth.json").write_text(json.dumps({n: {"effects": [none]} for n in "abc"}))
+
+    def investigate(case, out, evidence):
+        time.sleep({"a": 0.1, "b": 0.05, "c": 0.0}[case.name])  # the first ends last
+        ended = {"verdict": "nothing missing", "effects": [], "faults": [], "seconds": 1.0}
+        record = {"case": case.name} if evidence else {}
+        return ended | {"error_db": [{"fit": 1.0}], "noise_floor_db": 0.3, "record": record}
+
+    monkeypatch.setattr(table, "investigate", investigate)
+    told = []
+    for jobs in ("1", "2"):
+        out = tmp_path / jobs
+        out.mkdir()
+        arguments = ["--cases", str(tmp_path / "cases"), "--out", str(out), "--jobs", jobs, "--evidence"]
+        assert table.main(arguments) == 0
+        told.append((capsys.readouterr().out, (out / "records.jsonl").read_text()))
+    assert told[0] == told[1]
+    assert "3 of 3 right" in told[0][0]
 
 
 def test_faults_are_right_only_all_together():
