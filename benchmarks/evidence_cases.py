@@ -12,54 +12,12 @@ from pathlib import Path
 
 from dovetail.file.config import load_study
 from dovetail.pipeline import measured, without_held_out
+from dovetail.validation.evidence import at_truth
+from tests.independent.by_evidence import stated
 from tests.independent.convert import convert
-from tests.independent.table import CASES, Hidden, HiddenConnection, hidden_effects, hidden_in_words
+from tests.independent.table import CASES, hidden_effects, hidden_in_words
 from updating.correlation.frf_correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.diagnosis import search_by_evidence
-
-
-def truth_starts(hidden, candidates):
-    """Return candidates and values for a hidden truth, None where the library has none."""
-    effects, starts = [], []
-    for h in hidden:
-        if isinstance(h, HiddenConnection):
-            for d, k in h.stiffness.items():
-                e = next((c for c in candidates if c.kind in ("joint_stiffness", "support_flexibility")
-                          and {h.place, d} <= set(c.where.replace(",", " ").split())
-                          and len(c.released() or (1,)) <= 1), None)  # fmt: skip
-                if e is None:
-                    return None
-                effects.append(e)
-                starts.append({e.parameters()[0].name: k})
-            if h.loss_factor:
-                e = next((c for c in candidates if c.kind == "joint_structural_damping"
-                          and {h.place} <= set(c.where.replace(",", " ").split())), None)  # fmt: skip
-                if e is not None:
-                    effects.append(e)
-                    starts.append({e.parameters()[0].name: h.loss_factor})
-        elif isinstance(h, Hidden):
-            place = set(h.place)
-            e = next(
-                (
-                    c
-                    for c in candidates
-                    if c.kind in h.kinds and place <= set(c.where.replace(",", " ").split())
-                ),
-                None,
-            )
-            if e is None:
-                return None
-            p = e.parameters()[0]
-            start = {q.name: q.value for q in e.parameters()}
-            if h.value is not None and (h.unit == p.unit or p.unit == "-"):
-                start[p.name] = min(max(h.value, p.lower), p.upper)
-            if h.position is not None:
-                start["position"] = h.position
-            effects.append(e)
-            starts.append(start)
-        else:
-            return None
-    return effects, starts
 
 
 def one(case, truth, say):
@@ -79,13 +37,8 @@ def one(case, truth, say):
     search, best = done.search, done.best
     hidden, faults = hidden_effects(truth, nominal)
     words = hidden_in_words(hidden, faults)
-    about = "-"
-    started = truth_starts(hidden, search.candidates) if hidden else None
-    if started:
-        fitted = search.at(*started)
-        about = f"{fitted.score - best.score:+.1f}"
-    elif hidden:
-        about = "not in library"
+    started = at_truth(search, stated(hidden))
+    about = "not in library" if started is None else f"{started.score - best.score:+.1f}"
     print(" | ".join((case.name, words, *told(done), f"truth {about}", f"{seconds:.0f} s")), flush=True)
     for h in sorted(search.known.values(), key=lambda h: -h.score)[:5]:
         print(f"      {h.score - best.score:8.1f} {decibels(h):.2f} dB {h.name}", flush=True)

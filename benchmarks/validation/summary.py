@@ -15,7 +15,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-SETS = ("single", "null", "weak", "two", "faults", "withheld")
+SETS = (
+    "single", "null", "weak", "two", "faults", "withheld",
+    "connection", "connections", "mixed", "mounting",
+)  # fmt: skip
 OUTCOMES = ("right", "twin", "beside", "part", "wrong", "unexplained", "not noticed", "fault", "failed")
 SEEDS = Path(__file__).with_name("seeds.csv")
 

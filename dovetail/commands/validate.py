@@ -8,7 +8,9 @@ from pathlib import Path
 from dovetail.commands.argument_types import whole, whole_up_to
 from dovetail.commands.common import Options
 from dovetail.disk.output import Progress, write_json
-from dovetail.validation.cases import SETS, CaseSettings
+from dovetail.validation import calibration
+from dovetail.validation.cases import CaseSettings
+from dovetail.validation.hidden import SETS
 from dovetail.validation.judging import Record
 from dovetail.validation.run import parse_case, plan, run_case, validate
 from dovetail.validation.table import as_markdown, summarise
@@ -34,9 +36,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="M",
         help="cases with nothing hidden (default: as many as the others)",
     )
-    p.add_argument(
-        "--sets", metavar="LIST", help="of single, null, withheld, weak, two, faults (default: all)"
-    )
+    p.add_argument("--sets", metavar="LIST", help=f"of {', '.join(SETS)} (default: all)")
     p.add_argument(
         "--processes", type=whole_up_to(1000), default=1, metavar="P", help="cases at a time (default 1)"
     )
@@ -44,19 +44,20 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", help="folder of the results; a run that was stopped goes on there"
     )
     p.add_argument("--case", metavar="CASE", help="run one case alone and print it, such as 12 or null:3")
+    p.add_argument("--evidence", action="store_true", help="search by evidence, and say what is lost and why")
     p.add_argument("--small", action="store_true", help="small frames and few lines, to try the command")
 
 
 def run(options: Options, progress: Progress) -> None:
     """Draw cases, diagnose them, judge and print; or one case alone."""
-    settings = CaseSettings(options.seed, options.small)
+    settings = CaseSettings(options.seed, options.small, evidence=options.evidence)
     if options.case is not None:
         progress(f"case {options.case} of seed {options.seed}")
         record = run_case(settings, parse_case(options.case))
         progress.close()
         sys.stdout.write(json.dumps(record, indent=2, ensure_ascii=False, default=float) + "\n")
         return
-    sets = tuple(s.strip() for s in options.sets.split(",") if s.strip()) if options.sets else SETS
+    sets = tuple(s.strip() for s in options.sets.split(",") if s.strip()) if options.sets else tuple(SETS)
     nulls = options.nulls if options.nulls is not None else options.cases
     tasks = plan(options.cases, nulls, sets)
     folder: Path = options.out or Path(f"validation-{options.seed}")
@@ -74,6 +75,8 @@ def run(options: Options, progress: Progress) -> None:
     progress.close()
     summary = summarise(records)
     text = as_markdown(summary, f"Validation with seed {options.seed}")
+    if any("evidence" in r for r in records):
+        text += f"\n## By evidence\n\n{calibration.as_markdown(records)}"
     write_json(folder / "table.json", {"settings": settings.as_dict(), **summary})
     with replacing(folder / "table.md") as scratch:
         scratch.write_text(text, encoding="utf-8")

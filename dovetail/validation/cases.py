@@ -18,7 +18,7 @@ from dovetail.validation.frames import (
     perturbed,
     sensors_of,
 )
-from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, draw_hidden
+from dovetail.validation.hidden import KINDS, SETS, draw_hidden
 from dovetail.validation.hiding import Hidden
 from dovetail.validation.truth import TrueFrame
 from fem.analysis.frf import FRF
@@ -26,10 +26,6 @@ from fem.model import DIRECTIONS, Model
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
-
-SETS = ("single", "null", "withheld", "weak", "two", "faults")
-"""Sets of cases: one effect; nothing; one whose kind the search may not use; one ten times weaker; two; a
-fault of a sensor."""
 
 SETTINGS_VERSION = 4
 """Raised whenever the same seed gives other cases than before."""
@@ -41,6 +37,10 @@ _STEP = 1e-6
 
 _WEAK = 0.02
 """Change of the FRFs up to which an effect counts as weak [nepers]."""
+
+
+EACH_DB = 0.3
+"""Change of the FRFs that each direction of a soft connection makes beside the others, at least [dB]."""
 
 
 FAULT_SEEN = 0.1
@@ -74,6 +74,8 @@ class CaseSettings:
     weaker : float
         Factor by which the amplitudes of the set "weak" are smaller.
     version : int
+    evidence : bool
+        Whether the cases are searched by evidence; it draws nothing.
     """
 
     seed: int
@@ -87,10 +89,12 @@ class CaseSettings:
     visible_db: tuple[float, float] = (1.5, 4.0)
     weaker: float = 10.0
     version: int = SETTINGS_VERSION
+    evidence: bool = False
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values for a file."""
-        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+        """Return plain values for a file; files of the older search say nothing of evidence."""
+        values = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+        return values if self.evidence else {k: v for k, v in values.items() if k != "evidence"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,18 +154,14 @@ class Case:
 def generator(settings: CaseSettings, set_name: str, *key: int) -> Generator:
     """Return the random numbers of a case: a child of the seed, whatever else is drawn."""
     return np.random.default_rng(
-        np.random.SeedSequence(settings.seed, spawn_key=(SETS.index(set_name), *key))
+        np.random.SeedSequence(settings.seed, spawn_key=(list(SETS).index(set_name), *key))
     )
 
 
 def kinds_of(settings: CaseSettings, set_name: str, index: int) -> tuple[str, ...]:
     """Return what a case hides: all kinds come once in each round, in an order that the seed shuffles."""
-    if set_name == "null":
-        return ()
-    pool = FAULTS if set_name == "faults" else EFFECTS
-    size = 2 if set_name == "two" else 1
     out: list[str] = []
-    for k in range(size):
+    for k, pool in enumerate(SETS[set_name]):
         turn, place = divmod(index, len(pool))
         order = generator(settings, set_name, 2**31 + turn, k).permutation(len(pool))
         out.append(pool[int(order[place])])
@@ -183,7 +183,8 @@ def draw_case(settings: CaseSettings, set_name: str, index: int) -> Case:
     rng = generator(settings, set_name, index)
     families = SMALL if settings.small else tuple(FAMILIES)
     for _ in range(40):
-        draft = draw_draft(rng, str(rng.choice(families)), settings.small)
+        feet = any(KINDS[kind].elastic_feet for kind in kinds)
+        draft = draw_draft(rng, str(rng.choice(families)), settings.small, feet)
         truth = perturbed(rng, draft, settings.material, settings.joint, settings.section, settings.damping)
         implants = _implants(rng, settings, draft, truth, kinds)
         if implants is None:
@@ -204,7 +205,7 @@ def _implants(
     if not kinds:
         return ()
     scale = _Scale(draft, truth, settings.noise_floor, 40 if settings.small else 100)
-    out = []
+    out: list[Implant] = []
     for kind in kinds:
         low, high = np.log(settings.visible_db)
         wanted = float(np.exp(rng.uniform(low, high)))
@@ -212,27 +213,32 @@ def _implants(
             hidden = draw_hidden(rng, kind, draft, truth)
             if hidden is None:
                 return None
-            implant = (
-                _drawn_fault(rng, scale, hidden) if KINDS[kind].fault else _strength(scale, hidden, wanted)
-            )
-            if implant is not None and not _clash(implant.hidden, out):
-                out.append(implant)
+            if _clash(hidden, out):
+                implants = ()
+            elif hidden.parts:
+                implants = _together(rng, settings, scale, hidden.parts)
+            elif KINDS[kind].fault:
+                implants = _drawn_fault(rng, scale, hidden)
+            else:
+                implants = _strength(scale, hidden, wanted)
+            out += implants
+            if implants:
                 break
         else:
             return None
     return tuple(out)
 
 
-def _drawn_fault(rng: Generator, scale: "_Scale", hidden: Hidden) -> Implant | None:
-    """Draw a fault's size; None where nobody could find it.
+def _drawn_fault(rng: Generator, scale: "_Scale", hidden: Hidden) -> tuple[Implant, ...]:
+    """Return a fault with a drawn size; nothing where nobody could find it.
 
     That is for a sensor that hears nothing, and for a fault that hardly changes what it reads, such as a
     wrong place along a member that moves lengthways there.
     """
     if not all(scale.hears(name) for name in hidden.place.sensors):
-        return None
+        return ()
     size = float(rng.uniform(*hidden.bounds))
-    return Implant(hidden, size, np.nan) if scale.misreads(hidden, size) else None
+    return (Implant(hidden, size, np.nan),) if scale.misreads(hidden, size) else ()
 
 
 def _clash(hidden: Hidden, others: Sequence[Implant]) -> bool:
@@ -269,8 +275,10 @@ class _Scale:
     def _frf(self, frame: TrueFrame) -> NDArray[np.complex128]:
         return frame.frf(self._f, self._draft.sensors, self._draft.drives)
 
-    def _log_change(self, frame: TrueFrame) -> NDArray[np.float64]:
-        d = log_ratio(self._frf(frame), self._base)[self._heard]
+    def _log_change(
+        self, frame: TrueFrame, base: NDArray[np.complex128] | None = None
+    ) -> NDArray[np.float64]:
+        d = log_ratio(self._frf(frame), self._base if base is None else base)[self._heard]
         return np.concatenate([d.real, d.imag])
 
     def hears(self, sensor: str) -> bool:
@@ -288,15 +296,22 @@ class _Scale:
         d = np.abs(log_ratio(H, self._base))[:, rows][self._heard[:, rows]]
         return bool(np.sqrt((d**2).mean()) >= FAULT_SEEN)
 
-    def visible_db(self, frame: TrueFrame) -> float:
-        """Return the change that is left [dB]."""
-        d = self._log_change(frame)
+    def visible_db(self, frame: TrueFrame, base: TrueFrame | None = None) -> float:
+        """Return the change from the truth, or from another frame near it, that is left [dB]."""
+        d = self._log_change(frame, None if base is None else self._frf(base))
         d = d - self._basis @ (self._basis.T @ d)
         return float(DB_PER_NEPER * np.sqrt((d**2).sum() / (d.size / 2)))
 
     def of(self, hidden: Hidden, amplitude: float) -> float:
         """Return the change by an effect at an amplitude [dB]."""
         return self.visible_db(hidden.change(self._truth, amplitude))
+
+    def beside(self, implant: Implant, others: Sequence[Implant]) -> float:
+        """Return the change that an effect makes in a frame that has others [dB]."""
+        base = self._truth
+        for o in others:
+            base = o.hidden.change(base, o.amplitude)
+        return self.visible_db(implant.hidden.change(base, implant.amplitude), base)
 
     def slope(self, hidden: Hidden) -> float:
         """Return the change by a weak effect, in proportion to its amplitude [dB]."""
@@ -331,8 +346,22 @@ def _varied(draft: Draft, truth: TrueFrame, step: float) -> list[TrueFrame]:
     return out
 
 
-def _strength(scale: _Scale, hidden: Hidden, wanted: float) -> Implant | None:
-    """Raise the amplitude until the change is as wanted; None if even the largest stays below the least."""
+def _together(
+    rng: Generator, settings: CaseSettings, scale: _Scale, parts: Sequence[Hidden]
+) -> tuple[Implant, ...]:
+    """Return effects at one place, each as visible as one alone; nothing if one is lost beside others."""
+    out: tuple[Implant, ...] = ()
+    for part in parts:
+        wanted = float(np.exp(rng.uniform(*np.log(settings.visible_db))))
+        out += _strength(scale, part, wanted)
+    if len(out) < len(parts):
+        return ()
+    seen = (scale.beside(i, [o for o in out if o is not i]) for i in out)
+    return out if all(db >= EACH_DB for db in seen) else ()
+
+
+def _strength(scale: _Scale, hidden: Hidden, wanted: float) -> tuple[Implant, ...]:
+    """Return an effect that changes the FRFs as wanted; nothing if even the largest amplitude does not."""
     low, high = hidden.bounds
     slope = scale.slope(hidden)
     grid = np.geomspace(low, high, 9)
@@ -343,9 +372,9 @@ def _strength(scale: _Scale, hidden: Hidden, wanted: float) -> Implant | None:
             break
         before = float(a)
     else:
-        return None
+        return ()
     if before is None:
-        return None
+        return ()
     upper = float(a)
     for _ in range(4):
         middle = float(np.sqrt(before * upper))
@@ -354,7 +383,7 @@ def _strength(scale: _Scale, hidden: Hidden, wanted: float) -> Implant | None:
             upper, change = middle, between
         else:
             before = middle
-    return Implant(hidden, upper, change)
+    return (Implant(hidden, upper, change),)
 
 
 def _measured(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 import fem
 from dovetail.validation.truth import Attached, Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
+from fem.model import DIRECTIONS
 from fem.system import assemble
 from updating.measurement.measurement import Sensor, place_sensors
 
@@ -19,6 +20,8 @@ NOMINAL_RATIO = 0.003
 """Modal damping ratio of every model [-]."""
 RIGID_JOINTS = 0.3
 """Share of joints that the model has rigid."""
+FOOT_INWARDS = (0.03, 0.08)
+"""Least and largest distance of an elastic foot from its member's end, in parts of its length [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,15 +195,7 @@ def draw_frame(rng: Generator, family: str) -> tuple[TrueFrame, dict[str, str]]:
     for i, (m, s, n, t) in enumerate(outline.joints):
         first, second = Cut(m, s * members[m].length), Cut(n, t * members[n].length)
         location = (members[m].place(first.position) + members[n].place(second.position)) / 2
-        one = members[m]
-        EI = one.E * one.b * one.h**3 / 12
-        L = 0.7
-        k = (
-            np.array([3e4] * 3 + [8.0] * 3)
-            * EI
-            / L ** np.array([3, 3, 3, 1, 1, 1])
-            * rng.uniform(0.4, 2.0, 6)
-        )
+        k = _stiffnesses(rng, members[m])
         rigid = rng.random() < RIGID_JOINTS
         joints.append(
             TrueJoint(
@@ -276,10 +271,13 @@ def build_model(
         sets[name] = [i]
     mesh = fem.Mesh.from_lines(points, lines, sets)
     for j in frame.joints:
-        for side, at in (("1", j.first), ("2", j.second)):
+        for side, at in enumerate(j.cuts, start=1):
             mesh = mesh.with_point_on(at.member, at.position, f"{j.name}.{side}")
     for i, a in enumerate(frame.attached):
         mesh = mesh.with_point_on(a.at.member, a.at.position, f"cord{i + 1}")
+    for s in frame.supports:
+        if 0.0 < s.at.position < frame.members[s.at.member].length:
+            mesh = mesh.with_point_on(s.at.member, s.at.position, s.name)
     mesh = place_sensors(mesh, sensors_of(frame, sensors))
     stuff = {}
     for name in dict.fromkeys(materials.values()):
@@ -297,8 +295,10 @@ def build_model(
     for s in frame.supports:
         effects.append(fem.Support(name=s.name, point=mesh.nearest_point(frame.place(s.at))[0]))
     for j in frame.joints:
-        one, two = (mesh.point_names[f"{j.name}.{side}"] for side in "12")
-        rigid = ("x", "y", "z", "rx", "ry", "rz") if j.rigid[0] else ()
+        ends = [mesh.point_names[f"{j.name}.{side}"] for side, _ in enumerate(j.cuts, start=1)]
+        one, two = (*ends, None)[:2]
+        assert one is not None
+        rigid = DIRECTIONS if j.rigid[0] else ()
         effects.append(
             fem.Joint(name=j.name, point1=one, point2=two, location=j.location, K=j.K, rigid=rigid)
         )
@@ -325,7 +325,26 @@ def _frequencies(frame: TrueFrame, materials: dict[str, str], number: int) -> ND
     return modes.frequency[modes.frequency > 1.0]
 
 
-def draw_draft(rng: Generator, family: str, small: bool = False) -> Draft:
+def on_elastic_feet(rng: Generator, frame: TrueFrame) -> TrueFrame:
+    """Return a frame whose clamps are elastic feet a little further along their members."""
+    feet = []
+    for n, s in enumerate(frame.supports, start=1):
+        m = frame.members[s.at.member]
+        inwards = rng.uniform(*FOOT_INWARDS) * m.length
+        at = Cut(s.at.member, float(inwards if s.at.position == 0 else m.length - inwards))
+        K = np.diag(_stiffnesses(rng, m))
+        feet.append(TrueJoint(f"F{n}", at, None, m.place(at.position), K, (False,) * 6))
+    return replace(frame, supports=(), joints=(*frame.joints, *feet))
+
+
+def _stiffnesses(rng: Generator, member: Member) -> NDArray[np.float64]:
+    """Return the six stiffnesses of a joint, some of EI/L³ and EI/L of a member [N/m, N·m/rad]."""
+    EI, L = member.E * member.b * member.h**3 / 12, 0.7
+    k = np.array([3e4] * 3 + [8.0] * 3) * EI / L ** np.array([3, 3, 3, 1, 1, 1])
+    return k * rng.uniform(0.4, 2.0, 6)
+
+
+def draw_draft(rng: Generator, family: str, small: bool = False, elastic_feet: bool = False) -> Draft:
     """Draw a frame, its test and its band.
 
     Parameters
@@ -334,11 +353,15 @@ def draw_draft(rng: Generator, family: str, small: bool = False) -> Draft:
     family : str
     small : bool
         Few modes and lines, for trying things out.
+    elastic_feet : bool
+        Whether elastic feet stand in the place of clamps.
     """
     frame, materials = draw_frame(rng, family)
+    if elastic_feet:
+        frame = on_elastic_feet(rng, frame)
     n_modes = int(rng.integers(5, 8) if small else rng.integers(8, 26))
     f = _frequencies(frame, materials, n_modes + 8)
-    if not frame.supports:
+    if not frame.supports and all(j.second is not None for j in frame.joints):
         mass = sum(m.mass for m in frame.members.values())
         names = list(frame.members)
         n = 4

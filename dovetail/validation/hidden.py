@@ -9,19 +9,45 @@ from dataclasses import replace
 from dovetail.validation.frames import Draft, Generator
 from dovetail.validation.hidden_at_joints import AT_JOINTS
 from dovetail.validation.hidden_at_points import AT_POINTS
+from dovetail.validation.hidden_connections import CONNECTIONS
 from dovetail.validation.hidden_faults import IN_RECORDS
 from dovetail.validation.hidden_in_members import IN_MEMBERS
+from dovetail.validation.hidden_mountings import MOUNTINGS
 from dovetail.validation.hiding import Hidden, Kind
 from dovetail.validation.truth import TrueFrame
 
-KINDS: dict[str, Kind] = {kind.name: kind for kind in (*AT_JOINTS, *IN_MEMBERS, *AT_POINTS, *IN_RECORDS)}
+_SINGLE = (*AT_JOINTS, *IN_MEMBERS, *AT_POINTS)
+
+KINDS: dict[str, Kind] = {kind.name: kind for kind in (*_SINGLE, *IN_RECORDS, *CONNECTIONS, *MOUNTINGS)}
 """Every kind that may be hidden, by name, with what a diagnosis should call it."""
 
-EFFECTS = tuple(k for k, kind in KINDS.items() if not kind.fault)
-FAULTS = tuple(k for k, kind in KINDS.items() if kind.fault)
+EFFECTS = tuple(kind.name for kind in _SINGLE)
+"""Kinds of the sets with any effect. Seeds draw from them by number: further kinds have sets of their own."""
+FAULTS = tuple(kind.name for kind in IN_RECORDS)
+
+SETS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "single": (EFFECTS,),
+    "null": (),
+    "withheld": (EFFECTS,),
+    "weak": (EFFECTS,),
+    "two": (EFFECTS, EFFECTS),
+    "faults": (FAULTS,),
+    "connection": (("joint_soft", "support_soft"),),
+    "connections": (("connection_soft",), ("connection_soft",)),
+    "mixed": (("connection_soft",), ("point_mass",)),
+    "mounting": (("joint_offset", "joint_hole", "part_shift", "foot_shift", "support_shift"),),
+}
+"""Sets of cases, with the kinds that each thing in them is drawn from.
+
+One effect; nothing; one whose kind the search may not use; one ten times weaker; two; a fault of a sensor; a
+connection that gives way in two or three directions; two such; one and a mass; something that is mounted
+elsewhere.
+"""
 
 
 def draw_hidden(rng: Generator, kind: str, draft: Draft, truth: TrueFrame) -> Hidden | None:
     """Return a place for a kind on a frame, or None if it has none."""
     drawn = KINDS[kind].draw(rng, draft, truth)
-    return None if drawn is None else replace(drawn, kind=kind)
+    if drawn is None:
+        return None
+    return replace(drawn, kind=kind, parts=tuple(replace(p, kind=kind) for p in drawn.parts))

@@ -18,7 +18,7 @@ from dovetail.validation.hiding import (
     some_joint,
 )
 from dovetail.validation.spectral import Law
-from dovetail.validation.truth import TrueFrame, rigid_body
+from dovetail.validation.truth import TrueFrame, TrueJoint, rigid_body
 from fem.model import DIRECTIONS
 
 
@@ -27,22 +27,26 @@ def _joint_stiffness(directions: range) -> Draw:
         i = some_joint(rng, draft)
         if i is None:
             return None
-        d, j = int(rng.choice(directions)), truth.joints[i]
-
-        def stiffness(a: float) -> float:
-            return felt_stiffness(draft, j.first.member, d) / a if j.rigid[d] else float(j.K[d, d]) / (1 + a)
-
-        def change(frame: TrueFrame, a: float) -> TrueFrame:
-            own = next(x for x in frame.joints if x.name == j.name)
-            K = own.K.copy()
-            K[d, d] = stiffness(a)
-            return frame.with_joint(j.name, K=K, rigid=tuple(r and k != d for k, r in enumerate(own.rigid)))
-
-        place = Place(f"joint {j.name}, {DIRECTIONS[d]}", joint=j.name, direction=DIRECTIONS[d])
-        bounds = (0.03, 1e6) if j.rigid[d] else (0.1, 1e4)
-        return Hidden("", place, bounds, change, lambda a: {"stiffness": stiffness(a)})
+        return soft_joint(draft, truth.joints[i], int(rng.choice(directions)))
 
     return draw
+
+
+def soft_joint(draft: Draft, j: TrueJoint, d: int) -> Hidden:
+    """Return a joint that gives way in a direction, or more so than it should."""
+
+    def stiffness(a: float) -> float:
+        return felt_stiffness(draft, j.first.member, d) / a if j.rigid[d] else float(j.K[d, d]) / (1 + a)
+
+    def change(frame: TrueFrame, a: float) -> TrueFrame:
+        own = next(x for x in frame.joints if x.name == j.name)
+        K = own.K.copy()
+        K[d, d] = stiffness(a)
+        return frame.with_joint(j.name, K=K, rigid=tuple(r and k != d for k, r in enumerate(own.rigid)))
+
+    place = Place(f"joint {j.name}, {DIRECTIONS[d]}", joint=j.name, direction=DIRECTIONS[d])
+    bounds = (0.03, 1e6) if j.rigid[d] else (0.1, 1e4)
+    return Hidden("", place, bounds, change, lambda a: {"stiffness": stiffness(a)})
 
 
 def _joint_coupled(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:

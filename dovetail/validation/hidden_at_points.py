@@ -18,7 +18,7 @@ from dovetail.validation.hiding import (
     some_fastening,
     some_place,
 )
-from dovetail.validation.truth import Attached, Cut, TrueFrame, rigid_body
+from dovetail.validation.truth import Attached, Cut, TrueFrame, TrueSupport, rigid_body
 from fem.model import DIRECTIONS
 
 
@@ -123,18 +123,24 @@ def _support(directions: range, damped: bool = False) -> Draw:
             return None
         s = draft.frame.supports[int(rng.integers(len(draft.frame.supports)))]
         d = int(rng.choice(directions))
-        unit = felt_stiffness(draft, s.at.member, d)
-        rigid = tuple(k != d for k in range(6))
-
-        def change(frame: TrueFrame, a: float) -> TrueFrame:
-            C = one_entry(d, 0.3 * unit / a / middle_of_band(draft) if damped else 0.0)
-            return frame.with_support(s.name, rigid=rigid, K=one_entry(d, unit / a), C=C)
-
-        place = Place(f"support {s.name}, {DIRECTIONS[d]}", support=s.name, direction=DIRECTIONS[d])
-        values = {"tau": 0.3 / middle_of_band(draft)} if damped else {}
-        return Hidden("", place, (0.1, 1e6), change, lambda a: {"stiffness": unit / a, **values})
+        return soft_support(draft, s, d, damped)
 
     return draw
+
+
+def soft_support(draft: Draft, s: TrueSupport, d: int, damped: bool = False) -> Hidden:
+    """Return a support that gives way in a direction, beside those in which it does already."""
+    unit = felt_stiffness(draft, s.at.member, d)
+
+    def change(frame: TrueFrame, a: float) -> TrueFrame:
+        own = next(x for x in frame.supports if x.name == s.name)
+        C = one_entry(d, 0.3 * unit / a / middle_of_band(draft) if damped else 0.0)
+        rigid = tuple(r and k != d for k, r in enumerate(own.rigid))
+        return frame.with_support(s.name, rigid=rigid, K=own.K + one_entry(d, unit / a), C=own.C + C)
+
+    place = Place(f"support {s.name}, {DIRECTIONS[d]}", support=s.name, direction=DIRECTIONS[d])
+    values = {"tau": 0.3 / middle_of_band(draft)} if damped else {}
+    return Hidden("", place, (0.1, 1e6), change, lambda a: {"stiffness": unit / a, **values})
 
 
 AT_POINTS = (

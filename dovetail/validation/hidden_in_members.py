@@ -153,7 +153,7 @@ def _fluid(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
 
 
 def _rigid_zone(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
-    taken = {(c.member, round(c.position, 9)) for j in draft.frame.joints for c in (j.first, j.second)}
+    taken = {(c.member, round(c.position, 9)) for j in draft.frame.joints for c in j.cuts}
     ends = [
         (name, end)
         for name, m in draft.frame.members.items()

@@ -72,6 +72,9 @@ class Hidden:
         From the sensors to the places and directions where they really are.
     data : callable or None
         From frequencies (n_freq,), exact FRFs (n_freq, n_out, n_in) and the amplitude to what is recorded.
+    parts : tuple of Hidden
+        Effects at one place that are hidden together, each with a strength of its own. Nothing but they is
+        hidden then.
     """
 
     kind: str
@@ -81,6 +84,7 @@ class Hidden:
     values: Callable[[float], dict[str, float]] = lambda a: {}
     readings: Callable[[Readings, float], Readings] | None = None
     data: Callable[[NDArray[np.float64], NDArray[Any], float], NDArray[Any]] | None = None
+    parts: tuple["Hidden", ...] = ()
 
 
 Draw = Callable[[Generator, Draft, TrueFrame], Hidden | None]
@@ -100,12 +104,15 @@ class Kind:
         Gives a place, or None if the frame has none.
     fault : bool
         True for faults of the measurement.
+    elastic_feet : bool
+        Whether it needs a frame on elastic feet in place of clamps.
     """
 
     name: str
     found_as: tuple[str, ...]
     draw: Draw = field(repr=False)
     fault: bool = False
+    elastic_feet: bool = False
 
 
 def some_member(rng: Generator, draft: Draft) -> tuple[str, Member]:
@@ -141,7 +148,7 @@ def some_fastening(rng: Generator, draft: Draft) -> tuple[str, Member, float]:
     """Return a member's end that is no foot, or a joint's place: where things are fastened."""
     feet = [s.at for s in draft.frame.supports]
     places = [Cut(name, x) for name, m in draft.frame.members.items() for x in (0.0, m.length)]
-    places += [c for j in draft.frame.joints for c in (j.first, j.second)]
+    places += [c for j in draft.frame.joints for c in j.cuts]
     free = [p for p in places if p not in feet]
     at = free[int(rng.integers(len(free)))]
     return at.member, draft.frame.members[at.member], at.position

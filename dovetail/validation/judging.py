@@ -7,12 +7,14 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from dovetail.validation.cases import Case, Implant
+from dovetail.validation.evidence import Stated, assess
 from dovetail.validation.hidden import KINDS
 from dovetail.validation.hiding import Place
 from fem.effects import candidate_kinds
 from fem.model import Effect, Model
 from updating.correlation import log_ratio, rms_db
 from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, Diagnosis, propose
+from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding
 from updating.quality.corrections import Fault
 
@@ -69,6 +71,38 @@ def same_place(effect: Effect, model: Model, place: Place) -> bool:
 def _matches(effect: Effect | None, model: Model, implant: Implant) -> bool:
     right = KINDS[implant.hidden.kind].found_as
     return effect is not None and effect.kind in right and same_place(effect, model, implant.hidden.place)
+
+
+def stated(case: Case) -> tuple[Stated, ...]:
+    """Return the effects that a case hides in the terms of the library; faults are none."""
+    return tuple(_stated(case, i) for i in case.implants if not KINDS[i.hidden.kind].fault)
+
+
+def _stated(case: Case, implant: Implant) -> Stated:
+    place, values = implant.hidden.place, implant.hidden.values(implant.amplitude)
+    return Stated(
+        KINDS[implant.hidden.kind].found_as,
+        lambda effect: same_place(effect, case.model, place),
+        lambda effect: values,
+    )
+
+
+def is_hidden(case: Case, effects: Sequence[Effect]) -> bool:
+    """Whether some effects are those that a case hides, each once and no others."""
+    hidden = [i for i in case.implants if not KINDS[i.hidden.kind].fault]
+    if len(hidden) != len(effects) or not effects:
+        return len(hidden) == len(effects)
+    hit = np.array([[_matches(e, case.model, i) for i in hidden] for e in effects])
+    return bool(hit[linear_sum_assignment(~hit)].all())
+
+
+def judge_evidence(case: Case, diagnosis: Diagnosis, searched: Searched, record: Record) -> Record:
+    """Return what the posterior of a search says, beside the record of its diagnosis."""
+    right = record["outcome"] == "right" or (case.set, record["outcome"]) == ("withheld", "twin")
+    faults_right = record["outcome"] in ("right", "beside") if case.set == "faults" else not diagnosis.faults
+    return assess(
+        searched, diagnosis, right, faults_right, [stated(case)], lambda effects: is_hidden(case, effects)
+    )
 
 
 def judge(case: Case, diagnosis: Diagnosis) -> Record:

@@ -23,11 +23,14 @@ import numpy as np
 import fem
 import updating
 from dovetail.disk.locks import Lock, holder
-from dovetail.validation.cases import SETS, CaseSettings, draw_case, kinds_of
-from dovetail.validation.judging import Record, is_known, judge
+from dovetail.validation.cases import Case, CaseSettings, draw_case, kinds_of
+from dovetail.validation.evidence import keeping_searches
+from dovetail.validation.hidden import SETS
+from dovetail.validation.judging import Record, is_known, judge, judge_evidence
 from fem.effects import candidate_kinds
 from fem.io.atomic import WriteError, replacing
 from updating.diagnosis.diagnose import diagnose
+from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
 
 CASES_FILE = "cases.jsonl"
 LOCK_FILE = ".lock"
@@ -67,14 +70,7 @@ def run_case(settings: CaseSettings, task: Task) -> Record:
             warnings.simplefilter("always")
             case = draw_case(settings, set_name, index)
             drawn = time.perf_counter() - begun
-            diagnosis = diagnose(
-                case.model,
-                [case.measurement],
-                case.nuisances,
-                exclude=tuple(k for k in case.exclude if k in candidate_kinds()),
-                model_error=0.0,  # the truth is made of beams
-            )
-            record = judge(case, diagnosis)
+            record = _judged(case, settings.evidence)
             record["drawing_seconds"] = drawn
     except Exception:
         kinds = kinds_of(settings, set_name, index)
@@ -91,6 +87,26 @@ def run_case(settings: CaseSettings, task: Task) -> Record:
         }
     record["warnings"] = sorted({str(w.message) for w in said})
     record["program"] = program()
+    return record
+
+
+def _judged(case: Case, evidence: bool) -> Record:
+    """Diagnose a case, by evidence or by the older search, and judge the diagnosis."""
+    exclude = tuple(k for k in case.exclude if k in candidate_kinds())
+    search = diagnose_by_evidence if evidence else diagnose
+    begun = time.process_time()
+    with keeping_searches() as kept:
+        diagnosis = search(
+            case.model,
+            [case.measurement],
+            case.nuisances,
+            exclude=exclude,
+            model_error=0.0,  # the truth is made of beams
+        )
+    cpu = time.process_time() - begun
+    record = judge(case, diagnosis) | {"cpu_seconds": cpu}
+    if evidence:
+        record["evidence"] = judge_evidence(case, diagnosis, kept[-1], record)
     return record
 
 

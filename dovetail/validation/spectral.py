@@ -94,6 +94,8 @@ class Connection:
         [N/m, N·s/m and with rotations].
     law : callable or None
         Factor of K; 1 for None.
+    from_first : ndarray (3,) or None
+        Where the first node's rigid arm ends; at the location for None [m].
     """
 
     first: int | None
@@ -104,6 +106,7 @@ class Connection:
     K: Array
     C: Array
     law: Law | None = None
+    from_first: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -370,7 +373,8 @@ def coordinates(frame: SpectralFrame) -> tuple[NDArray[np.float64], dict[int, ND
             else:
                 c = frame.connections[by_second[node]]
                 if c.first is not None:
-                    T += carry(c.location - frame.nodes[c.first]) @ row(c.first, (*above, node))
+                    place = c.location if c.from_first is None else c.from_first
+                    T += carry(place - frame.nodes[c.first]) @ row(c.first, (*above, node))
                 free = [d for d in range(6) if not c.rigid[d]]
                 T[:, relative[by_second[node]]] += np.kron(np.eye(2), c.axes).T[:, free]
                 T = carry(frame.nodes[node] - c.location) @ T

@@ -48,7 +48,15 @@ RATES: dict[str, tuple[tuple[str, Test], ...]] = {
         ("not noticed", lambda r: r["outcome"] == "not noticed"),
     ),
 }
-RATES["weak"] = RATES["single"]
+RATES["weak"] = RATES["mounting"] = RATES["single"]
+RATES["connection"] = RATES["connections"] = RATES["mixed"] = (
+    ("all right, nothing else", lambda r: r["outcome"] == "right"),
+    ("all right", lambda r: r["outcome"] in ("right", "beside")),
+    ("some right, nothing else", lambda r: r["outcome"] == "part"),
+    ("a wrong effect", lambda r: r["outcome"] in ("wrong", "beside")),
+    ("unexplained", lambda r: r["outcome"] == "unexplained"),
+    ("not noticed", lambda r: r["outcome"] == "not noticed"),
+)
 
 
 def interval(hits: int, n: int) -> tuple[float, float]:

@@ -143,12 +143,13 @@ class Member:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueJoint:
-    """A joint between two members; ``second`` None is a spring to ground.
+    """A joint between two members, or an elastic foot.
 
     Attributes
     ----------
     name : str
     first, second : Cut
+        Its sides; ``second`` is None for the ground.
     location : ndarray (3,)
         [m].
     K, C, M : ndarray (6, 6)
@@ -156,17 +157,27 @@ class TrueJoint:
     rigid : tuple of bool
     law : callable or None
         Complex factor of K.
+    levers : (ndarray (3,), ndarray (3,))
+        From the location to where each side's rigid arm ends, such as a hole beside the centre line [m].
     """
 
     name: str
     first: Cut
-    second: Cut
+    second: Cut | None
     location: NDArray[np.float64]
     K: Array
     rigid: tuple[bool, ...]
     C: Array = field(default_factory=_zeros)
     M: Array = field(default_factory=_zeros)
     law: Law | None = None
+    levers: tuple[NDArray[np.float64], NDArray[np.float64]] = field(
+        default_factory=lambda: (np.zeros(3), np.zeros(3))
+    )
+
+    @property
+    def cuts(self) -> tuple[Cut, ...]:
+        """Its sides on members."""
+        return (self.first,) if self.second is None else (self.first, self.second)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -286,16 +297,20 @@ class _Cutter:
         self._bodies: list[Body] = []
         self._connections: list[Connection] = []
         cuts = [*forces, *(a.at for a in frame.attached), *(s.at for s in frame.supports)]
-        cuts += [c for j in frame.joints for c in (j.first, j.second)]
+        cuts += [c for j in frame.joints for c in j.cuts]
         for name, member in frame.members.items():
             self._cut(name, member, [c.position for c in cuts if c.member == name])
         for j in frame.joints:
-            first, second = self._node(j.first), self._node(j.second)
-            axes = np.eye(3)
-            self._connections.append(Connection(first, second, j.location, axes, j.rigid, j.K, j.C, j.law))
+            nodes = [self._node(c) for c in j.cuts]
+            ends = [j.location + lever for lever in j.levers[: len(nodes)]]
+            first = None if j.second is None else nodes[0]
+            self._connections.append(
+                Connection(first, nodes[-1], ends[-1], np.eye(3), j.rigid, j.K, j.C, j.law, ends[0])
+            )
             if j.M.any():
                 self._bodies += [
-                    Body(node, j.location, j.M / 2, _zeros(), _zeros()) for node in (first, second)
+                    Body(node, end, j.M / len(nodes), _zeros(), _zeros())
+                    for node, end in zip(nodes, ends, strict=True)
                 ]
         for s in frame.supports:
             node = self._node(s.at)

@@ -17,9 +17,9 @@ import pytest
 
 from dovetail.cli import main
 from dovetail.validation import run as runner
-from dovetail.validation.cases import SETS, CaseError, CaseSettings, _Scale, draw_case, kinds_of
+from dovetail.validation.cases import CaseError, CaseSettings, _Scale, draw_case, kinds_of
 from dovetail.validation.frames import draw_draft, perturbed
-from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, draw_hidden
+from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, SETS, draw_hidden
 from dovetail.validation.judging import judge, same_place
 from dovetail.validation.table import as_markdown, interval, summarise
 from updating.correlation import DB_PER_NEPER, log_ratio
@@ -511,7 +511,10 @@ def test_small_cases_from_the_command_line(tmp_path):
 
 def test_sets_have_their_place_in_the_seed():
     """The order of the sets is part of what a seed means."""
-    assert SETS == ("single", "null", "withheld", "weak", "two", "faults")
+    assert tuple(SETS) == (
+        "single", "null", "withheld", "weak", "two", "faults",
+        "connection", "connections", "mixed", "mounting",
+    )  # fmt: skip
     assert all(KINDS[k].found_as for k in KINDS)
 
 

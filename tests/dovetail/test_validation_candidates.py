@@ -11,7 +11,7 @@ import pytest
 
 import fem
 from dovetail.validation.frames import build_model, constant_loss, draw_draft, sensors_of
-from dovetail.validation.hidden import EFFECTS, KINDS, draw_hidden
+from dovetail.validation.hidden import EFFECTS, KINDS, SETS, draw_hidden
 from dovetail.validation.judging import is_known, same_place
 from fem.effects import candidate_kinds
 from fem.model import DIRECTIONS
@@ -23,14 +23,23 @@ from updating.measurement.measurement import Measurement
 ETA = 0.02
 STIFFER, LIGHTER, JOINTS = 1.15, 0.9, (1.3, 0.8, 1.2, 0.75, 1.3, 0.8)
 """Truth in parts of nominal: E, density, and the stiffnesses of joints."""
-FAMILY = {"joint": "cross", "support": "angle", "end": "bracket", "rigid": "bracket"}
-NOT_BY_VALUE = ("stiffness_loss",)  # the truth's stretch is not exactly a tenth of the member
+FAMILY = {
+    "joint": "cross",
+    "support": "angle",
+    "foot": "angle",
+    "part": "cross",
+    "end": "bracket",
+    "rigid": "bracket",
+}
+MOUNTED = tuple(k for pool in SETS["mounting"] for k in pool if k not in EFFECTS)
+# The truth's stretch is not exactly a tenth of the member; a clamp between nodes makes an element too stiff.
+NOT_BY_VALUE = ("stiffness_loss", "support_shift")
 
 
 @lru_cache
-def frame(family, number):
+def frame(family, number, elastic_feet=False):
     """Return a test, its truth, which deviates and has one loss factor, and the model with its values."""
-    draft = draw_draft(np.random.default_rng([9, number]), family, small=True)
+    draft = draw_draft(np.random.default_rng([9, number]), family, small=True, elastic_feet=elastic_feet)
     law = constant_loss(ETA)
     truth = replace(
         draft.frame,
@@ -71,7 +80,7 @@ def level(H, base, heard):
 def drawn(kind):
     """Return a hidden effect and an amplitude at which the FRFs change by 0.3 nepers."""
     for k in range(12):
-        draft, truth, model = frame(FAMILY.get(kind.split("_")[0], "tee"), k // 4)
+        draft, truth, model = frame(FAMILY.get(kind.split("_")[0], "tee"), k // 4, KINDS[kind].elastic_feet)
         hidden = draw_hidden(np.random.default_rng(k), kind, draft, truth)
         if hidden is None:
             continue
@@ -86,7 +95,7 @@ def drawn(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [k for k in EFFECTS if is_known(k) and k not in NOT_BY_VALUE])
+@pytest.mark.parametrize("kind", [k for k in (*EFFECTS, *MOUNTED) if is_known(k) and k not in NOT_BY_VALUE])
 def test_the_right_candidate_with_the_true_parameters_does_what_the_hidden_effect_does(kind):
     draft, model, hidden, a, f, H, heard, change = drawn(kind)
     values = hidden.values(a)

@@ -1,8 +1,8 @@
 """Run the independent cases and set verdicts against the truth: python -m tests.independent.table
 
 Each nominal.json becomes a study, `dovetail run` investigates it in a process of its own, and only when all
-have ended is truth.json read. What comes out is printed as it is. A truth that is not understood is shown in
-its own words, and not judged.
+have ended is truth.json read; by evidence, each process reads it when its diagnosis has ended. What comes out
+is printed as it is. A truth that is not understood is shown in its own words, and not judged.
 """
 
 import argparse
@@ -20,7 +20,11 @@ from tests.independent.convert import convert
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES = ROOT.parent / "shared" / "data" / "independent-cases"
+NOT_UNDERSTOOD = KeyError, TypeError, ValueError, AttributeError, IndexError
+"""What reading a truth in unknown words raises."""
 HEAD = ("case", "hidden", "verdict", "found", "right", "error [dB]", "floor [dB]", "time [s]")
+BY_EVIDENCE = ("probability", "of the place", "in three", "truth [nats]", "loss")
+"""Further columns of searches by evidence."""
 YES, TWIN, PARTLY, NO, NOT_JUDGED = "yes", "as a twin", "partly", "no", "not judged"
 CORNERS = "solid_corner", "rigid_end_zone"
 """What may be found where corners are solid."""
@@ -329,9 +333,7 @@ def judge(effects, faults, result, corners=False):
     want = "effect" if effects or beside else "measurement fault" if faults else "nothing missing"
     if result["verdict"] != want or (found and not effects):
         return NO
-    if len(result["faults"]) != len(faults):
-        return NO
-    if not all(any(h.is_found(f) for f in result["faults"]) for h in faults):
+    if not faults_are(faults, result["faults"]):
         return NO
     if all(any(h.is_at(f) for f in found) for h in effects):
         return YES if len(found) == len(effects) else PARTLY
@@ -340,6 +342,11 @@ def judge(effects, faults, result, corners=False):
     ):
         return TWIN
     return NO
+
+
+def faults_are(faults, found):
+    """Say whether the faults that were found are those that are hidden."""
+    return len(found) == len(faults) and all(any(h.is_found(f) for f in found) for h in faults)
 
 
 def in_words(result):
@@ -389,20 +396,30 @@ def as_told(truth):
     return "; ".join(out) or "effects are not stated"
 
 
-def investigate(case, out):
-    """Convert a case and run it in a process of its own; return result.json, or what the program said."""
+def investigate(case, out, evidence=False):
+    """Convert a case and run it in a process of its own; return result.json, or what the program said.
+
+    By evidence the record of the case is under ``record``.
+    """
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
     folder = out / case.name
     folder.mkdir(parents=True, exist_ok=True)
     study = folder / "study.toml"
     study.write_text(convert(nominal, case, study), encoding="utf-8")
     out = folder / "result"
-    command = [sys.executable, "-m", "dovetail", "run", str(study), "--out", str(out), "--quiet"]
+    command = ["dovetail", "run", str(study), "--out", str(out), "--quiet"]
+    if evidence:
+        command = ["tests.independent.by_evidence", str(study), str(case), str(out)]
+    command = [sys.executable, "-m", *command]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         return done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"exit code {done.returncode}"
-    return json.loads((out / "result.json").read_text(encoding="utf-8"))
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    record = out / "record.json"
+    if evidence and record.exists():
+        result["record"] = json.loads(record.read_text(encoding="utf-8"))
+    return result
 
 
 def row(case, result, truth):
@@ -410,7 +427,7 @@ def row(case, result, truth):
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
     try:
         known = hidden_effects(truth, nominal)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+    except NOT_UNDERSTOOD:
         known, hidden = None, as_told(truth)
     else:
         hidden = hidden_in_words(*known)
@@ -429,6 +446,23 @@ def row(case, result, truth):
     )
 
 
+def evidence_row(result):
+    """Return the further cells of a case that was searched by evidence."""
+    told = {} if isinstance(result, str) else result.get("record", {}).get("evidence")
+    if not told:
+        return ("-",) * len(BY_EVIDENCE)
+    truth = "-" if told["truth"] is None else f"{told['truth']:+.1f}"
+    shares = (f"{100 * told[key]:.1f} %" for key in ("probability", "place_probability"))
+    return (*shares, "yes" if told["in_three"] else "no", truth, told["loss"])
+
+
+def write_records(results, path):
+    """Write the records of searches by evidence as lines of JSON, for `benchmarks.calibration`."""
+    records = [r["record"] for r in results if not isinstance(r, str) and "record" in r]
+    lines = [json.dumps(r, ensure_ascii=False) + "\n" for r in records]
+    path.write_text("".join(lines), encoding="utf-8")
+
+
 def count(rows):
     """Return how many rows are right of those that were judged."""
     verdicts = [r[HEAD.index("right")] for r in rows]
@@ -437,10 +471,10 @@ def count(rows):
     return f"{verdicts.count(YES)} of {judged} right{rest}"
 
 
-def markdown(rows):
+def markdown(rows, head=HEAD):
     """Return a table in Markdown with aligned columns."""
-    every = [HEAD, *rows]
-    widths = [max(len(r[k]) for r in every) for k in range(len(HEAD))]
+    every = [head, *rows]
+    widths = [max(len(r[k]) for r in every) for k in range(len(head))]
     lines = [
         "| " + " | ".join(cell.ljust(w) for cell, w in zip(r, widths, strict=True)) + " |" for r in every
     ]
@@ -458,6 +492,9 @@ def main(argv=None):
     )
     parser.add_argument("--only", default="", help="only cases whose name holds this")
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time (default: %(default)s)")
+    parser.add_argument(
+        "--evidence", action="store_true", help="search by evidence, and start each case at its truth as well"
+    )
     options = parser.parse_args(argv)
     cases = [p.parent for p in sorted(options.cases.glob("*/nominal.json")) if options.only in p.parent.name]
     if not cases:
@@ -465,7 +502,7 @@ def main(argv=None):
         return 2
 
     def run(case):
-        result = investigate(case, options.out)
+        result = investigate(case, options.out, options.evidence)
         sys.stderr.write(f"{case.name}: {result if isinstance(result, str) else result['verdict']}\n")
         return result
 
@@ -474,7 +511,12 @@ def main(argv=None):
     told = options.cases / "truth.json"
     truth = json.loads(told.read_text(encoding="utf-8")) if told.exists() else {}
     rows = [row(case, result, truth.get(case.name)) for case, result in zip(cases, results, strict=True)]
-    text = f"{markdown(rows)}\n\n{count(rows)}\n"
+    head = HEAD
+    if options.evidence:
+        head = (*HEAD, *BY_EVIDENCE)
+        rows = [(*cells, *evidence_row(result)) for cells, result in zip(rows, results, strict=True)]
+        write_records(results, options.out / "records.jsonl")
+    text = f"{markdown(rows, head)}\n\n{count(rows)}\n"
     (options.out / "table.md").write_text(text, encoding="utf-8")
     sys.stdout.write(text)
     return int(any(isinstance(result, str) for result in results))

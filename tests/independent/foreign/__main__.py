@@ -11,7 +11,7 @@ import numpy as np
 from tests.independent.casefiles import NOTHING, with_noise, write_files
 from tests.independent.foreign.bench import Bench
 from tests.independent.foreign.draw import draw, plans
-from tests.independent.foreign.structure import nominal_of, read
+from tests.independent.foreign.structure import FURTHER, nominal_of, read
 
 CODES = {"solid": "scikit-fem, quadratic hexahedra", "beam": "OpenSees, Timoshenko beams"}
 
@@ -47,12 +47,13 @@ def name_of(seed, plan):
 
 
 def main(argv=None):
-    known = read()
+    usual = read()
+    known = usual | read(FURTHER)
     parser = argparse.ArgumentParser(prog="python -m tests.independent.foreign", description=__doc__)
     parser.add_argument("out", type=Path, help="folder of the cases")
     parser.add_argument("--seed", type=int, default=1, help="draws everything (default: %(default)s)")
     parser.add_argument("--cases", type=int, default=40, help="how many (default: %(default)s)")
-    parser.add_argument("--structures", nargs="+", default=list(known), choices=list(known), metavar="NAME")
+    parser.add_argument("--structures", nargs="+", default=list(usual), choices=list(known), metavar="NAME")
     options = parser.parse_args(argv)
     options.out.mkdir(parents=True, exist_ok=True)
     told = options.out / "truth.json"

@@ -10,6 +10,8 @@ import numpy as np
 from tests.independent.bodies import Bar
 from tests.independent.casefiles import DIRECTIONS
 
+STRUCTURES, FURTHER = (Path(__file__).with_name(f"{name}.toml") for name in ("structures", "further"))
+"""Structures that every run draws, and those that are drawn when they are named."""
 E, NU, RHO = 210e9, 0.3, 7850.0
 HELD = 1e11
 """Stiffness of what is held, in every direction [N/m, N·m/rad]."""
@@ -129,8 +131,8 @@ def connection_of(name, given, members):
     return Connection(name, sides, location, k, given.get("loss", 0.0), held)
 
 
-def read(path=Path(__file__).parent / "structures.toml"):
-    """Return the structures by name."""
+def read(path=STRUCTURES):
+    """Return the structures of a file by name."""
     out = {}
     for name, t in tomllib.loads(path.read_text(encoding="utf-8")).items():
         members = {m: member_of(m, given, t.get("sections", {})) for m, given in t["members"].items()}

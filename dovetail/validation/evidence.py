@@ -1,0 +1,205 @@
+"""What the posterior of a search says of a hidden truth: how probable the answer is, and why it is wrong.
+
+Cases of this package and those of other codes are judged alike.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain, islice, product
+from typing import Any
+
+import numpy as np
+
+from fem.model import Effect
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.diagnose import UNEXPLAINED, Diagnosis
+from updating.diagnosis.evidence import diagnosis as by_evidence
+from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
+from updating.diagnosis.evidence.search import Hypothesis, Search
+
+CREDIBLE = 0.9
+"""Probability that the hypotheses of a credible set have together [-]."""
+SURE = 0.9
+"""Probability from which an answer counts as sure [-]."""
+MOST_CREDIBLE = 3
+"""Largest credible set that helps a reader."""
+SEARCH_LOSS = 0.5
+"""A truth that scores more than this above the answer has been lost by the search [nats]."""
+MOST_STARTS = 12
+"""Largest number of combinations of candidates and values from which one way to state a truth is fitted."""
+RIGHT, LOST_BY_SEARCH, LOST_BY_DATA = "-", "search loss", "information loss"
+WRONG_FAULT, NOT_IN_LIBRARY = "wrong fault", "not in library"
+"""Why an answer is not right. Faults are set right before the search: its scores say nothing of them."""
+
+Start = tuple[Effect, dict[str, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """A hidden effect in the terms of the library.
+
+    Attributes
+    ----------
+    kinds : tuple of str
+        Kinds of candidates that are the right answer.
+    is_at : callable
+        Whether a candidate with the true values is at the right place.
+    values : callable
+        From a candidate to the true values of its parameters, of those that are known.
+    """
+
+    kinds: tuple[str, ...]
+    is_at: Callable[[Effect], bool]
+    values: Callable[[Effect], dict[str, float]]
+
+    def starts(self, search: Search) -> list[Start]:
+        """Return the candidates that are this effect, each with its true values.
+
+        A parameter that the truth does not state has the values of the candidate's own grid.
+        """
+        out: list[Start] = []
+        for candidate in search.candidates:
+            if candidate.kind not in self.kinds:
+                continue
+            bounds = {p.name: (p.lower, p.upper) for p in candidate.parameters()}
+            true = {
+                name: float(np.clip(value, *bounds[name]))
+                for name, value in self.values(candidate).items()
+                if name in bounds
+            }
+            if self.is_at(candidate.with_values(**true)):
+                grid = candidate.starts(search.problem.surroundings)
+                own = {tuple(sorted({**g, **true}.items())) for g in grid} or {tuple(true.items())}
+                out += [(candidate, dict(values)) for values in sorted(own)]
+        return out
+
+
+@contextmanager
+def keeping_searches() -> Iterator[list[Searched]]:
+    """Give a list to which each search by evidence is added as it ends.
+
+    A diagnosis does not carry the search that it comes from.
+    """
+    kept: list[Searched] = []
+    original = by_evidence.search_by_evidence
+
+    def search(*arguments: Any, **options: Any) -> Searched:
+        kept.append(original(*arguments, **options))
+        return kept[-1]
+
+    by_evidence.search_by_evidence = search
+    try:
+        yield kept
+    finally:
+        by_evidence.search_by_evidence = original
+
+
+def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> Hypothesis | None:
+    """Return the best fit that begins at the truth; None if the library does not have it.
+
+    The library may have several ways to state it, each with one or several effects.
+    """
+    if not any(ways):
+        return search.known.get(frozenset()) or search.full((), [()])
+    options = (product(*(s.starts(search) for s in way)) for way in ways)
+    fits = []
+    for starts in chain.from_iterable(islice(each, MOST_STARTS) for each in options):
+        effects = [e for e, _ in starts]
+        if len({e.name for e in effects}) < len(effects):
+            continue  # one candidate cannot be two of the hidden effects
+        try:
+            fits.append(search.at(effects, [values for _, values in starts]))
+        except np.linalg.LinAlgError:
+            continue
+    return max(fits, key=lambda h: h.score, default=None)
+
+
+def loss_of(right: bool, faults_right: bool, answer: float, truth: float | None) -> str:
+    """Say why an answer is not right: by the scores of the answer and of the truth [nats]."""
+    if right:
+        return RIGHT
+    if not faults_right:
+        return WRONG_FAULT
+    if truth is None:
+        return NOT_IN_LIBRARY
+    return LOST_BY_SEARCH if truth > answer + SEARCH_LOSS else LOST_BY_DATA
+
+
+def credible_set(done: Searched) -> list[tuple[Hypothesis | None, float]]:
+    """Return the fewest hypotheses that have ``CREDIBLE`` together; None is what the library lacks."""
+    every: list[tuple[Hypothesis | None, float]] = [
+        (h, done.probability(h)) for h in done.search.known.values()
+    ]
+    every.append((None, float(np.exp(done.unknown - done.evidence))))
+    every.sort(key=lambda pair: -pair[1])
+    before = np.cumsum([0.0, *(p for _, p in every[:-1])])
+    return [pair for pair, total in zip(every, before, strict=True) if total < CREDIBLE]
+
+
+def assess(
+    done: Searched,
+    diagnosis: Diagnosis,
+    right: bool,
+    faults_right: bool,
+    ways: Sequence[Sequence[Stated]],
+    is_right: Callable[[Sequence[Effect]], bool],
+) -> dict[str, Any]:
+    """Return how probable the answer was and whether the truth could have been found, as plain values.
+
+    Parameters
+    ----------
+    done : Searched
+        The search that the diagnosis comes from.
+    diagnosis : Diagnosis
+    right : bool
+        Whether its verdict and findings are right.
+    faults_right : bool
+        Whether the faults that it names are those that are hidden.
+    ways : sequence of sequence of Stated
+        What is hidden, but for faults, in each way in which the library may state it.
+    is_right : callable
+        Whether effects are those that are hidden.
+
+    Returns
+    -------
+    dict
+        ``probability`` is that of the answer, ``place_probability`` that of its places; ``place_right`` says
+        whether the truth is at these places, None where the library does not have it. ``credible`` is the
+        credible set, and ``in_three`` whether it has at most three members of which one is right. ``truth``
+        is how much better the truth scores than the answer [nats], and ``loss`` what that means.
+    """
+    best = done.best
+    unexplained = diagnosis.verdict == UNEXPLAINED
+    truth = at_truth(done.search, ways)
+    members = credible_set(done)
+
+    def fits_truth(h: Hypothesis | None) -> bool:
+        return truth is None if h is None else faults_right and is_right(h.effects)
+
+    probability = float(np.exp(done.unknown - done.evidence)) if unexplained else done.probability(best)
+    right_ones = [fits_truth(h) for h, _ in members]
+    return {
+        "verdict": diagnosis.verdict,
+        "answer": best.name,
+        "right": right,
+        "in_three": right or (any(right_ones) and len(members) <= MOST_CREDIBLE),
+        "sure_and_wrong": not (right or unexplained) and probability >= SURE,
+        "probability": probability,
+        "place_probability": done.probability_there(best),
+        "place_right": None if truth is None else truth.places == best.places,
+        "unknown": float(np.exp(done.unknown - done.evidence)),
+        "credible": [
+            {"name": UNKNOWN if h is None else h.name, "probability": p, "right": r}
+            for (h, p), r in zip(members, right_ones, strict=True)
+        ],
+        "truth": None if truth is None else truth.score - best.score,
+        "loss": loss_of(right, faults_right, best.score, None if truth is None else truth.score),
+        "residual_db": decibels(best.fitted.level),
+        "floor_db": decibels(diagnosis.noise_limit),
+    }
+
+
+def decibels(level: float) -> float:
+    """Return a level of amplitude and phase together in each of them [dB]."""
+    return float(level * DB_PER_NEPER / np.sqrt(2))
