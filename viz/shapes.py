@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viz.surfaces import Surface
-from viz.triangles import Floats
+from viz.triangles import Floats, Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +38,51 @@ def arrows(points: ArrayLike, vectors: ArrayLike, length: float, *, towards: boo
     p, d = np.array(points, dtype=float, ndmin=2), np.array(vectors, dtype=float, ndmin=2)
     d = length * d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
     return Arrows(p - d, p) if towards else Arrows(p, p + d)
+
+
+def arrow_triangles(pointers: Arrows, radius: float, turns: int = 14) -> tuple[Floats, Ints, Ints]:
+    """Return the surfaces of arrows: a round shaft with a cone at its tip.
+
+    Parameters
+    ----------
+    pointers : Arrows
+        Those without length are left out.
+    radius : float
+        Of the shafts [m].
+    turns : int
+        Number of corners of the round.
+
+    Returns
+    -------
+    vertices : ndarray (n, 3)
+        [m].
+    triangles : ndarray of int (n_triangles, 3)
+    arrow : ndarray of int (n_triangles,)
+        Index of the arrow that each triangle belongs to.
+    """
+    phi = 2 * np.pi * np.arange(turns) / turns
+    a = np.arange(turns)
+    b = (a + 1) % turns
+    vertices, triangles, arrow = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], []
+    start = 0
+    for n, (tail, tip) in enumerate(zip(pointers.tail, pointers.tip, strict=True)):
+        length = float(np.linalg.norm(tip - tail))
+        if length == 0:
+            continue
+        x = (tip - tail) / length
+        y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
+        y /= np.linalg.norm(y)
+        circle = np.cos(phi)[:, None] * y + np.sin(phi)[:, None] * np.cross(x, y)
+        head = min(0.45 * length, 5 * radius)
+        neck = length - head
+        rings = ((0.0, 0.0), (0.0, radius), (neck, radius), (neck, 2.3 * radius), (length, 0.0))
+        vertices.append(np.vstack([tail + s * x + r * circle for s, r in rings]))
+        for k in range(len(rings) - 1):
+            p, q = start + turns * k, start + turns * (k + 1)
+            triangles += [np.stack([p + a, p + b, q + b], axis=1), np.stack([p + a, q + b, q + a], axis=1)]
+        arrow += [n] * (2 * turns * (len(rings) - 1))
+        start += turns * len(rings)
+    return np.vstack(vertices), np.vstack(triangles), np.array(arrow, dtype=np.int64)
 
 
 def amplification(surface: Surface, size: float, fraction: float = 0.08, largest_turn: float = 0.7) -> float:

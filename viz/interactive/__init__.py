@@ -1,0 +1,1 @@
+"""Figures that turn, zoom and show values: plotly figures made from plain values, for pages and notebooks."""

@@ -1,0 +1,351 @@
+"""Errors: a map of sensors and bands, the staircase of the steps, and bars of candidates and hypotheses."""
+
+import textwrap
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from plotly.graph_objects import Figure
+
+from viz import style
+from viz.axes import digits_for, number
+from viz.interactive.theme import CELL, axis, colour_scale, layout, plain, single
+from viz.layout import shorten
+
+MOST_NUMBERS = (40, 12)
+"""Largest map, rows and columns, whose cells show their numbers."""
+
+
+def error_map_figure(
+    values_db: ArrayLike,
+    sensors: Sequence[str],
+    bands: Sequence[tuple[float, float]],
+    *,
+    limits: tuple[float, float] | None = None,
+    title: str = "",
+) -> Figure:
+    """Return the error of each sensor in each band as a map.
+
+    A cell's ``customdata`` is ``[sensor, low, high]`` with the ends of the band in hertz, for clicks.
+
+    Parameters
+    ----------
+    values_db : array_like (n_sensors, n_bands)
+        [dB]; NaN where nothing can be compared.
+    sensors : sequence of str
+    bands : sequence of (low, high)
+        [Hz].
+    limits : (float, float), optional
+        Ends of the colours [dB]; give the same for maps that will be compared.
+    title : str
+
+    Raises
+    ------
+    ValueError
+        If the values' shape is not that of sensors and bands.
+    """
+    values = np.array(values_db, dtype=float, ndmin=2)
+    n, m = values.shape
+    if (n, m) != (len(sensors), len(bands)):
+        msg = f"the errors have shape {values.shape} for {len(sensors)} sensors and {len(bands)} bands"
+        raise ValueError(msg)
+    low, high = limits or _span(values)
+    digits = digits_for(high - low)
+    words = [f"{a:.4g}–{b:.4g}" for a, b in bands]
+    hover = [
+        [
+            f"<b>{plain(s)}</b>, {words[j]} Hz: " + (f"{v:.2f} dB" if np.isfinite(v) else "nothing compared")
+            for j, v in enumerate(row)
+        ]
+        for s, row in zip(sensors, values, strict=True)
+    ]
+    trace = {
+        "type": "heatmap", "z": single(values), "zmin": low, "zmax": high if high > low else low + 1,
+        "x": list(range(m)), "y": list(range(n)), "xgap": 1, "ygap": 1, "hoverongaps": True,
+        "colorscale": colour_scale(style.misfit_map()), "hoverinfo": "text", "hovertext": hover,
+        "customdata": [[[s, float(a), float(b)] for a, b in bands] for s in sensors],
+        "colorbar": {"title": {"text": "error [dB]", "side": "right"}, "thickness": 12, "outlinewidth": 0},
+    }  # fmt: skip
+    if n <= MOST_NUMBERS[0] and m <= MOST_NUMBERS[1]:
+        trace |= {"texttemplate": f"%{{z:.{digits}f}}", "textfont": {"size": 11}}
+    look = layout(
+        130 + 21 * n if n <= 60 else 1400, title, plot_bgcolor=CELL,
+        xaxis=axis("band [Hz]", tickvals=list(range(m)), ticktext=words, showgrid=False, ticks=""),
+        yaxis=axis(
+            "", tickvals=list(range(n)), ticktext=[plain(shorten(s, 24)) for s in sensors],
+            showgrid=False, ticks="", range=[n - 0.5, -0.5],
+        ),
+    )  # fmt: skip
+    return Figure([trace], look)
+
+
+def _span(values: Any) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+
+
+def staircase_figure(
+    steps: Sequence[tuple[str, float, float | None]],
+    floor_db: float | None = None,
+    *,
+    title: str = "",
+    height: float = 340,
+) -> Figure:
+    """Return the error of the nominal model, of the fitted one, and after each added effect.
+
+    Parameters
+    ----------
+    steps : sequence of (label, fit_db, held_out_db or None)
+        Error on the lines of the fit and on held-out ones after each step [dB].
+    floor_db : float, optional
+        Error that measurement noise alone would leave, drawn as a line [dB].
+    title : str
+    height : float
+        [pixel].
+    """
+    n = len(steps)
+    fit = np.array([step[1] for step in steps], dtype=float)
+    held = np.array([np.nan if step[2] is None else step[2] for step in steps], dtype=float)
+    series = [("on the lines of the fit", fit, style.FITTED, "solid", "circle")]
+    if np.isfinite(held).any():
+        series.append(("on held-out lines", held, style.VERMILION, "dash", "diamond"))
+    above = [fit >= np.where(np.isfinite(held), held, -np.inf)]
+    above.append(~above[0])
+    names = [plain(step[0]) for step in steps]
+    traces = [
+        {
+            "type": "scatter", "mode": "lines+markers+text", "x": list(range(n)), "y": values.tolist(),
+            "name": name, "line": {"color": colour, "dash": dash, "shape": "hvh", "width": 2.4},
+            "marker": {"color": colour, "symbol": symbol, "size": 9},
+            "text": [number(v, 2) if np.isfinite(v) else "" for v in values],
+            "textposition": ["top center" if up else "bottom center" for up in over],
+            "textfont": {"color": colour, "size": 13}, "cliponaxis": False,
+            "hoverinfo": "text",
+            "hovertext": [f"{label}<br>{v:.2f} dB {name}" for label, v in zip(names, values, strict=True)],
+            "customdata": [step[0] for step in steps],
+        }
+        for (name, values, colour, dash, symbol), over in zip(series, above, strict=False)
+    ]  # fmt: skip
+    every = np.concatenate([fit, held[np.isfinite(held)], [0.0]])
+    top = float(np.nanmax(every)) if np.isfinite(every).any() else 1.0
+    shapes, notes = _floor_line(floor_db)
+    look = layout(
+        height, title, shapes=shapes, annotations=notes,
+        xaxis=axis(
+            "", tickvals=list(range(n)), ticktext=[_broken(step[0], 18) for step in steps], showgrid=False,
+            range=[-0.5, n - 0.5], tickangle=0,
+        ),
+        yaxis=axis("error of the amplitude [dB]", range=[0, 1.18 * top], rangemode="tozero"),
+    )  # fmt: skip
+    return Figure(traces, look)
+
+
+def _floor_line(floor_db: float | None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    if floor_db is None or not np.isfinite(floor_db):
+        return [], []
+    common = {"xref": "paper", "x0": 0, "x1": 1, "layer": "below"}
+    shapes = [
+        {**common, "type": "rect", "y0": 0, "y1": floor_db, "fillcolor": style.NOISE, "line": {"width": 0}},
+        {**common, "type": "line", "y0": floor_db, "y1": floor_db,
+         "line": {"color": style.MUTED, "dash": "dot", "width": 1.5}},
+    ]  # fmt: skip
+    note = {
+        "xref": "paper", "x": 0, "xanchor": "left", "y": floor_db, "yanchor": "bottom", "showarrow": False,
+        "text": f"noise floor {number(floor_db, 2)} dB", "font": {"size": 11, "color": style.MUTED},
+    }  # fmt: skip
+    return shapes, [note]
+
+
+def _broken(text: str, width: int) -> str:
+    """Return a text with line breaks between words, made plain."""
+    return "<br>".join(plain(line) for line in textwrap.wrap(text, width)[:4]) or " "
+
+
+def ranking_figure(
+    labels: Sequence[str],
+    levels_db: ArrayLike,
+    baseline_db: float,
+    *,
+    names: Sequence[str] | None = None,
+    twins: Collection[int] = (),
+    accepted: int | None = None,
+    floor_db: float | None = None,
+    title: str = "",
+    xlabel: str = "residual level with the candidate [dB]",
+    at_most: int = 20,
+) -> Figure:
+    """Return the error that each candidate leaves as bars, the best on top; a bar's length is its gain.
+
+    Parameters
+    ----------
+    labels : sequence of str
+    levels_db : array_like (n,)
+        Error with each of them [dB].
+    baseline_db : float
+        Error without any of them [dB].
+    names : sequence of str, optional
+        The bars' ``customdata``, for clicks; the labels unless given.
+    twins : collection of int
+        Rows that these measurements cannot tell from the accepted one.
+    accepted : int, optional
+        Row of the candidate that was accepted.
+    floor_db : float, optional
+        Error that measurement noise alone would leave [dB].
+    title, xlabel : str
+    at_most : int
+        Number of candidates shown.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each error.
+    """
+    levels = np.asarray(levels_db, dtype=float)
+    names = labels if names is None else names
+    if not len(labels) == len(names) == levels.size:
+        msg = f"{len(labels)} labels and {len(names)} names are given for {levels.size} errors"
+        raise ValueError(msg)
+    order = np.argsort(levels, kind="stable")
+    hidden = max(order.size - at_most, 0)
+    order = order[:at_most]
+    words = [_candidate_word(int(k), accepted, twins) for k in order]
+    traces = []
+    for word, (colour, pattern) in _CANDIDATES.items():
+        rows = [y for y, w in enumerate(words) if w == word]
+        if not rows:
+            continue
+        picked = [int(order[y]) for y in rows]
+        traces.append({
+            "type": "bar", "orientation": "h", "y": rows, "base": [baseline_db] * len(rows),
+            "x": [float(levels[k] - baseline_db) for k in picked], "name": word,
+            "marker": {"color": colour, "pattern": _hatch(pattern)},
+            "text": [number(float(levels[k]), 2) for k in picked], "textposition": "outside",
+            "cliponaxis": False, "hoverinfo": "text",
+            "hovertext": [f"{plain(labels[k])}<br>{levels[k]:.3f} dB, {word}" for k in picked],
+            "customdata": [names[k] for k in picked],
+        })  # fmt: skip
+    ends = [*levels[order].tolist(), baseline_db, *([floor_db] if floor_db is not None else [])]
+    low, high = float(min(ends)), float(max(ends))
+    pad = 0.16 * max(high - low, 1e-3)
+    line = {
+        "type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": baseline_db, "x1": baseline_db,
+        "line": {"color": style.INK, "width": 1.2},
+    }  # fmt: skip
+    note = {
+        "yref": "paper", "y": 1, "yanchor": "bottom", "x": baseline_db, "xanchor": "right",
+        "showarrow": False, "text": f"without: {number(baseline_db, 2)} dB", "font": {"size": 11},
+    }  # fmt: skip
+    more = f"; {hidden} worse ones are not shown" if hidden else ""
+    look = layout(
+        110 + 25 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line], annotations=[note],
+        xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + 0.6 * pad]),
+        yaxis=_names_axis([str(labels[k]) for k in order]),
+    )  # fmt: skip
+    look["legend"] |= {"y": 1.0 + 24 / look["height"]}
+    return Figure(traces, look)
+
+
+_CANDIDATES = {
+    "accepted": (style.VERMILION, ""),
+    "cannot be told from it": ("#f2bf9b", "/"),
+    "other": ("#b9c3cd", ""),
+}
+"""Colour and pattern of the bars of candidates."""
+
+
+def _hatch(shape: str) -> dict[str, Any]:
+    return {"shape": shape, "fgcolor": style.INK, "fillmode": "overlay", "solidity": 0.12, "size": 7}
+
+
+def _candidate_word(k: int, accepted: int | None, twins: Collection[int]) -> str:
+    accepted_, twin, other = _CANDIDATES
+    return accepted_ if k == accepted else twin if k in twins else other
+
+
+def _names_axis(labels: Sequence[str], width: int = 40) -> dict[str, Any]:
+    n = len(labels)
+    return axis(
+        "", tickvals=list(range(n)), ticktext=[plain(shorten(s, width)) for s in labels], showgrid=False,
+        range=[n - 0.5, -0.5], ticks="", showline=False,
+    )  # fmt: skip
+
+
+def probability_figure(
+    hypotheses: Sequence[tuple[str, float]], *, title: str = "", at_most: int = 12
+) -> Figure:
+    """Return the probabilities of hypotheses as bars, in the order in which they are given.
+
+    Parameters
+    ----------
+    hypotheses : sequence of (label, probability)
+        The label is the bar's ``customdata``, for clicks.
+    title : str
+    at_most : int
+        Number of hypotheses shown.
+    """
+    shown = list(hypotheses)[:at_most]
+    values = [float(p) for _, p in shown]
+    trace = {
+        "type": "bar", "orientation": "h", "y": list(range(len(shown))), "x": values,
+        "marker": {"color": [style.VERMILION if k == 0 else "#b9c3cd" for k in range(len(shown))]},
+        "text": [_percent(p) for p in values], "textposition": "outside", "cliponaxis": False,
+        "hoverinfo": "text", "hovertext": [f"{plain(s)}: {_percent(p)}" for s, p in shown],
+        "customdata": [s for s, _ in shown],
+    }  # fmt: skip
+    hidden = len(hypotheses) - len(shown)
+    more = f"; {hidden} less probable ones are not shown" if hidden else ""
+    look = layout(
+        90 + 28 * len(shown), title, bargap=0.35, showlegend=False,
+        xaxis=axis(f"probability{more}", range=[0, 1.12], tickformat=".0%"),
+        yaxis=_names_axis([s for s, _ in shown]),
+    )  # fmt: skip
+    return Figure([trace], look)
+
+
+def _percent(p: float) -> str:
+    return f"{100 * p:.3g} %" if p >= 1e-3 else "< 0.1 %"
+
+
+def error_bars_figure(
+    names: Sequence[str],
+    errors: Mapping[str, ArrayLike],
+    *,
+    floor_db: float | None = None,
+    title: str = "",
+    ylabel: str = "error [dB]",
+    height: float = 320,
+) -> Figure:
+    """Return errors by sensor or by band as groups of bars, one colour for each model.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the sensors or bands; each bar's ``customdata``, for clicks.
+    errors : mapping of str to array_like (n,)
+        By the model's label, in the order nominal, fitted, with the effect [dB].
+    floor_db : float, optional
+        Error that measurement noise alone would leave, drawn as a line [dB].
+    title, ylabel : str
+    height : float
+        [pixel].
+    """
+    traces = []
+    for n, (label, values) in enumerate(errors.items()):
+        known = np.asarray(values, dtype=float)
+        colour, pattern = style.model_style(label, n)[0], _hatch(("", "/", "x", ".")[n % 4])
+        traces.append({
+            "type": "bar", "name": plain(label), "x": list(range(len(names))), "y": single(known),
+            "marker": {"color": colour, "pattern": pattern}, "hoverinfo": "text", "customdata": list(names),
+            "hovertext": [
+                f"{plain(s)}<br>{v:.2f} dB, {plain(label)}" for s, v in zip(names, known, strict=True)
+            ],
+        })  # fmt: skip
+    shapes, notes = _floor_line(floor_db)
+    words = [plain(shorten(s, 16)) for s in names]
+    look = layout(
+        height, title, barmode="group", bargap=0.25, shapes=shapes, annotations=notes,
+        xaxis=axis("", tickvals=list(range(len(names))), ticktext=words, showgrid=False),
+        yaxis=axis(plain(ylabel), rangemode="tozero"),
+    )  # fmt: skip
+    return Figure(traces, look)

@@ -1,0 +1,221 @@
+"""The structure as a figure that turns: sections, sensors by their error, findings and candidates."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import Normalize
+from numpy.typing import NDArray
+from plotly.graph_objects import Figure
+
+from fem.model import Model
+from updating.measurement.measurement import Sensor
+from viz import style
+from viz.interactive.solids import (
+    SYMBOLS,
+    Place,
+    arrows_trace,
+    line_of_vertex,
+    part_of,
+    place_traces,
+    points_trace,
+    scene,
+    solid,
+    wires,
+)
+from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
+from viz.layout import in_order, shorten
+from viz.markers import COLOURS
+from viz.models import member_families, model_surface, surface_places
+from viz.shapes import arrows, view_axes
+from viz.surfaces import Surface
+from viz.triangles import Floats
+
+
+def model_figure(
+    model: Model,
+    sensors: Sequence[Sensor] = (),
+    excitations: Sequence[Sensor] = (),
+    *,
+    errors: Mapping[str, float] | None = None,
+    limits: tuple[float, float] | None = None,
+    places: Sequence[Place] = (),
+    members: Mapping[str, float] | None = None,
+    members_label: str = "share of the misfit [-]",
+    title: str = "",
+    height: float = 520,
+) -> Figure:
+    """Return a structure to turn and zoom, with its members' sections extruded.
+
+    What one clicks has its name in ``customdata``: members, sensors, excitations and places. The traces'
+    ``meta["role"]`` is ``member``, ``sensor``, ``excitation``, ``effect``, or the role of a place.
+
+    Parameters
+    ----------
+    model : Model
+    sensors, excitations : sequence of Sensor
+        Drawn as arrows in the sensors' positive directions, and as larger ones that push.
+    errors : mapping of str to float, optional
+        Error of sensors by name, which colours them [dB].
+    limits : (float, float), optional
+        Ends of the colours [dB].
+    places : sequence of Place
+        Findings, faults and candidates.
+    members : mapping of str to float, optional
+        A value for members, which are then coloured by it.
+    members_label : str
+        Name of this value, with its unit.
+    title : str
+    height : float
+        [pixel].
+
+    Raises
+    ------
+    ValueError
+        If the model has no frame with sections.
+    """
+    surface, size = model_surface(model, pieces=1), model.mesh.size
+    traces = [*_member_traces(model, surface, members, members_label), wires(surface.rest, surface.edges)]
+    bounds = [surface.rest]
+    eye = view_axes(surface.rest)[2]
+    for group, word in ((sensors, "sensor"), (excitations, "excitation")):
+        if group:
+            drawn, ends = _instrument_traces(model, group, word, 0.06 * size, eye, errors, limits)
+            traces += drawn
+            bounds.append(ends)
+    traces += _effect_traces(model)
+    marks, notes = place_traces(places)
+    look = layout(
+        height, title, scene=scene(np.vstack(bounds), notes),
+        margin={"l": 0, "r": 0, "t": 60 if title else 36, "b": 0},
+    )  # fmt: skip
+    look["legend"] |= {"itemsizing": "constant", "y": 1.0}
+    return Figure([*traces, *marks], look)
+
+
+def _member_traces(
+    model: Model, surface: Surface, values: Mapping[str, float] | None, label: str
+) -> list[dict[str, Any]]:
+    """Return the members by family, or all in the colours of their values."""
+    owner = np.array(model.mesh.member_of_line())
+    vertex = line_of_vertex(surface)
+    if values:
+        known = np.array([values.get(str(m), np.nan) for m in owner], dtype=float)
+        return [_valued_members(surface, vertex, owner, known, label)]
+    families = member_families(model)
+    names = in_order(families)
+    family = np.array([families[str(m)] for m in owner])
+    out = []
+    for n, name in enumerate(names):
+        used, triangles = part_of(surface, (family == name)[surface.line])
+        own = owner[vertex[used]].tolist()
+        out.append(
+            solid(
+                surface.rest[used], triangles, color=style.MEMBERS[n % len(style.MEMBERS)],
+                name=plain(shorten(name, 40)), showlegend=len(names) > 1, customdata=own, hoverinfo="text",
+                hovertext=[f"member {plain(m)}" for m in own], meta={"role": "member"},
+            )
+        )  # fmt: skip
+    return out
+
+
+def _valued_members(
+    surface: Surface, vertex: NDArray[np.int64], owner: NDArray[Any], values: Floats, label: str
+) -> dict[str, Any]:
+    at = owner[vertex].tolist()
+    shown = values[vertex]
+    top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
+    return solid(
+        surface.rest, surface.triangles, intensity=single(np.nan_to_num(shown)), cmin=0.0,
+        cmax=top or 1.0, colorscale=colour_scale(style.lighter(style.agreement_map(), 0.25)),
+        colorbar=_bar(label, 0.0), customdata=at, hoverinfo="text", showlegend=False,
+        hovertext=[
+            f"member {plain(m)}" + (f"<br>{v:.3g}: {plain(label)}" if np.isfinite(v) else "")
+            for m, v in zip(at, shown, strict=True)
+        ],
+        meta={"role": "member"},
+    )  # fmt: skip
+
+
+def _bar(label: str, x: float) -> dict[str, Any]:
+    return {
+        "title": {"text": plain(label), "side": "right", "font": {"size": 11}}, "thickness": 10, "len": 0.6,
+        "outlinewidth": 0, "x": x, "xanchor": "right" if x > 0.5 else "left", "tickfont": {"size": 10},
+    }  # fmt: skip
+
+
+def _instrument_traces(
+    model: Model,
+    group: Sequence[Sensor],
+    word: str,
+    length: float,
+    eye: Floats,
+    errors: Mapping[str, float] | None,
+    limits: tuple[float, float] | None,
+) -> tuple[list[dict[str, Any]], Floats]:
+    """Return arrows of sensors or excitations, the markers that answer pointing, and the arrows' ends."""
+    force = word == "excitation"
+    points, directions = (np.array([getattr(s, key) for s in group]) for key in ("point", "direction"))
+    side = -1.0 if force else 1.0
+    base = surface_places(model, points, side * directions, eye)
+    pointers = arrows(base, directions, (1.8 if force else 1.0) * length, towards=force)
+    known = np.array([np.nan if force or not errors else errors.get(s.name, np.nan) for s in group])
+    marker: dict[str, Any] = {"size": 5, "line": {"color": style.INK, "width": 0.5}}
+    if np.isfinite(known).any():
+        low, high = limits or (float(np.nanmin(known)), float(np.nanmax(known)))
+        norm = Normalize(low, high if high > low else low + 1)
+        cmap = style.misfit_map()
+        colours = [rgb_text(cmap(norm(e))) if np.isfinite(e) else CELL for e in known]
+        marker |= {
+            "color": single(np.nan_to_num(known, nan=low)), "cmin": norm.vmin, "cmax": norm.vmax,
+            "colorscale": colour_scale(cmap), "colorbar": _bar("error of the sensor [dB]", 1.0),
+        }  # fmt: skip
+    else:
+        colours = [style.GREEN if force else style.SENSOR] * len(group)
+        marker |= {"color": colours[0]}
+    hover = [
+        f"{word} <b>{plain(s.name)}</b>, {_direction(s)}"
+        + (f"<br>error {e:.2f} dB" if np.isfinite(e) else "")
+        for s, e in zip(group, known, strict=True)
+    ]
+    free = pointers.tail if force else pointers.tip
+    names = [s.name for s in group]
+    radius = (0.045 if force else 0.07) * length * (1.8 if force else 1.0)
+    meta = {"role": word}
+    ends = np.vstack([pointers.tail, pointers.tip])
+    return [
+        arrows_trace(pointers, radius, colours, meta=meta, legendgroup=word),
+        points_trace(free, names, hover, marker, name=word, legendgroup=word, meta=meta),
+    ], ends  # fmt: skip
+
+
+def _direction(sensor: Sensor) -> str:
+    """Return a direction as a reader would say it: ``along +z``, or its components."""
+    d = np.asarray(sensor.direction, dtype=float)
+    k = int(np.argmax(np.abs(d)))
+    if abs(d[k]) > 0.999:
+        return f"along {'+' if d[k] > 0 else '−'}{'xyz'[k]}"
+    return "along (" + ", ".join(f"{v:.2f}".replace("-", "−") for v in d) + ")"
+
+
+def _effect_traces(model: Model) -> list[dict[str, Any]]:
+    """Return the places of the model's effects, one trace for each kind."""
+    by_kind: dict[str, list[tuple[Any, NDArray[np.float64]]]] = {}
+    for effect in model.effects:
+        for point in effect.locations(model):
+            by_kind.setdefault(effect.kind, []).append((effect, point))
+    out = []
+    for kind, found in by_kind.items():
+        declared = found[0][0].marker
+        colour = COLOURS[declared.colour] if declared else style.GREEN
+        symbol = SYMBOLS.get(declared.shape, "square") if declared else "square"
+        words = kind.replace("_", " ")
+        out.append(
+            points_trace(
+                [point for _, point in found], [e.where for e, _ in found],
+                [f"{plain(words)}<br>{plain(e.where)}" for e, _ in found],
+                {"color": colour, "symbol": symbol, "size": 6, "line": {"color": "white", "width": 1}},
+                name=plain(words), meta={"role": "effect", "kind": kind},
+            )
+        )  # fmt: skip
+    return out

@@ -1,0 +1,166 @@
+"""Surfaces, edges, arrows and marked places as traces of three-dimensional figures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from viz import style
+from viz.interactive.theme import EDGE, plain, single
+from viz.shapes import Arrows, arrow_triangles, view_axes
+from viz.surfaces import Surface
+from viz.triangles import Floats, Ints
+
+LIGHT = {"ambient": 0.78, "diffuse": 0.45, "specular": 0.05, "roughness": 0.9, "fresnel": 0.05}
+SYMBOLS = {
+    "circle": "circle", "cross": "x", "diamond": "diamond", "dot": "circle", "plus": "cross",
+    "square": "square", "thin_diamond": "diamond-open", "triangle": "diamond", "triangle_down": "diamond",
+}  # fmt: skip
+"""Plotly's symbols in space by the shapes that effects name; it has no triangles there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A place to mark on a structure.
+
+    Attributes
+    ----------
+    point : ndarray (3,)
+        [m].
+    name : str
+        The ``customdata`` of the mark, for clicks: ``joint J`` or a candidate's name.
+    label : str
+        Words for a reader; the name unless given.
+    role : str
+        ``"finding"`` and ``"fault"`` are named in the figure, ``"candidate"`` when one points at it.
+    """
+
+    point: NDArray[np.float64]
+    name: str
+    label: str = ""
+    role: str = "finding"
+
+
+def solid(vertices: Floats, triangles: Ints, **look: Any) -> dict[str, Any]:
+    """Return triangles as a trace."""
+    x, y, z = single(vertices).T
+    i, j, k = _smallest(triangles).T
+    return {
+        "type": "mesh3d", "x": x, "y": y, "z": z, "i": i, "j": j, "k": k, "flatshading": True,
+        "lighting": LIGHT, "lightposition": {"x": 3e4, "y": -6e4, "z": 1e5}, **look,
+    }  # fmt: skip
+
+
+def _smallest(rows: Ints) -> NDArray[Any]:
+    """Return indices in the smallest type that plotly's binary arrays hold."""
+    top = int(rows.max(initial=0))
+    return np.ascontiguousarray(rows.astype(np.uint16 if top < 2**16 else np.uint32))
+
+
+def part_of(surface: Surface, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Ints]:
+    """Return the vertices that the chosen triangles of a surface use, and the triangles in their numbers."""
+    triangles = surface.triangles[chosen]
+    used, numbered = np.unique(triangles, return_inverse=True)
+    return used, numbered.reshape(-1, 3)
+
+
+def line_of_vertex(surface: Surface) -> NDArray[np.int64]:
+    """Return the line of the mesh that each vertex belongs to, shape (n,)."""
+    out = np.zeros(len(surface.centre), dtype=np.int64)
+    out[surface.triangles.ravel()] = np.repeat(surface.line, 3)
+    return out
+
+
+def edge_rows(edges: Ints) -> NDArray[np.int64]:
+    """Return the vertices of edges in the order in which a line passes them, -1 for each gap."""
+    return np.column_stack([edges, np.full(len(edges), -1)]).ravel()
+
+
+def along(vertices: Floats, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return vertices in an order of :func:`edge_rows`, NaN at the gaps, shape (n, 3)."""
+    return np.where(rows[:, None] < 0, np.nan, vertices[rows]).astype(np.float32)
+
+
+def wires(vertices: Floats, edges: Ints, **look: Any) -> dict[str, Any]:
+    """Return edges as a trace of lines that answers no pointing."""
+    x, y, z = along(vertices, edge_rows(edges)).T
+    return {
+        "type": "scatter3d", "mode": "lines", "x": x, "y": y, "z": z, "hoverinfo": "skip",
+        "showlegend": False, "line": {"color": EDGE, "width": 1.5}, **look,
+    }  # fmt: skip
+
+
+def arrows_trace(pointers: Arrows, radius: float, colours: Sequence[str], **look: Any) -> dict[str, Any]:
+    """Return arrows as a trace in one colour each."""
+    vertices, triangles, arrow = arrow_triangles(pointers, radius, turns=8)
+    return solid(
+        vertices, triangles, facecolor=[colours[k] for k in arrow], hoverinfo="skip", showlegend=False, **look
+    )
+
+
+def points_trace(
+    points: ArrayLike, names: Sequence[str], hover: Sequence[str], marker: dict[str, Any], **look: Any
+) -> dict[str, Any]:
+    """Return markers that show a text and hold names for clicks."""
+    x, y, z = single(np.array(points, dtype=float).reshape(-1, 3)).T
+    return {
+        "type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z, "customdata": list(names),
+        "hovertext": list(hover), "hoverinfo": "text", "marker": marker, **look,
+    }  # fmt: skip
+
+
+def place_traces(places: Sequence[Place]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return traces of marked places, and the texts beside findings and faults."""
+    looks = {
+        "finding": ("what was found", style.HIGHLIGHT, "circle-open", 16),
+        "fault": ("fault of the measurement", style.VERMILION, "x", 9),
+        "candidate": ("candidates", style.ORANGE, "diamond-open", 8),
+    }
+    traces, notes = [], []
+    for role in dict.fromkeys(p.role for p in places):
+        word, colour, symbol, size = looks.get(role, (role, style.GREEN, "square-open", 9))
+        chosen = [p for p in places if p.role == role]
+        words = [plain(p.label or p.name) for p in chosen]
+        traces.append(
+            points_trace(
+                [p.point for p in chosen], [p.name for p in chosen], words,
+                {"color": colour, "symbol": symbol, "size": size, "line": {"color": colour, "width": 3}},
+                name=plain(word), meta={"role": role},
+            )
+        )  # fmt: skip
+        if role in ("finding", "fault"):
+            notes += [_note(p.point, p.label or p.name, colour, k) for k, p in enumerate(chosen)]
+    return traces, notes
+
+
+def _note(point: NDArray[np.float64], text: str, colour: str, k: int) -> dict[str, Any]:
+    x, y, z = map(float, point)
+    return {
+        "x": x, "y": y, "z": z, "text": f"<b>{plain(text)}</b>", "font": {"color": colour, "size": 13},
+        "arrowcolor": colour, "arrowwidth": 1.5, "arrowhead": 0, "ax": 34, "ay": -44 - 20 * (k % 4),
+        "bgcolor": "rgba(255,255,255,0.75)", "borderpad": 2, "xanchor": "left",
+    }  # fmt: skip
+
+
+def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+    """Return a scene in true proportions, seen as the still pictures are."""
+    eye = view_axes(points)[2]
+    ends = np.stack([points.min(axis=0), points.max(axis=0)])
+    room = 0.06 * max(float(np.ptp(ends, axis=0).max()), 1e-9)
+    axes = {
+        f"{name}axis": {
+            "title": {"text": f"{name} [m]", "font": {"size": 11, "color": style.MUTED}},
+            "range": [float(ends[0, k] - room), float(ends[1, k] + room)], "showbackground": False,
+            "gridcolor": style.FAINT, "zeroline": False, "showspikes": False, "nticks": 4,
+            "linecolor": style.MUTED, "tickfont": {"size": 10, "color": style.MUTED},
+        }
+        for k, name in enumerate("xyz")
+    }  # fmt: skip
+    x, y, z = (1.3 * eye).tolist()
+    camera = {"eye": {"x": x, "y": y, "z": z}, "projection": {"type": "orthographic"}}
+    return {
+        **axes, "aspectmode": "data", "camera": camera, "dragmode": "turntable",
+        "annotations": list(notes), "uirevision": "kept",
+    }  # fmt: skip
