@@ -136,36 +136,20 @@ def plot_frf_error(
     ValueError
         If a model is not on the measured lines.
     """
-    pairs = _pairs(measured, pairs, None)
-    index = [(measured.outputs.index(o), measured.inputs.index(i)) for o, i in pairs]
-    rows, cols = (np.array(k) for k in zip(*index, strict=True))
-    H = measured.H[:, rows, cols]
-    power = _moving(np.sum(np.abs(H) ** 2, axis=1), smooth)
-    power = np.where(power > 0, power, np.nan)  # no curve where nothing was measured
+    errors, noise = frf_errors(measured, models, pairs, floor, smooth)
     with style.look():
         figure = style.new_figure(height=2.9)
         ax = figure.add_subplot()
         shade(ax, held_out)
-        noise = np.zeros(measured.n_freq)
-        if floor is not None:
-            sigma = np.broadcast_to(np.asarray(floor, dtype=float), measured.H.shape)[:, rows, cols]
-            noise = 10 * np.log10(_moving(np.sum(sigma**2, axis=1), smooth) / power)
+        if noise is not None:
             ax.fill_between(measured.frequency, noise, -400, color=style.NOISE, linewidth=0, zorder=0.5)
         span = []
-        for n, (label, model) in enumerate(models.items()):
-            if model.n_freq != measured.n_freq or not np.allclose(model.frequency, measured.frequency):
-                msg = f"model '{label}' has {model.n_freq} lines, not the {measured.n_freq} measured ones"
-                raise ValueError(msg)
-            part = model.as_kind(measured.kind)
-            got = np.stack([part.select([o], [i]).H[:, 0, 0] for o, i in pairs], axis=1)
-            error = 10 * np.log10(
-                np.maximum(_moving(np.sum(np.abs(got - H) ** 2, axis=1), smooth) / power, 1e-30)
-            )
+        for n, (label, error) in enumerate(errors.items()):
             colour, line = style.model_style(label, n)
             ax.plot(measured.frequency, error, color=colour, linestyle=line, label=label, linewidth=1.2)
             span += [np.nanpercentile(error, 1), np.nanmax(error)]
         low, high = (min(span), max(span)) if span else (-60.0, 0.0)
-        if floor is not None:
+        if noise is not None:
             low = min(low, float(np.nanmedian(noise)) - 3)
         ax.set_ylim(low - 4, high + 4)
         ax.set_xlim(measured.frequency[0], measured.frequency[-1])
@@ -173,6 +157,39 @@ def plot_frf_error(
         ax.set_ylabel("relative error [dB]")
         legend_above(figure, title, curve_keys(ax, held_out, floor=floor is not None))
     return figure
+
+
+def frf_errors(
+    measured: FRF,
+    models: Mapping[str, FRF],
+    pairs: Sequence[tuple[str, str]] | None = None,
+    floor: ArrayLike | None = None,
+    smooth: int = 1,
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64] | None]:
+    """Return the errors that :func:`plot_frf_error` plots, by label, and the noise's, (n_freq,) each [dB].
+
+    Parameters and errors as there. NaN where nothing was measured.
+    """
+    pairs = _pairs(measured, pairs, None)
+    index = [(measured.outputs.index(o), measured.inputs.index(i)) for o, i in pairs]
+    rows, cols = (np.array(k) for k in zip(*index, strict=True))
+    H = measured.H[:, rows, cols]
+    power = _moving(np.sum(np.abs(H) ** 2, axis=1), smooth)
+    power = np.where(power > 0, power, np.nan)
+    noise = None
+    if floor is not None:
+        sigma = np.broadcast_to(np.asarray(floor, dtype=float), measured.H.shape)[:, rows, cols]
+        noise = 10 * np.log10(_moving(np.sum(sigma**2, axis=1), smooth) / power)
+    out = {}
+    for label, model in models.items():
+        if model.n_freq != measured.n_freq or not np.allclose(model.frequency, measured.frequency):
+            msg = f"model '{label}' has {model.n_freq} lines, not the {measured.n_freq} measured ones"
+            raise ValueError(msg)
+        part = model.as_kind(measured.kind)
+        got = np.stack([part.select([o], [i]).H[:, 0, 0] for o, i in pairs], axis=1)
+        left = _moving(np.sum(np.abs(got - H) ** 2, axis=1), smooth)
+        out[label] = 10 * np.log10(np.maximum(left / power, 1e-30))
+    return out, noise
 
 
 def _pairs(frf: FRF, pairs: Sequence[tuple[str, str]] | None, at_most: int | None) -> list[tuple[str, str]]:

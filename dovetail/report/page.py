@@ -2,71 +2,18 @@
 
 import base64
 import html
+import re
 from collections.abc import Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
+
+from PIL import Image, features
 
 MIME = {".png": "image/png", ".gif": "image/gif"}
 
-CSS = """
-:root { color: #1f2328; background: #fff;
-  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 62rem; padding: 1.5rem 1.25rem 4rem; }
-h1 { font-size: 1.15rem; font-weight: 600; color: #57606a; margin: 0 0 1rem; }
-h2 { font-size: 1.35rem; margin: 2.8rem 0 .8rem; padding-top: .8rem; border-top: 1px solid #d0d7de; }
-h3 { font-size: 1.05rem; margin: 1.6rem 0 .5rem; }
-p { margin: .5rem 0; max-width: 48rem; }
-ul { margin: .5rem 0; padding-left: 1.3rem; max-width: 48rem; }
-li { margin: .25rem 0; }
-.verdict { border-left: .45rem solid #6e7781; background: #f6f8fa; padding: 1rem 1.25rem 1.1rem; }
-.verdict p { max-width: none; }
-.verdict .kind { text-transform: uppercase; letter-spacing: .06em; font-size: .8rem;
-  font-weight: 600; color: #57606a; margin: 0; }
-.verdict .sentence { font-size: 1.6rem; line-height: 1.25; font-weight: 600; margin: .2rem 0 .4rem;
-  text-wrap: balance; }
-.verdict .value { font-size: 1.15rem; margin: .25rem 0; }
-.verdict.effect { border-color: #D55E00; }
-.verdict.nothing { border-color: #009E73; }
-.verdict.fault { border-color: #0072B2; }
-.verdict.unexplained { border-color: #E69F00; }
-.wide { overflow-x: auto; margin: .8rem 0; }
-table { border-collapse: collapse; font-size: .92rem; }
-caption { text-align: left; color: #57606a; padding-bottom: .3rem; }
-th, td { padding: .28rem .8rem .28rem 0; text-align: left; vertical-align: top;
-  border-bottom: 1px solid #eaeef2; }
-thead th { border-bottom: 1.5px solid #6e7781; font-weight: 600; vertical-align: bottom; }
-tbody th { font-weight: 400; min-width: 8rem; }
-.verdict .why { color: #57606a; margin: .5rem 0 0; font-size: .95rem; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-tr.mark th, tr.mark td { font-weight: 600; }
-tr.mark { background: #fdf1e8; }
-.tag { display: inline-block; font-size: .8rem; font-weight: 600; padding: 0 .45em; border-radius: .3em;
-  background: #fbe3d2; color: #8a3c00; white-space: nowrap; }
-tr:not(.mark) .tag { background: #eaeef2; color: #57606a; }
-.tag.bound { background: #fbe3d2 !important; color: #8a3c00 !important; }
-figure { margin: 1rem 0; }
-figure.small { max-width: 34rem; }
-figure img { display: block; max-width: 100%; height: auto; }
-figcaption { color: #57606a; font-size: .9rem; margin-top: .3rem; max-width: 48rem; }
-.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 0 1.2rem;
-  align-items: start; }
-details { margin: .6rem 0; }
-summary { cursor: pointer; color: #0b5394; }
-code { font: .9em ui-monospace, "SF Mono", Menlo, Consolas, monospace; overflow-wrap: anywhere; }
-pre { overflow-x: auto; background: #f6f8fa; padding: .8rem; font-size: .82rem; line-height: 1.4; }
-dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem; margin: .6rem 0; }
-dt { color: #57606a; } dd { margin: 0; overflow-wrap: anywhere; }
-@media (max-width: 40rem) {
-  th.n { white-space: normal; } tbody th { min-width: 6rem; }
-  body { padding: 1rem .9rem 3rem; } .verdict .sentence { font-size: 1.3rem; }
-  dl { grid-template-columns: 1fr; } dd { margin-bottom: .4rem; }
-}
-@media print {
-  :root { font-size: 11px; } body { max-width: none; padding: 0; }
-  figure, tr, .verdict { break-inside: avoid; } h2, h3 { break-after: avoid; }
-  details::details-content { content-visibility: visible; block-size: auto; } .wide { overflow: visible; }
-}
-"""
+CSS = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
+_QUALITY = 82
+"""Of pictures in the page; the files beside it are whole."""
 
 
 class Markup(str):
@@ -84,8 +31,10 @@ def esc(text: object) -> Markup:
 
 
 def tag(name: str, *content: object, **attributes: object) -> Markup:
-    """Return an element; a trailing underscore in an attribute's name is dropped (``class_``)."""
-    words = "".join(f' {k.rstrip("_")}="{esc(v)}"' for k, v in attributes.items() if v not in (None, ""))
+    """Return an element; in attributes' names ``class_`` stands for class, ``data_x`` for data-x."""
+    words = "".join(
+        f' {k.rstrip("_").replace("_", "-")}="{esc(v)}"' for k, v in attributes.items() if v not in (None, "")
+    )
     return Markup(f"<{name}{words}>{join(content)}</{name}>")
 
 
@@ -157,12 +106,36 @@ def _table(
 
 def image(file: Path, alt: str, caption: str = "", class_: str = "") -> Markup:
     """Return a figure with the image in it."""
-    content = file.read_bytes()
-    width, height = _size(content)
+    return figure(picture(file, alt), caption=caption, class_=class_)
+
+
+def figure(*content: object, caption: str = "", **attributes: object) -> Markup:
+    """Return a figure with a caption."""
+    return tag("figure", *content, tag("figcaption", caption) if caption else "", **attributes) + Markup("\n")
+
+
+def picture(file: Path, alt: str, class_: str = "") -> Markup:
+    """Return an image with its content in the page, and the name of its file for other programs."""
+    kind, content = _embedded(file)
+    width, height = _size(file.read_bytes())
     data = base64.b64encode(content).decode("ascii")
-    source = Markup(f"data:{MIME[file.suffix]};base64,{data}")
-    img = Markup(f'<img src="{source}" alt="{esc(alt)}" width="{width}" height="{height}">')
-    return tag("figure", img, tag("figcaption", caption) if caption else "", class_=class_) + Markup("\n")
+    named = f' class="{esc(class_)}"' if class_ else ""
+    return Markup(
+        f'<img{named} src="data:{kind};base64,{data}" alt="{esc(alt)}" width="{width}" height="{height}" '
+        f'data-file="{esc(file.name)}">'
+    )
+
+
+def _embedded(file: Path) -> tuple[str, bytes]:
+    """Return the kind and the bytes of an image in a page: WebP where that is smaller."""
+    content = file.read_bytes()
+    if file.suffix == ".png" and features.check("webp"):
+        with Image.open(file) as drawn:
+            buffer = BytesIO()
+            drawn.convert("RGB").save(buffer, "webp", quality=_QUALITY, method=4)
+        if buffer.tell() < len(content):
+            return "image/webp", buffer.getvalue()
+    return MIME[file.suffix], content
 
 
 def _size(content: bytes) -> tuple[int, int]:
@@ -174,7 +147,19 @@ def _size(content: bytes) -> tuple[int, int]:
 
 def section(title: str, *content: object) -> Markup:
     """Return a section with its heading."""
-    return tag("section", tag("h2", title), "\n", *content) + Markup("\n")
+    return tag("section", tag("h2", title), "\n", *content, id=slug(title)) + Markup("\n")
+
+
+def slug(title: str) -> str:
+    """Return the anchor of a heading."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+
+
+def contents(parts: Iterable[str]) -> Markup:
+    """Return links to the sections among parts of a page."""
+    found = [m for part in parts for m in re.findall(r'<section id="([^"]+)"><h2>(.*?)</h2>', part)]
+    links = [tag("li", tag("a", Markup(title), href=f"#{anchor}")) for anchor, title in found]
+    return tag("nav", tag("ul", *links), class_="contents", aria_label="Contents") + Markup("\n")
 
 
 def folded(summary: str, *content: object) -> Markup:
@@ -187,11 +172,17 @@ def facts(pairs: Iterable[tuple[str, object]]) -> Markup:
     return tag("dl", *(join([tag("dt", k), tag("dd", v)]) for k, v in pairs))
 
 
+def script(text: str, **attributes: object) -> Markup:
+    """Return a script, or data for one; the text must not hold the end of a script."""
+    return tag("script", Markup(text), **attributes) + Markup("\n")
+
+
 def page(title: str, *content: object) -> str:
     """Return a whole page."""
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{esc(title)}</title>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="color-scheme" content="light dark">\n'
         f'<link rel="icon" href="data:,">\n<style>{CSS}</style>\n</head>\n'
         f"<body>\n{join(content)}</body>\n</html>\n"
     )

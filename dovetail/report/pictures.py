@@ -1,16 +1,27 @@
 """The pictures of a run, as files; one that cannot be drawn is left out and named."""
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.report import words
+from dovetail.report.drawn import (
+    candidate_labels,
+    compared_models,
+    error_bands,
+    fits_of,
+    held_out_bands,
+    marked_places,
+    misfit_limit,
+    misfit_steps,
+    ranking_caption,
+    ranking_limit,
+    rivals,
+    telling_pairs,
+)
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING
@@ -28,8 +39,6 @@ TELLING = 0.1
 """Members are coloured by their share of the misfit if one of them has at least this."""
 MANY = 40
 """With more sensors than this, the heat map shows the worst of them only."""
-
-_NAMES = re.compile(r" \([^()]* … [^()]*\)")
 
 Say = Callable[[str, float], None]
 
@@ -124,14 +133,12 @@ def _draw_errors(result: RunResult, album: Album) -> None:
         "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
         "lines held out from it. The grey floor is measurement noise and mesh error.",
     )
-    top = _misfit_limit(result)
-    for name, step, what in _misfit_steps(result):
+    top = misfit_limit(result)
+    for name, step, what in misfit_steps(result):
         c = result.comparisons[step]
-        values, order = c.by_band(), np.arange(len(c.outputs))
+        values, order, bands = c.by_band(), np.arange(len(c.outputs)), error_bands(result)
         if len(order) > MANY:
             order = np.argsort(-np.nan_to_num(c.by_sensor()), kind="stable")[:MANY]
-        edges = np.round(c.bands) if c.bands[-1] - c.bands[0] > 20 * len(c.bands) else c.bands
-        bands = list(pairwise(edges))
         album.add(
             f"misfit-bands-{name}",
             lambda p, v=values[order], o=[c.outputs[i] for i in order], b=bands: save(
@@ -164,41 +171,18 @@ def _save_staircase(steps: Sequence[tuple[str, float, float | None]], floor_db: 
     save(figure, path, DPI)
 
 
-def _misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
-    """Return name, step and description of the states whose misfit is shown."""
-    steps = result.diagnosis.steps
-    out = [("fitted", min(1, len(steps) - 1), "once the uncertain parameters are fitted")]
-    if len(steps) > 2:
-        out.append(("final", len(steps) - 1, "with what was found"))
-    return out
-
-
-def _misfit_limit(result: RunResult) -> float:
-    """Return one end of the colours for all misfit pictures, so that they can be compared [dB]."""
-    return float(max(np.nanmax(result.comparisons[k].by_band()) for _, k, _ in _misfit_steps(result)))
-
-
 def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Album) -> None:
     d = result.diagnosis
     if not ranked:
         return
-    labels = _distinct([_NAMES.sub("", words.ranked_label(r)) for r in ranked])
+    labels = candidate_labels(ranked)
     by_name = dict(zip([r.name for r in ranked], labels, strict=True))
     found = d.findings[k] if k < len(d.findings) else None
     baseline = d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER
     twins = {by_name[t.name] for t in found.twins if t.name in by_name} if found else set()
     accepted = by_name.get(found.effect.name) if found else None
     levels = [r.level * DB_PER_NEPER for r in ranked]
-    outcome = f"{accepted} is accepted" if accepted else "none of them is accepted"
-    limit, how = "to be accepted", "The best must reach the dotted line to be accepted."
-    if not np.isfinite(ranked[0].asked):
-        how = "They are ranked by their evidence, which also counts what a law asks for."
-    if not found and ranked[0].level < ranked[0].asked:
-        limit = "asked of the level"
-        how = "What lies below the dotted line is within tolerance, uncertain, or worse on held-out lines."
-    if found and not found.strain and ranked[0].level > ranked[0].asked:
-        limit = "asked of the level alone"
-        how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
+    limit, word, _ = ranking_limit(ranked, found)
 
     def draw(path: Path) -> None:
         figure = search.plot_ranking(
@@ -209,17 +193,15 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
             accepted=accepted,
             xlabel="residual level, amplitude and phase [dB]",
         )
-        if np.isfinite(ranked[0].asked):
-            _mark_limit(figure.axes[0], ranked[0].asked * DB_PER_NEPER, limit)
+        if limit is not None:
+            _mark_limit(figure.axes[0], limit, word)
         save(figure, path, DPI)
 
     album.add(
         f"ranking-{k + 1}",
         draw,
-        f"Round {k + 1}: residual level that each of {len(ranked)} candidates leaves; {outcome}.",
-        f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
-        "uncertain "
-        f"parameters; {outcome}. {how}",
+        f"Residual level that each of {len(ranked)} candidates leaves in round {k + 1}.",
+        ranking_caption(result, k, ranked),
     )
 
 
@@ -234,69 +216,12 @@ def _mark_limit(ax: Any, limit: float, text: str) -> None:
     )  # fmt: skip
 
 
-def _distinct(labels: list[str]) -> list[str]:
-    seen: dict[str, int] = {}
-    out = []
-    for label in labels:
-        seen[label] = seen.get(label, 0) + 1
-        out.append(label if seen[label] == 1 else f"{label} ({seen[label]})")
-    return out
-
-
-def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
-    """Return the bands of lines that no fit has seen [Hz]."""
-    data = result.diagnosis.problem.data
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], data.held_out.astype(int), [0]])))
-    f = data.frequency
-    return [(float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
-    """Return FRFs worth a look and why: most gained, drive points, worst in the end."""
-    n_steps = len(result.comparisons)
-    first, last = result.comparisons[1 if n_steps > 2 else 0], result.comparisons[n_steps - 1]
-    before, after = (np.sqrt(_mean(c.log_ratio.real**2)) * DB_PER_NEPER for c in (first, last))
-    pairs = [
-        (o, i) for o in range(len(last.outputs)) for i in range(len(last.inputs)) if np.isfinite(after[o, i])
-    ]
-    gained = sorted(pairs, key=lambda p: after[p] - before[p])
-    by_input = {p[1]: p for p in reversed(gained)}
-    drive = [p for p in pairs if last.outputs[p[0]] == last.inputs[p[1]]]
-    worst = sorted(pairs, key=lambda p: -after[p])
-    chosen: dict[tuple[int, int], str] = {}
-    for which, why in (
-        ([*sorted(by_input.values(), key=gained.index), *gained][: n - 3], "most gained"),
-        (drive[:2], "drive point"),
-        (worst[:1], "worst in the end"),
-        (gained, ""),
-    ):
-        for p in which:
-            if len(chosen) < n and p not in chosen:
-                chosen[p] = f"{why}, " if why else ""
-    return [
-        (last.outputs[o], last.inputs[i], f"{why}{before[o, i]:.1f} → {after[o, i]:.1f} dB")
-        for (o, i), why in chosen.items()
-    ]
-
-
-def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the mean over the first axis without NaN, NaN where there is nothing else."""
-    known = np.isfinite(values)
-    total = np.where(known, values, 0.0).sum(axis=0)
-    count = known.sum(axis=0)
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-
-
 def _draw_frfs(result: RunResult, album: Album) -> None:
     d = result.diagnosis
     measured = d.measured
-    names = {0: "nominal", 1: "fitted"}
-    steps = [0, 1, len(d.steps) - 1] if len(d.steps) > 2 else list(range(len(d.steps)))
-    what = "with the effects" if len(d.findings) > 1 else "with the effect"
-    models = {names.get(k, what): d.frf(k) for k in steps}
+    compared = compared_models(result)
+    models, bands = compared.frfs, compared.deviations
     held = held_out_bands(result)
-    spread = d.deviation(steps[-1])
-    bands = None if spread is None else {names.get(steps[-1], what): spread}
     shaded = "shaded, what the standard deviations of the last one's parameters allow (95 %)."
     sigma = np.abs(measured.H) * np.broadcast_to(d.problem.data.noise, measured.H.shape)
     chosen = telling_pairs(result)
@@ -313,16 +238,12 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
                 DPI,
             ),
             f"Amplitude and phase of the FRFs {listed}, measured and computed ({', '.join(models)})"
-            + ("." if bands is None else f"; {shaded}"),
+            + (f"; {shaded}" if bands else "."),
             f"Response / force: {listed}.",
         )
-    for k, finding in enumerate(d.findings):
-        against = finding.rival or (finding.twins[0] if finding.twins else None)
-        if against is None or not finding.decisive or k >= len(d.rounds):
-            continue
-        rival = words.ranked_label(against)
-        both = {"with the effect": d.rounds[k][0].result, rival: against.result}
-        drawn = {label: d.problem.frf(fit) for label, fit in both.items()}
+    for k, against in rivals(result).items():
+        finding, rival = d.findings[k], words.ranked_label(against)
+        drawn = fits_of(result, k, against)
         pairs = list(dict.fromkeys((piece.output, piece.input) for piece in finding.decisive))[:2]
         listed = " and ".join(f"{o} / {i}" for o, i in pairs)
         album.add(
@@ -353,16 +274,7 @@ def _draw_structure(result: RunResult, album: Album) -> None:
 
     d, study = result.diagnosis, result.study
     m = d.problem.data.measurement
-    places: dict[tuple[float, ...], list[str]] = {}
-    for finding in d.findings:
-        for xyz in finding.effect.locations(study.model)[:6]:
-            places.setdefault(tuple(np.round(xyz, 9)), []).append(finding.effect.kind.replace("_", " "))
-    for fault in d.faults:
-        group = m.sensors if fault.kind.startswith("sensor") else m.excitations
-        sensor = next(s for s in group if s.name == fault.sensor)
-        word = f"gain {fault.value:.2f}" if fault.kind.endswith("gain") else words.FAULT_NAMES[fault.kind]
-        places.setdefault(tuple(np.round(sensor.point, 9)), []).append(f"{fault.sensor}: {word}")
-    marks = [(np.array(xyz), " and ".join(dict.fromkeys(names))) for xyz, names in places.items()]
+    marks = [(place.point, place.label) for place in marked_places(result)]
     seen = f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
     album.add(
         "structure",
@@ -371,11 +283,11 @@ def _draw_structure(result: RunResult, album: Album) -> None:
         f"The model with sections, {len(m.sensors)} sensors and {len(m.excitations)} excitation(s){seen}.",
     )
     points, directions = (np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction"))
-    before = result.comparisons[_misfit_steps(result)[0][1]].by_sensor()
+    before = result.comparisons[misfit_steps(result)[0][1]].by_sensor()
     good = result.diagnosis.verdict in (NOTHING, FAULT)
     limits = (0.0 if good else float(np.nanmin(before)), float(np.nanmax(before)))
     shares = dict(result.localisation.members) if result.localisation else {}
-    for name, step, what in _misfit_steps(result):
+    for name, step, what in misfit_steps(result):
         db = result.comparisons[step].by_sensor()
         known = np.isfinite(db)
         members = shares if name == "fitted" and max(shares.values(), default=0.0) >= TELLING else None

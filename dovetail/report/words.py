@@ -191,6 +191,18 @@ def headline(result: RunResult) -> str:
     return d.verdict
 
 
+def percent_text(p: float) -> str:
+    """Return a probability in percent."""
+    return f"{100 * p:.3g}\u00a0%" if p >= 1e-3 else "below 0.1\u00a0%"
+
+
+def probability_text(d: Diagnosis) -> str:
+    """Return the probability of what was found among all hypotheses; nothing where the search gives none."""
+    found = {f.effect.name for f in d.findings}
+    known = next((p for names, p in d.posterior if set(names) == found), None)
+    return "" if known is None else f"Probability among all hypotheses: {percent_text(known)}"
+
+
 def sentence(finding: Finding) -> str:
     """Return a finding as a plain sentence about the structure, the effect's own statement where it has one.
 

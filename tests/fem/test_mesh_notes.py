@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from dovetail.cli import main
-from dovetail.report.report import _notes
+from dovetail.report.figures import Figures
+from dovetail.report.shown import Shown
+from dovetail.report.small_print import notes
 from fem.io import read_mesh
 from fem.io.rawmesh import MOST_PAIRS, RawMesh, mesh_of
 from fem.mesh import Mesh, MeshError, MeshWarning
@@ -96,7 +98,8 @@ def test_the_report_has_the_notes(file):
     with pytest.warns(MeshWarning):
         mesh = read_mesh(file)
     study = SimpleNamespace(model=SimpleNamespace(mesh=mesh), measured_notes=("of m.uff",))
-    html = str(_notes(SimpleNamespace(study=study, notes=("of the run",)), SimpleNamespace(failures=())))
+    shown = Shown(SimpleNamespace(failures=()), Figures())
+    html = str(notes(SimpleNamespace(study=study, notes=("of the run",)), shown))
     assert all(f"<li>{text}</li>" in html for text in (*NOTES, "of m.uff", "of the run"))
 
 

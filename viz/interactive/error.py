@@ -170,7 +170,7 @@ def ranking_figure(
     names: Sequence[str] | None = None,
     twins: Collection[int] = (),
     accepted: int | None = None,
-    floor_db: float | None = None,
+    limit: tuple[float, str] | None = None,
     title: str = "",
     xlabel: str = "residual level with the candidate [dB]",
     at_most: int = 20,
@@ -190,8 +190,8 @@ def ranking_figure(
         Rows that these measurements cannot tell from the accepted one.
     accepted : int, optional
         Row of the candidate that was accepted.
-    floor_db : float, optional
-        Error that measurement noise alone would leave [dB].
+    limit : (float, str), optional
+        An error that matters, drawn as a dotted line [dB], and its name.
     title, xlabel : str
     at_most : int
         Number of candidates shown.
@@ -225,22 +225,21 @@ def ranking_figure(
             "hovertext": [f"{plain(labels[k])}<br>{levels[k]:.3f} dB, {word}" for k in picked],
             "customdata": [names[k] for k in picked],
         })  # fmt: skip
-    ends = [*levels[order].tolist(), baseline_db, *([floor_db] if floor_db is not None else [])]
+    ends = [*levels[order].tolist(), baseline_db, *([limit[0]] if limit else [])]
     low, high = float(min(ends)), float(max(ends))
     pad = 0.16 * max(high - low, 1e-3)
-    line = {
-        "type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": baseline_db, "x1": baseline_db,
-        "line": {"color": style.INK, "width": 1.2},
-    }  # fmt: skip
-    note = {
-        "yref": "paper", "y": 1, "yanchor": "bottom", "x": baseline_db, "xanchor": "right",
-        "showarrow": False, "text": f"without: {number(baseline_db, 2)} dB", "font": {"size": 11},
-    }  # fmt: skip
+    below = limit is None or limit[0] > baseline_db  # the two names stand apart
+    sides = ("right", "left") if below else ("left", "right")
+    lines = [_upright(baseline_db, f"without: {number(baseline_db, 2)} dB", style.INK, "solid", sides[0])]
+    if limit:
+        lines.append(_upright(*limit, style.VERMILION, "dot", sides[1]))
     more = f"; {hidden} worse ones are not shown" if hidden else ""
+    shown = [str(labels[k]) for k in order]
     look = layout(
-        110 + 25 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line], annotations=[note],
+        110 + 25 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line for line, _ in lines],
+        annotations=[note for _, note in lines], meta={"short": _short(shown)},
         xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + 0.6 * pad]),
-        yaxis=_names_axis([str(labels[k]) for k in order]),
+        yaxis=_names_axis(shown),
     )  # fmt: skip
     look["legend"] |= {"y": 1.0 + 24 / look["height"]}
     return Figure(traces, look)
@@ -252,6 +251,24 @@ _CANDIDATES = {
     "other": ("#b9c3cd", ""),
 }
 """Colour and pattern of the bars of candidates."""
+
+
+def _upright(x: float, text: str, colour: str, dash: str, side: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return a line over the whole height, and its name above it to one side."""
+    line = {
+        "type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": x, "x1": x,
+        "line": {"color": colour, "width": 1.2, "dash": dash},
+    }  # fmt: skip
+    note = {
+        "yref": "paper", "y": 1, "yanchor": "bottom", "x": x, "xanchor": side, "showarrow": False,
+        "text": plain(text), "font": {"size": 11, "color": colour},
+    }  # fmt: skip
+    return line, note
+
+
+def _short(labels: Sequence[str]) -> list[str]:
+    """Return names for a narrow page."""
+    return [plain(shorten(s, 20)) for s in labels]
 
 
 def _hatch(shape: str) -> dict[str, Any]:
@@ -285,7 +302,7 @@ def probability_figure(
         Number of hypotheses shown.
     """
     shown = list(hypotheses)[:at_most]
-    values = [float(p) for _, p in shown]
+    values, names = [float(p) for _, p in shown], [s for s, _ in shown]
     trace = {
         "type": "bar", "orientation": "h", "y": list(range(len(shown))), "x": values,
         "marker": {"color": [style.VERMILION if k == 0 else "#b9c3cd" for k in range(len(shown))]},
@@ -296,9 +313,9 @@ def probability_figure(
     hidden = len(hypotheses) - len(shown)
     more = f"; {hidden} less probable ones are not shown" if hidden else ""
     look = layout(
-        90 + 28 * len(shown), title, bargap=0.35, showlegend=False,
+        90 + 28 * len(shown), title, bargap=0.35, showlegend=False, meta={"short": _short(names)},
         xaxis=axis(f"probability{more}", range=[0, 1.12], tickformat=".0%"),
-        yaxis=_names_axis([s for s, _ in shown]),
+        yaxis=_names_axis(names),
     )  # fmt: skip
     return Figure([trace], look)
 

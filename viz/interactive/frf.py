@@ -102,7 +102,7 @@ def frf_figure(
     deviations: Mapping[str, ArrayLike] | None = None,
     held_out: Sequence[Band] = (),
     coherence: ArrayLike | None = None,
-    title: str = "",
+    title: str | None = None,
     height: float = 520,
 ) -> Figure:
     """Return amplitude and phase of one FRF, measured and of models, over frequency.
@@ -155,7 +155,7 @@ def frf_figure(
         traces.append(key("held out from the fit", style.HELD_OUT))
     look = layout(
         height,
-        title or f"{pair[0]} / {pair[1]}",
+        f"{pair[0]} / {pair[1]}" if title is None else title,
         hovermode="x unified",
         shapes=shaded(held_out),
         meta={"output": pair[0], "input": pair[1]},
@@ -187,9 +187,10 @@ def curve_traces(curve: Curves, pair: tuple[str, str]) -> list[dict[str, Any]]:
         edge = {**common, "line": {"width": 0}, "hoverinfo": "skip", "yaxis": "y", "connectgaps": False}
         fill = {"fill": "tonexty", "fillcolor": f"rgba({r},{g},{b},0.22)"}
         out += [
-            {**edge, "y": single(magnitude - spread), "meta": _meta(curve, LOW), "showlegend": False},
+            {**edge, "y": single(magnitude - spread), "meta": _meta(curve, LOW), "showlegend": False,
+             "legendgroup": f"{name}, 95 %"},
             {**edge, **fill, "y": single(magnitude + spread), "meta": _meta(curve, HIGH),
-             "name": f"{name}, 95 %", "showlegend": True},
+             "name": f"{name}, 95 %", "showlegend": True, "legendgroup": f"{name}, 95 %"},
         ]  # fmt: skip
     f, wrapped = without_wraps(curve.frequency, phase)
     out += [

@@ -24,12 +24,15 @@ from viz.interactive.solids import (
     wires,
 )
 from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
-from viz.layout import in_order, shorten
+from viz.layout import in_order, merge_names, shorten
 from viz.markers import COLOURS
 from viz.models import member_families, model_surface, surface_places
 from viz.shapes import arrows, view_axes
 from viz.surfaces import Surface
 from viz.triangles import Floats
+
+MOST_NAMED = 40
+"""With more sensors and excitations their names show only where one points."""
 
 
 def model_figure(
@@ -76,17 +79,19 @@ def model_figure(
     """
     surface, size = model_surface(model, pieces=1), model.mesh.size
     traces = [*_member_traces(model, surface, members, members_label), wires(surface.rest, surface.edges)]
-    bounds = [surface.rest]
+    bounds, names = [surface.rest], []
     eye = view_axes(surface.rest)[2]
     for group, word in ((sensors, "sensor"), (excitations, "excitation")):
         if group:
             drawn, ends = _instrument_traces(model, group, word, 0.06 * size, eye, errors, limits)
             traces += drawn
             bounds.append(ends)
+            names += _instrument_names(group, ends, model.mesh.size, -12 if word == "excitation" else 11)
     traces += _effect_traces(model)
     marks, notes = place_traces(places)
+    named = names if len(sensors) + len(excitations) <= MOST_NAMED else []
     look = layout(
-        height, title, scene=scene(np.vstack(bounds), notes),
+        height, title, scene=scene(np.vstack(bounds), [*named, *notes]),
         margin={"l": 0, "r": 0, "t": 60 if title else 36, "b": 0},
     )  # fmt: skip
     look["legend"] |= {"itemsizing": "constant", "y": 1.0}
@@ -153,7 +158,7 @@ def _instrument_traces(
     errors: Mapping[str, float] | None,
     limits: tuple[float, float] | None,
 ) -> tuple[list[dict[str, Any]], Floats]:
-    """Return arrows of sensors or excitations, the markers that answer pointing, and the arrows' ends."""
+    """Return arrows of sensors or excitations, markers that answer pointing, and the arrows' free ends."""
     force = word == "excitation"
     points, directions = (np.array([getattr(s, key) for s in group]) for key in ("point", "direction"))
     side = -1.0 if force else 1.0
@@ -182,11 +187,22 @@ def _instrument_traces(
     names = [s.name for s in group]
     radius = (0.045 if force else 0.07) * length * (1.8 if force else 1.0)
     meta = {"role": word}
-    ends = np.vstack([pointers.tail, pointers.tip])
     return [
         arrows_trace(pointers, radius, colours, meta=meta, legendgroup=word),
         points_trace(free, names, hover, marker, name=word, legendgroup=word, meta=meta),
-    ], ends  # fmt: skip
+    ], free
+
+
+def _instrument_names(group: Sequence[Sensor], free: Floats, size: float, shift: int) -> list[dict[str, Any]]:
+    """Return the names of sensors or excitations as texts at their free ends, one for each place."""
+    out = []
+    for text, k in merge_names([s.name for s in group], free, 1e-6 * size):
+        x, y, z = free[k].tolist()
+        out.append({
+            "x": x, "y": y, "z": z, "text": plain(text), "showarrow": False, "yshift": shift,
+            "name": "instrument", "font": {"size": 10, "color": style.MUTED},
+        })  # fmt: skip
+    return out
 
 
 def _direction(sensor: Sensor) -> str:

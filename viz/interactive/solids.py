@@ -13,6 +13,8 @@ from viz.shapes import Arrows, arrow_triangles, view_axes
 from viz.surfaces import Surface
 from viz.triangles import Floats, Ints
 
+FILLED, PROPORTION = 0.74, 1.3
+"""A structure fills this part of a scene with this width over height; narrower pages scale it."""
 LIGHT = {"ambient": 0.78, "diffuse": 0.45, "specular": 0.05, "roughness": 0.9, "fresnel": 0.05}
 SYMBOLS = {
     "circle": "circle", "cross": "x", "diamond": "diamond", "dot": "circle", "plus": "cross",
@@ -139,16 +141,20 @@ def _note(point: NDArray[np.float64], text: str, colour: str, k: int) -> dict[st
     x, y, z = map(float, point)
     return {
         "x": x, "y": y, "z": z, "text": f"<b>{plain(text)}</b>", "font": {"color": colour, "size": 13},
-        "arrowcolor": colour, "arrowwidth": 1.5, "arrowhead": 0, "ax": 34, "ay": -44 - 20 * (k % 4),
+        "arrowcolor": colour, "arrowwidth": 1.5, "arrowhead": 0, "ax": 64, "ay": 72 + 22 * (k % 4),
         "bgcolor": "rgba(255,255,255,0.75)", "borderpad": 2, "xanchor": "left",
     }  # fmt: skip
 
 
 def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
     """Return a scene in true proportions, seen as the still pictures are."""
-    eye = view_axes(points)[2]
+    right, up, eye = view_axes(points)
     ends = np.stack([points.min(axis=0), points.max(axis=0)])
-    room = 0.06 * max(float(np.ptp(ends, axis=0).max()), 1e-9)
+    room = 0.04 * max(float(np.ptp(ends, axis=0).max()), 1e-9)
+    seen = (points - ends.mean(axis=0)) @ np.stack([right, up]).T
+    wide, tall = np.maximum(np.abs(seen).max(axis=0), room)
+    scale = FILLED * min(PROPORTION / wide, 1 / tall)
+    aspect = (np.ptp(ends, axis=0) + 2 * room) * scale
     axes = {
         f"{name}axis": {
             "title": {"text": f"{name} [m]", "font": {"size": 11, "color": style.MUTED}},
@@ -158,9 +164,10 @@ def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any
         }
         for k, name in enumerate("xyz")
     }  # fmt: skip
-    x, y, z = (1.3 * eye).tolist()
+    x, y, z = (1.5 * eye).tolist()
     camera = {"eye": {"x": x, "y": y, "z": z}, "projection": {"type": "orthographic"}}
     return {
-        **axes, "aspectmode": "data", "camera": camera, "dragmode": "turntable",
+        **axes, "aspectmode": "manual", "aspectratio": dict(zip("xyz", aspect.tolist(), strict=True)),
+        "camera": camera, "dragmode": "turntable",
         "annotations": list(notes), "uirevision": "kept",
     }  # fmt: skip

@@ -15,6 +15,14 @@ FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, s
 DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot"}
 """Plotly's names of matplotlib's line styles."""
 
+CONFIG = {
+    "displaylogo": False, "responsive": True, "showSendToCloud": False, "plotlyServerURL": "",
+    "doubleClick": "reset+autosize",
+    "modeBarButtonsToRemove": ["select2d", "lasso2d", "autoScale2d", "resetCameraLastSave3d"],
+}  # fmt: skip
+"""How pages draw the figures: ``figure.show(config=CONFIG)``. Plotly's own settings have a button that sends
+the data to its makers' server."""
+
 CELL = "#f0f1f3"
 """A cell without a value."""
 EDGE = "#4a525a"
@@ -77,7 +85,7 @@ def layout(height: float, title: str = "", **more: Any) -> dict[str, Any]:
         "margin": {"l": 62, "r": 16, "t": 84 if title else 56, "b": 48},
         "legend": {
             "orientation": "h", "x": 0, "xanchor": "left", "y": 1.01, "yanchor": "bottom",
-            "bgcolor": "rgba(0,0,0,0)", "font": {"size": 12},
+            "bgcolor": "rgba(0,0,0,0)", "font": {"size": 12}, "traceorder": "normal",
         },
         "hoverlabel": {"font": {"family": FONT, "size": 12}, "align": "left"},
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": style.MUTED, "activecolor": style.INK},

@@ -1,0 +1,96 @@
+"""The first screen of a report: verdict, probability, staircase, and the structure with the place."""
+
+from dovetail.report import cells, words
+from dovetail.report.page import Markup, bullets, join, paragraph, table, tag
+from dovetail.report.shown import TURN, Shown
+from dovetail.result import RunResult
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED
+
+CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
+
+
+def answer(result: RunResult, shown: Shown) -> Markup:
+    """Return heading, verdict and probability, with the staircase beside the structure."""
+    d, study = result.diagnosis, result.study
+    values = [tag("p", words.finding_text(f), class_="value") for f in d.findings]
+    sure = words.probability_text(d)
+    box = tag(
+        "div",
+        tag("p", f"Verdict: {d.verdict}", class_="kind"),
+        tag("p", words.headline(result), class_="sentence"),
+        *values,
+        tag("p", sure, class_="value probability") if sure else "",
+        tag("p", f"{d.reason[:1].upper()}{d.reason[1:]}.", class_="why"),
+        class_=f"verdict {CLASS.get(d.verdict, 'unexplained')}",
+    )
+    more = [tag("p", study.description)] if study.description else []
+    return tag(
+        "header",
+        tag("h1", study.name),
+        *more,
+        box,
+        tag("div", _staircase(result, shown), _structure(result, shown), class_="answer"),
+    )
+
+
+def _staircase(result: RunResult, shown: Shown) -> Markup:
+    d = result.diagnosis
+    alt = "Error after each step: " + "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
+    caption = (
+        "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
+        "lines held out from it. The grey floor is measurement noise and mesh error."
+    )
+    return shown.figure("staircase", f"{alt}; noise floor {d.noise_floor_db:.2f} dB.", caption, ["staircase"])
+
+
+def _structure(result: RunResult, shown: Shown) -> Markup:
+    d = result.diagnosis
+    m = d.problem.data.measurement
+    found = ", ".join(words.effect_label(f.effect.kind, f.effect.where) for f in d.findings)
+    alt = f"The structure with {len(m.sensors)} sensors and {len(m.excitations)} excitations"
+    if found:
+        alt += f"; marked: {found}"
+    caption = (
+        "Sensors in the colours of their error once the uncertain parameters are fitted"
+        + ("; the ring marks what was found." if found else ".")
+        + " A click on a sensor shows its FRFs below."
+    )
+    return shown.figure("model", f"{alt}.", caption, ["structure"], hint=TURN)
+
+
+def how_sure(result: RunResult) -> Markup:
+    """Return how sure the verdict is, the errors of the steps, and what would help."""
+    advice = (
+        [tag("h3", "What would help"), bullets(words.advice(result))]
+        if result.diagnosis.verdict == UNEXPLAINED
+        else []
+    )
+    return tag("div", tag("h3", "How sure"), bullets(words.confidence(result)), _steps(result), *advice)
+
+
+def _steps(result: RunResult) -> Markup:
+    d = result.diagnosis
+    head = ["step", "fitted lines [dB]", "held-out lines [dB]", "residual level [dB]"]
+    rows = [
+        [
+            words.step_label(s.label),
+            cells.db(s.fit_db),
+            cells.db(s.held_out_db),
+            cells.db(s.level * DB_PER_NEPER),
+            *(cells.db(e[k]) for e in result.held_out_channels.values()),
+        ]
+        for k, s in enumerate(d.steps)
+    ]
+    head += [f"{name}, held out [dB]" for name in result.held_out_channels]
+    return join(
+        [
+            table(head, rows, numbers=range(1, len(head))),
+            paragraph(
+                "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
+                "also counts the phase and weighs outliers less. Candidates are ranked by how likely "
+                "the data are with them, each of up to four bands having an error level of its own; held-out "
+                "lines count as well."
+            ),
+        ]
+    )

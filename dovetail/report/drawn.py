@@ -1,0 +1,203 @@
+"""What pictures and interactive figures both show: places, models, bands, and names of candidates."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.report import words
+from dovetail.result import RunResult
+from fem.analysis.frf import FRF
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.findings import Finding, Ranked
+from viz.interactive.solids import Place
+
+WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
+"""What curves of the last step are called."""
+
+_NAMES = re.compile(r" \([^()]* … [^()]*\)")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Models:
+    """FRFs of the steps that are compared with the measurement.
+
+    Attributes
+    ----------
+    frfs : mapping of str to FRF
+        By label, in their order.
+    steps : tuple of int
+        The diagnosis' step of each.
+    deviations : mapping of str to ndarray
+        Standard deviation of ln|H| of the last one, where it is known [-].
+    """
+
+    frfs: Mapping[str, FRF]
+    steps: tuple[int, ...]
+    deviations: Mapping[str, NDArray[np.float64]]
+
+
+def compared_models(result: RunResult) -> Models:
+    """Return the FRFs of the nominal model, of the fitted one, and of that with what was found."""
+    d = result.diagnosis
+    last = len(d.steps) - 1
+    steps = (0, 1, last) if last > 1 else tuple(range(last + 1))
+    names = {0: "nominal", 1: "fitted"}
+    what = WITH_EFFECTS if len(d.findings) > 1 else WITH_EFFECT
+    labels = [names.get(k, what) for k in steps]
+    spread = d.deviation(last)
+    return Models(
+        {label: d.frf(k) for label, k in zip(labels, steps, strict=True)},
+        steps,
+        {} if spread is None else {labels[-1]: spread},
+    )
+
+
+def rivals(result: RunResult) -> dict[int, Ranked]:
+    """Return the candidate that comes nearest to each finding, by the finding's number."""
+    d = result.diagnosis
+    out = {}
+    for k, finding in enumerate(d.findings):
+        against = finding.rival or (finding.twins[0] if finding.twins else None)
+        if against is not None and finding.decisive and k < len(d.rounds):
+            out[k] = against
+    return out
+
+
+def fits_of(result: RunResult, k: int, rival: Ranked) -> dict[str, FRF]:
+    """Return the FRFs with a finding and with its rival, each fitted, by label."""
+    d = result.diagnosis
+    ranked, name = d.rounds[k], d.findings[k].effect.name
+    own = next((r for r in ranked if r.name == name), ranked[0])
+    return {WITH_EFFECT: d.problem.frf(own.result), words.ranked_label(rival): d.problem.frf(rival.result)}
+
+
+def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
+    """Return the bands of lines that no fit has seen [Hz]."""
+    data = result.diagnosis.problem.data
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], data.held_out.astype(int), [0]])))
+    f = data.frequency
+    return [(float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def marked_places(result: RunResult) -> list[Place]:
+    """Return the places of findings and of faults, one for each point."""
+    d, m = result.diagnosis, result.diagnosis.problem.data.measurement
+    out: dict[tuple[float, ...], list[tuple[str, str, str]]] = {}
+    for finding in d.findings:
+        effect = finding.effect
+        for xyz in effect.locations(result.study.model)[:6]:
+            label = effect.kind.replace("_", " ")
+            out.setdefault(tuple(np.round(xyz, 9)), []).append((effect.where, label, "finding"))
+    for fault in d.faults:
+        group = m.sensors if fault.kind.startswith("sensor") else m.excitations
+        sensor = next(s for s in group if s.name == fault.sensor)
+        word = f"gain {fault.value:.2f}" if fault.kind.endswith("gain") else words.FAULT_NAMES[fault.kind]
+        label = f"{fault.sensor}: {word}"
+        out.setdefault(tuple(np.round(sensor.point, 9)), []).append((fault.sensor, label, "fault"))
+    return [
+        Place(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
+        for xyz, here in out.items()
+    ]
+
+
+def misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
+    """Return name, step and description of the states whose misfit is shown."""
+    steps = result.diagnosis.steps
+    out = [("fitted", min(1, len(steps) - 1), "once the uncertain parameters are fitted")]
+    if len(steps) > 2:
+        out.append(("final", len(steps) - 1, "with what was found"))
+    return out
+
+
+def misfit_limit(result: RunResult) -> float:
+    """Return one end of the colours for all misfit pictures, so that they can be compared [dB]."""
+    return float(max(np.nanmax(result.comparisons[k].by_band()) for _, k, _ in misfit_steps(result)))
+
+
+def error_bands(result: RunResult) -> list[tuple[float, float]]:
+    """Return the bands of the error maps, on whole hertz where these are fine enough [Hz]."""
+    c = result.comparisons[0]
+    edges = np.round(c.bands) if c.bands[-1] - c.bands[0] > 20 * len(c.bands) else c.bands
+    return [(float(a), float(b)) for a, b in pairwise(edges)]
+
+
+def candidate_labels(ranked: Sequence[Ranked]) -> list[str]:
+    """Return candidates in words, each of them once."""
+    seen: dict[str, int] = {}
+    out = []
+    for r in ranked:
+        label = _NAMES.sub("", words.ranked_label(r))
+        seen[label] = seen.get(label, 0) + 1
+        out.append(label if seen[label] == 1 else f"{label} ({seen[label]})")
+    return out
+
+
+def ranking_limit(ranked: Sequence[Ranked], found: Finding | None) -> tuple[float | None, str, str]:
+    """Return the level that a round's best had to reach [dB], its name, and a sentence on it."""
+    best = ranked[0]
+    if not np.isfinite(best.asked):
+        how = "They are ranked by their evidence, which also counts what a law asks for."
+        return None, "", how
+    limit = best.asked * DB_PER_NEPER
+    if not found and best.level < best.asked:
+        how = "What lies below the dotted line is within tolerance, uncertain, or worse on held-out lines."
+        return limit, "asked of the level", how
+    if found and not found.strain and best.level > best.asked:
+        how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
+        return limit, "asked of the level alone", how
+    return limit, "to be accepted", "The best must reach the dotted line to be accepted."
+
+
+def ranking_caption(result: RunResult, k: int, ranked: Sequence[Ranked] | None = None) -> str:
+    """Return the caption of a round's candidates."""
+    d = result.diagnosis
+    ranked = d.rounds[k] if ranked is None else ranked
+    found = d.findings[k] if k < len(d.findings) else None
+    labels = dict(zip([r.name for r in ranked], candidate_labels(ranked), strict=True))
+    accepted = labels.get(found.effect.name) if found else None
+    outcome = f"{accepted} is accepted" if accepted else "none of them is accepted"
+    return (
+        f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
+        f"uncertain parameters; {outcome}. {ranking_limit(ranked, found)[2]}"
+    )
+
+
+def pair_errors(result: RunResult, step: int) -> NDArray[np.float64]:
+    """Return the error of each FRF after a step, (n_out, n_in), NaN where nothing is compared [dB]."""
+    square = result.comparisons[step].log_ratio.real ** 2
+    known = np.isfinite(square)
+    total, count = np.where(known, square, 0.0).sum(axis=0), known.sum(axis=0)
+    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return np.sqrt(mean) * DB_PER_NEPER
+
+
+def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
+    """Return FRFs worth a look and why: most gained, drive points, worst in the end."""
+    n_steps = len(result.comparisons)
+    last = result.comparisons[n_steps - 1]
+    before, after = (pair_errors(result, k) for k in (1 if n_steps > 2 else 0, n_steps - 1))
+    pairs = [
+        (o, i) for o in range(len(last.outputs)) for i in range(len(last.inputs)) if np.isfinite(after[o, i])
+    ]
+    gained = sorted(pairs, key=lambda p: after[p] - before[p])
+    by_input = {p[1]: p for p in reversed(gained)}
+    drive = [p for p in pairs if last.outputs[p[0]] == last.inputs[p[1]]]
+    worst = sorted(pairs, key=lambda p: -after[p])
+    chosen: dict[tuple[int, int], str] = {}
+    for which, why in (
+        ([*sorted(by_input.values(), key=gained.index), *gained][: n - 3], "most gained"),
+        (drive[:2], "drive point"),
+        (worst[:1], "worst in the end"),
+        (gained, ""),
+    ):
+        for p in which:
+            if len(chosen) < n and p not in chosen:
+                chosen[p] = f"{why}, " if why else ""
+    return [
+        (last.outputs[o], last.inputs[i], f"{why}{before[o, i]:.1f} → {after[o, i]:.1f} dB")
+        for (o, i), why in chosen.items()
+    ]

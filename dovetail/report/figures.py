@@ -1,0 +1,282 @@
+"""The interactive figures of a report, and all its FRFs in few bytes."""
+
+import json
+import zlib
+from base64 import b64encode
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from plotly.graph_objects import Figure
+
+from dovetail.report import words
+from dovetail.report.drawn import (
+    candidate_labels,
+    compared_models,
+    error_bands,
+    fits_of,
+    held_out_bands,
+    marked_places,
+    misfit_limit,
+    misfit_steps,
+    pair_errors,
+    ranking_limit,
+    rivals,
+    telling_pairs,
+)
+from dovetail.result import RunResult
+from fem.analysis.frf import FRF
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.diagnose import EFFECT
+from updating.diagnosis.fitted_modes import modes_of, most_changed, pair_modes
+from viz.curves import frf_errors
+from viz.interactive.error import error_map_figure, probability_figure, ranking_figure, staircase_figure
+from viz.interactive.frf import COHERENCE, MAGNITUDE, MEASURED, PHASE, Curves, frf_curves, frf_error_figure
+from viz.interactive.frf import frf_figure as figure_of_frfs
+from viz.interactive.model import model_figure
+from viz.interactive.modes import modes_figure
+
+MOST_VALUES = 1_500_000
+"""Numbers of all FRFs together; of more lines every second, third … is kept."""
+STEP = 0.01
+"""FRFs are kept in steps of 0.01 dB and 0.01°, coherence in steps of 0.0001."""
+GAP = -32768
+"""Stands for no value."""
+MOST_MODES = 40
+"""Modes that move in the report."""
+
+Say = Callable[[str, float], None]
+
+
+@dataclass(slots=True)
+class Figures:
+    """The interactive figures of a report by name.
+
+    Attributes
+    ----------
+    known : dict of str to Figure
+    data : dict of str to mapping
+        What a figure needs beside itself, by its name.
+    failures : list of str
+        Sentences about those that could not be made.
+    """
+
+    known: dict[str, Figure] = field(default_factory=dict)
+    data: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
+
+    def add(self, name: str, make: Callable[[], Figure | None]) -> None:
+        """Make a figure; one that cannot be made is left out and named."""
+        try:
+            figure = make()
+        except Exception as reason:
+            self.failures.append(
+                f"The figure {name} could not be made ({type(reason).__name__}: {reason}); "
+                "the report has its picture instead."
+            )
+            return
+        if figure is not None:
+            self.known[name] = figure
+
+
+def make_all(result: RunResult, say: Say | None = None) -> Figures:
+    """Make every interactive figure of a report."""
+    if say:
+        say("making figures", 0.95)
+    out = Figures()
+    d = result.diagnosis
+    out.add("model", lambda: _model(result))
+    out.add("staircase", lambda: _staircase(result))
+    out.add("probability", lambda: _probability(result))
+    for name, step, _ in misfit_steps(result):
+        out.add(f"map-{name}", lambda step=step: _error_map(result, step))
+    out.add("misfit", lambda: _misfit(result))
+    for k in range(len(d.rounds)):
+        out.add(f"ranking-{k + 1}", lambda k=k: _ranking(result, k))
+    out.add("frf", lambda: _frf(result, out))
+    out.add("frf-error", lambda: _frf_error(result))
+    out.add("modes", lambda: _modes(result))
+    return out
+
+
+def _sensor_errors(result: RunResult, step: int) -> dict[str, float]:
+    c = result.comparisons[step]
+    return dict(zip(c.outputs, c.by_sensor().tolist(), strict=True))
+
+
+def _model(result: RunResult) -> Figure:
+    m = result.diagnosis.problem.data.measurement
+    _, step, _ = misfit_steps(result)[0]
+    return model_figure(
+        result.study.model, m.sensors, m.excitations, errors=_sensor_errors(result, step),
+        places=marked_places(result), height=430,
+    )  # fmt: skip
+
+
+def _misfit(result: RunResult) -> Figure | None:
+    where = result.localisation
+    if where is None or not where.members:
+        return None
+    m = result.diagnosis.problem.data.measurement
+    _, step, _ = misfit_steps(result)[0]
+    return model_figure(
+        result.study.model, m.sensors, errors=_sensor_errors(result, step), members=dict(where.members)
+    )
+
+
+def _staircase(result: RunResult) -> Figure:
+    d = result.diagnosis
+    steps = [
+        (words.step_label(s.label), s.fit_db, s.held_out_db if np.isfinite(s.held_out_db) else None)
+        for s in d.steps
+    ]
+    return staircase_figure(steps, d.noise_floor_db, height=430)
+
+
+def _probability(result: RunResult) -> Figure | None:
+    known = hypotheses(result)
+    return probability_figure(known) if known else None
+
+
+def hypotheses(result: RunResult) -> list[tuple[str, float]]:
+    """Return the hypotheses in words with their probabilities; none where the search gives none."""
+    d = result.diagnosis
+    named = {e.name: words.effect_label(e.kind, e.where) for e in d.candidates}
+    named |= {f.effect.name: words.effect_label(f.effect.kind, f.effect.where) for f in d.findings}
+    named["unknown"] = "something that the library does not have"
+    return [
+        (" and ".join(named.get(n, n) for n in names) or "nothing missing", float(p))
+        for names, p in d.posterior
+    ]
+
+
+def _error_map(result: RunResult, step: int) -> Figure:
+    c = result.comparisons[step]
+    return error_map_figure(c.by_band(), c.outputs, error_bands(result), limits=(0.0, misfit_limit(result)))
+
+
+def _ranking(result: RunResult, k: int) -> Figure | None:
+    d = result.diagnosis
+    ranked = d.rounds[k]
+    if not ranked:
+        return None
+    found = d.findings[k] if k < len(d.findings) else None
+    names = [r.name for r in ranked]
+    twins = {t.name for t in found.twins} if found else set()
+    level, word, _ = ranking_limit(ranked, found)
+    return ranking_figure(
+        candidate_labels(ranked), [r.level * DB_PER_NEPER for r in ranked],
+        d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER, names=names,
+        twins=[n for n, name in enumerate(names) if name in twins],
+        accepted=names.index(found.effect.name) if found and found.effect.name in names else None,
+        limit=None if level is None else (level, word),
+        xlabel="residual level, amplitude and phase [dB]",
+    )  # fmt: skip
+
+
+def _frf(result: RunResult, figures: Figures) -> Figure:
+    d = result.diagnosis
+    compared = compared_models(result)
+    frfs: dict[str, FRF] = dict(compared.frfs)
+    for k, rival in rivals(result).items():
+        label, frf = list(fits_of(result, k, rival).items())[1]
+        frfs[f"rival: {label}"] = frf
+    coherence = d.problem.data.measurement.coherence
+    pair = next(((o, i) for o, i, _ in telling_pairs(result, 4)), None)
+    figure = figure_of_frfs(
+        d.measured, frfs, pair, deviations=compared.deviations, held_out=held_out_bands(result),
+        coherence=coherence, title="", height=560,
+    )  # fmt: skip
+    curves = frf_curves(d.measured, frfs, compared.deviations)
+    labels = list(compared.frfs)
+    errors = {label: pair_errors(result, step) for label, step in zip(labels, compared.steps, strict=True)}
+    figures.data["frf"] = frf_store(curves, coherence, errors)
+    return figure
+
+
+def frf_store(
+    curves: tuple[Curves, ...],
+    coherence: NDArray[np.float64] | None = None,
+    errors: Mapping[str, NDArray[np.float64]] | None = None,
+) -> dict[str, Any]:
+    """Return FRFs of all pairs as a page reads them: differences of small integers, compressed.
+
+    ``blocks`` lists series and quantity of each array (n_out, n_in, n_freq); ``data`` has them one after the
+    other as differences of 16-bit integers along frequency, deflated, in base64. A value is the integer times
+    the block's ``step``; `GAP` is none.
+
+    Parameters
+    ----------
+    curves : tuple of Curves
+        The first gives the frequencies.
+    coherence : ndarray (n_freq, n_out, n_in), optional
+        Of the first.
+    errors : mapping of str to ndarray (n_out, n_in), optional
+        Error of each FRF by label [dB].
+    """
+    first = curves[0]
+    blocks: list[tuple[str, str, float, NDArray[np.float64]]] = []
+    for c in curves:
+        blocks += [(c.label, MAGNITUDE, STEP, c.magnitude), (c.label, PHASE, STEP, c.phase)]
+        if c.spread is not None:
+            blocks.append((c.label, "spread", STEP, c.spread))
+    if coherence is not None:
+        blocks.append((MEASURED, COHERENCE, 1e-4, coherence))
+    every = -(-sum(block[3].size for block in blocks) // MOST_VALUES)
+    packed = [_integers(values[::every], step) for _, _, step, values in blocks]
+    data = zlib.compress(np.concatenate(packed).tobytes(), 9)
+    return {
+        "frequency": np.float32(first.frequency[::every]).tolist(),
+        "every": every,
+        "outputs": list(first.outputs),
+        "inputs": list(first.inputs),
+        "blocks": [{"series": s, "quantity": q, "step": step} for s, q, step, _ in blocks],
+        "gap": GAP,
+        "data": b64encode(data).decode("ascii"),
+        "errors": {label: _plain(np.round(e, 2)) for label, e in (errors or {}).items()},
+    }
+
+
+def _integers(values: NDArray[np.float64], step: float) -> NDArray[np.int16]:
+    """Return values (n_freq, n_out, n_in) as differences of integers, (n_out n_in n_freq,)."""
+    known = np.isfinite(values)
+    whole = np.where(known, np.clip(np.round(np.where(known, values, 0.0) / step), -32767, 32767), GAP)
+    lines = np.moveaxis(whole.astype(np.int16), 0, 2).reshape(-1, len(values))
+    with np.errstate(over="ignore"):  # differences wrap round, and back where they are summed
+        return np.diff(lines, axis=1, prepend=np.int16(0)).astype("<i2").ravel()
+
+
+def _plain(values: NDArray[np.float64]) -> list[list[float | None]]:
+    return [[float(v) if np.isfinite(v) else None for v in row] for row in values]
+
+
+def _frf_error(result: RunResult) -> Figure:
+    d = result.diagnosis
+    measured = d.measured
+    sigma = np.abs(measured.H) * np.broadcast_to(d.problem.data.noise, measured.H.shape)
+    models = compared_models(result).frfs
+    errors, noise = frf_errors(measured, models, floor=sigma, smooth=max(1, measured.n_freq // 150))
+    return frf_error_figure(measured.frequency, errors, floor=noise, held_out=held_out_bands(result))
+
+
+def _modes(result: RunResult) -> Figure | None:
+    d = result.diagnosis
+    _, without, fitted = modes_of(d)
+    chosen = list(range(fitted.n_rigid, fitted.n_modes))[:MOST_MODES]
+    if not chosen:
+        return None
+    figure = modes_figure(d.model, fitted, chosen, frames=False)
+    pair = most_changed(pair_modes(without, fitted)) if d.verdict == EFFECT else None
+    figure.layout.meta = {  # pyright: ignore[reportAttributeAccessIssue]
+        **figure.layout.meta,  # pyright: ignore[reportAttributeAccessIssue]
+        "first": chosen.index(pair.index) if pair and pair.index in chosen else 0,
+    }
+    return figure
+
+
+def as_json(value: Any) -> str:
+    """Return a figure or plain data as JSON that may stand between script tags."""
+    text = value.to_json() if isinstance(value, Figure) else json.dumps(value, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

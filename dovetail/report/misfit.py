@@ -1,0 +1,76 @@
+"""Where the model fails: by sensor, by band, by place."""
+
+import numpy as np
+
+from dovetail.report import cells, words
+from dovetail.report.page import Markup, folded, paragraph, section, table, tag
+from dovetail.report.shown import TURN, Shown
+from dovetail.result import RunResult, least_frac
+
+
+def misfit(result: RunResult, shown: Shown) -> Markup:
+    """Return the error by sensor and by band, and places where a small change would help."""
+    after = [shown.picture("misfit-final"), _map(shown, "final", "with what was found")]
+    return section(
+        "Where it fails",
+        paragraph(
+            "The model with its uncertain parameters fitted and nothing added. One that lacks nothing is "
+            "equally good "
+            "everywhere; a missing effect shows near it, or in the modes that strain it."
+        ),
+        _structure(shown),
+        _map(shown, "fitted", "once the uncertain parameters are fitted"),
+        *_shares(result),
+        folded("The same with what was found", *after) if any(after) else "",
+        folded("Error of each sensor", _sensor_errors(result)),
+    )
+
+
+def _structure(shown: Shown) -> Markup:
+    """Return the sensors by their error and the members by their share of it."""
+    words_ = "sensors coloured by their error, members by the share of it that a small change would explain"
+    return shown.figure(
+        "misfit", f"The structure, {words_}.", f"{words_.capitalize()}.", ["misfit-fitted"], hint=TURN
+    )
+
+
+def _map(shown: Shown, name: str, what: str) -> Markup:
+    return shown.figure(
+        f"map-{name}",
+        f"Map of the error of each sensor in each band, {what}; the table of sensors below has the numbers.",
+        f"Error of each sensor in each band, {what}. A click on a cell shows the sensor's FRFs below.",
+        [f"misfit-bands-{name}"],
+    )
+
+
+def _shares(result: RunResult) -> list[Markup]:
+    where = result.localisation
+    if where is None:
+        return []
+    shares = [*((f"member {m}", s) for m, s in where.members.items()), *where.places]
+    rows = [
+        [words.place(name), f"{100 * s:.0f}"] for name, s in sorted(shares, key=lambda t: -t[1]) if s >= 0.005
+    ]
+    return [
+        tag("h3", "Where a small change would help"),
+        table(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=8)
+        if rows
+        else paragraph(
+            "Nowhere: no small change of any member, joint or support explains a share of the misfit."
+        ),
+        paragraph(where.note),
+    ]
+
+
+def _sensor_errors(result: RunResult) -> Markup:
+    first, last = result.comparisons[0], result.comparisons[-1]
+    middle = result.comparisons[min(1, len(result.comparisons) - 1)]
+    columns = [c.by_sensor() for c in (first, middle, last)]
+    frac = least_frac(last)
+    order = np.argsort(-np.nan_to_num(columns[1]), kind="stable")
+    rows = [
+        [first.outputs[i], *(cells.db(float(c[i])) for c in columns), cells.number(float(frac[i]), 3)]
+        for i in order
+    ]
+    head = ["sensor", "nominal [dB]", "fitted [dB]", "in the end [dB]", "least FRAC in the end [-]"]
+    return table(head, rows, numbers=(1, 2, 3, 4))

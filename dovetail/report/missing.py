@@ -1,0 +1,262 @@
+"""What is missing, why it is believed, and how the other candidates did."""
+
+import math
+
+from dovetail.report import cells, words
+from dovetail.report.drawn import ranking_caption
+from dovetail.report.figures import hypotheses
+from dovetail.report.page import Markup, bullets, folded, image, join, paragraph, section, table, tag
+from dovetail.report.shown import Shown
+from dovetail.result import RunResult
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.diagnose import FAULT, NOTHING, UNEXPLAINED
+from updating.diagnosis.findings import Finding, Ranked
+from updating.diagnosis.separation import Decisive, Proposal
+
+
+def missing(result: RunResult, shown: Shown) -> Markup:
+    """Return what was found, why, and what would tell it from its rivals."""
+    d = result.diagnosis
+    if not d.findings:
+        chance = _chance(shown)
+        return section("What is missing", *_nothing_found(result), *_hypotheses(result, shown), *chance)
+    rows = [
+        [
+            words.effect_label(f.effect.kind, f.effect.where),
+            p.name.replace("_", " "),
+            words.fitted_text(p),
+            _absent(f, p.name),
+            "–" if p.at_bound else cells.percent(p.std, p.value),
+        ]
+        for f in d.findings
+        for p in f.parameters
+    ]
+    parts = [
+        table(["effect", "parameter", "value ± std", "model has", "std [%]"], rows, numbers=(2, 3, 4)),
+        *_hypotheses(result, shown),
+    ]
+    for k, finding in enumerate(d.findings):
+        if not finding.without:
+            parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
+        parts.append(_decided(finding, shown.picture(f"decides-{k + 1}")))
+        parts += [_separated(finding, t, p) for t, p in zip(finding.twins, finding.proposals, strict=False)]
+    parts.append(
+        paragraph(
+            "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
+            "parameters vary with it. What is left beyond noise counts in them as an error of the model that "
+            "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
+        )
+    )
+    parts += _chance(shown)
+    return section("What is missing", *parts)
+
+
+def _absent(finding: Finding, name: str) -> str:
+    """Return the model's value of a found parameter, a dash where it has none."""
+    absent = next((p.absent for p in finding.effect.parameters() if p.name == name), math.nan)
+    p = next(p for p in finding.parameters if p.name == name)
+    return "–" if absent == p.value else words.with_unit(absent, p.unit, like=words.near(absent, p.value))
+
+
+def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
+    own = next((r for r in ranked if r.name == finding.effect.name), None)
+    known = [(own, "accepted"), *((t, "twin") for t in finding.twins)]
+    known.append((words.rival_of(finding, ranked), "best other"))
+    rows = [
+        [cells.tagged(r, what), words.parameters_text(r.parameters), *cells.errors(r), f"{r.similarity:.2f}"]
+        for r, what in known
+        if r is not None
+    ]
+    twins = (
+        "Twins bring nearly the same reduction; which of them it is only knowledge of the structure can say."
+        if finding.twins
+        else "No candidate brings nearly the same reduction."
+    )
+    return join(
+        [
+            tag("h3", f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
+            table(cells.RANKING, rows, numbers=(2, 3, 4, 5), marked=(0,) if own else ()),
+            paragraph(
+                f"{twins} Similarity is the correlation of what two effects do to the FRFs; 1 means that "
+                "these "
+                "sensors cannot tell them apart."
+            ),
+        ]
+    )
+
+
+def _decided(finding: Finding, picture: Markup) -> Markup:
+    """Say which FRFs and bands prefer the effect to its rival."""
+    against = finding.rival or (finding.twins[0] if finding.twins else None)
+    if against is None or not finding.decisive:
+        return Markup()
+    first = finding.decisive[0]
+    lead = (
+        f"Were it {words.ranked_label(against)} instead, the FRF {first.output} / {first.input} between "
+        f"{first.band[0]:.4g} and {first.band[1]:.4g} Hz would be {first.second_db:.1f} dB off even with the "
+        f"best values of its parameters; it is {first.first_db:.1f} dB off. The pieces that speak most for "
+        "the effect, with the error with it and with its rival:"
+    )
+    return join(
+        [
+            tag("h3", "What decides"),
+            paragraph(lead),
+            bullets([_decisive(piece) for piece in finding.decisive]),
+            tag("div", picture, class_="off") if picture else "",
+        ]
+    )
+
+
+def _decisive(piece: Decisive) -> Markup:
+    """Return a piece of the data that decides, with a button that shows its FRF."""
+    show = tag(
+        "button", "show", type="button", class_="pick", data_output=piece.output, data_input=piece.input,
+        aria_label=f"Show the FRF {piece.output} / {piece.input}",
+    )  # fmt: skip
+    return join([words.decisive_text(piece), " ", show])
+
+
+def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
+    """Return what is how probable; nothing where the search gives no probabilities."""
+    known = hypotheses(result)
+    if not known:
+        return []
+    rows = [[name, words.percent_text(p)] for name, p in known]
+    return [
+        tag("h3", "How probable"),
+        shown.figure(
+            "probability",
+            "Bars of the probability of each hypothesis; the table has the numbers.",
+            "Probability of each hypothesis by the data and the priors, all of them together 100 %.",
+        ),
+        table(["hypothesis", "probability"], rows, numbers=(1,), at_most=8),
+    ]
+
+
+def _chance(shown: Shown) -> list[Markup]:
+    return [image(p.file, p.alt, p.caption) for p in shown.album.starting("chance-")]
+
+
+def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> Markup:
+    """Say what to measure next to tell the effect from a twin."""
+    own = words.effect_label(finding.effect.kind, finding.effect.where)
+    rows = [
+        [words.proposal_text(p), f"{p.difference_db:.2f}", words.evidence_text(p.evidence)]
+        for p in proposals[:6]
+    ]
+    head = ["measurement", "difference of the predictions [dB]", "odds to expect"]
+    return join(
+        [
+            tag("h3", f"To tell {own} from {words.ranked_label(twin)}"),
+            table(head, rows, numbers=(1, 2))
+            if rows
+            else paragraph("No sensor, force or band that was tried would separate them."),
+            paragraph(
+                "Odds are those of the likelihoods once the wrong one has been fitted again to all data, if "
+                "the new data are as good as the present ones. A sensor counts with the present forces, a "
+                "force with the present sensors."
+            ),
+        ]
+    )
+
+
+def _nothing_found(result: RunResult) -> list[Markup]:
+    d = result.diagnosis
+    best, looked_at = words.best_of(d.rounds), len(d.candidates)
+    gained = (
+        f" The best, {words.ranked_label(best)} ({words.parameters_text(best.parameters)}), lowers the "
+        f"residual level from {d.steps[-1].level * DB_PER_NEPER:.2f} to {best.level * DB_PER_NEPER:.2f} "
+        "dB."
+        if best
+        else ""
+    )
+    kinds = sorted({e.kind.replace("_", " ") for e in d.candidates})
+    text = {
+        NOTHING: (
+            "Nothing that these data can show. This does not prove that the model is right where no mode "
+            "of the band strains it."
+            if not d.more_than_noise
+            else "Nothing that stands out from what beams leave of any structure."
+        ),
+        FAULT: "Nothing, once the sensors below are set right.",
+        UNEXPLAINED: (
+            "Something, but none of the candidates. The model should not be trusted for what it was made "
+            "for until the cause is known."
+        ),
+    }.get(d.verdict, d.reason)
+    return [
+        paragraph(text),
+        paragraph(
+            f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
+            if looked_at
+            else "There were no candidates."
+        ),
+    ]
+
+
+def search(result: RunResult, shown: Shown) -> Markup:
+    """Return how the candidates did in each round."""
+    d = result.diagnosis
+    if not any(d.rounds):
+        return Markup()
+    parts = [
+        paragraph(
+            "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
+            "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
+            "best of these fully. The best is accepted if the residual level falls enough, on the lines of "
+            "the fit and on held-out lines, or if it is the first and makes the data much more likely, as "
+            "in a part of the band; then the search is repeated with it. Those that were fitted are listed."
+        )
+    ]
+    for k, ranked in enumerate(d.rounds):
+        if not ranked:  # in the model before the search
+            continue
+        body = join(
+            [
+                shown.figure(
+                    f"ranking-{k + 1}",
+                    f"Bars of the residual level that each candidate leaves in round {k + 1}; the table has "
+                    "the numbers.",
+                    ranking_caption(result, k),
+                    [f"ranking-{k + 1}"],
+                ),
+                _ranking(ranked, d.findings[k] if k < len(d.findings) else None, k),
+            ]
+        )
+        parts.append(body if len(parts) == 1 else folded(f"Round {k + 1}: {_outcome(result, k)}", body))
+    return section("How the candidates did", *parts)
+
+
+def _outcome(result: RunResult, k: int) -> str:
+    d = result.diagnosis
+    if k < len(d.findings):
+        f = d.findings[k]
+        return f"{words.effect_label(f.effect.kind, f.effect.where)} is accepted"
+    return "no candidate improves the model enough; the search ends"
+
+
+def _ranking(ranked: tuple[Ranked, ...], finding: Finding | None, k: int) -> Markup:
+    twins = {t.name for t in finding.twins} if finding else set()
+    accepted = finding.effect.name if finding else None
+    rows = []
+    for r in ranked:
+        what = (
+            "accepted"
+            if r.name == accepted
+            else "twin"
+            if r.name in twins
+            else ""
+            if r.refined
+            else "quick fit"
+        )
+        rows.append(
+            [
+                cells.tagged(r, what),
+                words.parameters_text(r.parameters),
+                *cells.errors(r),
+                f"{r.similarity:.2f}",
+            ]
+        )
+    marked = [i for i, r in enumerate(ranked) if r.name == accepted]
+    body = table(cells.RANKING, rows, numbers=(2, 3, 4, 5), marked=marked)
+    return folded(f"Round {k + 1} in numbers: {len(ranked)} candidates", body)
