@@ -22,6 +22,7 @@ from dovetail.commands import (
     match,
     modes,
     new,
+    report,
     run,
     update,
     validate,
@@ -30,12 +31,12 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, frf, run, compare, locate, diagnose, identify_modes, match, update, identify_joint,
-    validate,
+    new, check, modes, frf, run, report, compare, locate, diagnose, identify_modes, match, update,
+    identify_joint, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 
-WITHOUT_STUDY = (new, validate)
+WITHOUT_STUDY = (new, report, validate)
 
 OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE, None)
 """Errors of files that are none of what was asked for: a full disk, a reader that has gone."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dovetail.report.drawn import held_out_bands
-from dovetail.report.page import Markup, bullets, facts, folded, paragraph, section, table, tag
+from dovetail.report.page import Markup, bullets, facts, folded, paragraph, section, table
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult
 from updating.inference.fit_data import TRANSVERSE, FitData
@@ -39,7 +39,6 @@ def compared(result: RunResult, shown: Shown) -> Markup:
     mesh = study.model.mesh
     return section(
         "What was compared",
-        tag("div", shown.picture("structure"), class_="off" if "model" in shown else None),
         table(head, rows, numbers=(3, 4, 5), caption="Measured FRFs"),
         facts(
             [

@@ -7,7 +7,7 @@ from pathlib import Path
 from plotly.offline import get_plotlyjs
 
 from dovetail.report.figures import Figures, as_json
-from dovetail.report.page import Markup, figure, image, join, picture, script, tag
+from dovetail.report.page import Markup, figure, image, join, script, tag
 from dovetail.report.pictures import Album
 from viz.interactive.theme import CONFIG, NIGHT
 
@@ -55,13 +55,13 @@ class Shown:
         return figure(
             tag("div", tools, class_="tools") if tools else "",
             tag("div", class_="plot", role="group", tabindex="0", aria_label=f"{alt} {hint}".strip()),
-            *(picture(p.file, p.alt, "still") for p in pictures),
+            *(image(p.file, p.alt, p.caption, "still") for p in pictures),
             tag("p", hint, class_="hint") if hint else "",
             script(as_json(self.figures.known[name]), type="application/json", id=f"figure-{name}"),
             script(as_json(self.figures.data[name]), type="application/json", id=f"data-{name}")
             if name in self.figures.data
             else "",
-            caption=caption,
+            tag("figcaption", caption, class_="live"),
             data_figure=name,
             class_="" if pictures else "bare",
         )

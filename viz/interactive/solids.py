@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from viz import style
-from viz.interactive.theme import EDGE, plain, single
+from viz.interactive.theme import EDGE, VEIL, plain, single
 from viz.shapes import Arrows, arrow_triangles, view_axes
 from viz.surfaces import Surface
 from viz.triangles import Floats, Ints
@@ -142,7 +142,7 @@ def _note(point: NDArray[np.float64], text: str, colour: str, k: int) -> dict[st
     return {
         "x": x, "y": y, "z": z, "text": f"<b>{plain(text)}</b>", "font": {"color": colour, "size": 13},
         "arrowcolor": colour, "arrowwidth": 1.5, "arrowhead": 0, "ax": 64, "ay": 72 + 22 * (k % 4),
-        "bgcolor": "rgba(255,255,255,0.75)", "borderpad": 2, "xanchor": "left",
+        "bgcolor": VEIL, "borderpad": 2, "xanchor": "left",
     }  # fmt: skip
 
 

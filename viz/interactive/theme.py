@@ -28,7 +28,9 @@ CELL = "#f0f1f3"
 EDGE = "#4a525a"
 """Edges of surfaces."""
 PAPER = "#ffffff"
-"""Background, where a figure needs to know it."""
+"""The page."""
+VEIL = "rgba(255,255,255,0.75)"
+"""Behind texts that lie over something."""
 
 NIGHT = {
     style.INK: "#e6edf3",
@@ -44,6 +46,7 @@ NIGHT = {
     CELL: "#21262d",
     EDGE: "#aab4be",
     PAPER: "#0d1117",
+    VEIL: "rgba(13,17,23,0.75)",
 }
 """Colours on a dark page, by those on a white one; others stay."""
 
@@ -58,7 +61,9 @@ def plain(text: object) -> str:
 
 def at_night(figure: Figure) -> Figure:
     """Return a copy of a figure for a dark page."""
-    return Figure(_exchanged(figure.to_dict()))
+    parts = [_exchanged(trace.to_plotly_json()) for trace in figure.data]
+    frames = [_exchanged(frame.to_plotly_json()) for frame in figure.frames]
+    return Figure(parts, _exchanged(figure.layout.to_plotly_json()), frames)
 
 
 def _exchanged(value: Any) -> Any:
