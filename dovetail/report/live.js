@@ -11,7 +11,7 @@
 
   // Plotly reads tags in texts; names may hold some
   const plain = (s) => String(s).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;")
-    .replace(/{/g, "&#123;").replace(/}/g, "&#125;");
+    .replace(/{/g, "&#123;").replace(/}/g, "&#125;").replace(/\$/g, "&#36;");
 
   function bytes(base64) {
     const text = atob(base64), out = new Uint8Array(text.length);

@@ -16,7 +16,7 @@ from fem.system import assemble
 from tests.frames import CROSSED_BEAMS
 from updating.measurement.measurement import sensor_rows
 
-COMMANDS = ("new", "check", "modes", "frf", "identify-joint")
+COMMANDS = ("new", "check", "modes", "frf", "report", "identify-joint")
 
 
 @pytest.fixture(scope="module")

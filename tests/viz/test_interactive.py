@@ -100,7 +100,7 @@ def test_names_with_tags_stay_text(measured):
     text = figure.to_json()
     assert "a<b>" not in json.dumps([t.name for t in figure.data])
     assert "a<b>" not in figure.layout.title.text.removeprefix("<b>")
-    assert "a&lt;b&gt;&amp;\\\"'&#123;x&#125;%&#123;y&#125;" in text
+    assert "a&lt;b&gt;&amp;\\\"'&#123;x&#125;%&#123;y&#125;&#36;z&#36;" in text
     assert figure.layout.meta["output"] == NASTY  # for programs it is what it is
 
 

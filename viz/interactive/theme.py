@@ -54,9 +54,11 @@ NIGHT = {
 def plain(text: object) -> str:
     """Return a text that plotly shows as it is.
 
-    Plotly reads tags and entities in texts, and values in braces in hover templates; names may hold either.
+    Plotly reads tags and entities in texts, values in braces in hover templates, and formulas between dollars
+    where MathJax is there; names may hold them.
     """
-    return html.escape(str(text), quote=False).replace("{", "&#123;").replace("}", "&#125;")
+    safe = html.escape(str(text), quote=False)
+    return safe.replace("{", "&#123;").replace("}", "&#125;").replace("$", "&#36;")
 
 
 def at_night(figure: Figure) -> Figure:
