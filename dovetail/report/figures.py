@@ -28,6 +28,7 @@ from dovetail.report.drawn import (
 )
 from dovetail.result import RunResult
 from fem.analysis.frf import FRF
+from fem.analysis.modes import Modes
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT
 from updating.diagnosis.fitted_modes import modes_of, most_changed, pair_modes
@@ -36,16 +37,16 @@ from viz.interactive.error import error_map_figure, probability_figure, ranking_
 from viz.interactive.frf import COHERENCE, MAGNITUDE, MEASURED, PHASE, Curves, frf_curves, frf_error_figure
 from viz.interactive.frf import frf_figure as figure_of_frfs
 from viz.interactive.model import model_figure
-from viz.interactive.modes import modes_figure
+from viz.interactive.modes import MeasuredShape, modes_figure
 
-MOST_VALUES = 1_500_000
+MOST_VALUES = 1_200_000
 """Numbers of all FRFs together; of more lines every second, third … is kept."""
 STEP = 0.01
 """FRFs are kept in steps of 0.01 dB and 0.01°, coherence in steps of 0.0001."""
 GAP = -32768
 """Stands for no value."""
-MOST_MODES = 40
-"""Modes that move in the report."""
+MOST_MODES, MOST_MODE_VALUES = 40, 700_000
+"""Modes that move in the report, and numbers of all their surfaces together."""
 
 Say = Callable[[str, float], None]
 
@@ -267,16 +268,49 @@ def _modes(result: RunResult) -> Figure | None:
     chosen = list(range(fitted.n_rigid, fitted.n_modes))[:MOST_MODES]
     if not chosen:
         return None
-    figure = modes_figure(d.model, fitted, chosen, frames=False)
+    vertices = modes_figure(d.model, fitted, chosen[:1], frames=False).layout.meta["modes"][0]["surface"].size
+    chosen = chosen[: max(1, MOST_MODE_VALUES // vertices)]
+    figure = modes_figure(d.model, fitted, chosen, measured=measured_shapes(result, fitted), frames=False)
     pair = most_changed(pair_modes(without, fitted)) if d.verdict == EFFECT else None
-    figure.layout.meta = {  # pyright: ignore[reportAttributeAccessIssue]
-        **figure.layout.meta,  # pyright: ignore[reportAttributeAccessIssue]
-        "first": chosen.index(pair.index) if pair and pair.index in chosen else 0,
-    }
+    meta: dict[str, Any] = dict(figure.layout.meta)
+    meta["modes"] = [_in_few_bytes(mode) for mode in meta["modes"]]
+    meta["first"] = chosen.index(pair.index) if pair and pair.index in chosen else 0
+    figure.layout.meta = meta  # pyright: ignore[reportAttributeAccessIssue]
     return figure
+
+
+def _in_few_bytes(mode: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mode whose surface moves in steps of a 32767th of its largest displacement."""
+    step = max(float(np.abs(mode["surface"]).max()), 1e-300) / 32767
+    return {**mode, "surface": np.round(mode["surface"] / step).astype(np.int16), "step": step}
+
+
+def measured_shapes(result: RunResult, modes: Modes) -> dict[int, MeasuredShape]:
+    """Return the measured motion near each natural frequency, by the mode's number.
+
+    At the line nearest to it, the imaginary part of the receptances: there a mode with little damping answers
+    in quadrature. Of several forces it is the part that most of them share, the first left singular vector.
+    """
+    d = result.diagnosis
+    sensors = d.problem.data.measurement.sensors
+    points, directions = (np.array([getattr(s, key) for s in sensors]) for key in ("point", "direction"))
+    frf = d.measured.select(lines=d.measured.frequency > 0).as_kind("receptance")
+    out: dict[int, MeasuredShape] = {}
+    for k in range(modes.n_rigid, modes.n_modes):
+        f = modes.frequency[k]
+        if frf.frequency[0] <= f <= frf.frequency[-1]:
+            line = int(np.argmin(np.abs(frf.frequency - f)))
+            shape = np.linalg.svd(frf.H[line].imag)[0][:, 0]
+            out[k] = points, shape[:, None] * directions
+    return out
 
 
 def as_json(value: Any) -> str:
     """Return a figure or plain data as JSON that may stand between script tags."""
     text = value.to_json() if isinstance(value, Figure) else json.dumps(value, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def packed(value: Any) -> str:
+    """Return a figure or plain data as deflated JSON in base64."""
+    return b64encode(zlib.compress(as_json(value).encode(), 9)).decode("ascii")

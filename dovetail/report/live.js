@@ -19,12 +19,19 @@
     return out;
   }
 
+  const inflated = (raw) => new Response(
+    new Blob([raw]).stream().pipeThrough(new DecompressionStream("deflate")));
+
+  async function unfolded(id) {
+    const e = document.getElementById(id);
+    return e ? inflated(bytes(e.textContent.trim())).json() : null;
+  }
+
   function floats(spec) {
     if (!spec || !spec.bdata) return spec;
-    const raw = bytes(spec.bdata).buffer;
-    return { f4: Float32Array, f8: Float64Array, i4: Int32Array, i2: Int16Array, u2: Uint16Array }[spec.dtype]
-      ? new ({ f4: Float32Array, f8: Float64Array, i4: Int32Array, i2: Int16Array,
-        u2: Uint16Array }[spec.dtype])(raw) : spec;
+    const kinds = { f4: Float32Array, f8: Float64Array, i1: Int8Array, i2: Int16Array, i4: Int32Array,
+      u1: Uint8Array, u2: Uint16Array, u4: Uint32Array };
+    return new kinds[spec.dtype](bytes(spec.bdata).buffer);
   }
 
   function exchanged(value) {
@@ -76,18 +83,18 @@
     return figure;
   }
 
-  function prepared(name, width) {
-    const figure = read("figure-" + name);
+  async function prepared(name, width) {
+    const figure = await unfolded("figure-" + name);
     const dark = night.matches ? { data: exchanged(figure.data), layout: exchanged(figure.layout) } : figure;
     dark.layout.meta = figure.layout.meta;
     return fitted(dark, width);
   }
 
-  function draw(box) {
+  async function draw(box) {
     const name = box.dataset.figure, plot = box.querySelector(".plot");
-    if (drawn.has(name) || !window.Plotly) return;
-    const before = box.getBoundingClientRect().width;
-    const figure = prepared(name, before);
+    if (drawn.has(name) || !window.Plotly || !window.DecompressionStream) return;
+    drawn.set(name, null);
+    const figure = await prepared(name, box.getBoundingClientRect().width);
     if (solid3d(figure) && !canTurn()) return;
     box.classList.add("drawn");
     drawn.set(name, figure);
@@ -161,8 +168,7 @@
   window.dovetailChoose = choose;
 
   async function unpacked(raw) {
-    const stream = new Blob([bytes(raw.data)]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const steps = new Int16Array(await new Response(stream).arrayBuffer());
+    const steps = new Int16Array(await inflated(bytes(raw.data)).arrayBuffer());
     const n = raw.frequency.length, lines = raw.outputs.length * raw.inputs.length;
     for (let line = 0; line < steps.length / n; line++) {
       let sum = 0;
@@ -196,10 +202,10 @@
     return [low - room, high + room];
   }
 
-  function frfTools(box, plot) {
-    const raw = read("data-frf"), [out, into] = box.querySelectorAll("select");
+  async function frfTools(box, plot) {
+    const raw = await unfolded("data-frf"), [out, into] = box.querySelectorAll("select");
     const said = box.querySelector("output");
-    if (!raw || !out || !window.DecompressionStream) return;
+    if (!raw || !out) return;
     const show = async () => {
       store = store || unpacked(raw);
       const value = await store;
@@ -265,7 +271,7 @@
         const d = p.moves === "edges" ? null : p.moves === "surface" ? at : floats(mode[p.moves] || []);
         return [0, 1, 2].map((c) => p.rest[c].map((_, k) => {
           const v = d ? d[3 * k + c] : rows[k] < 0 ? 0 : at[3 * rows[k] + c];
-          return v === undefined ? 0 : step * v;
+          return v === undefined ? 0 : p.moves === "surface" || p.moves === "edges" ? step * v : v;
         }));
       };
       return { parts: parts.map(of), intensity: size.map((s) => s / (most || 1)) };
@@ -311,9 +317,9 @@
     boxes.forEach((b) => seen.observe(b));
     document.querySelectorAll("button.pick").forEach((b) => b.addEventListener("click",
       () => choose(b.dataset.output, b.dataset.input, true)));
-    night.addEventListener("change", () => boxes.forEach((b) => {
-      if (!drawn.has(b.dataset.figure)) return;
-      const figure = prepared(b.dataset.figure, b.getBoundingClientRect().width);
+    night.addEventListener("change", () => boxes.forEach(async (b) => {
+      if (!drawn.get(b.dataset.figure)) return;
+      const figure = await prepared(b.dataset.figure, b.getBoundingClientRect().width);
       drawn.set(b.dataset.figure, figure);
       const layout = figure.layout;
       window.Plotly.react(b.querySelector(".plot"), figure.data, layout, CONFIG).then(() => {

@@ -107,7 +107,9 @@ def _shapes(shown: Shown) -> Markup:
     return shown.figure(
         "modes",
         "Mode shapes of the fitted model; the list above chooses one.",
-        "Mode shapes of the fitted model, coloured by displacement over the outline at rest.",
+        "Mode shapes of the fitted model, coloured by displacement over the outline at rest. Arrows show the "
+        "measured motion at the line nearest to the natural frequency, in quadrature and scaled to the mode; "
+        "neighbouring modes take part in it. Rings show where the model puts the arrows' tips.",
         names,
         tools=tools,
         hint=TURN,

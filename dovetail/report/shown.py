@@ -6,7 +6,7 @@ from pathlib import Path
 
 from plotly.offline import get_plotlyjs
 
-from dovetail.report.figures import Figures, as_json
+from dovetail.report.figures import Figures, as_json, packed
 from dovetail.report.page import Markup, figure, image, join, script, tag
 from dovetail.report.pictures import Album
 from viz.interactive.theme import CONFIG, NIGHT
@@ -57,8 +57,8 @@ class Shown:
             tag("div", class_="plot", role="group", tabindex="0", aria_label=f"{alt} {hint}".strip()),
             *(image(p.file, p.alt, p.caption, "still") for p in pictures),
             tag("p", hint, class_="hint") if hint else "",
-            script(as_json(self.figures.known[name]), type="application/json", id=f"figure-{name}"),
-            script(as_json(self.figures.data[name]), type="application/json", id=f"data-{name}")
+            script(packed(self.figures.known[name]), type="text/plain", id=f"figure-{name}"),
+            script(packed(self.figures.data[name]), type="text/plain", id=f"data-{name}")
             if name in self.figures.data
             else "",
             tag("figcaption", caption, class_="live"),

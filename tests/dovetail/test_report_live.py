@@ -23,9 +23,11 @@ from dovetail.report.report import report_html
 from fem.analysis.frf import FRF
 from tests.frames import beam, write_study
 from updating.correlation import rms_db
+from updating.diagnosis.fitted_modes import modes_of
 from viz.interactive import frf, model, solids
 from viz.interactive.error import ranking_figure
 from viz.interactive.theme import CONFIG
+from viz.models import displacement_at
 
 NASTY = "a<b>&\"'{x}%{y}$z$"
 CHROMIUM = (
@@ -133,6 +135,19 @@ def test_figures_show_the_diagnosis(found, live):
     accepted = next(t for t in live.known["ranking-1"].data if t.name == "accepted")
     assert list(accepted.customdata) == [finding.effect.name]
     assert accepted.x[0] + accepted.base[0] == pytest.approx(d.rounds[0][0].level * 20 / np.log(10))
+
+
+def test_measured_shapes_are_those_of_the_modes(found):
+    """FRFs of the model itself, at its resonances, have the shapes of its modes."""
+    d = found.diagnosis
+    _, _, fitted = modes_of(d)
+    shapes = figures.measured_shapes(found, fitted)
+    assert set(shapes) == set(range(fitted.n_rigid, fitted.n_modes))
+    for k, (points, vectors) in shapes.items():
+        computed = displacement_at(d.model, fitted.shapes[:, k], points)
+        along = np.array([s.direction for s in d.problem.data.measurement.sensors])
+        one, two = (np.einsum("ij,ij->i", v, along) for v in (vectors, computed))
+        assert (one @ two) ** 2 / (one @ one) / (two @ two) > 0.99
 
 
 def test_a_figure_that_cannot_be_made_is_named():
@@ -265,7 +280,7 @@ def test_any_mode_moves(folder, live, chromium):
         for k in (0, len(told) - 1):
             figure.locator("select").select_option(index=k)
             page.wait_for_selector(f'figure[data-figure="modes"][data-mode="{k}"]')
-            moved = rest + np.asarray(told[k]["surface"]).reshape(-1, 3)[:, 2]
+            moved = rest + told[k]["step"] * np.asarray(told[k]["surface"]).reshape(-1, 3)[:, 2]
             page.wait_for_function(f"Math.abs({top} - {moved.max()}) < 1e-6")
         figure.locator(".tools button").click()
         page.wait_for_function(f"Math.abs({top} - {moved.max()}) > 1e-5")

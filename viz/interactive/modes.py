@@ -193,7 +193,7 @@ def _relative(motion: Motion) -> NDArray[np.float32]:
 
 
 def _tips(motion: Motion, which: str, colour: str) -> dict[str, Any]:
-    x, y, z = single(_tip_rows(motion.tails, np.zeros_like(motion.tails))).T
+    x, y, z = single(_tip_rows(motion.tails, np.zeros_like(motion.tails), which)).T
     measured = which == "measured"
     return {
         "type": "scatter3d", "mode": "lines+markers" if measured else "markers", "x": x, "y": y, "z": z,
@@ -206,10 +206,11 @@ def _tips(motion: Motion, which: str, colour: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _tip_rows(tails: Floats, moved: Floats) -> Floats:
-    """Return tail, tip and a gap for each sensor, shape (3 n, 3)."""
+def _tip_rows(tails: Floats, moved: Floats, which: str) -> Floats:
+    """Return tail, tip and a gap for each sensor, shape (3 n, 3); of the computed shape the tips alone."""
     gap = np.full_like(tails, np.nan)
-    return np.stack([tails, tails + moved, gap], axis=1).reshape(-1, 3)
+    first = tails if which == "measured" else gap
+    return np.stack([first, tails + moved, gap], axis=1).reshape(-1, 3)
 
 
 def _displacements(motion: Motion) -> dict[str, NDArray[np.float32]]:
@@ -218,7 +219,7 @@ def _displacements(motion: Motion) -> dict[str, NDArray[np.float32]]:
     out = {"surface": single(motion.surface).ravel()}
     if len(motion.tails):
         for key, moved in (("measured", motion.measured), ("computed", motion.computed)):
-            out[key] = single(_tip_rows(zero, moved)).ravel()
+            out[key] = single(_tip_rows(zero, moved, key)).ravel()
     return out
 
 
@@ -228,7 +229,7 @@ def _moved(rest: Surface, motion: Motion, trace: Mapping[str, Any], factor: floa
     if which == "surface":
         at = rest.rest + factor * motion.surface
     else:
-        at = _tip_rows(motion.tails, factor * getattr(motion, which))
+        at = _tip_rows(motion.tails, factor * getattr(motion, which), which)
     x, y, z = single(at).T
     out: dict[str, Any] = {"x": x, "y": y, "z": z}
     # the colours stay while the mode moves
