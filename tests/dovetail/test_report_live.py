@@ -265,12 +265,12 @@ def test_the_structure_turns_and_frfs_are_picked(folder, found, chromium):
 def test_a_click_on_the_map_shows_the_sensor(folder, found, chromium):
     sensors = found.comparisons[0].outputs
     with opened(chromium, folder / "report.html") as page:
-        area = drawn(page, "map-fitted").locator(".nsewdrag").bounding_box()
+        area = drawn(page, "map-fitted").locator(".nsewdrag")
         row = len(sensors) - 1
-        page.mouse.move(area["x"] + 12, area["y"] + area["height"] * (row + 0.5) / len(sensors))
-        page.wait_for_selector('figure[data-figure="map-fitted"] .hovertext')
-        page.mouse.down()
-        page.mouse.up()
+        place = {"x": 12, "y": area.bounding_box()["height"] * (row + 0.5) / len(sensors)}
+        area.hover(position=place)
+        page.wait_for_selector('figure[data-figure="map-fitted"] .hovertext', state="attached")
+        area.click(position=place)
         page.wait_for_selector(f'figure[data-figure="frf"][data-pair^="{sensors[row]}/"]')
 
 
