@@ -1,7 +1,7 @@
 """The first screen of a report: verdict, probability, staircase, and the structure with the place."""
 
 from dovetail.report import cells, words
-from dovetail.report.page import Markup, bullets, join, paragraph, table, tag
+from dovetail.report.page import Markup, bullets, join, paragraph, section, table, tag
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
@@ -66,7 +66,7 @@ def how_sure(result: RunResult) -> Markup:
         if result.diagnosis.verdict == UNEXPLAINED
         else []
     )
-    return tag("div", tag("h3", "How sure"), bullets(words.confidence(result)), _steps(result), *advice)
+    return section("How sure", bullets(words.confidence(result)), _steps(result), *advice)
 
 
 def _steps(result: RunResult) -> Markup:

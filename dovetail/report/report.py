@@ -7,7 +7,7 @@ from dovetail.report.compared import check_first, compared, gates
 from dovetail.report.figures import Figures, make_all
 from dovetail.report.misfit import misfit
 from dovetail.report.missing import missing, search
-from dovetail.report.page import Markup, contents, page, tag
+from dovetail.report.page import contents, page, tag
 from dovetail.report.pictures import Album
 from dovetail.report.responses import faults, frfs, modes, uncertain
 from dovetail.report.shown import Shown
@@ -28,6 +28,7 @@ def report_html(result: RunResult, album: Album, figures: Figures | None = None)
     shown = Shown(album, figures or Figures())
     parts = [
         check_first(result),
+        how_sure(result),
         compared(result, shown),
         gates(result),
         misfit(result, shown),
@@ -47,6 +48,6 @@ def report_html(result: RunResult, album: Album, figures: Figures | None = None)
         skip,
         answer(result, shown),
         contents(parts),
-        tag("main", how_sure(result), Markup("\n"), *parts, id="body"),
+        tag("main", *parts, id="body"),
         shown.scripts(),
     )

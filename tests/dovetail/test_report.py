@@ -114,6 +114,7 @@ def test_the_page_loads_nothing(text):
 def test_the_order_is_that_of_a_reader(text):
     headings = re.findall(r"<h2>(.*?)</h2>", text)
     assert headings == [
+        "How sure",
         "What was compared",
         "Gates first",
         "Where it fails",

@@ -23,7 +23,9 @@ from dovetail.report.report import report_html
 from fem.analysis.frf import FRF
 from tests.frames import beam, write_study
 from updating.correlation import rms_db
+from updating.diagnosis.diagnose import FAULT
 from updating.diagnosis.fitted_modes import modes_of
+from updating.quality.faults import Fault
 from viz.interactive import frf, model, solids
 from viz.interactive.error import ranking_figure
 from viz.interactive.theme import CONFIG
@@ -135,6 +137,20 @@ def test_figures_show_the_diagnosis(found, live):
     accepted = next(t for t in live.known["ranking-1"].data if t.name == "accepted")
     assert list(accepted.customdata) == [finding.effect.name]
     assert accepted.x[0] + accepted.base[0] == pytest.approx(d.rounds[0][0].level * 20 / np.log(10))
+
+
+def test_a_fault_is_marked_at_its_sensor(found):
+    d = found.diagnosis
+    faults = (Fault("sensor_gain", "A", 1.2, 0.03),)
+    less = replace(d, verdict=FAULT, findings=(), faults=faults, steps=d.steps[:2])
+    made = figures.make_all(replace(found, diagnosis=less, comparisons=found.comparisons[:2]))
+    assert made.failures == []
+    assert "map-final" not in made.known
+    shown = next(t for t in made.known["model"].data if (t.meta or {}).get("role") == "fault")
+    sensor = next(s for s in d.problem.data.measurement.sensors if s.name == "A")
+    assert (shown.x[0], shown.y[0], shown.z[0]) == pytest.approx(tuple(sensor.point), abs=1e-6)
+    assert made.known["model"].layout.scene.annotations[-1].text == "<b>A: gain 1.20</b>"
+    assert [t["label"] for t in made.known["modes"].layout.meta["modes"]]
 
 
 def test_measured_shapes_are_those_of_the_modes(found):
