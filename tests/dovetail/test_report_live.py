@@ -25,7 +25,7 @@ from tests.frames import beam, write_study
 from updating.correlation import rms_db
 from updating.diagnosis.diagnose import FAULT
 from updating.diagnosis.fitted_modes import modes_of
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 from viz.interactive import frf, model, solids
 from viz.interactive.error import ranking_figure
 from viz.interactive.theme import CONFIG

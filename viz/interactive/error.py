@@ -70,7 +70,7 @@ def error_map_figure(
     if n <= MOST_NUMBERS[0] and m <= MOST_NUMBERS[1]:
         trace |= {"texttemplate": f"%{{z:.{digits}f}}", "textfont": {"size": 11}}
     look = layout(
-        130 + 21 * n if n <= 60 else 1400, title, plot_bgcolor=CELL,
+        84 + 21 * n if n <= 60 else 1400, title, legend=False, plot_bgcolor=CELL,
         xaxis=axis("band [Hz]", tickvals=list(range(m)), ticktext=words, showgrid=False, ticks=""),
         yaxis=axis(
             "", tickvals=list(range(n)), ticktext=[plain(shorten(s, 24)) for s in sensors],
@@ -113,6 +113,7 @@ def staircase_figure(
     above = [fit >= np.where(np.isfinite(held), held, -np.inf)]
     above.append(~above[0])
     names = [plain(step[0]) for step in steps]
+    words = [_broken(step[0], 18 if n <= 3 else 12) for step in steps]
     traces = [
         {
             "type": "scatter", "mode": "lines+markers+text", "x": list(range(n)), "y": values.tolist(),
@@ -133,7 +134,7 @@ def staircase_figure(
     look = layout(
         height, title, shapes=shapes, annotations=notes,
         xaxis=axis(
-            "", tickvals=list(range(n)), ticktext=[_broken(step[0], 18) for step in steps], showgrid=False,
+            "", tickvals=list(range(n)), ticktext=words, showgrid=False,
             range=[-0.5, n - 0.5], tickangle=0,
         ),
         yaxis=axis("error of the amplitude [dB]", range=[0, 1.18 * top], rangemode="tozero"),
@@ -313,7 +314,7 @@ def probability_figure(
     hidden = len(hypotheses) - len(shown)
     more = f"; {hidden} less probable ones are not shown" if hidden else ""
     look = layout(
-        90 + 28 * len(shown), title, bargap=0.35, showlegend=False, meta={"short": _short(names)},
+        60 + 28 * len(shown), title, legend=False, bargap=0.35, showlegend=False, meta={"short": _short(names)},
         xaxis=axis(f"probability{more}", range=[0, 1.12], tickformat=".0%"),
         yaxis=_names_axis(names),
     )  # fmt: skip

@@ -13,8 +13,8 @@ from viz.shapes import Arrows, arrow_triangles, view_axes
 from viz.surfaces import Surface
 from viz.triangles import Floats, Ints
 
-FILLED, PROPORTION = 0.74, 1.3
-"""A structure fills this part of a scene with this width over height; narrower pages scale it."""
+FILLED, PROPORTION = 0.84, 1.3
+"""The box of the axes fills this part of a scene with this width over height; narrower pages scale it."""
 LIGHT = {"ambient": 0.78, "diffuse": 0.45, "specular": 0.05, "roughness": 0.9, "fresnel": 0.05}
 SYMBOLS = {
     "circle": "circle", "cross": "x", "diamond": "diamond", "dot": "circle", "plus": "cross",
@@ -151,10 +151,10 @@ def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any
     right, up, eye = view_axes(points)
     ends = np.stack([points.min(axis=0), points.max(axis=0)])
     room = 0.04 * max(float(np.ptp(ends, axis=0).max()), 1e-9)
-    seen = (points - ends.mean(axis=0)) @ np.stack([right, up]).T
-    wide, tall = np.maximum(np.abs(seen).max(axis=0), room)
+    half = np.ptp(ends, axis=0) / 2 + room
+    wide, tall = np.abs(np.stack([right, up])) @ half  # of the box of the axes, seen from the eye
     scale = FILLED * min(PROPORTION / wide, 1 / tall)
-    aspect = (np.ptp(ends, axis=0) + 2 * room) * scale
+    aspect = 2 * half * scale
     axes = {
         f"{name}axis": {
             "title": {"text": f"{name} [m]", "font": {"size": 11, "color": style.MUTED}},

@@ -76,8 +76,8 @@ def _exchanged(value: Any) -> Any:
     return NIGHT.get(value, value) if isinstance(value, str) else value
 
 
-def layout(height: float, title: str = "", **more: Any) -> dict[str, Any]:
-    """Return the layout that figures share: transparent, legend above, as wide as the page allows."""
+def layout(height: float, title: str = "", *, legend: bool = True, **more: Any) -> dict[str, Any]:
+    """Return the layout that figures share: transparent, as wide as the page, room above for the legend."""
     return {
         "template": "none",
         "font": {"family": FONT, "size": 13, "color": style.INK},
@@ -89,7 +89,7 @@ def layout(height: float, title: str = "", **more: Any) -> dict[str, Any]:
         } if title else None,
         "height": height,
         "autosize": True,
-        "margin": {"l": 62, "r": 16, "t": 84 if title else 56, "b": 48},
+        "margin": {"l": 62, "r": 16, "t": (38 if title else 10) + 46 * legend, "b": 48},
         "legend": {
             "orientation": "h", "x": 0, "xanchor": "left", "y": 1.01, "yanchor": "bottom",
             "bgcolor": "rgba(0,0,0,0)", "font": {"size": 12}, "traceorder": "normal",
