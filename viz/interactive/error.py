@@ -314,7 +314,8 @@ def probability_figure(
     hidden = len(hypotheses) - len(shown)
     more = f"; {hidden} less probable ones are not shown" if hidden else ""
     look = layout(
-        60 + 28 * len(shown), title, legend=False, bargap=0.35, showlegend=False, meta={"short": _short(names)},
+        60 + 28 * len(shown), title, legend=False, bargap=0.35, showlegend=False,
+        meta={"short": _short(names)},
         xaxis=axis(f"probability{more}", range=[0, 1.12], tickformat=".0%"),
         yaxis=_names_axis(names),
     )  # fmt: skip

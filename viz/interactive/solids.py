@@ -13,7 +13,7 @@ from viz.shapes import Arrows, arrow_triangles, view_axes
 from viz.surfaces import Surface
 from viz.triangles import Floats, Ints
 
-FILLED, PROPORTION = 0.84, 1.3
+FILLED, PROPORTION = 0.9, 1.3
 """The box of the axes fills this part of a scene with this width over height; narrower pages scale it."""
 LIGHT = {"ambient": 0.78, "diffuse": 0.45, "specular": 0.05, "roughness": 0.9, "fresnel": 0.05}
 SYMBOLS = {
