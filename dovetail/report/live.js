@@ -292,9 +292,13 @@
       button.textContent = "Stop";
       button.setAttribute("aria-pressed", "true");
       const frame = async (now) => {
-        if (timer === null || !plot.isConnected) return;
-        await put(Math.cos(2 * Math.PI * (now - begun) / 1600), false);
-        timer = requestAnimationFrame(frame);
+        if (timer === null) return;
+        const at = plot.getBoundingClientRect();
+        if (at.bottom > 0 && at.top < window.innerHeight) {
+          await put(Math.cos(2 * Math.PI * (now - begun) / 1600), false);
+        }
+        // the pause leaves time for the reader's clicks where drawing is slow
+        if (timer !== null) timer = setTimeout(() => requestAnimationFrame(frame), 25);
       };
       timer = requestAnimationFrame(frame);
     }

@@ -304,7 +304,7 @@ def test_any_mode_moves(folder, live, chromium):
             moved = rest + told[k]["step"] * np.asarray(told[k]["surface"]).reshape(-1, 3)[:, 2]
             page.wait_for_function(f"Math.abs({top} - {moved.max()}) < 1e-6")
         figure.locator(".tools button").click()
-        page.wait_for_function(f"Math.abs({top} - {moved.max()}) > 1e-5")
+        page.wait_for_function(f"Math.abs({top} - {moved.max()}) > 1e-5", polling=200)
         assert figure.locator(".tools button").get_attribute("aria-pressed") == "true"
 
 
