@@ -45,7 +45,7 @@ STEP = 0.01
 """FRFs are kept in steps of 0.01 dB and 0.01°, coherence in steps of 0.0001."""
 GAP = -32768
 """Stands for no value."""
-MOST_MODES, MOST_MODE_VALUES = 40, 700_000
+MOST_MODES, MOST_MODE_VALUES = 40, 1_000_000
 """Modes that move in the report, and numbers of all their surfaces together."""
 
 Say = Callable[[str, float], None]
