@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.commands import (
+    candidates,
     check,
     compare,
     diagnose,
@@ -31,7 +32,7 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, frf, run, report, compare, locate, diagnose, identify_modes, match, update,
+    new, check, modes, frf, run, report, compare, candidates, locate, diagnose, identify_modes, match, update,
     identify_joint, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""

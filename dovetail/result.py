@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.contents import Study
+from fem.model import Effect
 from updating.correlation import Comparison
 from updating.diagnosis.diagnose import Diagnosis
-from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
 from updating.diagnosis.localisation import Localisation
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve
 from updating.quality.faults import Fault
 
@@ -186,6 +188,19 @@ def fault_dict(f: Fault) -> dict[str, Any]:
     """Return a fault in plain types."""
     plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
     return plain | ({"other": f.other} if f.other else {})
+
+
+def added_parameters(effect: Effect, fit: FitResult | None) -> tuple[EffectParameter, ...]:
+    """Return an added effect's parameters; their deviations are NaN where no fit has had the effect."""
+    if fit is not None and any(e.name == effect.name for e in fit.effects):
+        return parameters_of(effect, fit)
+    return tuple(EffectParameter(p.name, p.value, p.unit, np.nan) for p in effect.parameters())
+
+
+def effect_dict(effect: Effect, fit: FitResult | None) -> dict[str, Any]:
+    """Return an effect that was added by hand in plain types."""
+    parameters = [_parameter(p) for p in added_parameters(effect, fit)]
+    return {"candidate": effect.name, "kind": effect.kind, "where": effect.where, "parameters": parameters}
 
 
 def _damping(curve: DampingCurve, unknowns: NDArray[np.float64]) -> dict[str, Any]:

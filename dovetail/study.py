@@ -11,13 +11,15 @@ import os
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.disk.output import Output, check_outputs
 from dovetail.file import config
-from dovetail.file.effects import candidates_of
+from dovetail.file.effects import candidate_named, candidates_of, with_given_values
+from dovetail.file.faults import fault_table, tilted
 from dovetail.file.paths import input_files, with_paths
 from dovetail.file.table import StudyError
 from dovetail.file.writing import (
@@ -28,21 +30,26 @@ from dovetail.file.writing import (
     with_parameters,
 )
 from dovetail.found import fitted_damping
+from dovetail.notebook.candidates import Candidates
 from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, run
 from dovetail.result import RunResult
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Modes, first_modes
 from fem.connection_damping import ConnectionDamping
+from fem.effects import candidate_kinds
+from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.io.atomic import replacing
-from fem.model import Effect, Model
+from fem.model import Effect, Model, ModelError, parameter_values
 from fem.system import assemble
 from updating.correlation import Comparison, compare
-from updating.diagnosis.diagnose import Diagnosis, propose
+from updating.diagnosis.diagnose import Diagnosis, begin_fitted, propose
 from updating.diagnosis.findings import Finding
 from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.preparation import fitted_model
 from updating.measurement.measurement import sensor_rows
+from updating.quality.faults import Fault, set_right
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -56,10 +63,16 @@ class Study(config.Study):
     start : Model or None
         The model before :meth:`fit`, without ``added``: a later fit starts there again, so that its priors
         stay those of the study file. None before the first fit.
+    fitted : FitResult or None
+        The last fit, with standard deviations of what was fitted.
+    faults : tuple of Fault
+        Faults of the measurement that a fit has found and set right.
     """
 
     added: tuple[Effect, ...] = ()
     start: Model | None = None
+    fitted: FitResult | None = None
+    faults: tuple[Fault, ...] = ()
 
     def __repr__(self) -> str:
         """Return one line: arrays and texts of a study fill many screens."""
@@ -131,33 +144,72 @@ class Study(config.Study):
         """
         return diagnose_study(self, progress)
 
-    def candidates(self, kinds: Sequence[str] | None = None) -> tuple[Effect, ...]:
-        """Return the effects that may be added to this model and test, all or those of some kinds."""
-        test = self.measurements[0] if self.measurements else None
-        return propose(self.model, kinds, () if kinds else self.exclude, test)
-
-    def add(self, *effects: Effect | Finding) -> "Study":
-        """Return the study with more effects in its model.
+    def candidates(
+        self, kinds: Sequence[str] | str | None = None, at: Sequence[str] | str | None = None
+    ) -> Candidates:
+        """Return the effects that may be added to this model and test, with names, parameters and bounds.
 
         Parameters
         ----------
-        effects : Effect or Finding
-            Candidates with the values that they shall have (:meth:`candidates`, ``with_values``), or findings
-            of a diagnosis.
+        kinds : str or sequence of str, optional
+            Kinds of effect, such as ``"point_mass"``; all that the study does not exclude unless given.
+        at : str or sequence of str, optional
+            Places where they act, such as ``"joint:J"`` or ``"member:beam"``; everywhere unless given.
 
         Raises
         ------
         ModelError
-            If the model has an effect of the same name.
+            If no candidate is at one of the places.
+        ValueError
+            For a kind that does not exist.
         """
-        new = tuple(e.effect if isinstance(e, Finding) else e for e in effects)
+        test = self.measurements[0] if self.measurements else None
+        kinds = (kinds,) if isinstance(kinds, str) else kinds
+        every = Candidates(propose(self.model, kinds, () if kinds else self.exclude, test))
+        return every if at is None else every.at(*((at,) if isinstance(at, str) else at))
+
+    def add(self, *effects: Effect | Finding | str, **values: float) -> "Study":
+        """Return the study with more effects in its model.
+
+        ``study.add("point_mass:beam", mass=0.45, position=0.12)`` adds a mass of 0.45 kg at 0.12 m.
+
+        Parameters
+        ----------
+        effects : str, Effect or Finding
+            Names of candidates, as :meth:`candidates` lists them; candidates with values of their own; or
+            findings of a diagnosis.
+        **values : float
+            Values of parameters of the one effect that is added [SI units of :meth:`candidates`]. Others
+            stay as the candidate begins with them.
+
+        Raises
+        ------
+        ModelError
+            If there is no such candidate or parameter, a value is beyond its bounds, values are given for
+            several effects, or the model has an effect of the same name.
+        """
+        if values and len(effects) != 1:
+            msg = f"values are given with {len(effects)} effects; add one effect at a time to give it values"
+            raise ModelError(msg)
+        base = self.model.without_effect(*(e.name for e in self.added))
+        new = []
+        for one in effects:
+            if isinstance(one, str):
+                one = candidate_named(one, base, self.sensors, self.excitations)
+            new.append(with_given_values(one.effect if isinstance(one, Finding) else one, values))
         model = self.model
         for effect in new:
             model = effect.added_to(model)
         return replace(self, model=model, added=(*self.added, *new))
 
-    def fit(self) -> "Study":
+    def fit(self, *, faults: bool = False) -> "Study":
         """Return the study with its uncertain parameters, its damping and the added effects fitted.
+
+        Parameters
+        ----------
+        faults : bool
+            Whether sensors and forces that are at fault (signs, gains, delays, labels) are found and set
+            right first, as ``dovetail compare --fitted`` does. That takes some seconds.
 
         Raises
         ------
@@ -165,8 +217,11 @@ class Study(config.Study):
             If the study has no measurement.
         """
         start = self.start or self.model.without_effect(*(e.name for e in self.added))
-        effects = tuple(self.model.effect(e.name) for e in self.added)
+        effects = tuple(self._on(start, self.model.effect(e.name)) for e in self.added)
         problem: FitProblem = fit_problem(replace(self, model=start))
+        found: tuple[Fault, ...] = ()
+        if faults:
+            problem, _, found = begin_fitted(problem)
         result = problem.fit_from_starts(effects)
         model = fitted_model(start, result)
         damping, connections = fitted_damping(problem, result, model)
@@ -176,7 +231,11 @@ class Study(config.Study):
             own = ConnectionDamping(frequency=connections[0], ratio=connections[1])
             model = model.without_effect(*known).with_effect(own)
         added = tuple(model.effect(e.name) for e in effects)
-        return replace(self, model=model, added=added, start=start)
+        more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
+        if found:
+            more["measurements"] = tuple(set_right(m, found) for m in self.measurements)
+            more["sensors"] = tilted(self.sensors, found)
+        return replace(self, model=model, added=added, start=start, **more)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the study file with the values and effects of this model.
@@ -199,6 +258,7 @@ class Study(config.Study):
             text = with_parameters(text, values | rebased_values(self.model, self.start.effects))
             text = with_damping(text, self.model.damping, _connections_of(self.model))
         text = with_effects(text, [e.rebased(self.model) for e in self.added])
+        text = "\n\n".join([text.rstrip("\n"), *map(fault_table, self.faults)]).rstrip("\n") + "\n"
         text = with_paths(text, self.path.parent, path.parent)
         unnamed = [e.name for e in self.added if e.name not in self._candidate_names(e.kind)]
         if unnamed:
@@ -207,6 +267,20 @@ class Study(config.Study):
             raise StudyError(msg)
         with replacing(path) as scratch:
             scratch.write_text(text, encoding="utf-8")
+
+    def _on(self, start: Model, effect: Effect) -> Effect:
+        """Return an effect that was added after a fit as the start's candidate, with the same values.
+
+        What the effect takes the place of has another value there.
+        """
+        if self.start is None or effect.kind not in candidate_kinds():
+            return effect
+        every = candidates_of(effect.kind, start, self.sensors, self.excitations)
+        same = next((e for e in every if e.name == effect.name), None)
+        if same is None:
+            return effect
+        own = {"amplitude": effect.amplitude} if isinstance(effect, AmplitudeDependent) else {}
+        return replace(same.with_values(**parameter_values(effect)), **own)
 
     def _candidate_names(self, kind: str) -> set[str]:
         model = self.start or self.model.without_effect(*(e.name for e in self.added))

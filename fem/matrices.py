@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from fem.model import lever_matrix
+from fem.summary import fields_summary
 
 AXES = ("X", "Y", "Z", "RX", "RY", "RZ")
 """Directions 1 to 6 in a label such as ``"12Z+"``."""
@@ -63,6 +64,8 @@ class Matrices:
     nodes: NDArray[np.int64]
     points: NDArray[np.float64]
     Q: sp.csr_array | None = None
+
+    __repr__ = fields_summary
 
     @classmethod
     def from_arrays(

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.chains import chains_of
 from fem.recent import Recent
+from fem.summary import counted, listed, summary
 
 MOST_LINES = 5_000_000
 """Lines that a mesh is divided into at most; its matrices would take some ten GB."""
@@ -76,6 +77,13 @@ class Mesh:
     point_names: Mapping[str, int]
     notes: tuple[str, ...] = ()
     kept: Recent = field(default_factory=lambda: Recent(_KEPT), init=False, repr=False)
+
+    def __repr__(self) -> str:
+        """Return points, lines, members and the size on one line."""
+        size = " × ".join(f"{x:.4g}" for x in np.ptp(self.points, axis=0)) if len(self.points) else "0"
+        members = f"{counted(len(self.members), 'member')} ({listed(self.members)})"
+        lines = f"{counted(self.n_points, 'point')}, {counted(self.n_lines, 'line')}"
+        return summary(self, f"{members}, {lines}, within {size} m")
 
     @classmethod
     def from_lines(

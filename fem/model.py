@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.declarations import ArmForce, Entry, Marker, Role, StaticState, Yardstick
 from fem.mesh import Location, Mesh
+from fem.summary import counted, fields_summary, listed, quantity, span, summary
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The six degrees of freedom of a point, in their order."""
@@ -103,6 +104,8 @@ class Contribution:
     law: Law | None = field(default=None, kw_only=True)
     lines: NDArray[np.int64] | None = field(default=None, kw_only=True)
 
+    __repr__ = fields_summary
+
     @property
     def static(self) -> Array | None:
         """Stiffness at ω = 0, (b, m, m) or None."""
@@ -131,6 +134,8 @@ class Constraint:
     dofs: NDArray[np.int64]
     coefficients: NDArray[np.float64]
     releasable: bool = True
+
+    __repr__ = fields_summary
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,6 +211,19 @@ class Effect(ABC):
     evidence_only: ClassVar[bool] = False
     entry: ClassVar[Entry | None] = None
     name: str
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Keep the one line of :meth:`__repr__`, which a subclass's dataclass would replace by all fields."""
+        super(Effect, cls).__init_subclass__(**options)
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = Effect.__repr__
+
+    def __repr__(self) -> str:
+        """Return name, place and parameters with units on one line."""
+        values = [f"{p.name} {quantity(p.value, p.unit)}" for p in self.parameters()]
+        more = f" and {len(values) - 6} more" if len(values) > 6 else ""
+        listed_values = f": {', '.join(values[:6])}{more}" if values else ""
+        return summary(self, f"{self.name} at {self.where}{listed_values}")
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
@@ -356,6 +374,15 @@ class Damping:
     loss_factor: float = 0.0
     powers: bool = False
 
+    def __repr__(self) -> str:
+        """Return the damping ratios and what else damps, on one line."""
+        parts = [f"ζ {span(np.real(self.ratio))}"]
+        parts += [f"at {span(self.frequency, 'Hz')}"] if len(self.frequency) > 1 else []
+        parts += [f"alpha {quantity(self.alpha, '1/s')}"] if self.alpha else []
+        parts += [f"beta {quantity(self.beta, 's')}"] if self.beta else []
+        parts += [f"loss factor {quantity(self.loss_factor)}"] if self.loss_factor else []
+        return summary(self, ", ".join(parts))
+
     def __post_init__(self) -> None:
         for key in ("ratio", "alpha", "beta", "loss_factor"):
             value = np.real(getattr(self, key))
@@ -433,6 +460,12 @@ class Model:
     mesh: Mesh
     effects: tuple[Effect, ...]
     damping: Damping = field(default_factory=Damping)
+
+    def __repr__(self) -> str:
+        """Return members, degrees of freedom and effects on one line."""
+        mesh, effects = self.mesh, listed(e.name for e in self.effects)
+        size = f"{counted(len(mesh.members), 'member')}, {counted(mesh.n_lines, 'line')}"
+        return summary(self, f"{size}, {self.n_dof} DOFs; effects: {effects}")
 
     def __post_init__(self) -> None:
         seen: set[str] = set()

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from fem.elements.frame import Frame
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Constraint, Contribution, Law, Model, ModelError
+from fem.summary import summary
 
 _ROUNDING = 1e-9
 """Relative size below which the resistance to a rigid-body motion is rounding."""
@@ -47,6 +48,11 @@ class System:
     rigid: NDArray[np.float64]
     model: Model
     laws: tuple[tuple[Law, sp.csc_array], ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the number of degrees of freedom on one line."""
+        free, every = self.K.shape[0], self.Q.shape[0]
+        return summary(self, f"{free} free of {every} DOFs, {self.K.nnz} entries of K")
 
     @property
     def reciprocal(self) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem.laws import FractionalKelvinVoigt, FractionalZener, Zener
+from fem.summary import fields_summary
 from joint._checks import ComplexArray, FloatArray, frozen_copy
 from joint.interface import CoordinateSet
 
@@ -100,6 +101,8 @@ class JointForm:
     coordinates: CoordinateSet
     terms: tuple[Term, ...]
     matrices: FloatArray
+
+    __repr__ = fields_summary
 
     def __post_init__(self) -> None:
         n = len(self.coordinates)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fem.summary import fields_summary
 from joint._checks import (
     BoolArray,
     ComplexArray,
@@ -44,6 +45,8 @@ class CoordinateSet:
     """
 
     labels: tuple[str, ...]
+
+    __repr__ = fields_summary
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "labels", tuple(self.labels))

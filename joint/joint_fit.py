@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
+from fem.summary import fields_summary
 from joint._checks import BoolArray, ComplexArray, FloatArray, frozen_copy
 from joint.form import JointForm
 from joint.uncertainty import OPEN_ENDS, Identifiability, root_of
@@ -71,6 +72,8 @@ class JointFit:
     history: tuple[tuple[float, float, float], ...]
     converged: bool
     message: str
+
+    __repr__ = fields_summary
 
     def __post_init__(self) -> None:
         for name in (

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from fem.model import DIRECTIONS, Model
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
+from fem.summary import fields_summary
 from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy
 from joint.interface import CoordinateSet, Interface, SubstructureFRF, partition_frf, stack_substructures
 
@@ -58,6 +59,8 @@ class FixedParts:
     """
 
     at_mean: SubstructureFRF
+
+    __repr__ = fields_summary
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -111,6 +114,8 @@ class ModelParts:
     uncertain: tuple[Uncertain, ...]
     _engines: tuple[tuple[str, ParametricFRF, FloatArray, FloatArray, Interface, CoordinateSet], ...]
     _means: FloatArray
+
+    __repr__ = fields_summary
 
     @classmethod
     def of(

@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic
 from fem.model import DIRECTIONS, Effect
+from fem.summary import fields_summary
 from joint._checks import BoolArray, ComplexArray, FloatArray, as_frequency, as_lines
 from joint.form import LAWS
 
@@ -59,6 +60,8 @@ class LawFit:
     misfit: float
     criterion: float
 
+    __repr__ = fields_summary
+
     @property
     def words(self) -> str:
         """What it is, in words."""
@@ -102,6 +105,8 @@ class StiffnessLaw:
     best: LawFit
     others: tuple[LawFit, ...]
     explained: bool
+
+    __repr__ = fields_summary
 
     @property
     def rivals(self) -> tuple[LawFit, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 from fem.model import Model, ModelError
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
+from fem.summary import fields_summary
 from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy, solve_lines
 from joint.interface import Interface, SubstructureFRF
 from joint.parts import Blocks
@@ -46,6 +47,8 @@ class ReleasedParts:
     _springs: FloatArray
     _means: FloatArray
     _interface: Interface
+
+    __repr__ = fields_summary
 
     @classmethod
     def of(

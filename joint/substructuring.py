@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem.analysis.frf import FRF, FRFKind
+from fem.summary import fields_summary
 from joint._checks import ComplexArray, FloatArray, IntArray, check_same_lines, frozen_copy, solve_lines
 
 _SINGULAR = 1e13
@@ -84,6 +85,8 @@ class Substructured:
     frf: FRF
     condition: FloatArray
     gap: FloatArray
+
+    __repr__ = fields_summary
 
     def __post_init__(self) -> None:
         for name in ("condition", "gap"):

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from fem.summary import fields_summary
 from joint._checks import BoolArray, ComplexArray, FloatArray, IntArray
 
 Information = Callable[[int, int], tuple[FloatArray, FloatArray]]
@@ -59,6 +60,8 @@ class Identifiability:
     determined: BoolArray
     correlation: FloatArray
     weakest: tuple[tuple[float, str], ...]
+
+    __repr__ = fields_summary
 
     def ranking(self) -> tuple[str, ...]:
         """Return the names, the best determined first."""

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from typing import Any
 
 
 def whole_up_to(most: int, least: int = 1) -> Callable[[str], int]:
@@ -65,3 +66,44 @@ def positive(text: str) -> float:
         msg = f"'{text}' is not allowed; a positive number is needed"
         raise argparse.ArgumentTypeError(msg)
     return value
+
+
+def values_by_name(text: str) -> dict[str, float]:
+    """Read values of parameters, ``mass=0.45,position=0.12``."""
+    values: dict[str, float] = {}
+    for part in text.split(","):
+        name, equals, number = (word.strip() for word in part.partition("="))
+        if not equals or not name:
+            msg = f"'{part.strip()}' is not allowed; NAME=NUMBER is needed, several separated by commas"
+            raise argparse.ArgumentTypeError(msg)
+        if name in values:
+            msg = f"'{name}' is given twice"
+            raise argparse.ArgumentTypeError(msg)
+        try:
+            values[name] = float(number)
+        except ValueError:
+            msg = f"{name} is '{number}'; a number is needed"
+            raise argparse.ArgumentTypeError(msg) from None
+    return values
+
+
+class AddEffect(argparse.Action):
+    """Begins another effect, with no values yet: the list of (name, values) in ``added``."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        """Append the name of a candidate."""
+        namespace.added = [*namespace.added, (values, {})]
+
+
+class SetValues(argparse.Action):
+    """Gives values to the effect before it."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        """Add values to the last effect; they stand behind the effect whose they are."""
+        if not namespace.added:
+            parser.error(f"argument {option_string}: it stands behind the --add whose values it gives")
+        *before, (name, known) = namespace.added
+        twice = sorted(set(known) & set(values))
+        if twice:
+            parser.error(f"argument {option_string}: '{twice[0]}' of '{name}' is given twice")
+        namespace.added = [*before, (name, known | values)]

@@ -2,7 +2,7 @@
 
 import argparse
 
-from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.argument_types import AddEffect, SetValues, values_by_name, whole_up_to
 from dovetail.commands.common import (
     Options,
     check_places,
@@ -13,12 +13,31 @@ from dovetail.commands.tables import band_names, cell, width_of
 from dovetail.disk.output import Progress, write_json
 
 HELP = "compare the model's FRFs with the measured ones"
-EXAMPLE = "dovetail compare study.toml --fitted"
+EXAMPLE = "dovetail compare study.toml --add point_mass:beam --set mass=0.45,position=0.12 --fitted"
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument("--fitted", action="store_true", help="fit the uncertain parameters first")
+    p.add_argument(
+        "--add",
+        action=AddEffect,
+        default=argparse.SUPPRESS,
+        metavar="CANDIDATE",
+        help="compare the model with another effect, such as point_mass:beam; 'dovetail candidates' lists "
+        "them; repeatable",
+    )
+    p.add_argument(
+        "--set",
+        action=SetValues,
+        type=values_by_name,
+        default=argparse.SUPPRESS,
+        metavar="NAME=VALUE,...",
+        help="values of the effect of the --add before it, in SI units; others stay as it begins with them",
+    )
+    p.add_argument(
+        "--fitted", action="store_true", help="fit the uncertain parameters and the added effects first"
+    )
+    p.set_defaults(added=[])
     p.add_argument(
         "--bands",
         type=whole_up_to(1000),
@@ -37,9 +56,14 @@ def run(options: Options, progress: Progress) -> None:
 
     check_places(options)
     study = loaded(options)
+    for name, values in options.added:
+        study = study.add(name, **values)
+    if options.added and options.fitted:
+        progress("fitting the uncertain parameters and the added effects", 0.1)
+        study = study.fit(faults=True)
     progress("reducing the model")
-    problem, faults = pipeline.fit_problem(study), ()
-    if options.fitted:
+    problem, faults = pipeline.fit_problem(study), study.faults
+    if options.fitted and not options.added:
         progress("fitting the uncertain parameters", 0.3)
         problem, found, faults = begin_fitted(problem)
     else:
@@ -57,6 +81,7 @@ def run(options: Options, progress: Progress) -> None:
             "held_out_db": found.held_out_db,
             "all_lines_db": c.total_db,
             "noise_db": problem.data.noise_db,
+            "added": [result.effect_dict(e, study.fitted) for e in study.added],
             "faults": [result.fault_dict(f) for f in faults],
             "measured_notes": study.measured_notes,
             "warnings": study.warnings,
@@ -76,6 +101,7 @@ def run(options: Options, progress: Progress) -> None:
                 c.outputs, c.by_sensor(), c.by_band(), result.least_frac(c), strict=True
             )
         ),
+        *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
         *(f"set right: {words.fault_text(f)}" for f in faults),
         *(f"note: {note}" for note in study.measured_notes),
     )

@@ -1,6 +1,6 @@
 """``[[effects]]`` of a study file: candidate effects that are known to be there, with their values."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any
@@ -12,7 +12,7 @@ from dovetail.file.toml import toml_table
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
 from fem.effects.joint_nonlinear import AmplitudeDependent
-from fem.model import Effect, Instruments, Model, Parameter
+from fem.model import Effect, Instruments, Model, ModelError, Parameter
 from updating.measurement.measurement import Sensor, sensor_point
 
 
@@ -27,15 +27,8 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
     names = {e.name for e in model.effects}
     for t in top.tables("effects"):
         name = t.text("candidate")
-        kind = name.partition(":")[0]
-        if kind not in candidate_kinds():
-            t.refuse("candidate", f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}")
-        by_name = {e.name: e for e in candidates_of(kind, model, sensors, excitations)}
-        if name not in by_name:
-            near = get_close_matches(name, by_name, 3, 0.3) or list(by_name)[:3]
-            among = f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"
-            t.refuse("candidate", f"the model has no candidate '{name}'{among}")
-        effect = by_name[name]
+        with t.at("candidate"):
+            effect = candidate_named(name, model, sensors, excitations)
         values = {p.name: t.number(p.name, p.value) for p in effect.parameters()}
         for p in effect.parameters():
             if p.name in t.values:
@@ -78,9 +71,85 @@ def read_values(top: Table, model: Model) -> Model:
 def _within(t: Table, key: str, value: float, p: Parameter) -> float:
     """Return a value; refuse one beyond its parameter's bounds."""
     if not p.lower <= value <= p.upper:
-        unit = "" if p.unit == "-" else f" {p.unit}"
-        t.refuse(key, f"{value:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}")
+        t.refuse(key, _beyond(value, p))
     return value
+
+
+def _beyond(value: float, p: Parameter) -> str:
+    unit = "" if p.unit == "-" else f" {p.unit}"
+    return f"{value:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}"
+
+
+def candidate_named(
+    name: str, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+) -> Effect:
+    """Return the candidate with a name, such as ``"point_mass:beam"``, at the values that it begins with.
+
+    Raises
+    ------
+    ModelError
+        If the model has no such candidate; the message names the nearest.
+    """
+    kind = name.partition(":")[0]
+    if kind not in candidate_kinds():
+        msg = f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}"
+        raise ModelError(msg)
+    by_name = {e.name: e for e in candidates_of(kind, model, sensors, excitations)}
+    if name not in by_name:
+        near = get_close_matches(name, by_name, 3, 0.3) or list(by_name)[:3]
+        among = f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"
+        msg = f"the model has no candidate '{name}'{among}"
+        raise ModelError(msg)
+    return by_name[name]
+
+
+def with_given_values(effect: Effect, values: Mapping[str, float]) -> Effect:
+    """Return an effect with values for some of its parameters, by name.
+
+    An effect that depends on amplitude takes ``amplitude`` [m or rad], too.
+
+    Raises
+    ------
+    ModelError
+        If it has no such parameter, or a value is no number or is beyond the bounds.
+    """
+    known = {p.name: p for p in effect.parameters()}
+    new = dict(values)
+    if isinstance(effect, AmplitudeDependent) and "amplitude" in new:
+        amplitude = _finite(effect, "amplitude", new.pop("amplitude"))
+        if amplitude <= 0:
+            msg = f"'{effect.name}': amplitude is {amplitude:g}; it must be above 0"
+            raise ModelError(msg)
+        effect = replace(effect, amplitude=amplitude)
+    for key, value in new.items():
+        if key not in known:
+            msg = f"'{effect.name}' has no parameter '{key}'; {_allowed(known.values())}"
+            raise ModelError(msg)
+        new[key] = _finite(effect, key, value)
+        if not known[key].lower <= new[key] <= known[key].upper:
+            msg = f"'{effect.name}': {key} = {_beyond(new[key], known[key])}"
+            raise ModelError(msg)
+    return effect.with_values(**new) if new else effect
+
+
+def _finite(effect: Effect, key: str, value: Any) -> float:
+    """Return a value as a number that is finite."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        msg = f"'{effect.name}': {key} is '{value}'; a finite number is needed"
+        raise ModelError(msg)
+    return number
+
+
+def _allowed(parameters: Iterable[Parameter]) -> str:
+    """Return parameters with their bounds and units in words."""
+    listed = [
+        f"{p.name} ({p.lower:g} to {p.upper:g}{'' if p.unit == '-' else f' {p.unit}'})" for p in parameters
+    ]
+    return f"allowed are {', '.join(listed) or 'none'}"
 
 
 def candidates_of(

@@ -4,8 +4,8 @@ import math
 import re
 from collections.abc import Sequence
 
-from dovetail.result import RunResult
-from fem.model import Parameter
+from dovetail.result import RunResult, added_parameters
+from fem.model import Effect, Parameter
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.acceptance import score
 from updating.diagnosis.bootstrap import Bootstrap
@@ -13,6 +13,7 @@ from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Dia
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
 
 FAR = 2.5
@@ -106,6 +107,12 @@ def finding_text(finding: Finding) -> str:
     known = {p.name: p for p in finding.effect.parameters()}
     values = ", ".join(parameter_text(p, known.get(p.name)) for p in finding.parameters)
     return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
+
+
+def added_text(effect: Effect, fit: FitResult | None) -> str:
+    """Return an effect that was added by hand, with its values, on one line."""
+    values = parameters_text(added_parameters(effect, fit))
+    return f"{effect.name} ({place(effect.where)}), {values}" if values else effect.name
 
 
 FAULT_NAMES = {

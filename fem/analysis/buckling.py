@@ -19,6 +19,7 @@ from fem.analysis.initial_stress import prestressed
 from fem.analysis.modes import DENSE_LIMIT
 from fem.analysis.statics import StaticSolution, factor_held, solve_static
 from fem.model import Model, ModelError
+from fem.summary import fields_summary
 from fem.system import System, assemble, sum_contributions
 
 SIGNS = ("positive", "negative", "both")
@@ -41,6 +42,8 @@ class BucklingModes:
     factors: NDArray[np.float64]
     shapes: NDArray[np.float64]
     model: Model
+
+    __repr__ = fields_summary
 
     def loaded(self, factor: float) -> Model:
         """Return the model under the load times a factor: its modes reach 0 Hz at a load factor."""

@@ -20,6 +20,7 @@ from fem.analysis.receptance import locals_of
 from fem.analysis.selection import Selection, dof_vectors
 from fem.linalg.solvers import Factor, factorise
 from fem.model import Model, ModelError
+from fem.summary import fields_summary
 from fem.system import System, law_change, refuse_unsymmetric
 
 DENSE_LIMIT = 120
@@ -73,6 +74,8 @@ class ComplexModes:
     rigid: NDArray[np.float64]
     converged: bool
     model: Model
+
+    __repr__ = fields_summary
 
     @property
     def n_modes(self) -> int:

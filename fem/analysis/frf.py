@@ -3,9 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from html import escape
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from fem.labelled import frf_array, frf_frame
+from fem.summary import counted, fields_summary, listed, span, summary
 
 WITHOUT_PHASE = (
     "amplitudes without phase are not used as FRFs; a model can be updated to the frequencies of their "
@@ -63,6 +68,8 @@ class Accuracy:
     worst: float
     tolerance: float
 
+    __repr__ = fields_summary
+
     @property
     def reached(self) -> bool:
         """Whether the error is known to be below the tolerance."""
@@ -93,6 +100,51 @@ class FRF:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     accuracy: Accuracy | None = None
+
+    def __repr__(self) -> str:
+        """Return kind, unit, lines and labels on one line."""
+        lines = f"{counted(self.n_freq, 'line')}, {span(self.frequency, 'Hz')}"
+        ends = f"{len(self.outputs)} outputs ({listed(self.outputs)}) × {len(self.inputs)} inputs"
+        return summary(self, f"{self.kind} [{self.kind.unit}]: {lines}; {ends} ({listed(self.inputs)})")
+
+    def __getitem__(self, pair: tuple[str, str]) -> NDArray[np.complex128]:
+        """Return the curve of an output and an input, ``frf["U1z", "D3z"]``, shape (n_freq,) [unit of kind].
+
+        Raises
+        ------
+        FRFError
+            If a label is not there, or other than two labels are given.
+        """
+        if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(x, str) for x in pair)):
+            msg = f"an FRF is taken by two labels, frf[output, input], not by {pair!r}; see select for parts"
+            raise FRFError(msg)
+        return self.select([pair[0]], [pair[1]]).H[:, 0, 0]
+
+    def to_xarray(self) -> Any:
+        """Return an ``xarray.DataArray`` with dimensions frequency [Hz], output and input.
+
+        Its name is the kind, its attribute ``units`` the SI unit.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+        """
+        return frf_array(self)
+
+    def to_frame(self) -> Any:
+        """Return a ``pandas.DataFrame``: frequencies [Hz] down, (output, input) across, complex values.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return frf_frame(self)
+
+    def _repr_html_(self) -> str:
+        """Return the text of the prompt: labels of files stay text."""
+        return f"<code>{escape(repr(self))}</code>"
 
     @classmethod
     def from_arrays(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.model import DIRECTIONS, Model, ModelError
+from fem.summary import fields_summary
 
 Key = tuple[str, str]
 """Key of a constraint: the effect's name and a direction."""
@@ -37,6 +38,8 @@ class LineLoad:
     start: float = 0.0
     stop: float | None = None
 
+    __repr__ = fields_summary
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MemberForce:
@@ -57,6 +60,8 @@ class MemberForce:
     position: float
     force: ArrayLike
     axes: str = "global"
+
+    __repr__ = fields_summary
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -128,6 +133,8 @@ class LoadCase:
     members: tuple[MemberLoad, ...] = ()
     gravity: ArrayLike = (0.0, 0.0, 0.0)
     displacements: Mapping[Key, float] = field(default_factory=dict)
+
+    __repr__ = fields_summary
 
 
 def as_cases(model: Model, loads: Any) -> tuple[LoadCase, ...]:

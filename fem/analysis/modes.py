@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from fem.linalg.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.linalg.solvers import Factor, factorise, one_thread
 from fem.model import DIRECTIONS, ModelError
+from fem.summary import counted, summary
 from fem.system import System, refuse_motionless, reproduced, resistance, rigid_motions, unopposed
 
 MOST_VALUES = 250_000_000
@@ -72,6 +73,14 @@ class Modes:
     zeta: NDArray[np.float64] | None = None
     labels: tuple[str, ...] = ()
     n_rigid: int = 0
+
+    def __repr__(self) -> str:
+        """Return the number of modes and their frequencies on one line."""
+        n, rigid = len(self.frequency), self.n_rigid
+        bodies = f", {rigid} of them of the rigid body" if rigid else ""
+        first = ", ".join(f"{f:.4g}" for f in self.frequency[rigid : rigid + 6])
+        more = " …" if n - rigid > 6 else ""
+        return summary(self, f"{counted(n, 'mode')}{bodies}: {first}{more} Hz")
 
     @property
     def n_modes(self) -> int:

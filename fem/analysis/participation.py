@@ -11,6 +11,7 @@ from scipy.sparse.linalg import cg
 from fem.analysis.modes import Modes
 from fem.elements.frame import Frame
 from fem.model import Contribution, Model
+from fem.summary import fields_summary
 from fem.system import System, law_change, rigid_motions, sum_contributions
 
 
@@ -37,6 +38,8 @@ class Participation:
     moving: NDArray[np.float64]
     total: NDArray[np.float64]
     about: NDArray[np.float64]
+
+    __repr__ = fields_summary
 
     @property
     def cumulative(self) -> NDArray[np.float64]:
@@ -117,6 +120,8 @@ class Energies:
     strain: NDArray[np.float64]
     kinetic: NDArray[np.float64]
     damping: NDArray[np.float64]
+
+    __repr__ = fields_summary
 
     @property
     def zeta(self) -> NDArray[np.float64]:

@@ -33,6 +33,7 @@ from fem.analysis.section_forces import (
 from fem.elements.frame import Frame
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
+from fem.summary import fields_summary
 from fem.system import System, constraint_groups, particular, rigid_motions, sum_contributions
 
 _LEAST_RESISTANCE = 1e-15
@@ -74,6 +75,8 @@ class StaticSolution:
     line_forces: NDArray[np.float64]
     residual: NDArray[np.float64]
     equilibrium: LineEquilibrium
+
+    __repr__ = fields_summary
 
     @property
     def n_cases(self) -> int:

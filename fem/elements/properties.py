@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fem.materials import Material
 from fem.model import DIRECTIONS, ModelError
 from fem.sections.section import Section
+from fem.summary import fields_summary
 
 THEORIES = ("timoshenko", "euler-bernoulli", "bar")
 MASSES = ("consistent", "higher-order", "lumped")
@@ -67,6 +68,8 @@ class MemberProperties:
     spring1: Mapping[str, float] = field(default_factory=dict)
     spring2: Mapping[str, float] = field(default_factory=dict)
     pretension: float = 0.0
+
+    __repr__ = fields_summary
 
     def __post_init__(self) -> None:
         for name, value, allowed in (("beam theory", self.theory, THEORIES), ("mass", self.mass, MASSES)):

@@ -19,6 +19,7 @@ from fem.analysis.selection import Selection, dof_vectors
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import Law, ModelError
 from fem.reduction.expansion import left_inverse
+from fem.summary import fields_summary
 from fem.system import System, law_change
 
 _HELD = 1e-12
@@ -69,6 +70,8 @@ class Reduction:
     laws: tuple[tuple[Law, NDArray[np.float64]], ...]
     system: System
     flexibility: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = field(repr=False)
+
+    __repr__ = fields_summary
 
     def dynamic_stiffness(self, omega: float) -> NDArray[np.complex128]:
         """Return Z(ω) with the structure's Rayleigh and structural damping, (r, r).

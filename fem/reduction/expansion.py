@@ -12,6 +12,7 @@ from fem.analysis.modes import Modes, UnstableError
 from fem.analysis.selection import Selection, dof_vectors
 from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.model import Array, ModelError
+from fem.summary import fields_summary
 from fem.system import System
 
 MAX_CONDITION = 1e6
@@ -57,6 +58,8 @@ class Expansion:
     condition: float
     sensors: tuple[str, ...]
     amplitudes: Array | None = None
+
+    __repr__ = fields_summary
 
 
 def expand_serep(system: System, modes: Modes, sensors: Selection, shapes: ArrayLike) -> Expansion:

@@ -19,6 +19,7 @@ from fem.model import Contribution, Effect, Model, ParameterRef, parameter_value
 from fem.recent import Recent
 from fem.reduction.scaling import scaling_exponents
 from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
+from fem.summary import fields_summary
 from fem.system import System, assemble, sum_contributions
 
 LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
@@ -94,6 +95,8 @@ class ReducedModel:
     _projected: Recent = field(default_factory=lambda: Recent(_VECTORS), init=False, repr=False)
     # Of sets of elements, by their DOFs.
     _pairs: Recent = field(default_factory=lambda: Recent(_PAIRS), init=False, repr=False)
+
+    __repr__ = fields_summary
 
     def projected(
         self, key: Hashable, make: Callable[[], NDArray[np.float64]]

@@ -5,6 +5,7 @@ from fem.sections.hollow import HollowShapes
 from fem.sections.polygons import PolygonShapes
 from fem.sections.profiles import ProfileShapes
 from fem.sections.solid import SolidShapes
+from fem.summary import fields_summary
 
 SHAPES: dict[str, tuple[str, ...]] = {
     "rectangle": ("b", "h"),
@@ -45,6 +46,8 @@ class Section(SolidShapes, HollowShapes, ProfileShapes, PolygonShapes):
     """
 
     __slots__ = ()
+
+    __repr__ = fields_summary
 
     @classmethod
     def of_shape(cls, shape: str, **dimensions: float) -> "Section":

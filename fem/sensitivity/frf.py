@@ -14,6 +14,7 @@ from fem.model import ParameterRef
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
 from fem.sensitivity.matrices import MatrixDerivative, differentiate_matrices
+from fem.summary import fields_summary
 from fem.system import System, refuse_unsymmetric
 
 LOCAL_FORCES = 48
@@ -37,6 +38,8 @@ class FRFSensitivity:
     refs: tuple[ParameterRef, ...]
     frf: FRF
     dH: NDArray[np.complex128]
+
+    __repr__ = fields_summary
 
 
 def differentiate_frf(

@@ -14,6 +14,7 @@ from fem.analysis.modes import Eigenpairs, Modes, solve_eigenpairs
 from fem.analysis.selection import Selection, dof_vectors
 from fem.model import Array, ModelError, ParameterRef
 from fem.sensitivity.matrices import MatrixDerivative, differentiate_matrices, finite_value
+from fem.summary import fields_summary
 from fem.system import System
 
 _EQUAL = 1e-8
@@ -92,6 +93,8 @@ class ModeSensitivity:
     shapes: NDArray[np.float64] | None
     sets: tuple[ModeSet, ...]
     error: float
+
+    __repr__ = fields_summary
 
     @property
     def frequency(self) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFError
+from fem.summary import counted, fields_summary, span, summary
 from updating.correlation.shape_correlation import refuse_gaps
 
 DB_PER_NEPER = 20 / np.log(10)
@@ -227,6 +228,14 @@ class Comparison:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """Return the error, the lines and the channels on one line."""
+        lines = f"{counted(len(self.frequency), 'line')}, {span(self.frequency, 'Hz')}"
+        ends = f"{counted(len(self.outputs), 'sensor')} × {counted(len(self.inputs), 'excitation')}"
+        by = self.by_sensor()
+        worst = f", worst {self.outputs[int(np.nanargmax(by))]} {np.nanmax(by):.2f} dB" if by.any() else ""
+        return summary(self, f"{self.total_db:.2f} dB on all lines{worst}; {ends}, {lines}")
+
     @property
     def total_db(self) -> float:
         """Root mean square of the amplitude's error over everything [dB]."""
@@ -352,6 +361,8 @@ class BandError:
     difference: NDArray[np.float64]
     log_square: NDArray[np.float64]
     n_log: NDArray[np.int64]
+
+    __repr__ = fields_summary
 
     def relative(self, by: By = "all") -> NDArray[np.float64]:
         """Return (Σ|H_a - H_x|² / Σ|H_x|²)^½ [-], 0 for equal FRFs; high peaks decide."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from fem.analysis.modes import Modes
+from fem.summary import fields_summary
 from updating.correlation.shape_correlation import mac, orthonormal_basis, principal_angles, subspace_mac
 
 UNSEEN = 1e-9
@@ -83,6 +84,8 @@ class ModeComparison:
     frequency_computed: NDArray[np.float64]
     unpaired_measured: dict[int, str]
     unpaired_computed: dict[int, str]
+
+    __repr__ = fields_summary
 
     def table(self) -> str:
         """Return pairs, frequencies, their errors and MAC as lines of text, modes counted from 1."""

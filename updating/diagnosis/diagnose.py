@@ -14,6 +14,7 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.effects.joint_patch import JointPatch, with_patch
 from fem.effects.solid_corner import SolidCorner
 from fem.model import Effect, Model, applicable
+from fem.summary import listed, summary
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.acceptance import ACCEPT_HELD_OUT, ACCEPT_LEVEL, takes_energy
 from updating.diagnosis.amplitude import combined_levels, deviation_at_level, force_levels, search_amplitude
@@ -134,6 +135,12 @@ class Diagnosis:
     tried: tuple[Bootstrap, ...] = ()
     posterior: tuple[tuple[tuple[str, ...], float], ...] = ()
     places: tuple[tuple[str, float], ...] = ()
+
+    def __repr__(self) -> str:
+        """Return verdict, reason and staircase of the error on one line."""
+        steps = " → ".join(f"{s.fit_db:.2f}" for s in self.steps)
+        found = listed(f.effect.name for f in self.findings)
+        return summary(self, f"{self.verdict}: {self.reason}; found: {found}; error {steps} dB")
 
     @property
     def more_than_noise(self) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fem.model import Effect, Parameter
+from fem.summary import counted, quantity, summary
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
 
@@ -62,6 +63,12 @@ class Ranked:
     asked: float
     result: FitResult
 
+    def __repr__(self) -> str:
+        """Return the candidate with its values and errors on one line."""
+        values = ", ".join(f"{p.name} {quantity(p.value, p.unit)}" for p in self.parameters)
+        errors = f"{self.fit_db:.2f} dB fitted, {self.held_out_db:.2f} dB held out"
+        return summary(self, f"{self.name} at {self.where}: {values}; {errors}")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
@@ -97,6 +104,12 @@ class Finding:
     strain: float = 0.0
     without: FitResult | None = None
 
+    def __repr__(self) -> str:
+        """Return the effect with its values and what cannot be told from it, on one line."""
+        values = ", ".join(f"{p.name} {p.value:.4g} ± {quantity(p.std, p.unit)}" for p in self.parameters)
+        twins = f"; {counted(len(self.twins), 'effect')} alike" if self.twins else ""
+        return summary(self, f"{self.effect.name} at {self.effect.where}: {values}{twins}")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
@@ -117,6 +130,10 @@ class Step:
     held_out_db: float
     level: float
     result: FitResult
+
+    def __repr__(self) -> str:
+        """Return the label and the errors on one line."""
+        return summary(self, f"{self.label}: {self.fit_db:.2f} dB fitted, {self.held_out_db:.2f} dB held out")
 
 
 def at_values_of(fit: FitResult, findings: Sequence[Finding]) -> list[Finding]:

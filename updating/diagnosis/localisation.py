@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.model import Effect, applicable
+from fem.summary import fields_summary
 from updating.correlation import compare
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -49,6 +50,8 @@ class Localisation:
     members: Mapping[str, float]
     places: tuple[tuple[str, float], ...]
     note: str
+
+    __repr__ = fields_summary
 
 
 def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisation:

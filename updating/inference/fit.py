@@ -13,6 +13,7 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
+from fem.summary import counted, span, summary
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, propagated
@@ -75,6 +76,14 @@ class FitProblem:
     n_lines: int = 160
     fine_stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     model_error: float = EXPLAINED_LEVEL
+
+    def __repr__(self) -> str:
+        """Return the data, the unknowns and the size of the basis on one line."""
+        data, vary = self.data.measurement, counted(len(self.nuisances), "uncertain parameter")
+        band = span(self.data.frequency, "Hz")
+        ends = f"{counted(len(data.sensors), 'sensor')}, {counted(len(data.excitations), 'excitation')}"
+        size = f"{counted(self.n_modes, 'mode')} in {band}"
+        return summary(self, f"{vary}, {size}, at most {counted(self.n_lines, 'line')} fitted; {ends}")
 
     @property
     def form_right(self) -> bool:

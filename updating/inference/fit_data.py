@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.model import Model
+from fem.summary import fields_summary
 from updating.correlation import DB_PER_NEPER
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_rows
 from updating.measurement.noise import relative_noise
@@ -76,6 +77,8 @@ class FitData:
     weight: NDArray[np.float64]
     noise: NDArray[np.float64]
     held_out: NDArray[np.bool_]
+
+    __repr__ = fields_summary
 
     @property
     def uncertain(self) -> NDArray[np.float64]:

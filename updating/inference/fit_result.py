@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef
+from fem.summary import counted, listed, summary
 from updating.inference.solve import Solution
 
 
@@ -53,3 +54,11 @@ class FitResult:
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
     audible_db: float = np.nan
+
+    def __repr__(self) -> str:
+        """Return the errors and the added effects on one line."""
+        fitted = bool(np.isfinite(self.solution.cost))
+        what = f"fit of {counted(len(self.values), 'parameter')}" if fitted else "model as given"
+        errors = f"{self.fit_db:.2f} dB on the lines of the fit, {self.held_out_db:.2f} dB held out"
+        added = f"; with {listed(e.name for e in self.effects)}" if self.effects else ""
+        return summary(self, f"{what}: {errors}{added}")

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.summary import fields_summary
+
 
 class MissingExtraError(ImportError):
     """A library that an optional part needs is not installed; the message says how to get it."""
@@ -27,6 +29,8 @@ class Samples:
     values: NDArray[np.float64]
     acceptance: float
     correlation_time: float
+
+    __repr__ = fields_summary
 
     def quantile(self, q: float) -> NDArray[np.float64]:
         """Return a quantile of each unknown, (n,)."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.summary import fields_summary
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
@@ -52,6 +53,8 @@ class Solution:
     covariance: NDArray[np.float64]
     n_iterations: int
     converged: bool
+
+    __repr__ = fields_summary
 
 
 def solve_robust(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from fem.model import Model, ParameterRef
+from fem.summary import fields_summary
 from updating.inference.mode_residual import ModePairs
 from updating.inference.regularisation import LCurve
 from updating.inference.sampling import Samples
@@ -198,6 +199,8 @@ class Updated:
     starts: tuple[tuple[NDArray[np.float64], float], ...]
     ending: Ending
     messages: tuple[str, ...]
+
+    __repr__ = fields_summary
 
     @property
     def converged(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFKind
+from fem.summary import fields_summary
 
 ESTIMATORS = ("H1", "H2", "Hv")
 """Estimators of ``estimate_frf``."""
@@ -69,6 +70,8 @@ class EstimatedFRF:
     effective_averages: Floats
     added_decay: float = 0.0
     messages: tuple[str, ...] = ()
+
+    __repr__ = fields_summary
 
 
 def estimate_frf(

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from fem.mesh import Mesh
+from fem.summary import fields_summary
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -73,6 +74,8 @@ class GeometryMatch:
     translation: Floats
     unmatched: tuple[int, ...]
     points: Floats
+
+    __repr__ = fields_summary
 
     @property
     def rms(self) -> float:

@@ -10,6 +10,7 @@ from fem.analysis.frf import FRF
 from fem.effects.added_mass import AddedMass
 from fem.mesh import Mesh
 from fem.model import Instruments, Model
+from fem.summary import counted, span, summary
 from updating.measurement.noise import noise_from_coherence
 
 
@@ -81,6 +82,15 @@ class Measurement:
     averages: int | None = None
     scatter: NDArray[np.float64] | None = None
     compared: NDArray[np.float64] | None = None
+
+    def __repr__(self) -> str:
+        """Return the file, the FRFs and what is known of their noise on one line."""
+        frf, name = self.frf, f"'{self.name}' " if self.name else ""
+        known = [w for w in ("coherence", "scatter") if getattr(self, w) is not None]
+        noise = f"; with {' and '.join(known)}" if known else ""
+        lines = f"{counted(frf.n_freq, 'line')}, {span(frf.frequency, 'Hz')}"
+        ends = f"{counted(len(self.sensors), 'sensor')}, {counted(len(self.excitations), 'excitation')}"
+        return summary(self, f"{name}{frf.kind} [{frf.kind.unit}]: {ends}, {lines}{noise}")
 
     def __post_init__(self) -> None:
         known = {"coherence": self.coherence, "scatter": self.scatter, "choice of values": self.compared}

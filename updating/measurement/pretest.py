@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
 from fem.model import Model
+from fem.summary import fields_summary
 from updating.correlation.shape_correlation import auto_mac
 from updating.measurement.measurement import Sensor
 
@@ -259,6 +260,8 @@ class Observability:
     poorly_seen: tuple[int, ...]
     confused: tuple[tuple[int, int, float], ...]
 
+    __repr__ = fields_summary
+
     @property
     def largest_off_diagonal(self) -> float:
         """The largest MAC between different modes [-]."""
@@ -340,6 +343,8 @@ class PretestPlan:
     frequency: Floats
     observability: Observability
     driven: Floats
+
+    __repr__ = fields_summary
 
     def summary(self) -> str:
         """Return the choice and its weaknesses as lines of text, modes counted from 1."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from fem.analysis.frf import FRF
+from fem.summary import fields_summary
 
 MATHEMATICAL_DAMPING = 0.2
 """Poles with a larger damping ratio are taken for mathematical ones [-]."""
@@ -64,6 +65,8 @@ class Stabilisation:
     stable_damping: NDArray[np.bool_]
     stable_participation: NDArray[np.bool_]
     orders: NDArray[np.int64]
+
+    __repr__ = fields_summary
 
     @property
     def frequency(self) -> Floats:

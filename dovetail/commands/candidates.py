@@ -1,0 +1,46 @@
+"""``dovetail candidates``: the effects that may be added to a model, by name and place."""
+
+import argparse
+
+from dovetail.commands.common import Options, check_places, loaded, say
+from dovetail.disk.output import Progress, write_json
+
+HELP = "list the effects that may be added, with places, parameters and units"
+EXAMPLE = "dovetail candidates study.toml --at joint:J"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--at",
+        action="append",
+        metavar="PLACE",
+        help="only those at a place, such as joint:J, member:beam, support:base or end:beam.1; repeatable",
+    )
+    p.add_argument(
+        "--kind",
+        action="append",
+        metavar="KIND",
+        help="only those of a kind, such as point_mass; repeatable (default: all that the study allows)",
+    )
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Print names, places and parameters of candidates."""
+    from dovetail.notebook.candidates import parameter_text
+
+    check_places(options)
+    study = loaded(options, needs=("sensors",))
+    found = study.candidates(options.kind, options.at)
+    progress.close()
+    write_json(options.json, {"study": study.name, "candidates": found.rows(), "warnings": study.warnings})
+    name, where = (max(map(len, column), default=0) for column in (found.names, [e.where for e in found]))
+    say(
+        options,
+        f"{study.name}: {len(found)} candidates; each parameter with its first value and its bounds",
+        f"{'candidate':{name}}  {'where':{where}}  parameters",
+        *(
+            f"{e.name:{name}}  {e.where:{where}}  {', '.join(map(parameter_text, e.parameters()))}"
+            for e in found
+        ),
+    )

@@ -1,0 +1,148 @@
+"""Candidates as a user meets them: names, places, and parameters with units and bounds."""
+
+from collections.abc import Iterable
+from typing import Any, overload
+
+from dovetail.file.table import suggest
+from dovetail.notebook.html import table
+from fem.declarations import Entry
+from fem.labelled import imported
+from fem.model import Effect, ModelError, Parameter
+from fem.summary import quantity
+
+
+def places_of(effect: Effect) -> tuple[str, ...]:
+    """Return the places that an effect names, such as ``("joint:J",)`` or ``("member:U", "end:U.1")``.
+
+    Effects that name neither joint, support, member nor point act on the whole structure or belong to the
+    test: their place is ``"structure"``.
+    """
+    found = [f"{kind}:{name}" for kind in ("joint", "support", "member") for name in _names(effect, kind)]
+    ends: tuple[tuple[str, int], ...] = getattr(effect, "ends", ())
+    if hasattr(effect, "member") and getattr(effect, "end", None) in (1, 2):
+        ends = ((effect.member, effect.end),)  # pyright: ignore[reportAttributeAccessIssue]
+    found += [f"member:{member}" for member, _ in ends] + [f"end:{member}.{end}" for member, end in ends]
+    if not found and getattr(effect, "point", None) is not None:
+        found = [f"point:{effect.where.rpartition(', ')[0] or effect.where}"]
+    return tuple(dict.fromkeys(found)) or ("structure",)
+
+
+def _names(effect: Effect, kind: str) -> tuple[str, ...]:
+    """Return the joints, supports or members that an effect names."""
+    one, many = getattr(effect, kind, None), getattr(effect, f"{kind}s", ())
+    named = tuple(x for x in many if isinstance(x, str)) if isinstance(many, tuple) else ()
+    return (one, *named) if isinstance(one, str) else named
+
+
+class Candidates(tuple[Effect, ...]):
+    """Effects that may be added to a model, as a tuple that can be filtered by place and shown as a table."""
+
+    __slots__ = ()
+
+    @overload
+    def __getitem__(self, key: str) -> Effect: ...
+    @overload
+    def __getitem__(self, key: int) -> Effect: ...  # pyright: ignore[reportIncompatibleMethodOverride]
+    @overload
+    def __getitem__(self, key: slice) -> "Candidates": ...
+    def __getitem__(self, key: Any) -> Any:
+        """Return a candidate by its name or number, or some of them by a slice.
+
+        Raises
+        ------
+        ModelError
+            If there is no candidate of the name.
+        """
+        if isinstance(key, str):
+            by_name = {e.name: e for e in self}
+            if key not in by_name:
+                msg = f"there is no candidate '{key}'; {suggest(key, by_name)}"
+                raise ModelError(msg)
+            return by_name[key]
+        found = super().__getitem__(key)
+        return Candidates(found) if isinstance(key, slice) else found
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names, as :meth:`dovetail.Study.add` takes them."""
+        return tuple(e.name for e in self)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """All places at which there are candidates, sorted."""
+        return tuple(sorted({place for e in self for place in places_of(e)}))
+
+    def at(self, *places: str) -> "Candidates":
+        """Return the candidates at some places, such as ``"joint:J"`` or ``"member:U"``.
+
+        Raises
+        ------
+        ModelError
+            If no candidate is at one of them; the message names the places that there are.
+        """
+        known = self.places
+        for place in places:
+            if place not in known:
+                msg = f"no candidate is at '{place}'; {suggest(place, known)}"
+                raise ModelError(msg)
+        return Candidates(e for e in self if set(places) & set(places_of(e)))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a mapping for each candidate: name, kind, where, places, and its parameters."""
+        return [
+            {
+                "name": e.name,
+                "kind": e.kind,
+                "where": e.where,
+                "places": list(places_of(e)),
+                "parameters": [
+                    {"name": p.name, "unit": p.unit, "value": p.value, "lower": p.lower, "upper": p.upper}
+                    for p in e.parameters()
+                ],
+            }
+            for e in self
+        ]
+
+    def to_frame(self) -> Any:
+        """Return a pandas ``DataFrame`` with a row for each parameter of each candidate.
+
+        Columns: candidate, kind, where, parameter, unit, value, lower, upper.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        rows = [
+            {"candidate": e.name, "kind": e.kind, "where": e.where, "parameter": p.name, "unit": p.unit}
+            | {"value": p.value, "lower": p.lower, "upper": p.upper}
+            for e in self
+            for p in e.parameters()
+        ]
+        return imported("pandas").DataFrame(rows)
+
+    def __repr__(self) -> str:
+        """Return their number, kinds and places on one line."""
+        kinds = len({e.kind for e in self})
+        places = ", ".join(self.places[:6]) + (" …" if len(self.places) > 6 else "")
+        return f"<{len(self)} candidates of {kinds} kinds at {places or 'no place'}>"
+
+    def _repr_html_(self) -> str:
+        """Return a table of names, places and parameters."""
+        rows = [(e.name, e.where, parameters_text(e.parameters()), _meaning(e)) for e in self]
+        return table(("candidate", "where", "parameters: value (bounds)", "meaning"), rows, repr(self))
+
+
+def parameter_text(p: Parameter) -> str:
+    """Return a parameter with its value, its bounds and its unit: ``mass 0.04 kg (0 to 38)``."""
+    return f"{p.name} {quantity(p.value, p.unit)} ({p.lower:.4g} to {p.upper:.4g})"
+
+
+def parameters_text(parameters: Iterable[Parameter]) -> str:
+    """Return parameters with their values, bounds and units on one line."""
+    return ", ".join(map(parameter_text, parameters))
+
+
+def _meaning(effect: Effect) -> str:
+    entry: Entry | None = effect.entry
+    return entry.meaning.replace("`", "") if entry else ""

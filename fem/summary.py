@@ -1,0 +1,84 @@
+"""Short texts of objects, for prompts and notebooks: sizes, ranges and values with their units."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+_MOST_NAMES = 4
+"""Names that a list shows before it counts the rest."""
+_LONGEST = 60
+"""Characters of a text or of a value inside a summary."""
+
+
+def quantity(value: Any, unit: str = "-") -> str:
+    """Return a value with four digits and its unit; ``"-"`` is none."""
+    return f"{value:.4g}" + ("" if unit == "-" else f" {unit}")
+
+
+def span(values: Any, unit: str = "-") -> str:
+    """Return the least and the largest of some values with their unit, such as ``2 to 3200 Hz``."""
+    values = np.asarray(values, dtype=float).ravel()
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return "no values"
+    low, high = values.min(), values.max()
+    return quantity(low, unit) if low == high else f"{low:.4g} to {quantity(high, unit)}"
+
+
+def counted(n: int, noun: str) -> str:
+    """Return a number and a noun, in the plural unless it is one."""
+    return f"{n} {noun if n == 1 else noun + 's'}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return the first names of a list, and how many more there are."""
+    names = list(names)
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return (", ".join(names[:_MOST_NAMES]) + more) or "none"
+
+
+def summary(self: Any, text: str) -> str:
+    """Return ``<Class text>`` on one line, for an object's ``__repr__``."""
+    return f"<{type(self).__name__} {' '.join(text.split())}>"
+
+
+def fields_summary(self: Any) -> str:
+    """Return the class of a dataclass and its fields, arrays and long values by their shape.
+
+    Classes take it as their ``__repr__``: the one that dataclasses make would print every array.
+    """
+    shown = ", ".join(f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self) if f.repr)
+    return f"{type(self).__name__}({shown})"
+
+
+def _short(value: Any) -> str:
+    """Return a value as it is if it is short, otherwise its type and size."""
+    if isinstance(value, np.ndarray):
+        if value.size <= _MOST_NAMES and value.dtype.kind in "biufc":
+            return np.array2string(value, precision=4, separator=", ").replace("\n", "")
+        return f"array {value.shape} {value.dtype}"
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping | tuple | list):
+        whole = _whole(value)
+        return whole if len(whole) <= _LONGEST else f"{type(value).__name__} of {len(value)}"
+    shape = getattr(value, "shape", None)
+    if isinstance(shape, tuple):
+        return f"{type(value).__name__} {shape}"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 2]} …"
+
+
+def _whole(value: Mapping[Any, Any] | tuple[Any, ...] | list[Any]) -> str:
+    """Return all of a small collection; of a large one only enough to see that it is large."""
+    if len(value) > _LONGEST // 3:
+        return " " * (_LONGEST + 1)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k!r}: {_short(v)}" for k, v in value.items()) + "}"
+    comma = "," if isinstance(value, tuple) and len(value) == 1 else ""
+    left, right = "()" if isinstance(value, tuple) else "[]"
+    return left + ", ".join(map(_short, value)) + comma + right
