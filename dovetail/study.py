@@ -21,7 +21,7 @@ from dovetail.file import config
 from dovetail.file.effects import candidate_named, candidates_of, with_given_values
 from dovetail.file.faults import fault_table, tilted
 from dovetail.file.paths import input_files, with_paths
-from dovetail.file.table import StudyError
+from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import (
     rebased_values,
     with_damping,
@@ -31,7 +31,11 @@ from dovetail.file.writing import (
 )
 from dovetail.found import fitted_damping
 from dovetail.notebook.candidates import Candidates
+from dovetail.notebook.comparison import Comparison, Misfit
+from dovetail.notebook.diagnosis import Diagnosis
+from dovetail.notebook.html import table
 from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, run
+from dovetail.report import words
 from dovetail.result import RunResult
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.frf_solver import compute_frf
@@ -41,9 +45,9 @@ from fem.effects import candidate_kinds
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.io.atomic import replacing
 from fem.model import Effect, Model, ModelError, parameter_values
+from fem.summary import counted, listed
 from fem.system import assemble
-from updating.correlation import Comparison, compare
-from updating.diagnosis.diagnose import Diagnosis, begin_fitted, propose
+from updating.diagnosis.diagnose import begin_fitted, propose
 from updating.diagnosis.findings import Finding
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -77,9 +81,28 @@ class Study(config.Study):
     def __repr__(self) -> str:
         """Return one line: arrays and texts of a study fill many screens."""
         mesh = self.model.mesh
-        shape = f"{len(self.sensors)} sensors, {len(self.excitations)} excitations"
-        more = "".join(f" + {e.name}" for e in self.added)
-        return f"<Study '{self.name}': {len(mesh.members)} members, {mesh.n_lines} elements, {shape}{more}>"
+        shape = f"{counted(len(self.sensors), 'sensor')}, {counted(len(self.excitations), 'excitation')}"
+        size = f"{counted(len(mesh.members), 'member')}, {counted(mesh.n_lines, 'element')}"
+        more = f" + {listed(e.name for e in self.added)}" if self.added else ""
+        return f"<Study '{self.name}': {size}, {shape}{more}>"
+
+    @property
+    def title(self) -> str:
+        """The study's name with the added effects and whether it is fitted."""
+        return " + ".join([self.name, *(e.name for e in self.added)]) + (", fitted" if self.fitted else "")
+
+    def _repr_html_(self) -> str:
+        """Return a table of the model, the test, what is uncertain, and the added effects."""
+        rows = [
+            ("model", repr(self.model.mesh)),
+            ("sensors", listed(s.name for s in self.sensors)),
+            ("excitations", listed(s.name for s in self.excitations)),
+            *(("measurement", repr(m)) for m in self.measurements),
+            ("uncertain", listed(f"{n.effect}.{n.parameter} (± {n.std:.3g})" for n in self.nuisances)),
+            *(("added", words.added_text(e, self.fitted)) for e in self.added),
+            *(("set right", words.fault_text(f)) for f in self.faults),
+        ]
+        return table(("", ""), rows, self.title)
 
     def solve_modes(self, n: int = 10) -> Modes:
         """Return the rigid-body modes and the first ``n`` elastic modes of the model."""
@@ -121,13 +144,30 @@ class Study(config.Study):
     def compare(self, n_bands: int = N_BANDS) -> Comparison:
         """Return how far the model's FRFs are from the first measurement's, on all lines.
 
+        Parameters
+        ----------
+        n_bands : int
+            Number of equal frequency bands.
+
         Raises
         ------
         StudyError
             If the study has no measurement.
         """
         problem = fit_problem(self)
-        return compare(problem.measured, problem.frf(problem.nominal()), n_bands, problem.data.mask)
+        return Comparison.of(problem, problem.nominal(), n_bands, self.title)
+
+    def error(self) -> Misfit:
+        """Return the error of the amplitude on the lines of the fit, those held out, and all [dB].
+
+        The numbers are those of ``dovetail compare``.
+
+        Raises
+        ------
+        StudyError
+            If the study has no measurement.
+        """
+        return self.compare().misfit
 
     def diagnose(self, progress: Progress | None = None) -> Diagnosis:
         """Return which effects the model lacks; see :func:`updating.diagnose`.
@@ -142,7 +182,7 @@ class Study(config.Study):
         StudyError
             If the study has no measurement.
         """
-        return diagnose_study(self, progress)
+        return Diagnosis.of(diagnose_study(self, progress))
 
     def candidates(
         self, kinds: Sequence[str] | str | None = None, at: Sequence[str] | str | None = None
@@ -159,12 +199,14 @@ class Study(config.Study):
         Raises
         ------
         ModelError
-            If no candidate is at one of the places.
-        ValueError
-            For a kind that does not exist.
+            For a kind that does not exist, and a place where no candidate is.
         """
         test = self.measurements[0] if self.measurements else None
         kinds = (kinds,) if isinstance(kinds, str) else kinds
+        for kind in kinds or ():
+            if kind not in candidate_kinds():
+                msg = f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}"
+                raise ModelError(msg)
         every = Candidates(propose(self.model, kinds, () if kinds else self.exclude, test))
         return every if at is None else every.at(*((at,) if isinstance(at, str) else at))
 

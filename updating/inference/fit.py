@@ -36,6 +36,10 @@ ITERATIONS = 14
 """At most so many iterations in each band of a fit."""
 
 
+_FULL_FITS = 6
+"""Starts of an effect that are fitted to all lines, besides its given values."""
+
+
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
 
@@ -217,7 +221,9 @@ class FitProblem:
     def fit_from_starts(self, effects: Sequence[Effect]) -> FitResult:
         """Return the best fit of given effects: from their values, and from each of their own starts.
 
-        The cost has several minima, for instance of a joint between free and rigid.
+        The cost has several minima, for instance of a joint between free and rigid. Fits to a few lines rank
+        the starts. That ranking is rough: the given values and the first of the others are fitted to all
+        lines.
 
         Parameters
         ----------
@@ -230,8 +236,9 @@ class FitProblem:
             sets += [[*given[:k], s, *given[k + 1 :]] for s in effect.starts(self.surroundings)]
         few, whole = self.n_lines // 4, self.stages[-1:]
         quick = [self.fit(effects, starts, stages=whole, n_lines=few, assess=False) for starts in sets]
-        best = sets[int(np.argmin([r.solution.cost for r in quick]))]
-        return self.fit(effects, best)
+        ranked = sorted(quick, key=lambda r: r.solution.cost)[:_FULL_FITS]
+        fits = [self.fit(effects, given, assess=False), *(self.refit(r, assess=False) for r in ranked)]
+        return self.assessed(min(fits, key=lambda r: r.solution.cost))
 
     def refit(self, result: FitResult, x_from: FitResult | None = None, *, assess: bool = True) -> FitResult:
         """Fit what a result holds once more, from where it is: on the whole band at once.

@@ -1,0 +1,189 @@
+"""A comparison as a user meets it: numbers, tables and figures of computed beside measured FRFs."""
+
+from base64 import b64encode
+from dataclasses import dataclass, fields
+from html import escape
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.notebook.html import number, table
+from fem.analysis.frf import FRF
+from fem.labelled import imported
+from fem.summary import summary
+from updating import correlation
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
+
+Band = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """The error of the amplitude of computed FRFs, root mean square in dB.
+
+    Attributes
+    ----------
+    fit_db : float
+        On the lines that a fit uses [dB].
+    held_out_db : float
+        On the lines that are held out from fits [dB].
+    all_db : float
+        On all lines [dB].
+    noise_db : float
+        Noise of the measurement [dB]; no model can be nearer.
+    """
+
+    fit_db: float
+    held_out_db: float
+    all_db: float
+    noise_db: float
+
+    def __repr__(self) -> str:
+        """Return the errors on one line."""
+        errors = f"{self.fit_db:.2f} dB on the lines of the fit, {self.held_out_db:.2f} dB held out"
+        return summary(self, f"{errors}, {self.all_db:.2f} dB on all; noise {self.noise_db:.2f} dB")
+
+    def __float__(self) -> float:
+        """Return the error on the lines of the fit [dB]."""
+        return self.fit_db
+
+    def _repr_html_(self) -> str:
+        """Return a table of the errors."""
+        rows = [
+            (f.name.removesuffix("_db").replace("_", " "), number(getattr(self, f.name)))
+            for f in fields(self)
+        ]
+        return table(("error on", "dB"), rows)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Comparison(correlation.Comparison):
+    """How far a study's FRFs are from the measured ones, with both.
+
+    Attributes
+    ----------
+    title : str
+        The study and its added effects.
+    measured, computed : FRF
+        At the same lines, outputs and inputs.
+    deviation : ndarray (n_freq, n_out, n_in)
+        Standard deviation of the measured FRFs [unit of ``measured``].
+    held_out : tuple of (float, float)
+        Bands that are held out from fits [Hz].
+    misfit : Misfit
+        Errors of the amplitude [dB].
+    """
+
+    title: str
+    measured: FRF
+    computed: FRF
+    deviation: NDArray[np.float64]
+    held_out: tuple[Band, ...]
+    misfit: Misfit
+
+    @classmethod
+    def of(cls, problem: FitProblem, result: FitResult, n_bands: int, title: str = "") -> "Comparison":
+        """Compare a fit of a problem, or its nominal model, with the measurement."""
+        data, measured, computed = problem.data, problem.measured, problem.frf(result)
+        compared = correlation.compare(measured, computed, n_bands, data.mask)
+        errors = Misfit(result.fit_db, result.held_out_db, compared.total_db, data.noise_db)
+        own = {f.name: getattr(compared, f.name) for f in fields(compared)}
+        deviation = data.noise * np.abs(measured.H)
+        return cls(**own, title=title, measured=measured, computed=computed, deviation=deviation,
+                   held_out=held_out_bands(data.frequency, data.held_out), misfit=errors)  # fmt: skip
+
+    def worst_pairs(self, n: int = 4) -> tuple[tuple[str, str], ...]:
+        """Return the pairs of output and input with the largest errors, the largest first."""
+        square = self.log_ratio.real**2
+        seen = np.isfinite(square)
+        mean = np.where(seen, square, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+        order = np.argsort(-mean, axis=None)[:n]
+        where = zip(*np.unravel_index(order, mean.shape), strict=True)
+        return tuple((self.outputs[int(i)], self.inputs[int(j)]) for i, j in where)
+
+    def plot(self, output: str | None = None, input_: str | None = None) -> Any:
+        """Return a figure of measured and computed FRFs, magnitude and phase.
+
+        Parameters
+        ----------
+        output, input_ : str, optional
+            Labels of the pair to show; the one with the largest error unless given.
+
+        Raises
+        ------
+        FRFError
+            If the measurement has no such label.
+        """
+        from viz.curves import plot_frf
+
+        pair = self.worst_pairs(1)[0]
+        pair = (output or pair[0], input_ or pair[1])
+        models = {"model": self.computed}
+        return plot_frf(self.measured, models, [pair], self.deviation, self.held_out, self.title)
+
+    def plot_map(self) -> Any:
+        """Return a figure of the error of each sensor in each band [dB]."""
+        from viz.heat_maps import plot_misfit_matrix
+
+        bands = list(pairwise(self.bands.tolist()))
+        return plot_misfit_matrix(self.by_band(), self.outputs, bands, "error [dB]", title=self.title)
+
+    def to_frame(self) -> Any:
+        """Return a ``pandas.DataFrame`` of errors [dB]: sensors down, bands [Hz] across.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        names = [f"{a:.4g}-{b:.4g} Hz" for a, b in pairwise(self.bands)]
+        frame = imported("pandas").DataFrame(self.by_band(), index=list(self.outputs), columns=names)
+        frame.index.name = "sensor"
+        frame.insert(0, "all", self.by_sensor())
+        frame.attrs = {"units": "dB"}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """Return an ``xarray.DataArray`` of errors [dB] with dimensions band, output and input.
+
+        The coordinate ``band`` has the bands' middles [Hz].
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+        """
+        middle = (self.bands[1:] + self.bands[:-1]) / 2
+        coordinates = {"band": middle, "output": list(self.outputs), "input": list(self.inputs)}
+        array = imported("xarray").DataArray(
+            self.error_db, dims=("band", "output", "input"), coords=coordinates, name="error",
+            attrs={"units": "dB"},
+        )  # fmt: skip
+        array["band"].attrs["units"] = "Hz"
+        return array
+
+    def _repr_html_(self) -> str:
+        """Return the errors as a table beside a picture of sensors and bands."""
+        from viz.style import figure_png
+
+        rows = [
+            (name, number(all_), number(frac, 3))
+            for name, all_, frac in zip(
+                self.outputs, self.by_sensor(), np.nanmin(self.frac, axis=1), strict=True
+            )
+        ]
+        head = table(("sensor", "error [dB]", "least FRAC"), rows, self.title)
+        words = "Error of each sensor in each frequency band, in dB"
+        picture = b64encode(figure_png(self.plot_map(), 80)).decode()
+        shown = f'<img alt="{escape(words)}" src="data:image/png;base64,{picture}">'
+        return f'<p>{escape(repr(self.misfit))}</p><div style="display:flex;gap:2em">{head}{shown}</div>'
+
+
+def held_out_bands(frequency: NDArray[np.float64], held_out: NDArray[np.bool_]) -> tuple[Band, ...]:
+    """Return the bands of lines that are held out [Hz]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
+    f = frequency
+    return tuple((float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
