@@ -1,12 +1,13 @@
 """Candidates as a user meets them: names, places, and parameters with units and bounds."""
 
+import re
 from collections.abc import Iterable
-from typing import Any, overload
+from typing import Any, SupportsIndex, overload
 
 from dovetail.file.table import suggest
 from dovetail.notebook.html import table
+from fem.analysis.labelled import imported
 from fem.declarations import Entry
-from fem.labelled import imported
 from fem.model import Effect, ModelError, Parameter
 from fem.summary import quantity
 
@@ -14,17 +15,28 @@ from fem.summary import quantity
 def places_of(effect: Effect) -> tuple[str, ...]:
     """Return the places that an effect names, such as ``("joint:J",)`` or ``("member:U", "end:U.1")``.
 
-    Effects that name neither joint, support, member nor point act on the whole structure or belong to the
-    test: their place is ``"structure"``.
+    Effects that name neither joint, support nor member act on the whole structure or belong to the test:
+    their place is ``"structure"``.
     """
     found = [f"{kind}:{name}" for kind in ("joint", "support", "member") for name in _names(effect, kind)]
     ends: tuple[tuple[str, int], ...] = getattr(effect, "ends", ())
     if hasattr(effect, "member") and getattr(effect, "end", None) in (1, 2):
         ends = ((effect.member, effect.end),)  # pyright: ignore[reportAttributeAccessIssue]
     found += [f"member:{member}" for member, _ in ends] + [f"end:{member}.{end}" for member, end in ends]
-    if not found and getattr(effect, "point", None) is not None:
-        found = [f"point:{effect.where.rpartition(', ')[0] or effect.where}"]
+    if not found:
+        found = _places_in_words(str(getattr(effect, "place", "")))
     return tuple(dict.fromkeys(found)) or ("structure",)
+
+
+def _places_in_words(text: str) -> list[str]:
+    """Return the places that effects at a point state in words: an end, a joint, a place on a member."""
+    if end := re.match(r"(?:excitation at )?end (\d) of member (.+?)(?:, |$)", text):
+        return [f"member:{end[2]}", f"end:{end[2]}.{end[1]}"]
+    if joint := re.match(r"joint (.+?)(?: on its second side|, |$)", text):
+        return [f"joint:{joint[1]}"]
+    if member := re.match(r"(?:excitation at )?member (.+?) at ", text):
+        return [f"member:{member[1]}"]
+    return []
 
 
 def _names(effect: Effect, kind: str) -> tuple[str, ...]:
@@ -40,11 +52,11 @@ class Candidates(tuple[Effect, ...]):
     __slots__ = ()
 
     @overload
-    def __getitem__(self, key: str) -> Effect: ...
-    @overload
-    def __getitem__(self, key: int) -> Effect: ...  # pyright: ignore[reportIncompatibleMethodOverride]
+    def __getitem__(self, key: SupportsIndex) -> Effect: ...
     @overload
     def __getitem__(self, key: slice) -> "Candidates": ...
+    @overload
+    def __getitem__(self, key: str) -> Effect: ...
     def __getitem__(self, key: Any) -> Any:
         """Return a candidate by its name or number, or some of them by a slice.
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.notebook.html import number, table
+from dovetail.result import least_frac
 from fem.analysis.frf import FRF
-from fem.labelled import imported
+from fem.analysis.labelled import imported
 from fem.summary import summary
 from updating import correlation
 from updating.inference.fit import FitProblem
@@ -53,10 +54,12 @@ class Misfit:
     def _repr_html_(self) -> str:
         """Return a table of the errors."""
         rows = [
-            (f.name.removesuffix("_db").replace("_", " "), number(getattr(self, f.name)))
-            for f in fields(self)
+            ("lines of the fit", number(self.fit_db)),
+            ("lines held out", number(self.held_out_db)),
+            ("all lines", number(self.all_db)),
+            ("noise of the measurement", number(self.noise_db)),
         ]
-        return table(("error on", "dB"), rows)
+        return table(("error of the amplitude", "dB"), rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -169,12 +172,8 @@ class Comparison(correlation.Comparison):
         """Return the errors as a table beside a picture of sensors and bands."""
         from viz.style import figure_png
 
-        rows = [
-            (name, number(all_), number(frac, 3))
-            for name, all_, frac in zip(
-                self.outputs, self.by_sensor(), np.nanmin(self.frac, axis=1), strict=True
-            )
-        ]
+        columns = zip(self.outputs, self.by_sensor(), least_frac(self), strict=True)
+        rows = [(name, number(error), number(frac, 3)) for name, error, frac in columns]
         head = table(("sensor", "error [dB]", "least FRAC"), rows, self.title)
         words = "Error of each sensor in each frequency band, in dB"
         picture = b64encode(figure_png(self.plot_map(), 80)).decode()

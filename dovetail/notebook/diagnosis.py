@@ -6,7 +6,7 @@ from typing import Any
 
 from dovetail.notebook.html import number, table
 from dovetail.report import words
-from fem.labelled import imported
+from fem.analysis.labelled import imported
 from updating.diagnosis import diagnose
 
 

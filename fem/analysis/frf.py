@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.labelled import frf_array, frf_frame
+from fem.analysis.labelled import frf_array, frf_frame
 from fem.summary import counted, fields_summary, listed, span, summary
 
 WITHOUT_PHASE = (
