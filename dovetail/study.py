@@ -33,11 +33,12 @@ from dovetail.found import fitted_damping
 from dovetail.notebook.candidates import Candidates
 from dovetail.notebook.comparison import Comparison, Misfit
 from dovetail.notebook.diagnosis import Diagnosis
-from dovetail.notebook.html import table
+from dovetail.notebook.html import inner, table
+from dovetail.notebook.responses import FRF
 from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, run
 from dovetail.report import words
 from dovetail.result import RunResult
-from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Modes, first_modes
 from fem.connection_damping import ConnectionDamping
@@ -87,22 +88,24 @@ class Study(config.Study):
         return f"<Study '{self.name}': {size}, {shape}{more}>"
 
     @property
-    def title(self) -> str:
-        """The study's name with the added effects and whether it is fitted."""
-        return " + ".join([self.name, *(e.name for e in self.added)]) + (", fitted" if self.fitted else "")
+    def label(self) -> str:
+        """The model's: nominal or fitted, or with which effects."""
+        if not self.added:
+            return "fitted" if self.fitted else "nominal"
+        return f"with {', '.join(e.name for e in self.added)}" + (", fitted" if self.fitted else "")
 
     def _repr_html_(self) -> str:
         """Return a table of the model, the test, what is uncertain, and the added effects."""
         rows = [
-            ("model", repr(self.model.mesh)),
+            ("model", inner(self.model.mesh)),
             ("sensors", listed(s.name for s in self.sensors)),
             ("excitations", listed(s.name for s in self.excitations)),
-            *(("measurement", repr(m)) for m in self.measurements),
+            *(("measurement", inner(m)) for m in self.measurements),
             ("uncertain", listed(f"{n.effect}.{n.parameter} (± {n.std:.3g})" for n in self.nuisances)),
             *(("added", words.added_text(e, self.fitted)) for e in self.added),
             *(("set right", words.fault_text(f)) for f in self.faults),
         ]
-        return table(("", ""), rows, self.title)
+        return table(("", ""), rows, f"{self.name}, {self.label}")
 
     def solve_modes(self, n: int = 10) -> Modes:
         """Return the rigid-body modes and the first ``n`` elastic modes of the model."""
@@ -132,7 +135,7 @@ class Study(config.Study):
         system = assemble(self.model, reciprocal=False)
         H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, kind).H
         names, forces = (tuple(s.name for s in part) for part in (self.sensors, self.excitations))
-        return FRF.from_arrays(frequency, H, kind, names, forces)
+        return FRF.of(FRF.from_arrays(frequency, H, kind, names, forces))
 
     def require_ends(self) -> None:
         """Raise a :class:`StudyError` if the study has no sensors or no excitations."""
@@ -155,7 +158,7 @@ class Study(config.Study):
             If the study has no measurement.
         """
         problem = fit_problem(self)
-        return Comparison.of(problem, problem.nominal(), n_bands, self.title)
+        return Comparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
 
     def error(self) -> Misfit:
         """Return the error of the amplitude on the lines of the fit, those held out, and all [dB].
@@ -168,6 +171,31 @@ class Study(config.Study):
             If the study has no measurement.
         """
         return self.compare().misfit
+
+    def plot(self) -> Any:
+        """Return an interactive plotly figure of the model with its sensors, coloured by their errors [dB].
+
+        Raises
+        ------
+        ValueError
+            If the model has no members with sections.
+        """
+        from viz.interactive.model import model_figure
+
+        errors: dict[str, float] = {}
+        if self.measurements:
+            found = self.compare()
+            errors = dict(zip(found.outputs, found.by_sensor().tolist(), strict=True))
+        title = f"{self.name}, {self.label}"
+        return model_figure(self.model, self.sensors, self.excitations, errors=errors or None, title=title)
+
+    def plot_modes(self, n: int = 10) -> Any:
+        """Return an interactive plotly figure in which the first ``n`` elastic modes are chosen and move."""
+        from viz.interactive.modes import modes_figure
+
+        modes = self.solve_modes(n)
+        elastic = range(modes.n_rigid, min(modes.n_rigid + n, len(modes.frequency)))
+        return modes_figure(self.model, modes, list(elastic), title=f"{self.name}, {self.label}")
 
     def diagnose(self, progress: Progress | None = None) -> Diagnosis:
         """Return which effects the model lacks; see :func:`updating.diagnose`.

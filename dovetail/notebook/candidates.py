@@ -9,7 +9,7 @@ from dovetail.notebook.html import table
 from fem.analysis.labelled import imported
 from fem.declarations import Entry
 from fem.model import Effect, ModelError, Parameter
-from fem.summary import quantity
+from fem.summary import counted, quantity
 
 
 def places_of(effect: Effect) -> tuple[str, ...]:
@@ -135,14 +135,16 @@ class Candidates(tuple[Effect, ...]):
 
     def __repr__(self) -> str:
         """Return their number, kinds and places on one line."""
-        kinds = len({e.kind for e in self})
+        kinds = counted(len({e.kind for e in self}), "kind")
         places = ", ".join(self.places[:6]) + (" …" if len(self.places) > 6 else "")
-        return f"<{len(self)} candidates of {kinds} kinds at {places or 'no place'}>"
+        return f"<{counted(len(self), 'candidate')} of {kinds} at {places or 'no place'}>"
 
     def _repr_html_(self) -> str:
         """Return a table of names, places and parameters."""
         rows = [(e.name, e.where, parameters_text(e.parameters()), _meaning(e)) for e in self]
-        return table(("candidate", "where", "parameters: value (bounds)", "meaning"), rows, repr(self))
+        return table(
+            ("candidate", "where", "parameters: value (bounds)", "meaning"), rows, repr(self).strip("<>")
+        )
 
 
 def parameter_text(p: Parameter) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.notebook.html import number, table
+from dovetail.notebook.html import inner, number, table
 from dovetail.result import least_frac
 from fem.analysis.frf import FRF
 from fem.analysis.labelled import imported
@@ -68,34 +68,33 @@ class Comparison(correlation.Comparison):
 
     Attributes
     ----------
-    title : str
-        The study and its added effects.
+    name, label : str
+        The study's, and its model's: ``"nominal"``, ``"fitted"`` or ``"with …"``.
     measured, computed : FRF
         At the same lines, outputs and inputs.
-    deviation : ndarray (n_freq, n_out, n_in)
-        Standard deviation of the measured FRFs [unit of ``measured``].
     held_out : tuple of (float, float)
         Bands that are held out from fits [Hz].
     misfit : Misfit
         Errors of the amplitude [dB].
     """
 
-    title: str
+    name: str
+    label: str
     measured: FRF
     computed: FRF
-    deviation: NDArray[np.float64]
     held_out: tuple[Band, ...]
     misfit: Misfit
 
     @classmethod
-    def of(cls, problem: FitProblem, result: FitResult, n_bands: int, title: str = "") -> "Comparison":
+    def of(
+        cls, problem: FitProblem, result: FitResult, n_bands: int, name: str = "", label: str = "model"
+    ) -> "Comparison":
         """Compare a fit of a problem, or its nominal model, with the measurement."""
         data, measured, computed = problem.data, problem.measured, problem.frf(result)
         compared = correlation.compare(measured, computed, n_bands, data.mask)
         errors = Misfit(result.fit_db, result.held_out_db, compared.total_db, data.noise_db)
         own = {f.name: getattr(compared, f.name) for f in fields(compared)}
-        deviation = data.noise * np.abs(measured.H)
-        return cls(**own, title=title, measured=measured, computed=computed, deviation=deviation,
+        return cls(**own, name=name, label=label, measured=measured, computed=computed,
                    held_out=held_out_bands(data.frequency, data.held_out), misfit=errors)  # fmt: skip
 
     def worst_pairs(self, n: int = 4) -> tuple[tuple[str, str], ...]:
@@ -107,32 +106,44 @@ class Comparison(correlation.Comparison):
         where = zip(*np.unravel_index(order, mean.shape), strict=True)
         return tuple((self.outputs[int(i)], self.inputs[int(j)]) for i, j in where)
 
-    def plot(self, output: str | None = None, input_: str | None = None) -> Any:
-        """Return a figure of measured and computed FRFs, magnitude and phase.
+    def plot(
+        self,
+        output: str | None = None,
+        input_: str | None = None,
+        *,
+        before: "Comparison | None" = None,
+    ) -> Any:
+        """Return an interactive plotly figure of one measured and computed FRF, magnitude [dB] and phase.
+
+        Bands that are held out from fits are shaded.
 
         Parameters
         ----------
         output, input_ : str, optional
-            Labels of the pair to show; the one with the largest error unless given.
+            Labels of the pair to show; those with the largest error (of ``before``, if it is given) unless
+            given.
+        before : Comparison, optional
+            Another comparison with the same measurement, whose model is shown, too.
 
         Raises
         ------
         FRFError
             If the measurement has no such label.
         """
-        from viz.curves import plot_frf
+        from viz.interactive.frf import frf_figure
 
-        pair = self.worst_pairs(1)[0]
-        pair = (output or pair[0], input_ or pair[1])
-        models = {"model": self.computed}
-        return plot_frf(self.measured, models, [pair], self.deviation, self.held_out, self.title)
+        worst = (before or self).worst_pairs(1)[0]
+        pair = (output or worst[0], input_ or worst[1])
+        models = {before.label: before.computed} if before is not None else {}
+        label = self.label if self.label not in models else f"{self.label}, after"
+        return frf_figure(self.measured, {**models, label: self.computed}, pair, held_out=self.held_out)
 
     def plot_map(self) -> Any:
-        """Return a figure of the error of each sensor in each band [dB]."""
-        from viz.heat_maps import plot_misfit_matrix
+        """Return an interactive plotly figure of the error of each sensor in each band [dB]."""
+        from viz.interactive.error import error_map_figure
 
         bands = list(pairwise(self.bands.tolist()))
-        return plot_misfit_matrix(self.by_band(), self.outputs, bands, "error [dB]", title=self.title)
+        return error_map_figure(self.by_band(), self.outputs, bands, title=f"{self.name}, {self.label}")
 
     def to_frame(self) -> Any:
         """Return a ``pandas.DataFrame`` of errors [dB]: sensors down, bands [Hz] across.
@@ -170,15 +181,18 @@ class Comparison(correlation.Comparison):
 
     def _repr_html_(self) -> str:
         """Return the errors as a table beside a picture of sensors and bands."""
+        from viz.heat_maps import plot_misfit_matrix
         from viz.style import figure_png
 
         columns = zip(self.outputs, self.by_sensor(), least_frac(self), strict=True)
         rows = [(name, number(error), number(frac, 3)) for name, error, frac in columns]
-        head = table(("sensor", "error [dB]", "least FRAC"), rows, self.title)
+        head = table(("sensor", "error [dB]", "least FRAC"), rows, f"{self.name}, {self.label}")
         words = "Error of each sensor in each frequency band, in dB"
-        picture = b64encode(figure_png(self.plot_map(), 80)).decode()
+        bands = list(pairwise(self.bands.tolist()))
+        figure = plot_misfit_matrix(self.by_band(), self.outputs, bands, "error [dB]")
+        picture = b64encode(figure_png(figure, 80)).decode()
         shown = f'<img alt="{escape(words)}" src="data:image/png;base64,{picture}">'
-        return f'<p>{escape(repr(self.misfit))}</p><div style="display:flex;gap:2em">{head}{shown}</div>'
+        return f'<p>{escape(inner(self.misfit))}</p><div style="display:flex;gap:2em">{head}{shown}</div>'
 
 
 def held_out_bands(frequency: NDArray[np.float64], held_out: NDArray[np.bool_]) -> tuple[Band, ...]:

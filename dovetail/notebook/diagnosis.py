@@ -7,6 +7,7 @@ from typing import Any
 from dovetail.notebook.html import number, table
 from dovetail.report import words
 from fem.analysis.labelled import imported
+from updating.correlation import DB_PER_NEPER
 from updating.diagnosis import diagnose
 
 
@@ -18,6 +19,36 @@ class Diagnosis(diagnose.Diagnosis):
     def of(cls, found: diagnose.Diagnosis) -> "Diagnosis":
         """Return a diagnosis with tables."""
         return cls(**{f.name: getattr(found, f.name) for f in fields(found)})
+
+    def plot(self) -> Any:
+        """Return an interactive plotly figure of the error after each step [dB], above the noise floor."""
+        from viz.interactive.error import staircase_figure
+
+        steps = [(words.step_label(s.label), s.fit_db, s.held_out_db) for s in self.steps]
+        return staircase_figure(steps, self.noise_floor_db)
+
+    def plot_ranking(self, round_: int = 1) -> Any:
+        """Return an interactive plotly figure of what each candidate of a round leaves [dB].
+
+        Raises
+        ------
+        ValueError
+            If the search had no such round.
+        """
+        from viz.interactive.error import ranking_figure
+
+        if not 1 <= round_ <= len(self.rounds):
+            msg = f"there is no round {round_}; the search had {len(self.rounds)}, counted from 1"
+            raise ValueError(msg)
+        ranked = self.rounds[round_ - 1]
+        found = [r.name for r in ranked]
+        finding = self.findings[round_ - 1] if round_ <= len(self.findings) else None
+        accepted = found.index(finding.effect.name) if finding and finding.effect.name in found else None
+        twins = {found.index(t.name) for t in finding.twins if t.name in found} if finding else set()
+        return ranking_figure(
+            [words.ranked_label(r) for r in ranked], [r.level * DB_PER_NEPER for r in ranked],
+            self.steps[round_].level * DB_PER_NEPER, names=found, twins=twins, accepted=accepted,
+        )  # fmt: skip
 
     def to_frame(self) -> Any:
         """Return a ``pandas.DataFrame`` with a row for each candidate of each round, errors in dB.

@@ -25,3 +25,8 @@ def _cell(text: str) -> str:
 def number(value: float, digits: int = 2) -> str:
     """Return a number with so many decimals, an en dash where there is none."""
     return f"{value:.{digits}f}" if value == value else "–"
+
+
+def inner(shown: object) -> str:
+    """Return the short text of an object without its class and the angle brackets."""
+    return repr(shown).removeprefix("<").removesuffix(">").partition(" ")[2]
