@@ -58,7 +58,7 @@ coverage: $(DEV)
 	$(IN) python -m pytest --cov --cov-report=term
 
 # pages run their commands and examples; MkDocs then works without any network
-docs: $(DOCS)
+docs: $(DEV) $(DOCS)
 	$(IN) python -m docs.make out/docs
 	$(IN) NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict
 	$(IN) python -m docs.make.offline out/site

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from docs.make import notebooks
 from docs.make.pages import PageError
 
 HEAD = """\
 # Gallery
 
-Each example is a script of fewer than 60 lines that ends in an assertion on a number. Outputs and pictures
-are those of this build.
+Each example is a script of fewer than 60 lines, or a notebook, and ends in an assertion on a number. Outputs
+and pictures are those of this build.
 
 | | example | shows |
 |---|---|---|
@@ -46,13 +47,23 @@ class Example:
 
 
 def write(examples: Path, out: Path) -> tuple[str, ...]:
-    """Run all examples, write their pages and the index; return the names of the pages."""
+    """Run all examples and notebooks, write their pages and the index; return the names of the pages."""
     out.mkdir(parents=True)
     done = [run(path, out) for path in sorted(examples.glob("[0-9]*.py"))]
     for example in done:
         (out / f"{example.name}.md").write_text(page(example), encoding="utf-8")
-    (out / "index.md").write_text(index(done), encoding="utf-8")
-    return tuple(e.name for e in done)
+    told = [told_notebook(path, out) for path in sorted(examples.glob("[0-9]*.ipynb"))]
+    (out / "index.md").write_text(index([*done, *told]), encoding="utf-8")
+    return tuple(e.name for e in (*done, *told))
+
+
+def told_notebook(path: Path, out: Path) -> Example:
+    """Run a notebook and write its page, and beside it the library that draws its figures."""
+    print(path.name, flush=True)
+    notebook = notebooks.executed(path)
+    (out / f"{path.stem}.md").write_text(notebooks.page(notebook, path.stem), encoding="utf-8")
+    (out / notebooks.SCRIPT).write_text(notebooks.script(), encoding="utf-8")
+    return Example(path.stem, notebooks.title_of(notebook), "", "", "", ())
 
 
 def run(path: Path, out: Path) -> Example:
@@ -98,7 +109,7 @@ def page(example: Example) -> str:
 def index(examples: list[Example]) -> str:
     """Return the table of all examples."""
     rows = []
-    for e in examples:
+    for e in sorted(examples, key=lambda e: e.name):
         picture = f"[![]({e.pictures[0]}){{ width=160 }}]({e.name}.md)" if e.pictures else ""
         rows.append(f"| {picture} | [{e.name}]({e.name}.md) | {e.title} |\n")
     return HEAD + "".join(rows) + STUDIES

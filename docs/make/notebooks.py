@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,10 @@ def executed(path: Path) -> Any:
     from nbclient.exceptions import CellExecutionError
 
     notebook = nbformat.read(path, as_version=4)
-    resources = {"metadata": {"path": str(path.parent)}}
-    client = NotebookClient(notebook, timeout=SECONDS, kernel_name="python3", resources=resources)
+    client = NotebookClient(
+        notebook, timeout=SECONDS, kernel_name="python3", extra_arguments=["--log-level=ERROR"],
+        resources={"metadata": {"path": str(path.parent)}},
+    )  # fmt: skip
     with _importable(path.parents[1]):
         try:
             return client.execute()
@@ -71,13 +73,25 @@ def page(notebook: Any, name: str) -> str:
             parts.append(cell.source)
             continue
         parts.append(f"```python\n{cell.source}\n```")
-        for output in cell.outputs:
+        for output in joined(cell.outputs):
             n += 1
             parts.append(shown(output, f"figure-{n}"))
     parts.append(f"This page is `examples/{name}.ipynb`, run when the site was built.")
-    script = f'<script src="{SCRIPT}"></script>\n\n' if any('class="figure"' in part for part in parts) else ""
+    live = any('class="figure"' in part for part in parts)
+    script = f'<script src="{SCRIPT}"></script>\n\n' if live else ""
     head, _, rest = "\n\n".join(filter(None, parts)).partition("\n")
     return f"{head}\n\n{script}{rest.lstrip()}\n"
+
+
+def joined(outputs: Iterable[Any]) -> list[Any]:
+    """Return outputs with printed text that comes in several parts as one."""
+    out: list[Any] = []
+    for output in outputs:
+        if out and output.output_type == "stream" == out[-1].output_type and output.name == out[-1].name:
+            out[-1] = type(output)(output, text=out[-1].text + output.text)
+        else:
+            out.append(output)
+    return out
 
 
 def shown(output: Any, name: str) -> str:
@@ -100,7 +114,7 @@ def _figure(figure: Any, name: str) -> str:
     data, layout = parts
     options = '{"responsive": true, "displaylogo": false}'
     return (
-        f'<div class="figure" id="{name}" markdown="0" style="height:{height}px"></div>\n'
+        f'<div class="figure" id="{name}" markdown="0" style="height:{height}px;background:#fff"></div>\n'
         f'<script>Plotly.newPlot("{name}", {data}, {layout}, {options})</script>'
     )
 

@@ -191,8 +191,10 @@ class Comparison(correlation.Comparison):
         bands = list(pairwise(self.bands.tolist()))
         figure = plot_misfit_matrix(self.by_band(), self.outputs, bands, "error [dB]")
         picture = b64encode(figure_png(figure, 80)).decode()
-        shown = f'<img alt="{escape(words)}" src="data:image/png;base64,{picture}">'
-        return f'<p>{escape(inner(self.misfit))}</p><div style="display:flex;gap:2em">{head}{shown}</div>'
+        look = 'style="max-width:100%;height:auto"'
+        shown = f'<img alt="{escape(words)}" {look} src="data:image/png;base64,{picture}">'
+        beside = 'style="display:flex;flex-wrap:wrap;align-items:flex-start;gap:2em"'
+        return f"<p>{escape(inner(self.misfit))}</p><div {beside}>{head}{shown}</div>"
 
 
 def held_out_bands(frequency: NDArray[np.float64], held_out: NDArray[np.bool_]) -> tuple[Band, ...]:

@@ -89,7 +89,8 @@ def test_sources_from_elsewhere_are_seen(tmp_path, text, n):
 
 def test_every_page_is_in_the_navigation():
     listed = set(re.findall(r"([\w/-]+\.md)\b", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
-    examples = {f"gallery/{path.stem}.md" for path in ROOT.glob("examples/[0-9]*.py")}
+    scripts = [*ROOT.glob("examples/[0-9]*.py"), *ROOT.glob("examples/[0-9]*.ipynb")]
+    examples = {f"gallery/{path.stem}.md" for path in scripts}
     assert listed == set(pages.sources(ROOT).values()) | examples | {"gallery/index.md"}
 
 
