@@ -37,7 +37,7 @@ def executed(path: Path) -> Any:
         try:
             return client.execute()
         except CellExecutionError as reason:
-            msg = f"{path.name}: {reason}"
+            msg = f"{path.name}: a cell ends with {reason.ename}: {reason.evalue}"
             raise PageError(msg) from reason
 
 
