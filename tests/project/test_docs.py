@@ -108,8 +108,8 @@ def test_the_python_in_the_readme_finds_the_effect(monkeypatch):
 
 @pytest.mark.slow
 def test_a_study_from_python_is_saved_with_the_effect(monkeypatch, tmp_path):
-    """The first block of docs/python.md, with the candidates of the second, which take seconds."""
-    whole, chosen = blocks("python", "docs/python.md")
+    """The first block of docs/python.md, with the candidates of the last, which take seconds."""
+    whole, _, chosen = blocks("python", "docs/python.md")
     monkeypatch.chdir(ROOT)
     names = {}
     exec(chosen, names)
@@ -122,6 +122,19 @@ def test_a_study_from_python_is_saved_with_the_effect(monkeypatch, tmp_path):
     exec(after, names | {"before": before})
     better = names["dovetail"].load_study(tmp_path / "better.toml")
     assert better.compare().total_db < 0.5 * before.total_db
+
+
+def test_an_effect_is_added_by_hand_from_python(monkeypatch, tmp_path, capsys):
+    """The second block of docs/python.md."""
+    _, code, _ = blocks("python", "docs/python.md")
+    monkeypatch.chdir(ROOT)
+    names = {}
+    exec(code.replace("better.toml", str(tmp_path / "better.toml")), names)
+    nominal, added, fitted = map(float, capsys.readouterr().out.splitlines()[-1].split(" → "))
+    assert nominal > 2 * added > 2 * fitted
+    assert fitted < 1.0  # dB
+    again = names["dovetail"].load_study(tmp_path / "better.toml")
+    assert again.error().fit_db == pytest.approx(fitted, rel=1e-3)
 
 
 def test_the_readme_names_every_command():
