@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.declarations import ArmForce, Entry, Marker, Role, StaticState, Yardstick
 from fem.mesh import Location, Mesh
-from fem.summary import counted, fields_summary, listed, quantity, span, summary
+from fem.summary import damping_summary, effect_summary, fields_summary, model_summary
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The six degrees of freedom of a point, in their order."""
@@ -212,18 +212,9 @@ class Effect(ABC):
     entry: ClassVar[Entry | None] = None
     name: str
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        """Keep the one line of :meth:`__repr__`, which a subclass's dataclass would replace by all fields."""
-        super(Effect, cls).__init_subclass__(**options)
-        if "__repr__" not in cls.__dict__:
-            cls.__repr__ = Effect.__repr__
-
-    def __repr__(self) -> str:
-        """Return name, place and parameters with units on one line."""
-        values = [f"{p.name} {quantity(p.value, p.unit)}" for p in self.parameters()]
-        more = f" and {len(values) - 6} more" if len(values) > 6 else ""
-        listed_values = f": {', '.join(values[:6])}{more}" if values else ""
-        return summary(self, f"{self.name} at {self.where}{listed_values}")
+    def __init_subclass__(cls) -> None:
+        if "__repr__" not in cls.__dict__:  # otherwise a dataclass would print all of its arrays
+            cls.__repr__ = effect_summary
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
@@ -374,14 +365,7 @@ class Damping:
     loss_factor: float = 0.0
     powers: bool = False
 
-    def __repr__(self) -> str:
-        """Return the damping ratios and what else damps, on one line."""
-        parts = [f"ζ {span(np.real(self.ratio))}"]
-        parts += [f"at {span(self.frequency, 'Hz')}"] if len(self.frequency) > 1 else []
-        parts += [f"alpha {quantity(self.alpha, '1/s')}"] if self.alpha else []
-        parts += [f"beta {quantity(self.beta, 's')}"] if self.beta else []
-        parts += [f"loss factor {quantity(self.loss_factor)}"] if self.loss_factor else []
-        return summary(self, ", ".join(parts))
+    __repr__ = damping_summary
 
     def __post_init__(self) -> None:
         for key in ("ratio", "alpha", "beta", "loss_factor"):
@@ -461,11 +445,7 @@ class Model:
     effects: tuple[Effect, ...]
     damping: Damping = field(default_factory=Damping)
 
-    def __repr__(self) -> str:
-        """Return members, degrees of freedom and effects on one line."""
-        mesh, effects = self.mesh, listed(e.name for e in self.effects)
-        size = f"{counted(len(mesh.members), 'member')}, {counted(mesh.n_lines, 'line')}"
-        return summary(self, f"{size}, {self.n_dof} DOFs; effects: {effects}")
+    __repr__ = model_summary
 
     def __post_init__(self) -> None:
         seen: set[str] = set()

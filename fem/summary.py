@@ -8,6 +8,8 @@ import numpy as np
 
 _MOST_NAMES = 4
 """Names that a list shows before it counts the rest."""
+_MOST_VALUES = 6
+"""Parameters that an effect shows before it counts the rest."""
 _LONGEST = 60
 """Characters of a text or of a value inside a summary."""
 
@@ -82,3 +84,28 @@ def _whole(value: Mapping[Any, Any] | tuple[Any, ...] | list[Any]) -> str:
     comma = "," if isinstance(value, tuple) and len(value) == 1 else ""
     left, right = "()" if isinstance(value, tuple) else "[]"
     return left + ", ".join(map(_short, value)) + comma + right
+
+
+def effect_summary(effect: Any) -> str:
+    """Return an effect's name, place and parameters with units on one line."""
+    values = [f"{p.name} {quantity(p.value, p.unit)}" for p in effect.parameters()]
+    more = f" and {len(values) - _MOST_VALUES} more" if len(values) > _MOST_VALUES else ""
+    stated = f": {', '.join(values[:_MOST_VALUES])}{more}" if values else ""
+    return summary(effect, f"{effect.name} at {effect.where}{stated}")
+
+
+def damping_summary(damping: Any) -> str:
+    """Return the damping ratios and what else damps, on one line."""
+    parts = [f"ζ {span(np.real(damping.ratio))}"]
+    parts += [f"at {span(damping.frequency, 'Hz')}"] if len(damping.frequency) > 1 else []
+    parts += [f"alpha {quantity(damping.alpha, '1/s')}"] if damping.alpha else []
+    parts += [f"beta {quantity(damping.beta, 's')}"] if damping.beta else []
+    parts += [f"loss factor {quantity(damping.loss_factor)}"] if damping.loss_factor else []
+    return summary(damping, ", ".join(parts))
+
+
+def model_summary(model: Any) -> str:
+    """Return a model's members, degrees of freedom and effects on one line."""
+    mesh, effects = model.mesh, listed(e.name for e in model.effects)
+    size = f"{counted(len(mesh.members), 'member')}, {counted(mesh.n_lines, 'line')}"
+    return summary(model, f"{size}, {model.n_dof} DOFs; effects: {effects}")

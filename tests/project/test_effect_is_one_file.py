@@ -51,6 +51,7 @@ ALLOWED = {
     "dovetail/file/parts.py": (BUILDS, {"AddedMass", "Support"}),
     "dovetail/file/template.py": ("hides a mass in the example that it writes", {"AddedMass"}),
     "dovetail/file/measured_modes.py": ("an example in an error message", {"member_stiffness"}),
+    "dovetail/commands/compare.py": ("an example in its help", {"point_mass"}),
     "dovetail/identify.py": ("hands over the joint to identify", {"Joint"}),
     "dovetail/propose.py": ("writes an identified joint into a study file", {"Joint", "Viscoelastic"}),
     "dovetail/validation/frames.py": ("makes the model of a case", {"Joint", "Support"}),
