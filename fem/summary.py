@@ -86,26 +86,26 @@ def _whole(value: Mapping[Any, Any] | tuple[Any, ...] | list[Any]) -> str:
     return left + ", ".join(map(_short, value)) + comma + right
 
 
-def effect_summary(effect: Any) -> str:
+def effect_summary(self: Any) -> str:
     """Return an effect's name, place and parameters with units on one line."""
-    values = [f"{p.name} {quantity(p.value, p.unit)}" for p in effect.parameters()]
+    values = [f"{p.name} {quantity(p.value, p.unit)}" for p in self.parameters()]
     more = f" and {len(values) - _MOST_VALUES} more" if len(values) > _MOST_VALUES else ""
     stated = f": {', '.join(values[:_MOST_VALUES])}{more}" if values else ""
-    return summary(effect, f"{effect.name} at {effect.where}{stated}")
+    return summary(self, f"{self.name} at {self.where}{stated}")
 
 
-def damping_summary(damping: Any) -> str:
+def damping_summary(self: Any) -> str:
     """Return the damping ratios and what else damps, on one line."""
-    parts = [f"ζ {span(np.real(damping.ratio))}"]
-    parts += [f"at {span(damping.frequency, 'Hz')}"] if len(damping.frequency) > 1 else []
-    parts += [f"alpha {quantity(damping.alpha, '1/s')}"] if damping.alpha else []
-    parts += [f"beta {quantity(damping.beta, 's')}"] if damping.beta else []
-    parts += [f"loss factor {quantity(damping.loss_factor)}"] if damping.loss_factor else []
-    return summary(damping, ", ".join(parts))
+    parts = [f"ζ {span(np.real(self.ratio))}"]
+    parts += [f"at {span(self.frequency, 'Hz')}"] if len(self.frequency) > 1 else []
+    parts += [f"alpha {quantity(self.alpha, '1/s')}"] if self.alpha else []
+    parts += [f"beta {quantity(self.beta, 's')}"] if self.beta else []
+    parts += [f"loss factor {quantity(self.loss_factor)}"] if self.loss_factor else []
+    return summary(self, ", ".join(parts))
 
 
-def model_summary(model: Any) -> str:
+def model_summary(self: Any) -> str:
     """Return a model's members, degrees of freedom and effects on one line."""
-    mesh, effects = model.mesh, listed(e.name for e in model.effects)
+    mesh, effects = self.mesh, listed(e.name for e in self.effects)
     size = f"{counted(len(mesh.members), 'member')}, {counted(mesh.n_lines, 'line')}"
-    return summary(model, f"{size}, {model.n_dof} DOFs; effects: {effects}")
+    return summary(self, f"{size}, {self.n_dof} DOFs; effects: {effects}")
