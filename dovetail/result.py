@@ -132,6 +132,15 @@ def least_frac(c: Comparison) -> NDArray[np.float64]:
     return np.where(np.isfinite(least), least, np.nan)
 
 
+def bands_of_lines(
+    frequency: NDArray[np.float64], chosen: NDArray[np.bool_]
+) -> tuple[tuple[float, float], ...]:
+    """Return the bands that neighbouring chosen lines make [Hz]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
+    f = frequency
+    return tuple((float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
 def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
     """Return the uncertain parameters before and after the last fit."""
     problem, final = d.problem, d.steps[-1].result

@@ -7,18 +7,15 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.notebook.html import inner, number, table
-from dovetail.result import least_frac
+from dovetail.result import bands_of_lines, least_frac
 from fem.analysis.frf import FRF
 from fem.analysis.labelled import imported
 from fem.summary import summary
 from updating import correlation
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-
-Band = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +79,7 @@ class Comparison(correlation.Comparison):
     label: str
     measured: FRF
     computed: FRF
-    held_out: tuple[Band, ...]
+    held_out: tuple[tuple[float, float], ...]
     misfit: Misfit
 
     @classmethod
@@ -95,7 +92,7 @@ class Comparison(correlation.Comparison):
         errors = Misfit(result.fit_db, result.held_out_db, compared.total_db, data.noise_db)
         own = {f.name: getattr(compared, f.name) for f in fields(compared)}
         return cls(**own, name=name, label=label, measured=measured, computed=computed,
-                   held_out=held_out_bands(data.frequency, data.held_out), misfit=errors)  # fmt: skip
+                   held_out=bands_of_lines(data.frequency, data.held_out), misfit=errors)  # fmt: skip
 
     def worst_pairs(self, n: int = 4) -> tuple[tuple[str, str], ...]:
         """Return the pairs of output and input with the largest errors, the largest first."""
@@ -195,10 +192,3 @@ class Comparison(correlation.Comparison):
         shown = f'<img alt="{escape(words)}" {look} src="data:image/png;base64,{picture}">'
         beside = 'style="display:flex;flex-wrap:wrap;align-items:flex-start;gap:2em"'
         return f"<p>{escape(inner(self.misfit))}</p><div {beside}>{head}{shown}</div>"
-
-
-def held_out_bands(frequency: NDArray[np.float64], held_out: NDArray[np.bool_]) -> tuple[Band, ...]:
-    """Return the bands of lines that are held out [Hz]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
-    f = frequency
-    return tuple((float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))

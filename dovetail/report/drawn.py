@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.report import words
-from dovetail.result import RunResult
+from dovetail.result import RunResult, bands_of_lines
 from fem.analysis.frf import FRF
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import Finding, Ranked
@@ -78,9 +78,7 @@ def fits_of(result: RunResult, k: int, rival: Ranked) -> dict[str, FRF]:
 def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
     """Return the bands of lines that no fit has seen [Hz]."""
     data = result.diagnosis.problem.data
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], data.held_out.astype(int), [0]])))
-    f = data.frequency
-    return [(float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return list(bands_of_lines(data.frequency, data.held_out))
 
 
 def marked_places(result: RunResult) -> list[Place]:
