@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ _MOST_NAMES = 4
 """Names that a list shows before it counts the rest."""
 _MOST_VALUES = 6
 """Parameters that an effect shows before it counts the rest."""
+_LINE = 240
+"""Characters of all fields of an object before the rest of them is counted."""
 _LONGEST = 60
 """Characters of a text or of a value inside a summary."""
 
@@ -51,8 +54,12 @@ def fields_summary(self: Any) -> str:
 
     Classes take it as their ``__repr__``: the one that dataclasses make would print every array.
     """
-    shown = ", ".join(f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self) if f.repr)
-    return f"{type(self).__name__}({shown})"
+    texts = [f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self) if f.repr]
+    shown = [
+        text for text, end in zip(texts, accumulate(len(t) + 2 for t in texts), strict=True) if end < _LINE
+    ]
+    more = [counted(len(texts) - len(shown), "more field")] if len(shown) < len(texts) else []
+    return f"{type(self).__name__}({', '.join([*shown, *more])})"
 
 
 def _short(value: Any) -> str:

@@ -15,7 +15,7 @@ import updating
 from dovetail.pipeline import fit_problem
 from fem.analysis.frf import FRF, FRFError
 from fem.model import Effect, Parameter
-from fem.summary import quantity, span
+from fem.summary import fields_summary, quantity, span
 from fem.system import assemble
 from tests.frames import write_study
 
@@ -98,6 +98,17 @@ def test_an_effect_of_ones_own_prints_its_parameters():
             return (Parameter("mass", "kg", self.mass, 0.0, 0.0, 1.0),)
 
     assert repr(Blob(name="b", field=np.zeros(1000), mass=0.5)) == "<Blob b at nowhere: mass 0.5 kg>"
+
+
+def test_objects_with_many_fields_count_the_last():
+    names = [f"field{k}" for k in range(30)]
+    body = {"__repr__": fields_summary}
+    wide = dataclasses.make_dataclass("Wide", [(name, np.ndarray) for name in names], namespace=body)
+    text = repr(wide(*[np.zeros((20, k)) for k in range(1, 31)]))
+    assert text.startswith("Wide(field0=array (20, 1) float64, field1=array (20, 2) float64, ")
+    shown = text.count("=array")
+    assert text.endswith(f"{30 - shown} more fields)")
+    assert len(text) <= LONGEST
 
 
 def test_numbers_in_texts():
