@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
 from fem.model import Damping
+from fem.summary import fields_summary
 from updating.modal.peaks import Candidate, UnexplainedPeak, peak_words
 from updating.modal.poles import (
     IdentificationError,
@@ -86,6 +87,8 @@ class IdentifiedModes:
     candidates: tuple[Candidate, ...]
     choices: tuple[str, ...]
     unexplained: tuple[UnexplainedPeak, ...] = ()
+
+    __repr__ = fields_summary
 
     @property
     def residues(self) -> Complexes:
