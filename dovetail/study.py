@@ -54,7 +54,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import fitted_model
 from updating.measurement.measurement import sensor_rows
-from updating.quality.faults import Fault, set_right
+from updating.quality.corrections import Fault, set_right
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
