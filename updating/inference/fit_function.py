@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +14,9 @@ from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
 from updating.inference.fit_result import FitResult
-from updating.inference.solve import Prior, Residual, Solution, solve_robust
+from updating.inference.solve import Prior, Residual, Solution, inflation, solve_robust
 from updating.inference.unknowns import ScaledUnknown
+from updating.least_squares.levels import Levels
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
@@ -143,6 +144,16 @@ class FitFunction:
         """Band of each residual, each with its own level of error, (m,)."""
         return np.broadcast_to(self.problem.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep]
 
+    def mean_by_group(self, each: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the means of something over the residuals of each group, (n_groups,)."""
+        member = np.unique(self.groups, return_inverse=True)[1]
+        return np.bincount(member, each) / np.bincount(member)
+
+    def levels(self, stage: float = np.inf) -> Levels:
+        """Return what the error levels of the groups cost, for lines up to a frequency [Hz]."""
+        sizes = np.unique(self.groups, return_counts=True)[1]
+        return Levels.above_floor(self.problem.n_independent(stage), LEVEL_FLOOR, sizes)
+
     def minimise(
         self,
         x: NDArray[np.float64],
@@ -150,7 +161,7 @@ class FitFunction:
         max_iterations: int,
         *,
         prior: Prior | None = None,
-        n_independent: float | None = None,
+        levels: Levels | None = None,
     ) -> Solution:
         """Find the x of greatest posterior probability from a start.
 
@@ -162,8 +173,8 @@ class FitFunction:
         max_iterations : int
         prior : Prior, optional
             :meth:`prior` unless given.
-        n_independent : float, optional
-            How many independent data the lines stand for; as the problem counts them unless given.
+        levels : Levels, optional
+            Cost of the error levels of the groups; :meth:`levels` unless given.
         """
         p, limits = self.problem, self.limits()
         assert len(limits) == len(x)
@@ -172,11 +183,8 @@ class FitFunction:
             x,
             self.prior() if prior is None else prior,
             (limits[:, 0], limits[:, 1]),
-            n_independent=p.n_independent(stage) if n_independent is None else n_independent,
-            floor=LEVEL_FLOOR,
-            noise=noise_squares(p.data, self.lines),
-            systematic=SYSTEMATIC_SHARE,
-            counted=p.noise_counted,
+            levels=self.levels(stage) if levels is None else levels,
+            widened=partial(widened, self.mean_by_group(noise_squares(p.data, self.lines)), p.noise_counted),
             groups=self.groups,
             robust=ROBUST,
             max_iterations=max_iterations,
@@ -196,6 +204,21 @@ class FitFunction:
         zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
         covariance = solution.covariance * np.outer(self.units, self.units)
         return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
+
+
+def widened(
+    noise: NDArray[np.float64], counted: float, misfit: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return by what factors variances grow where residuals are not noise, (n_groups,).
+
+    Parameters
+    ----------
+    noise, misfit : ndarray (n_groups,)
+        Mean square that is put down to noise, and of the residuals.
+    counted : float
+        For how many times the independent data noise stands.
+    """
+    return inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE, counted)
 
 
 def propagated(

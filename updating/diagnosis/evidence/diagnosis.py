@@ -12,7 +12,7 @@ from fem.model import Effect, Model, parameter_values
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation.frf_correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT, FAULT, FITTED, NOTHING, UNEXPLAINED, Diagnosis, propose
-from updating.diagnosis.evidence.fitting import fit
+from updating.diagnosis.evidence.fitting import fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search
@@ -115,11 +115,9 @@ def search_by_evidence(
     say("fitting the uncertain parameters", 0.05)
     null = fit(whole, n_lines=FULL_LINES)
     whole, _, faults = find_faults(whole, whole.assessed(null.result))
+    whole = with_seen_noise(whole, null.result)
     candidates = _candidates(model, measurement, kinds, exclude)
-    floor = float(np.hypot(problem.data.noise_level, left[1]))
-    search = Search(whole, own, candidates, floor, partial(_told, say))
-    if not faults:
-        search.known[frozenset()] = Hypothesis(null, search.prior(()))
+    search = Search(whole, own, candidates, left[1], partial(_told, say))
     best = search.run()
     say("refining", 0.9)
     return Searched(search, search.polished(best), faults, left[0], formed)

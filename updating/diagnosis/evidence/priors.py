@@ -24,6 +24,10 @@ FORM_LEFT = 0.5
 """Level that a right model of beams may leave beyond noise, in parts of the study's ``model_error`` [-]."""
 
 
+FORM_LEAST = 0.1
+"""Level that beams leave of any structure in any case, in parts of the study's ``model_error`` [-]."""
+
+
 DECADE = 10.0
 """An unknown whose plausible sizes span more than this factor may be of any order of magnitude [-]."""
 

@@ -19,7 +19,7 @@ from updating.diagnosis.evidence.priors import FORM_LEFT, PLACE_ODDS, TWIN_NATS,
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
-from updating.inference.fit_function import LEVEL_FLOOR
+from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.parameters import Nuisance
 
 QUICK_LINES, FULL_LINES = 40, 100
@@ -146,14 +146,14 @@ class Search:
     form : tuple of Nuisance
         Those of them that are the form's.
     candidates : tuple of Effect
-    floor : float
-        Level that noise and the mesh leave [nepers].
+    mesh : float
+        Level that the mesh leaves [nepers].
     """
 
     problem: FitProblem
     form: tuple[Nuisance, ...]
     candidates: tuple[Effect, ...]
-    floor: float
+    mesh: float
     say: Say = lambda text: None
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     places: tuple[Place, ...] = ()
@@ -175,7 +175,7 @@ class Search:
         best = self.full((), [()])
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.floor:.4f}")
         beam = [best]
-        while beam and len(best.effects) < MOST_EFFECTS and best.fitted.level > 1.05 * self.floor:
+        while beam and len(best.effects) < MOST_EFFECTS and self.promises(best):
             better = {h.key: h for b in beam for h in self.extended(b)}
             beam = sorted(better.values(), key=lambda h: -h.score)[:N_BEAM]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
@@ -185,6 +185,15 @@ class Search:
             best = beam[0]
             self.say(f"=> {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
         return self.simplest()
+
+    def promises(self, best: Hypothesis) -> bool:
+        """Whether an effect that left noise alone would be worth its odds."""
+        return best.fitted.gain_of(best.fitted.levels.noise / SYSTEMATIC_FROM**2) > PLACE_ODDS
+
+    @property
+    def floor(self) -> float:
+        """Level that noise and the mesh leave [nepers]."""
+        return float(np.hypot(self.problem.data.noise_level, self.mesh))
 
     def simplest(self) -> Hypothesis:
         """Return the most probable hypothesis, or its simplest twin: that with the fewest parameters.
@@ -459,6 +468,5 @@ class Search:
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        right = LEVEL_FLOOR**2 + self.floor**2 + (FORM_LEFT * self.problem.model_error) ** 2
-        gain = 0.5 * n_data(self.problem) * np.log((LEVEL_FLOOR**2 + best.fitted.level**2) / right)
-        return best.score + float(gain) - UNKNOWN_ODDS
+        left = np.hypot(FORM_LEFT * self.problem.model_error, self.mesh)
+        return best.score + best.fitted.gain_to(left) - UNKNOWN_ODDS
