@@ -206,9 +206,7 @@ class FitFunction:
         return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
 
 
-def widened(
-    noise: NDArray[np.float64], counted: float, misfit: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def widened(noise: NDArray[np.float64], counted: float, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return by what factors variances grow where residuals are not noise, (n_groups,).
 
     Parameters

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.levels import Levels
+from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
@@ -130,8 +130,8 @@ def solve_robust(
     A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
     covariance: Any = np.linalg.pinv(A, hermitian=True)
     return Solution(
-        found.point.x, found.point.cost, float(misfit @ posterior.size / len(r)), covariance, found.n_iterations,
-        found.stop is not Stop.OUT_OF_ITERATIONS,
+        found.point.x, found.point.cost, float(misfit @ posterior.size / len(r)), covariance,
+        found.n_iterations, found.stop is not Stop.OUT_OF_ITERATIONS,
     )  # fmt: skip
 
 

@@ -8,14 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from fem.model import Effect, Model, parameter_values
+from fem.model import Effect, Model
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation.frf_correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT, FAULT, FITTED, NOTHING, UNEXPLAINED, Diagnosis, propose
 from updating.diagnosis.evidence.fitting import fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
-from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search
+from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search, values_of
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
 from updating.diagnosis.search import Progress, change_of, similarity_of
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
@@ -204,8 +204,7 @@ def _chain(done: Searched, best: Hypothesis) -> list[Hypothesis]:
         h, rest = chain[0], []
         for e in h.effects:
             fewer = tuple(x for x in h.effects if x.name != e.name)
-            starts = [tuple(map(parameter_values, fewer))]
-            rest.append(search.full(fewer, starts, h.fitted, h))
+            rest.append(search.full(fewer, values_of(fewer), h.fitted, h))
         chain.insert(0, max(rest, key=lambda r: r.score))
     return chain
 

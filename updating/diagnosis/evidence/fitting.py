@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
-from updating.diagnosis.evidence.marginal import log_evidence
 from updating.correlation import log_ratio
+from updating.diagnosis.evidence.marginal import log_evidence
 from updating.diagnosis.evidence.priors import DATA_PER_MODE, FORM_LEAST, EffectPrior, prior_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
@@ -44,7 +44,7 @@ class Fitted:
 
     @property
     def log_likelihood(self) -> float:
-        """ln p(data | values), up to the constant of the evidence."""
+        """Ln p(data | values), up to the constant of the evidence."""
         return -self.levels.cost(self.misfit)
 
     def gain_to(self, discrepancy: float) -> float:
