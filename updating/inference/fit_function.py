@@ -20,6 +20,7 @@ from updating.least_squares.levels import Levels
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
+    from updating.inference.scatter import Scatter
 
 
 ROBUST = 0.5
@@ -34,8 +35,8 @@ LEVEL_FLOOR = 0.01
 class FitFunction:
     """Residuals of a fit at some lines, as a function of all that varies.
 
-    x holds the variables (nuisance parameters, then those of the effects) and the logarithms of the damping
-    curve's unknowns.
+    x holds the variables (nuisance parameters, then those of the effects), the logarithms of the damping
+    curve's unknowns, and the scatter, in standard deviations.
 
     Attributes
     ----------
@@ -44,6 +45,8 @@ class FitFunction:
     variables : tuple of ScaledUnknown
     start : ndarray (n,)
     lines : ndarray of int
+    scatter : Scatter, optional
+        Small deviations by their slopes.
     """
 
     problem: FitProblem
@@ -51,6 +54,28 @@ class FitFunction:
     variables: tuple[ScaledUnknown, ...]
     start: NDArray[np.float64]
     lines: NDArray[np.int64]
+    scatter: Scatter | None = None
+
+    def with_scatter(self, scatter: Scatter | None) -> FitFunction:
+        """Return the function with small deviations among its unknowns."""
+        if scatter is None:
+            return self
+        start = np.append(self.start, np.zeros(len(scatter.std)))
+        return FitFunction(self.problem, self.effects, self.variables, start, self.lines, scatter)
+
+    @property
+    def _parts(self) -> tuple[slice, slice, slice]:
+        """Where variables, damping and scatter are in x."""
+        n, m = len(self.variables), len(self.variables) + len(self.problem.damping.start)
+        return slice(n), slice(n, m), slice(m, None)
+
+    @cached_property
+    def _scatter_slopes(self) -> NDArray[np.complex128]:
+        """Weighted slopes of the scatter at the values that count, (n_scatter, m)."""
+        if self.scatter is None:
+            return np.zeros((0, int(self.keep.sum())), dtype=complex)
+        slopes = self.scatter.slopes(self.lines) * self.problem.data.weight[self.lines]
+        return slopes[:, self.keep] * self.scatter.std[:, None]
 
     @property
     def keep(self) -> NDArray[np.bool_]:
@@ -81,11 +106,12 @@ class FitFunction:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
         keep, weight = self.keep, self.problem.data.weight[self.lines]
-        n_par, (hats, offset) = len(self.variables), self._damping
-        values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])
-        zeta = np.exp(hats @ x[n_par:] + offset)
+        (own, damping, scatter), (hats, offset) = self._parts, self._damping
+        values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)])
+        zeta = np.exp(hats @ x[damping] + offset)
         H, dH, dH_dzeta = self._engine.evaluate(values, zeta, gradient)
         r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
+        r = r + x[scatter] @ self._scatter_slopes
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
         per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)
@@ -93,35 +119,38 @@ class FitFunction:
         for k, v in enumerate(self.variables):
             J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
         base = dH_dzeta * per
-        J[n_par:] = by_unknowns(zeta, hats, base)[:, keep]
+        J[damping] = by_unknowns(zeta, hats, base)[:, keep]
+        J[scatter] = self._scatter_slopes
         return r, J
 
     @property
     def units(self) -> NDArray[np.float64]:
         """Size of one unit of each x: 1 where it is a logarithm, or in that of the parameter."""
-        return np.array([*(v.size for v in self.variables), *np.ones(len(self.problem.damping.start))])
+        others = len(self.start) - len(self.variables)
+        return np.array([*(v.size for v in self.variables), *np.ones(others)])
 
     @property
     def relative(self) -> NDArray[np.bool_]:
         """Which x is in parts of a scale, (n,), rather than a logarithm."""
-        damping = [False] * len(self.problem.damping.start)
-        return np.array([*(not v.log for v in self.variables), *damping])
+        others = len(self.start) - len(self.variables)
+        return np.array([*(not v.log for v in self.variables), *[False] * others])
 
     def prior(self) -> Prior:
         """Return what is known of x beforehand."""
         damping = self.problem.damping
         start = np.log(damping.start)
-        means = [[v.mean for v in self.variables], start]
-        stds = [[v.std for v in self.variables], np.full(len(start), damping.std)]
+        scatter = np.zeros(0) if self.scatter is None else np.zeros(len(self.scatter.std))
+        means = [[v.mean for v in self.variables], start, scatter]
+        stds = [[v.std for v in self.variables], np.full(len(start), damping.std), scatter + 1.0]
         return Prior(np.concatenate(means), np.concatenate(stds))
 
     def moved_to(self, result: FitResult) -> NDArray[np.float64]:
         """Return the start with nuisance parameters and damping of a result."""
-        x, n_par = self.start.copy(), len(self.variables)
+        x, (_, damping, _) = self.start.copy(), self._parts
         for k, v in enumerate(self.variables):
             if v.has_prior and v.ref in result.values:
                 x[k] = v.to_x(result.values[v.ref])
-        x[n_par:] = np.log(result.zeta)
+        x[damping] = np.log(result.zeta)
         return x
 
     def point_of(self, result: FitResult) -> NDArray[np.float64]:
@@ -131,13 +160,9 @@ class FitFunction:
 
     def limits(self) -> NDArray[np.float64]:
         """Return the bounds of x, shape (n, 2)."""
-        p = self.problem
-        return np.vstack(
-            [
-                np.array([v.bounds() for v in self.variables]).reshape(-1, 2),
-                p.damping.limits,
-            ]
-        )
+        own = np.array([v.bounds() for v in self.variables]).reshape(-1, 2)
+        n = 0 if self.scatter is None else len(self.scatter.std)
+        return np.vstack([own, self.problem.damping.limits, np.tile([-np.inf, np.inf], (n, 1))])
 
     @property
     def groups(self) -> NDArray[np.int64]:
@@ -193,16 +218,16 @@ class FitFunction:
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values with standard deviations; its errors are not assessed."""
-        x, n_par = solution.x, len(self.variables)
-        values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)}
+        x, (own, damping, _) = solution.x, self._parts
+        values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)}
         sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
-        known = zip(self.variables, x[:n_par], sd[:n_par], strict=True)
+        known = zip(self.variables, x[own], sd[own], strict=True)
         std = {v.ref: v.deviation(xi, deviation) for v, xi, deviation in known}
         fitted = tuple(
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )
-        zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
-        covariance = solution.covariance * np.outer(self.units, self.units)
+        zeta, level, known_x = np.exp(x[damping]), float(np.sqrt(solution.misfit)), slice(damping.stop)
+        covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
         return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
 
 

@@ -12,10 +12,10 @@ Floats = NDArray[np.float64]
 class Levels:
     """The negative log likelihood of residuals by the mean square v of each group, up to a constant.
 
-    ½ n ln(c + v - σ²) from the noise σ² on, and its tangent below. A discrepancy that is common to blocks
-    of N/n residuals leaves a block's mean with the variance σ² n/N + τ²; with c = σ² n/N and τ² = v - σ² from the
-    data this is its likelihood. Near the noise it is that of N independent data, N v / 2σ², far above it that
-    of n data whose level is estimated.
+    ½ n ln(c + v - σ²) from the noise σ² on, and its tangent below. A discrepancy τ² that is common to blocks
+    of N/n residuals leaves a block's mean with the variance σ² n/N + τ². With c = σ² n/N and v - σ² for τ²
+    this is its likelihood. Near the noise it is that of N independent data, N v / 2σ²; far above it that of n
+    data whose level is estimated.
 
     Attributes
     ----------

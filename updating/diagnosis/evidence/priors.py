@@ -14,6 +14,8 @@ FORM_SECTION = {"Iy": 0.02, "Iz": 0.02, "J": 0.05}
 """Standard deviations of bending and torsional stiffness of members that are alike, relative [-]."""
 FORM_ZONE = {"u": 1.0, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, and of its mass, relative [-]."""
+FORM_DAMPING = 0.1
+"""Standard deviation of a member's loss factor beside the damping curve, in parts of that [-]."""
 PLACE_ODDS = np.log(10.0)
 """Prior odds, as a logarithm, against one more place at which something is missing."""
 UNKNOWN_ODDS = np.log(1e4)

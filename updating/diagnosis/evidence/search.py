@@ -17,13 +17,14 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import FORM_LEFT, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import basis_error, fitted_model
+from updating.inference.preparation import direct_responses
+from updating.inference.scatter import damping_scatter
 
 SHORT_LINES, QUICK_LINES, FULL_LINES = 24, 40, 100
 """Lines of first, short fits, of those that go on from them, and of full ones."""
@@ -51,9 +52,9 @@ N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
 BLOCK_SHARES = (0.2, 0.6)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
-BASIS_SHARE, BASIS_LINES, BASIS_REACH = 0.03, 12, (1.5, 2.5)
-"""The basis gets modes of what was found, up to these multiples of the band, while it errs by more than this
-share of the level at some lines."""
+BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
+"""The basis gets responses at so many lines of what was found while it errs there by more than this share of
+the level."""
 Say = Callable[[str], None]
 Values = tuple[dict[str, float], ...]
 Starts = list[Values]
@@ -439,14 +440,25 @@ class Search:
         if near is not None and base is not None:
             from_near = replace(near.result, values={**base.fitted.result.values, **near.result.values})
             way = {"stages": problem.stages[-1:], "x_from": from_near}
-        return Hypothesis(fit(problem, effects, values, n_lines=FULL_LINES, **way), self.prior(effects))
+        fitted = fit(problem, effects, values, n_lines=FULL_LINES, **way)
+        return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
+
+    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis fitted on with the damping of members uncertain, by its slopes there."""
+        scatter = damping_scatter(problem, h.fitted.result, FORM_DAMPING)
+        whole: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
+        values = values_of(h.effects)
+        return replace(
+            h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, scatter=scatter, **whole)
+        )
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
         problem = self._with_forces(self.problem, effects, values)
         ways = problem.stages, problem.stages[-1:]
         fits = [fit(problem, effects, values, stages=way, n_lines=FULL_LINES) for way in ways]
-        return Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
+        best = Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
+        return self.scattered(problem, best)
 
     def _with_forces(self, problem: FitProblem, effects: Sequence[Effect], values: Values) -> FitProblem:
         """Return a problem whose basis has the responses to forces of effects at some values."""
@@ -454,19 +466,17 @@ class Search:
         return replace(problem, reduced=problem.reduced.with_forces_of(there))
 
     def on_own_basis(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis on a basis that has the modes with it, where the search's is not good enough.
+        """Return a hypothesis on a basis that has its responses at some lines, where the search's is not good.
 
-        What changes a whole member converges slowly on modes without it and on responses to forces at places.
+        Effects that act on a whole member converge slowly on modes without them.
         """
-        for reach in BASIS_REACH if h.effects else ():
+        for n_lines in BASIS_LINES if h.effects else ():
             problem = self._with_forces(self.problem, h.effects, values_of(h.effects))
-            error = basis_error(problem, h.fitted.result, BASIS_LINES) / DB_PER_NEPER
+            error, responses = direct_responses(problem, h.fitted.result, n_lines)
             if error <= BASIS_SHARE * h.fitted.level / np.sqrt(2):
                 break
-            model = fitted_model(problem.reduced.model, h.fitted.result)
-            up_to = reach * float(problem.data.frequency[-1])
-            self.problem = replace(self.problem, reduced=self.problem.reduced.with_modes_of(model, up_to))
-            self.say(f"   basis errs by {error * DB_PER_NEPER:.3f} dB: with modes to {up_to:.0f} Hz")
+            self.problem = replace(self.problem, reduced=self.problem.reduced.with_shapes(responses))
+            self.say(f"   basis errs by {error * DB_PER_NEPER:.3f} dB: with responses at {n_lines} lines")
             self.known[h.key] = h = self.fitted(h.effects, values_of(h.effects), h.fitted, h)
         return h
 
