@@ -180,18 +180,18 @@ def _curvature(J: NDArray[np.complex128], weight: Floats, std: Floats) -> Floats
 
 
 def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:
-    """Return a problem with its noise scaled to what residuals of neighbouring lines differ by.
+    """Return a problem with its noise reduced to what residuals of neighbouring lines differ by.
 
-    A model's residuals are smooth over frequency but for a few lines at resonances, which the median does not
-    see: their second differences are noise.
+    A model's residuals are smooth over frequency but near resonances, so that their second differences hold
+    the noise, and no less.
     """
     data = problem.data
-    r = np.nan_to_num(log_ratio(problem.receptance(result), np.where(data.mask, data.H, 1.0)))
+    r = data.weight * np.nan_to_num(log_ratio(problem.receptance(result), np.where(data.mask, data.H, 1.0)))
     there = data.mask[:-2] & data.mask[1:-1] & data.mask[2:]
     if not there.any():
         return problem
-    seen = np.abs(r[:-2] - 2 * r[1:-1] + r[2:])[there] ** 2
-    square = data.noise**2
-    stated = 2 * (square[:-2] + 4 * square[1:-1] + square[2:])[there]
-    scale = float(np.median(seen / stated) / np.log(2))
+    seen = pseudo_huber((r[:-2] - 2 * r[1:-1] + r[2:])[there] / np.sqrt(6), ROBUST).mean()
+    square = (data.weight * data.noise) ** 2
+    stated = 2 * ((square[:-2] + 4 * square[1:-1] + square[2:])[there] / 6).mean()
+    scale = min(1.0, float(seen / stated))
     return replace(problem, data=replace(data, noise=data.noise * np.sqrt(scale)))

@@ -26,7 +26,7 @@ FORM_LEFT = 0.5
 """Level that a right model of beams may leave beyond noise, in parts of the study's ``model_error`` [-]."""
 
 
-FORM_LEAST = 0.1
+FORM_LEAST = 0.2
 """Level that beams leave of any structure in any case, in parts of the study's ``model_error`` [-]."""
 
 

@@ -26,17 +26,17 @@ from updating.inference.parameters import Nuisance
 from updating.inference.preparation import direct_responses
 from updating.inference.scatter import damping_scatter
 
-SHORT_LINES, QUICK_LINES, FULL_LINES = 24, 40, 100
-"""Lines of first, short fits, of those that go on from them, and of full ones."""
+QUICK_LINES, FULL_LINES = 40, 100
+"""Lines of quick fits, and of full ones."""
 SHORT_STEPS, QUICK_STEPS = 2, 6
-"""Steps of these fits in each band."""
+"""Steps of first, short fits in each band, and of those that go on from them."""
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
 N_PLACES, N_PAIRS, N_SINGLES, N_QUICK, N_FINAL, N_BEAM = 4, 2, 8, 8, 3, 2
 """Numbers of places at which each kind, and of connections at which the block, gets a short fit; of pairs of
 connections; of single effects anywhere; of hypotheses that are fitted on, fitted fully, and kept."""
-AROUND = (0.8, 0.9, 1.1, 1.25)
+AROUND = (0.5, 0.7, 0.85, 1.2, 1.4, 2.0)
 """Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
@@ -247,6 +247,7 @@ class Search:
         for h in tried:
             if h.score < tried[0].score - 2 * TWIN_NATS and len(out) >= N_FINAL:  # few lines say less
                 break
+            h = self.highest(quick, h, len(base.effects))
             out.append(self.simplified(self.full(h.effects, values_of(h.effects), h.fitted, base)))
         return out
 
@@ -370,32 +371,51 @@ class Search:
         return replace(self.problem, reduced=reduced, nuisances=own)
 
     def shortly(
-        self, quick: FitProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
+        self,
+        quick: FitProblem,
+        base: Hypothesis,
+        effects: Sequence[Effect],
+        starts: Starts,
+        near: bool = False,
     ) -> list[Hypothesis]:
         """Return a hypothesis after a few steps from each of some starts, the best first.
 
-        Of many starts those go on that do best in the lowest band.
+        Of many starts those go on that do best in the lowest band. All else begins where it is in a base and,
+        unless that is near, at its nominal values, too, where the base is far from the data.
         """
         if len(starts) > N_STARTS:
             tried = [
                 fit(
-                    quick, effects, start, stages=quick.stages[:1], n_lines=SHORT_LINES, max_iterations=3
+                    quick, effects, start, stages=quick.stages[:1], n_lines=QUICK_LINES, max_iterations=3
                 ).log_likelihood
                 for start in starts
             ]
             starts = [starts[k] for k in np.argsort(tried)[::-1][:N_STARTS]]
         ways: list[dict[str, Any]] = [{"stages": quick.stages[-1:], "x_from": base.fitted.result}]
-        ways += [{}] if base.fitted.level > FAR * self.floor else []
+        ways += [{}] if base.fitted.level > FAR * self.floor and not near else []
         fits = []
         for start in starts:
             problem = self._with_forces(quick, effects, start)
             for way in ways:
                 with suppress(np.linalg.LinAlgError):
                     fits.append(
-                        fit(problem, effects, start, n_lines=SHORT_LINES, max_iterations=SHORT_STEPS, **way)
+                        fit(problem, effects, start, n_lines=QUICK_LINES, max_iterations=SHORT_STEPS, **way)
                     )
         fits.sort(key=lambda f: -f.log_evidence)
         return [Hypothesis(f, self.prior(effects)) for f in fits]
+
+    def highest(self, quick: FitProblem, h: Hypothesis, first: int = 0) -> Hypothesis:
+        """Return a hypothesis at the highest of the maxima around it, on few lines.
+
+        Resonances that pass each other leave several. Starts are off in one positive parameter of the effects
+        from the ``first`` on.
+        """
+        starts = self._around(h.effects, first)
+        around = [self.shortly(quick, h, h.effects, [start], near=True)[0] for start in starts]
+        here = self.shortly(quick, h, h.effects, [values_of(h.effects)], near=True)[0]
+        better = [a for a in around if a.score > here.score - TWIN_NATS and _moved(a.fitted, h.fitted)]
+        best = max(better, key=lambda a: a.score, default=None)
+        return h if best is None else max(h, self.continued(quick, [best]), key=lambda k: k.score)
 
     def continued(self, quick: FitProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
         """Return the best of hypotheses with the same effects that are fitted on from where they are."""
@@ -493,7 +513,8 @@ class Search:
             return h
         quick = self.quick(h)
         fits = [h.fitted]
-        around = [self.quickly(quick, h, h.effects, start) for start in self._around(h.effects)]
+        starts = self._around(h.effects)
+        around = [self.quickly(quick, h, h.effects, start) for start in starts]
         here = self.quickly(quick, h, h.effects, values_of(h.effects))
         for a in around:
             if a.score > here.score - BEAM_NATS and _moved(a.fitted, here.fitted):
@@ -517,11 +538,11 @@ class Search:
         self.known[h.key] = Hypothesis(replace(best, result=result), h.prior)
         return self.known[h.key]
 
-    def _around(self, effects: Sequence[Effect]) -> Starts:
+    def _around(self, effects: Sequence[Effect], first: int = 0) -> Starts:
         """Return starts at the effects' values but for one positive parameter, some factors off."""
         values = values_of(effects)
         starts: Starts = []
-        for k, e in enumerate(effects):
+        for k, e in list(enumerate(effects))[first:]:
             for p in e.parameters():
                 for factor in AROUND if p.log else ():
                     moved = {p.name: float(np.clip(factor * p.value, p.lower, p.upper))}
