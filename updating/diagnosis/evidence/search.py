@@ -21,7 +21,6 @@ from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, PLACE_OD
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
-from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import direct_responses
 from updating.inference.scatter import damping_scatter
@@ -36,7 +35,7 @@ too [-]."""
 N_PLACES, N_PAIRS, N_SINGLES, N_QUICK, N_FINAL, N_BEAM = 4, 2, 8, 8, 3, 2
 """Numbers of places at which each kind, and of connections at which the block, gets a short fit; of pairs of
 connections; of single effects anywhere; of hypotheses that are fitted on, fitted fully, and kept."""
-AROUND = (0.5, 0.7, 0.85, 1.2, 1.4, 2.0)
+AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
@@ -196,7 +195,7 @@ class Search:
         best = self.full((), ())
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.floor:.4f}")
         beam = [best]
-        while beam and len(best.effects) < MOST_EFFECTS and self.promises(best):
+        while beam and len(best.effects) < MOST_EFFECTS:
             better = {h.key: h for b in beam for h in self.extended(b)}
             beam = sorted(better.values(), key=lambda h: -h.score)[:N_BEAM]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
@@ -205,10 +204,6 @@ class Search:
             beam[0] = best = self.on_own_basis(self.swapped(beam[0]))
             self.say(f"=> {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
         return self.simplest()
-
-    def promises(self, best: Hypothesis) -> bool:
-        """Whether an effect that left noise alone would be worth its odds."""
-        return best.fitted.gain_of(best.fitted.levels.noise / SYSTEMATIC_FROM**2) > PLACE_ODDS
 
     @property
     def floor(self) -> float:
@@ -247,7 +242,7 @@ class Search:
         for h in tried:
             if h.score < tried[0].score - 2 * TWIN_NATS and len(out) >= N_FINAL:  # few lines say less
                 break
-            h = self.highest(quick, h, len(base.effects))
+            h = self.highest(quick, h, base)
             out.append(self.simplified(self.full(h.effects, values_of(h.effects), h.fitted, base)))
         return out
 
@@ -371,17 +366,12 @@ class Search:
         return replace(self.problem, reduced=reduced, nuisances=own)
 
     def shortly(
-        self,
-        quick: FitProblem,
-        base: Hypothesis,
-        effects: Sequence[Effect],
-        starts: Starts,
-        near: bool = False,
+        self, quick: FitProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
     ) -> list[Hypothesis]:
         """Return a hypothesis after a few steps from each of some starts, the best first.
 
         Of many starts those go on that do best in the lowest band. All else begins where it is in a base and,
-        unless that is near, at its nominal values, too, where the base is far from the data.
+        where that is far from the data, at its nominal values, too.
         """
         if len(starts) > N_STARTS:
             tried = [
@@ -392,7 +382,7 @@ class Search:
             ]
             starts = [starts[k] for k in np.argsort(tried)[::-1][:N_STARTS]]
         ways: list[dict[str, Any]] = [{"stages": quick.stages[-1:], "x_from": base.fitted.result}]
-        ways += [{}] if base.fitted.level > FAR * self.floor and not near else []
+        ways += [{}] if base.fitted.level > FAR * self.floor else []
         fits = []
         for start in starts:
             problem = self._with_forces(quick, effects, start)
@@ -404,18 +394,15 @@ class Search:
         fits.sort(key=lambda f: -f.log_evidence)
         return [Hypothesis(f, self.prior(effects)) for f in fits]
 
-    def highest(self, quick: FitProblem, h: Hypothesis, first: int = 0) -> Hypothesis:
+    def highest(self, quick: FitProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the highest of the maxima around it, on few lines.
 
-        Resonances that pass each other leave several. Starts are off in one positive parameter of the effects
-        from the ``first`` on.
+        Resonances that pass each other leave several. All but the effects beside those of the base begins as
+        it is there, and these off in one positive parameter.
         """
-        starts = self._around(h.effects, first)
-        around = [self.shortly(quick, h, h.effects, [start], near=True)[0] for start in starts]
-        here = self.shortly(quick, h, h.effects, [values_of(h.effects)], near=True)[0]
-        better = [a for a in around if a.score > here.score - TWIN_NATS and _moved(a.fitted, h.fitted)]
-        best = max(better, key=lambda a: a.score, default=None)
-        return h if best is None else max(h, self.continued(quick, [best]), key=lambda k: k.score)
+        starts = self._around(h.effects, len(base.effects))
+        fits = [self.quickly(quick, base, h.effects, start) for start in starts]
+        return max([h, *fits], key=lambda k: k.score)
 
     def continued(self, quick: FitProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
         """Return the best of hypotheses with the same effects that are fitted on from where they are."""
@@ -438,10 +425,16 @@ class Search:
         near: Fitted | None = None,
         base: Hypothesis | None = None,
     ) -> Hypothesis:
-        """Return a hypothesis fitted on all lines with the form free, once."""
+        """Return a hypothesis fitted on all lines with the form free, once from the same values.
+
+        From others it is fitted again, and the better one stays.
+        """
         key = frozenset(e.name for e in effects)
-        if key not in self.known:
-            self.known[key] = self.fitted(effects, values, near, base)
+        known = self.known.get(key)
+        if known is None or (near is not None and _moved(near, known.fitted)):
+            fitted = self.fitted(effects, values, near, base)
+            if known is None or fitted.score > known.score:
+                self.known[key] = fitted
         return self.known[key]
 
     def fitted(
@@ -496,14 +489,16 @@ class Search:
             if error <= BASIS_SHARE * h.fitted.level / np.sqrt(2):
                 break
             self.problem = replace(self.problem, reduced=self.problem.reduced.with_shapes(responses))
-            self.say(f"   basis errs by {error * DB_PER_NEPER:.3f} dB: with responses at {n_lines} lines")
+            decibels = error * DB_PER_NEPER
+            self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
             self.known[h.key] = h = self.fitted(h.effects, values_of(h.effects), h.fitted, h)
         return h
 
     def polished(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the best of the maxima around it, as uncertain as they are apart.
 
-        They are looked for with the form fixed, and those that are nearly as probable are fitted fully.
+        They are looked for from nominal parameters, and with the form fixed; of these those that are nearly as
+        probable are fitted fully.
 
         Resonances that pass each other leave several maxima of the posterior. The covariance is that of the
         mixture of their normal approximations: Σ w (C + d dᵀ), with weights w by their evidence and distances
@@ -512,7 +507,7 @@ class Search:
         if not h.effects:
             return h
         quick = self.quick(h)
-        fits = [h.fitted]
+        fits = [h.fitted, self.at(h.effects, values_of(h.effects)).fitted]
         starts = self._around(h.effects)
         around = [self.quickly(quick, h, h.effects, start) for start in starts]
         here = self.quickly(quick, h, h.effects, values_of(h.effects))
