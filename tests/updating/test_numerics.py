@@ -11,8 +11,8 @@ from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Prior, solve_robust
-from updating.least_squares.levels import Levels
 from updating.inference.unknowns import ScaledUnknown, Unknown
+from updating.least_squares.levels import Levels
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.measurement.noise import relative_noise
 

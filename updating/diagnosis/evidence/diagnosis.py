@@ -70,6 +70,14 @@ class Searched:
         return self.search.unknown(self.best)
 
     @property
+    def lead(self) -> Hypothesis:
+        """The best hypothesis, or the best with effects where it has none and cannot explain the data."""
+        if self.best.effects or self.unknown < self.best.score:
+            return self.best
+        some = [h for h in self.search.known.values() if h.effects]
+        return max(some, key=lambda h: h.score, default=self.best)
+
+    @property
     def evidence(self) -> float:
         """Logarithm of the sum over all hypotheses."""
         scores = [k.score for k in self.search.known.values()]
@@ -165,8 +173,8 @@ def diagnose_by_evidence(
     null = search.problem.assessed(nothing.fitted.result)
     gates = check_gates(search.problem, null, measurements[1:], done.mesh_db, done.faults)
     believed = done.unknown < best.score
-    chain = _chain(done, best) if believed else [nothing]
-    reduced = search.problem.reduced.with_forces_of(best.effects if believed else ())
+    chain = _chain(done, done.lead)
+    reduced = search.problem.reduced.with_forces_of(done.lead.effects)
     problem = replace(search.problem, reduced=reduced)
     steps = [
         step_of("nominal model", problem.nominal()),
@@ -178,6 +186,8 @@ def diagnose_by_evidence(
     problem, steps, faults = _with_last_faults(problem, steps, done.faults, believed)
     findings, rounds = _findings(done, problem, chain, steps)
     verdict, reason = _verdict(done, believed, faults)
+    if not believed:
+        findings, steps = [], steps[:2]
     current = steps[-1].result
     notes = list(gates.notes)
     if not gates.linear:
@@ -296,9 +306,10 @@ def _verdict(done: Searched, believed: bool, faults: Sequence[Fault]) -> tuple[s
     share = f"{done.probability_there(best):.0%}".replace("%", " %")
     names = labels(best.effects)
     if not believed:
-        so_far = f"; best so far is {names}" if best.effects else ""
+        lead, left = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"
+        so_far = f"; best so far, not explained: {labels(lead.effects)}, {left} dB" if lead.effects else ""
         return UNEXPLAINED, (
-            f"the residual level stays at {level} dB, more than a right model leaves{so_far}, not explained"
+            f"the residual level stays at {before} dB, more than a right model leaves{so_far}"
         )
     if best.effects:
         lower = "lower" if len(best.effects) > 1 else "lowers"

@@ -479,7 +479,7 @@ class Search:
         return replace(problem, reduced=problem.reduced.with_forces_of(there))
 
     def on_own_basis(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis on a basis that has its responses at some lines, where the search's is not good.
+        """Return a hypothesis on a basis with its responses at some lines, where the search's is not good.
 
         Effects that act on a whole member converge slowly on modes without them.
         """
@@ -497,8 +497,8 @@ class Search:
     def polished(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the best of the maxima around it, as uncertain as they are apart.
 
-        They are looked for from nominal parameters, and with the form fixed; of these those that are nearly as
-        probable are fitted fully.
+        They are looked for from nominal parameters, and with the form fixed; of these those that are nearly
+        as probable are fitted fully.
 
         Resonances that pass each other leave several maxima of the posterior. The covariance is that of the
         mixture of their normal approximations: Σ w (C + d dᵀ), with weights w by their evidence and distances
