@@ -119,13 +119,8 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
     fitted = [without_held_out(study, m) for m in measured(study)]
-    if study.evidence and (study.n_simulated or len({m.force_level for m in fitted}) > 1):
-        msg = (
-            f"{study.path}: the search by evidence ([fit] evidence = true) takes one force level and no "
-            "bootstrap; leave evidence out, or leave bootstrap and the other force levels out"
-        )
-        raise StudyError(msg)
-    search = diagnose_by_evidence if study.evidence else diagnose
+    several = len({m.force_level for m in fitted}) > 1
+    search = diagnose_by_evidence if study.evidence and not (study.n_simulated or several) else diagnose
     return search(
         study.model,
         fitted,

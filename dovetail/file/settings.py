@@ -36,7 +36,7 @@ def read_fit(fit: Table) -> FitSettings:
         read_band(fit),
         fit.whole("lines", None, 8, MOST_LINES),
         fit.whole("bootstrap", 0, 0, MOST_REPEATS),
-        fit.flag("evidence", False),
+        fit.flag("evidence", True),
         fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper"),
     )
 

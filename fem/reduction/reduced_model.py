@@ -195,6 +195,10 @@ class ReducedModel:
         shapes = np.asarray(system.Q @ pairs.vectors)
         return self._on(self.basis.with_shapes(self.system, shapes))
 
+    def with_shapes(self, shapes: NDArray[np.float64]) -> "ReducedModel":
+        """Return the model with more shapes (n_dof, n) in its basis, such as responses at frequencies."""
+        return self._on(self.basis.with_shapes(self.system, shapes))
+
     def residual_flexibility(
         self, dofs: NDArray[np.int64], motions: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:

@@ -12,6 +12,7 @@ from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rm
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Prior, solve_robust
 from updating.inference.unknowns import ScaledUnknown, Unknown
+from updating.least_squares.levels import Levels
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
 from updating.measurement.noise import relative_noise
 
@@ -207,7 +208,8 @@ def linear_problem(seed=0, n=3, m=200, noise=0.01):
 
 
 def solve(residual, n, **more):
-    keys = {"prior": Prior(np.zeros(n), np.full(n, np.inf)), "n_independent": 400.0, "floor": 1e-6}
+    levels = Levels.above_floor(more.pop("n_independent", 400.0), more.pop("floor", 1e-6), np.ones(1))
+    keys = {"prior": Prior(np.zeros(n), np.full(n, np.inf)), "levels": levels}
     keys |= {"bounds": (np.full(n, -9.0), np.full(n, 9.0)), "max_iterations": 60, "tolerance": 1e-10, **more}
     x0 = keys.pop("x0", np.zeros(n))
     return solve_robust(residual, x0, **keys)

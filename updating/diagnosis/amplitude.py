@@ -7,7 +7,7 @@ force.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,12 @@ from fem.model import Effect, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.inference.fit import FitProblem
-from updating.inference.fit_data import SYSTEMATIC_SHARE, FitData, noise_squares
-from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, by_unknowns, propagated
+from updating.inference.fit_data import FitData, noise_squares
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, by_unknowns, propagated, widened
 from updating.inference.fit_result import FitResult
 from updating.inference.solve import Prior, Solution, solve_robust
 from updating.inference.unknowns import effect_unknowns
+from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
@@ -231,17 +232,16 @@ def _fitted(
     for f, stage in zip(every, stages, strict=True):
         prior, n_own = f.rest.prior(), len(f.own)
         limits = np.vstack([f.rest.limits(), [v.bounds() for v in f.own]])
+        _, member, sizes = np.unique(f.groups(), return_inverse=True, return_counts=True)
+        noise = np.concatenate([noise_squares(d, f.at.lines) for d in f.levels])
         solution = solve_robust(
             f,
             x,
             Prior(np.append(prior.mean, np.zeros(n_own)), np.append(prior.std, np.full(n_own, np.inf))),
             (limits[:, 0], limits[:, 1]),
-            n_independent=problem.n_independent(stage),
-            floor=LEVEL_FLOOR,
-            noise=np.concatenate([noise_squares(d, f.at.lines) for d in f.levels]),
-            systematic=SYSTEMATIC_SHARE,
-            counted=problem.noise_counted,
-            groups=f.groups(),
+            levels=Levels.above_floor(problem.n_independent(stage), LEVEL_FLOOR, sizes),
+            widened=partial(widened, np.bincount(member, noise) / sizes, problem.noise_counted),
+            groups=member,
             robust=ROBUST,
             max_iterations=max_iterations,
             relative=np.array([*f.rest.relative, *(not v.log for v in f.own)]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,11 +14,13 @@ from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
 from updating.inference.fit_result import FitResult
-from updating.inference.solve import Prior, Residual, Solution, solve_robust
+from updating.inference.solve import Prior, Residual, Solution, inflation, solve_robust
 from updating.inference.unknowns import ScaledUnknown
+from updating.least_squares.levels import Levels
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
+    from updating.inference.scatter import Scatter
 
 
 ROBUST = 0.5
@@ -33,8 +35,8 @@ LEVEL_FLOOR = 0.01
 class FitFunction:
     """Residuals of a fit at some lines, as a function of all that varies.
 
-    x holds the variables (nuisance parameters, then those of the effects) and the logarithms of the damping
-    curve's unknowns.
+    x holds the variables (nuisance parameters, then those of the effects), the logarithms of the damping
+    curve's unknowns, and the scatter, in standard deviations.
 
     Attributes
     ----------
@@ -43,6 +45,8 @@ class FitFunction:
     variables : tuple of ScaledUnknown
     start : ndarray (n,)
     lines : ndarray of int
+    scatter : Scatter, optional
+        Small deviations by their slopes.
     """
 
     problem: FitProblem
@@ -50,6 +54,28 @@ class FitFunction:
     variables: tuple[ScaledUnknown, ...]
     start: NDArray[np.float64]
     lines: NDArray[np.int64]
+    scatter: Scatter | None = None
+
+    def with_scatter(self, scatter: Scatter | None) -> FitFunction:
+        """Return the function with small deviations among its unknowns."""
+        if scatter is None:
+            return self
+        start = np.append(self.start, np.zeros(len(scatter.std)))
+        return FitFunction(self.problem, self.effects, self.variables, start, self.lines, scatter)
+
+    @property
+    def _parts(self) -> tuple[slice, slice, slice]:
+        """Where variables, damping and scatter are in x."""
+        n, m = len(self.variables), len(self.variables) + len(self.problem.damping.start)
+        return slice(n), slice(n, m), slice(m, None)
+
+    @cached_property
+    def _scatter_slopes(self) -> NDArray[np.complex128]:
+        """Weighted slopes of the scatter at the values that count, (n_scatter, m)."""
+        if self.scatter is None:
+            return np.zeros((0, int(self.keep.sum())), dtype=complex)
+        slopes = self.scatter.slopes(self.lines) * self.problem.data.weight[self.lines]
+        return slopes[:, self.keep] * self.scatter.std[:, None]
 
     @property
     def keep(self) -> NDArray[np.bool_]:
@@ -80,11 +106,12 @@ class FitFunction:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
         keep, weight = self.keep, self.problem.data.weight[self.lines]
-        n_par, (hats, offset) = len(self.variables), self._damping
-        values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)])
-        zeta = np.exp(hats @ x[n_par:] + offset)
+        (own, damping, scatter), (hats, offset) = self._parts, self._damping
+        values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)])
+        zeta = np.exp(hats @ x[damping] + offset)
         H, dH, dH_dzeta = self._engine.evaluate(values, zeta, gradient)
         r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
+        r = r + x[scatter] @ self._scatter_slopes
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
         per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)
@@ -92,35 +119,38 @@ class FitFunction:
         for k, v in enumerate(self.variables):
             J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
         base = dH_dzeta * per
-        J[n_par:] = by_unknowns(zeta, hats, base)[:, keep]
+        J[damping] = by_unknowns(zeta, hats, base)[:, keep]
+        J[scatter] = self._scatter_slopes
         return r, J
 
     @property
     def units(self) -> NDArray[np.float64]:
         """Size of one unit of each x: 1 where it is a logarithm, or in that of the parameter."""
-        return np.array([*(v.size for v in self.variables), *np.ones(len(self.problem.damping.start))])
+        others = len(self.start) - len(self.variables)
+        return np.array([*(v.size for v in self.variables), *np.ones(others)])
 
     @property
     def relative(self) -> NDArray[np.bool_]:
         """Which x is in parts of a scale, (n,), rather than a logarithm."""
-        damping = [False] * len(self.problem.damping.start)
-        return np.array([*(not v.log for v in self.variables), *damping])
+        others = len(self.start) - len(self.variables)
+        return np.array([*(not v.log for v in self.variables), *[False] * others])
 
     def prior(self) -> Prior:
         """Return what is known of x beforehand."""
         damping = self.problem.damping
         start = np.log(damping.start)
-        means = [[v.mean for v in self.variables], start]
-        stds = [[v.std for v in self.variables], np.full(len(start), damping.std)]
+        scatter = np.zeros(0) if self.scatter is None else np.zeros(len(self.scatter.std))
+        means = [[v.mean for v in self.variables], start, scatter]
+        stds = [[v.std for v in self.variables], np.full(len(start), damping.std), scatter + 1.0]
         return Prior(np.concatenate(means), np.concatenate(stds))
 
     def moved_to(self, result: FitResult) -> NDArray[np.float64]:
         """Return the start with nuisance parameters and damping of a result."""
-        x, n_par = self.start.copy(), len(self.variables)
+        x, (_, damping, _) = self.start.copy(), self._parts
         for k, v in enumerate(self.variables):
             if v.has_prior and v.ref in result.values:
                 x[k] = v.to_x(result.values[v.ref])
-        x[n_par:] = np.log(result.zeta)
+        x[damping] = np.log(result.zeta)
         return x
 
     def point_of(self, result: FitResult) -> NDArray[np.float64]:
@@ -130,18 +160,24 @@ class FitFunction:
 
     def limits(self) -> NDArray[np.float64]:
         """Return the bounds of x, shape (n, 2)."""
-        p = self.problem
-        return np.vstack(
-            [
-                np.array([v.bounds() for v in self.variables]).reshape(-1, 2),
-                p.damping.limits,
-            ]
-        )
+        own = np.array([v.bounds() for v in self.variables]).reshape(-1, 2)
+        n = 0 if self.scatter is None else len(self.scatter.std)
+        return np.vstack([own, self.problem.damping.limits, np.tile([-np.inf, np.inf], (n, 1))])
 
     @property
     def groups(self) -> NDArray[np.int64]:
         """Band of each residual, each with its own level of error, (m,)."""
         return np.broadcast_to(self.problem.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep]
+
+    def mean_by_group(self, each: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the means of something over the residuals of each group, (n_groups,)."""
+        member = np.unique(self.groups, return_inverse=True)[1]
+        return np.bincount(member, each) / np.bincount(member)
+
+    def levels(self, stage: float = np.inf) -> Levels:
+        """Return what the error levels of the groups cost, for lines up to a frequency [Hz]."""
+        sizes = np.unique(self.groups, return_counts=True)[1]
+        return Levels.above_floor(self.problem.n_independent(stage), LEVEL_FLOOR, sizes)
 
     def minimise(
         self,
@@ -150,7 +186,7 @@ class FitFunction:
         max_iterations: int,
         *,
         prior: Prior | None = None,
-        n_independent: float | None = None,
+        levels: Levels | None = None,
     ) -> Solution:
         """Find the x of greatest posterior probability from a start.
 
@@ -162,8 +198,8 @@ class FitFunction:
         max_iterations : int
         prior : Prior, optional
             :meth:`prior` unless given.
-        n_independent : float, optional
-            How many independent data the lines stand for; as the problem counts them unless given.
+        levels : Levels, optional
+            Cost of the error levels of the groups; :meth:`levels` unless given.
         """
         p, limits = self.problem, self.limits()
         assert len(limits) == len(x)
@@ -172,11 +208,8 @@ class FitFunction:
             x,
             self.prior() if prior is None else prior,
             (limits[:, 0], limits[:, 1]),
-            n_independent=p.n_independent(stage) if n_independent is None else n_independent,
-            floor=LEVEL_FLOOR,
-            noise=noise_squares(p.data, self.lines),
-            systematic=SYSTEMATIC_SHARE,
-            counted=p.noise_counted,
+            levels=self.levels(stage) if levels is None else levels,
+            widened=partial(widened, self.mean_by_group(noise_squares(p.data, self.lines)), p.noise_counted),
             groups=self.groups,
             robust=ROBUST,
             max_iterations=max_iterations,
@@ -185,17 +218,30 @@ class FitFunction:
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values with standard deviations; its errors are not assessed."""
-        x, n_par = solution.x, len(self.variables)
-        values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[:n_par], strict=True)}
+        x, (own, damping, _) = solution.x, self._parts
+        values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)}
         sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
-        known = zip(self.variables, x[:n_par], sd[:n_par], strict=True)
+        known = zip(self.variables, x[own], sd[own], strict=True)
         std = {v.ref: v.deviation(xi, deviation) for v, xi, deviation in known}
         fitted = tuple(
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )
-        zeta, level = np.exp(x[n_par:]), float(np.sqrt(solution.misfit))
-        covariance = solution.covariance * np.outer(self.units, self.units)
+        zeta, level, known_x = np.exp(x[damping]), float(np.sqrt(solution.misfit)), slice(damping.stop)
+        covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
         return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
+
+
+def widened(noise: NDArray[np.float64], counted: float, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return by what factors variances grow where residuals are not noise, (n_groups,).
+
+    Parameters
+    ----------
+    noise, misfit : ndarray (n_groups,)
+        Mean square that is put down to noise, and of the residuals.
+    counted : float
+        For how many times the independent data noise stands.
+    """
+    return inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE, counted)
 
 
 def propagated(

@@ -16,7 +16,7 @@ from fem.model import Model
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from fem.system import assemble, connection_stiffness
-from updating.correlation import log_ratio, rms_db
+from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
 from updating.inference.fit_function import LEVEL_FLOOR
@@ -356,6 +356,17 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int) -> float:
 
     Effects that depend on amplitude are left out of both.
     """
+    return direct_responses(problem, result, n_lines)[0] * DB_PER_NEPER
+
+
+def direct_responses(
+    problem: FitProblem, result: FitResult, n_lines: int
+) -> tuple[float, NDArray[np.float64]]:
+    """Return the error of the reduced basis against direct solutions at some lines [nepers], and these.
+
+    Effects that depend on amplitude are left out of both. The solutions, (n_dof, 2 n_lines n_in), are real
+    and imaginary parts of the responses to the excitations.
+    """
     effects = tuple(e for e in result.effects if not e.amplitude_dependent)
     gone = {e.name for e in result.effects if e.amplitude_dependent}
     values = {ref: v for ref, v in result.values.items() if ref[0] not in gone}
@@ -368,13 +379,15 @@ def basis_error(problem: FitProblem, result: FitResult, n_lines: int) -> float:
     zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
     connections = connection_stiffness(system) if others else None
     reduced = problem.receptance(result, lines)
-    ratio = []
+    ratio, responses = [], []
     backend, factor = None if system.reciprocal else "superlu", None
     for k, omega in enumerate(2 * np.pi * f):
         Z = system.dynamic_stiffness(float(omega)) + 2j * zeta[k] * system.K
         if connections is not None:
             Z = Z + 2j * (others[0][k] - zeta[k]) * connections
         factor = factorise(Z, like=factor, backend=backend)
-        direct = outputs.T @ (system.Q @ factor.solve((system.Q.T @ inputs).astype(complex)))
+        X = system.Q @ factor.solve((system.Q.T @ inputs).astype(complex))
+        direct = outputs.T @ X
+        responses += [X.real, X.imag]
         ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
-    return rms_db(np.array(ratio))
+    return rms_db(np.array(ratio)) / DB_PER_NEPER, np.hstack(responses)

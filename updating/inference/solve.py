@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.summary import fields_summary
+from updating.least_squares.levels import Levels
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
@@ -63,12 +64,9 @@ def solve_robust(
     prior: Prior,
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
     *,
-    n_independent: float,
-    floor: float,
+    levels: Levels,
+    widened: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     groups: NDArray[np.int64] | None = None,
-    noise: NDArray[np.float64] | None = None,
-    systematic: float = 1.0,
-    counted: float = 1.0,
     robust: float = 0.5,
     max_iterations: int = 20,
     tolerance: float = 5e-3,
@@ -77,7 +75,8 @@ def solve_robust(
 ) -> Solution:
     """Minimise a robust negative log posterior by Levenberg-Marquardt steps within bounds.
 
-    Σ n_g/2 · ln(s² + ⟨ρ(|r|)⟩_g) + ½ Σ ((x - mean)/std)² with ρ = 2c² (√(1 + |r|²/c²) - 1), pseudo-Huber.
+    The levels' cost of ⟨ρ(|r|)⟩_g, such as Σ n_g/2 · ln(s² + ⟨ρ(|r|)⟩_g), and ½ Σ ((x - mean)/std)², with
+    ρ = 2c² (√(1 + |r|²/c²) - 1), pseudo-Huber.
 
     The error level of each group g of residuals is estimated with the unknowns, which is what the logarithm
     says: while the misfit is large the priors hold, and when it is small the data speak; groups that a model
@@ -91,18 +90,12 @@ def solve_robust(
         Start.
     prior : Prior
     bounds : (ndarray (n,), ndarray (n,))
-    n_independent : float
-        How many independent data the residuals stand for.
-    floor : float
-        Residual level s below which nothing is gained [same unit as r].
+    levels : Levels
+        Cost of the groups' mean squares, in the order of the groups' numbers.
+    widened : callable, optional
+        Gives by what factor each group's data count less in the covariance, from the mean squares.
     groups : ndarray of int (m,), optional
         Group of each residual; all in one unless given. Groups count by their size.
-    noise : ndarray (m,), optional
-        How much of each residual's square is put down to independent noise.
-    systematic : float
-        For how many of the independent data the rest stands, in multiples of them, in the covariance.
-    counted : float
-        For how many the noise stands there. Neither is of any effect without ``noise``.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int
@@ -118,7 +111,7 @@ def solve_robust(
     r, J = residual(x, True)
     assert J is not None
     member = np.zeros(len(r), dtype=np.int64) if groups is None else np.unique(groups, return_inverse=True)[1]
-    posterior = _Posterior(residual, prior, n_independent, floor, member, np.bincount(member), robust)
+    posterior = _Posterior(residual, prior, levels, member, np.bincount(member), robust)
     control = Control(
         reach=lambda x: max_step * np.where(relative, np.maximum(1.0, np.abs(x)), 1.0),
         promised_gain=Tolerance(tolerance),
@@ -129,11 +122,10 @@ def solve_robust(
         least_damping=1e-6,
     )
     found = minimise(posterior, posterior.point(x, r, J), bounds, control)
-    misfit, size = found.point.misfit, posterior.size
+    misfit = found.point.misfit
     worth = posterior.worth(misfit)
-    if noise is not None:
-        independent = np.bincount(member, noise, minlength=len(size)) / size
-        worth = worth / inflation(misfit, independent, floor, systematic, counted)
+    if widened is not None:
+        worth = worth / widened(misfit)
     _, A = posterior.normal(found.linearisation.r, found.linearisation.J, worth)
     # What the data leave open is as uncertain as its bounds are wide, those of a uniform density; an inverse
     # that leaves such directions out would call them certain.
@@ -141,8 +133,8 @@ def solve_robust(
     A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
     covariance: Any = np.linalg.pinv(A, hermitian=True)
     return Solution(
-        found.point.x, found.point.cost, float(misfit @ size / len(r)), covariance, found.n_iterations,
-        found.stop is not Stop.OUT_OF_ITERATIONS,
+        found.point.x, found.point.cost, float(misfit @ posterior.size / len(r)), covariance,
+        found.n_iterations, found.stop is not Stop.OUT_OF_ITERATIONS,
     )  # fmt: skip
 
 
@@ -170,8 +162,7 @@ class _Posterior:
 
     residual: Residual
     prior: Prior
-    n_independent: float
-    floor: float
+    levels: Levels
     member: NDArray[np.int64]  # group of each residual
     size: NDArray[np.int64]  # of each group
     robust: float
@@ -192,9 +183,7 @@ class _Posterior:
     ) -> _Point:
         """Return the cost of residuals."""
         misfit = np.bincount(self.member, pseudo_huber(r, self.robust), minlength=len(self.size)) / self.size
-        share = self.n_independent * self.size / len(self.member)
-        data = 0.5 * float(share @ np.log(self.floor**2 + misfit))
-        cost = data + 0.5 * float(self.prior_weight @ (x - self.prior_mean) ** 2)
+        cost = self.levels.cost(misfit) + 0.5 * float(self.prior_weight @ (x - self.prior_mean) ** 2)
         return _Point(x, cost, misfit, None if J is None else (r, J))
 
     def at(self, x: NDArray[np.float64], near: _Point) -> _Point | None:
@@ -211,7 +200,7 @@ class _Posterior:
 
     def worth(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return by how much half the square of a residual of each group counts, (n_groups,)."""
-        return self.n_independent / len(self.member) / (self.floor**2 + misfit)
+        return self.levels.weight(misfit) / self.size
 
     def normal(
         self, r: NDArray[np.complex128], J: NDArray[np.complex128], worth: NDArray[np.float64]

@@ -8,14 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from fem.model import Effect, Model, parameter_values
+from fem.model import Effect, Model
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation.frf_correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import EFFECT, FAULT, FITTED, NOTHING, UNEXPLAINED, Diagnosis, propose
-from updating.diagnosis.evidence.fitting import fit
+from updating.diagnosis.evidence.fitting import fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
-from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search
+from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search, values_of
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
 from updating.diagnosis.search import Progress, change_of, similarity_of
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
@@ -70,6 +70,14 @@ class Searched:
         return self.search.unknown(self.best)
 
     @property
+    def lead(self) -> Hypothesis:
+        """The best hypothesis, or the best with effects where it has none and cannot explain the data."""
+        if self.best.effects or self.unknown < self.best.score:
+            return self.best
+        some = [h for h in self.search.known.values() if h.effects]
+        return max(some, key=lambda h: h.score, default=self.best)
+
+    @property
     def evidence(self) -> float:
         """Logarithm of the sum over all hypotheses."""
         scores = [k.score for k in self.search.known.values()]
@@ -115,11 +123,9 @@ def search_by_evidence(
     say("fitting the uncertain parameters", 0.05)
     null = fit(whole, n_lines=FULL_LINES)
     whole, _, faults = find_faults(whole, whole.assessed(null.result))
+    whole = with_seen_noise(whole, null.result)
     candidates = _candidates(model, measurement, kinds, exclude)
-    floor = float(np.hypot(problem.data.noise_level, left[1]))
-    search = Search(whole, own, candidates, floor, partial(_told, say))
-    if not faults:
-        search.known[frozenset()] = Hypothesis(null, search.prior(()))
+    search = Search(whole, own, candidates, left[1], partial(_told, say))
     best = search.run()
     say("refining", 0.9)
     return Searched(search, search.polished(best), faults, left[0], formed)
@@ -167,8 +173,8 @@ def diagnose_by_evidence(
     null = search.problem.assessed(nothing.fitted.result)
     gates = check_gates(search.problem, null, measurements[1:], done.mesh_db, done.faults)
     believed = done.unknown < best.score
-    chain = _chain(done, best) if believed else [nothing]
-    reduced = search.problem.reduced.with_forces_of(best.effects if believed else ())
+    chain = _chain(done, done.lead)
+    reduced = search.problem.reduced.with_forces_of(done.lead.effects)
     problem = replace(search.problem, reduced=reduced)
     steps = [
         step_of("nominal model", problem.nominal()),
@@ -180,6 +186,8 @@ def diagnose_by_evidence(
     problem, steps, faults = _with_last_faults(problem, steps, done.faults, believed)
     findings, rounds = _findings(done, problem, chain, steps)
     verdict, reason = _verdict(done, believed, faults)
+    if not believed:
+        findings, steps = [], steps[:2]
     current = steps[-1].result
     notes = list(gates.notes)
     if not gates.linear:
@@ -206,8 +214,7 @@ def _chain(done: Searched, best: Hypothesis) -> list[Hypothesis]:
         h, rest = chain[0], []
         for e in h.effects:
             fewer = tuple(x for x in h.effects if x.name != e.name)
-            starts = [tuple(map(parameter_values, fewer))]
-            rest.append(search.full(fewer, starts, h.fitted, h))
+            rest.append(search.full(fewer, values_of(fewer), h.fitted, h))
         chain.insert(0, max(rest, key=lambda r: r.score))
     return chain
 
@@ -299,9 +306,10 @@ def _verdict(done: Searched, believed: bool, faults: Sequence[Fault]) -> tuple[s
     share = f"{done.probability_there(best):.0%}".replace("%", " %")
     names = labels(best.effects)
     if not believed:
-        so_far = f"; best so far is {names}" if best.effects else ""
+        lead, left = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"
+        so_far = f"; best so far, not explained: {labels(lead.effects)}, {left} dB" if lead.effects else ""
         return UNEXPLAINED, (
-            f"the residual level stays at {level} dB, more than a right model leaves{so_far}, not explained"
+            f"the residual level stays at {before} dB, more than a right model leaves{so_far}"
         )
     if best.effects:
         lower = "lower" if len(best.effects) > 1 else "lowers"

@@ -7,13 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
+from updating.correlation import log_ratio
 from updating.diagnosis.evidence.marginal import log_evidence
-from updating.diagnosis.evidence.priors import DATA_PER_MODE, EffectPrior, prior_of
+from updating.diagnosis.evidence.priors import DATA_PER_MODE, FORM_LEAST, EffectPrior, prior_of
 from updating.inference.fit import FitProblem
-from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
-from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction
+from updating.inference.fit_data import noise_squares
+from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, widened
 from updating.inference.fit_result import FitResult
-from updating.inference.solve import Prior, Solution, inflation
+from updating.inference.scatter import Scatter
+from updating.inference.solve import Prior, Solution
+from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Floats = NDArray[np.float64]
@@ -29,13 +32,35 @@ class Fitted:
         Values of parameters, damping and effects; its errors are not assessed.
     log_evidence : float
         ln p(data | model), up to a constant that all models on the same lines share.
-    log_likelihood : float
-        ln p(data | values), up to that constant.
+    levels : Levels
+        How probable error levels are.
+    misfit : ndarray (n_groups,)
+        Robust mean square of the residuals of each group [nepers²].
     """
 
     result: FitResult
     log_evidence: float
-    log_likelihood: float
+    levels: Levels
+    misfit: Floats
+
+    @property
+    def log_likelihood(self) -> float:
+        """Ln p(data | values), up to the constant of the evidence."""
+        return -self.levels.cost(self.misfit)
+
+    def gain_to(self, discrepancy: float) -> float:
+        """Return by how much the log likelihood would rise with no more than a level beside the noise.
+
+        Parameters
+        ----------
+        discrepancy : float
+            [nepers]
+        """
+        return self.gain_of(self.levels.noise + discrepancy**2)
+
+    def gain_of(self, misfit: Floats) -> float:
+        """Return by how much the log likelihood would rise with mean squares no larger than given."""
+        return self.levels.cost(self.misfit) - self.levels.cost(np.minimum(self.misfit, misfit))
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -49,8 +74,17 @@ class Fitted:
 
 
 def n_data(problem: FitProblem, stage: float = np.inf) -> float:
-    """Return how many independent data the lines up to a frequency stand for."""
+    """Return for how many independent data a discrepancy at the lines up to a frequency stands."""
     return DATA_PER_MODE * max(3.0, problem.n_modes * min(1.0, stage / problem.data.frequency[-1]))
+
+
+def levels_of(function: FitFunction, stage: float = np.inf) -> Levels:
+    """Return how probable error levels are: noise, and what the form of beams leaves beside it."""
+    problem = function.problem
+    sizes = np.unique(function.groups, return_counts=True)[1]
+    noise = function.mean_by_group(noise_squares(problem.data, function.lines))
+    n = n_data(problem, stage) * sizes / sizes.sum()
+    return Levels(n, noise * n / (2 * sizes) + (FORM_LEAST * problem.model_error) ** 2, noise)
 
 
 def priors_of(function: FitFunction) -> Prior:
@@ -81,6 +115,7 @@ def fit(
     n_lines: int | None = None,
     max_iterations: int = 14,
     x_from: FitResult | None = None,
+    scatter: Scatter | None = None,
 ) -> Fitted:
     """Find the most probable unknowns of a model with effects, band by band.
 
@@ -97,43 +132,66 @@ def fit(
         In each band.
     x_from : FitResult, optional
         Start uncertain parameters and damping there rather than at the nominal values.
+    scatter : Scatter, optional
+        Small deviations by their slopes.
     """
     x: Floats | None = None
     function = solution = None
     for stage in stages if stages is not None else problem.stages:
         lines = problem.lines_up_to(stage, n_lines or problem.n_lines)
-        function = problem.function(effects, starts, lines)
+        function = problem.function(effects, starts, lines).with_scatter(scatter)
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
         solution = function.minimise(
-            x, stage, max_iterations, prior=priors_of(function), n_independent=n_data(problem, stage)
+            x, stage, max_iterations, prior=priors_of(function), levels=levels_of(function, stage)
         )
         x = solution.x
     assert function is not None
     assert solution is not None
-    evidence, likelihood, covariance = _assessed(function, solution)
-    result = function.result(replace(solution, covariance=covariance))
-    return Fitted(result, evidence, likelihood)
+    return _assessed(function, solution)
 
 
-def _assessed(function: FitFunction, solution: Solution) -> tuple[float, float, Floats]:
-    """Return log evidence and log likelihood at a solution, and the covariance of its unknowns."""
+def _assessed(function: FitFunction, solution: Solution) -> Fitted:
+    """Return a solution with its log evidence and the covariance of its unknowns."""
     x, prior = solution.x, priors_of(function)
     r, J = function(x, True)
     assert J is not None
-    groups = np.unique(function.groups, return_inverse=True)[1]
-    size = np.bincount(groups)
-    level = LEVEL_FLOOR**2 + np.bincount(groups, pseudo_huber(r, ROBUST)) / size
-    n = n_data(function.problem)
-    likelihood = -0.5 * n * float(size @ np.log(level)) / len(r)
-    w = (n / len(r) / level)[groups] * pseudo_huber_weight(r, ROBUST)
+    problem, v = function.problem, function.mean_by_group(pseudo_huber(r, ROBUST))
+    member, size = np.unique(function.groups, return_inverse=True, return_counts=True)[1:]
+    levels = levels_of(function)
     off, std = x - prior.mean, prior.std.copy()
     for k, own in _of_effects(function).items():
         if own.range:
             off[k], std[k] = 0.0, own.width_at(float(x[k]))
-    A = np.real((J.conj() * w) @ J.T) + np.diag(std**-2.0)
-    # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
-    noise = np.bincount(groups, noise_squares(function.problem.data, function.lines)) / size
-    wider = inflation(level - LEVEL_FLOOR**2, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE)[groups]
-    B = np.real((J.conj() * (w / wider)) @ J.T) + np.diag(std**-2.0)
-    return log_evidence(likelihood, off, std, A), likelihood, np.linalg.inv(B)
+    huber = pseudo_huber_weight(r, ROBUST)
+    A = _curvature(J, (levels.weight(v) / size)[member] * huber, std)
+    evidence = log_evidence(-levels.cost(v), off, std, A)
+    if not problem.form_right:
+        # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
+        apart = levels.n / size / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
+        A = _curvature(J, apart[member] * huber, std)
+    result = function.result(replace(solution, covariance=np.linalg.inv(A)))
+    return Fitted(result, evidence, levels, v)
+
+
+def _curvature(J: NDArray[np.complex128], weight: Floats, std: Floats) -> Floats:
+    """Return the second derivatives of the negative log posterior."""
+    return np.real((J.conj() * weight) @ J.T) + np.diag(std**-2.0)
+
+
+def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:
+    """Return a problem with its noise reduced to what residuals of neighbouring lines differ by.
+
+    A model's residuals are smooth over frequency but near resonances, so that their second differences hold
+    the noise, and no less.
+    """
+    data = problem.data
+    r = data.weight * np.nan_to_num(log_ratio(problem.receptance(result), np.where(data.mask, data.H, 1.0)))
+    there = data.mask[:-2] & data.mask[1:-1] & data.mask[2:]
+    if not there.any():
+        return problem
+    seen = pseudo_huber((r[:-2] - 2 * r[1:-1] + r[2:])[there] / np.sqrt(6), ROBUST).mean()
+    square = (data.weight * data.noise) ** 2
+    stated = 2 * ((square[:-2] + 4 * square[1:-1] + square[2:])[there] / 6).mean()
+    scale = min(1.0, float(seen / stated))
+    return replace(problem, data=replace(data, noise=data.noise * np.sqrt(scale)))

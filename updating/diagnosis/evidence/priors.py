@@ -14,6 +14,8 @@ FORM_SECTION = {"Iy": 0.02, "Iz": 0.02, "J": 0.05}
 """Standard deviations of bending and torsional stiffness of members that are alike, relative [-]."""
 FORM_ZONE = {"u": 1.0, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, and of its mass, relative [-]."""
+FORM_DAMPING = 0.1
+"""Standard deviation of a member's loss factor beside the damping curve, in parts of that [-]."""
 PLACE_ODDS = np.log(10.0)
 """Prior odds, as a logarithm, against one more place at which something is missing."""
 UNKNOWN_ODDS = np.log(1e4)
@@ -22,6 +24,10 @@ TWIN_NATS = 3.0
 """Hypotheses within so much of the best one's score are its twins."""
 FORM_LEFT = 0.5
 """Level that a right model of beams may leave beyond noise, in parts of the study's ``model_error`` [-]."""
+
+
+FORM_LEAST = 0.2
+"""Level that beams leave of any structure in any case, in parts of the study's ``model_error`` [-]."""
 
 
 DECADE = 10.0

@@ -18,7 +18,7 @@ from updating.diagnosis.evidence.places import Place, Reach
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 
-SCAN_LINES = 48
+SCAN_LINES = 24
 """Lines at which places are looked at."""
 LEVEL = 0.05
 """Misfit in parts of the receptances up to which nothing is gained [-]."""

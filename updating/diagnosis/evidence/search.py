@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
@@ -13,25 +14,28 @@ from numpy.typing import NDArray
 from fem.model import Effect, parameter_values
 from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble
-from updating.diagnosis.evidence.fitting import Fitted, fit, n_data
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import FORM_LEFT, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
-from updating.inference.fit_function import LEVEL_FLOOR
 from updating.inference.parameters import Nuisance
+from updating.inference.preparation import direct_responses
+from updating.inference.scatter import damping_scatter
 
 QUICK_LINES, FULL_LINES = 40, 100
-"""Lines of first fits, and of full ones."""
+"""Lines of quick fits, and of full ones."""
+SHORT_STEPS, QUICK_STEPS = 2, 6
+"""Steps of first, short fits in each band, and of those that go on from them."""
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
-N_SCANNED, N_PLACES, N_PAIRS, N_SINGLES, N_THERE, N_AGAIN, N_FINAL, N_BEAM = 10, 4, 2, 8, 4, 4, 3, 2
-"""Numbers of places whose effects are screened; of connections, pairs of connections, single effects, and
-effects at each of the first places that get short fits; and of hypotheses that are refitted, fitted fully,
-and kept."""
-AROUND = (0.8, 0.9, 1.1, 1.25)
+N_PLACES, N_PAIRS, N_SINGLES, N_QUICK, N_FINAL, N_BEAM = 4, 2, 8, 8, 3, 2
+"""Numbers of places at which each kind, and of connections at which the block, gets a short fit; of pairs of
+connections; of single effects anywhere; of hypotheses that are fitted on, fitted fully, and kept."""
+AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
@@ -47,8 +51,12 @@ N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
 BLOCK_SHARES = (0.2, 0.6)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
+BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
+"""The basis gets responses at so many lines of what was found while it errs there by more than this share of
+the level."""
 Say = Callable[[str], None]
-Starts = list[tuple[dict[str, float], ...]]
+Values = tuple[dict[str, float], ...]
+Starts = list[Values]
 Proposal = tuple[tuple[Effect, ...], Starts]
 
 
@@ -100,6 +108,18 @@ def _size(effect: Effect, values: dict[str, float]) -> float:
     return abs(np.log(value / p.absent)) if p.log and p.absent > 0 else abs(value - p.absent)
 
 
+def values_of(effects: Sequence[Effect]) -> Values:
+    """Return the parameter values of effects."""
+    return tuple(map(parameter_values, effects))
+
+
+def _moved(one: Fitted, two: Fitted) -> bool:
+    """Whether an effect's parameter is more than a deviation from where it is in another fit."""
+    a, b = one.result, two.result
+    names = {e.name for e in one.effects}
+    return any(abs(a.values[r] - b.values[r]) > b.std[r] for r in a.values if r[0] in names)
+
+
 def _turns(effect: Effect) -> bool:
     """Whether an effect lets a connection give way about an axis."""
     return effect.kind == "end_release" or str(getattr(effect, "direction", "")).startswith("r")
@@ -146,14 +166,14 @@ class Search:
     form : tuple of Nuisance
         Those of them that are the form's.
     candidates : tuple of Effect
-    floor : float
-        Level that noise and the mesh leave [nepers].
+    mesh : float
+        Level that the mesh leaves [nepers].
     """
 
     problem: FitProblem
     form: tuple[Nuisance, ...]
     candidates: tuple[Effect, ...]
-    floor: float
+    mesh: float
     say: Say = lambda text: None
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     places: tuple[Place, ...] = ()
@@ -172,19 +192,23 @@ class Search:
 
     def run(self) -> Hypothesis:
         """Return the most probable hypothesis; all that were fitted fully are in ``known``."""
-        best = self.full((), [()])
+        best = self.full((), ())
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.floor:.4f}")
         beam = [best]
-        while beam and len(best.effects) < MOST_EFFECTS and best.fitted.level > 1.05 * self.floor:
+        while beam and len(best.effects) < MOST_EFFECTS:
             better = {h.key: h for b in beam for h in self.extended(b)}
             beam = sorted(better.values(), key=lambda h: -h.score)[:N_BEAM]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
             if not beam or beam[0].score <= best.score:
                 break
-            beam[0] = self.swapped(beam[0])
-            best = beam[0]
+            beam[0] = best = self.on_own_basis(self.swapped(beam[0]))
             self.say(f"=> {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
         return self.simplest()
+
+    @property
+    def floor(self) -> float:
+        """Level that noise and the mesh leave [nepers]."""
+        return float(np.hypot(self.problem.data.noise_level, self.mesh))
 
     def simplest(self) -> Hypothesis:
         """Return the most probable hypothesis, or its simplest twin: that with the fewest parameters.
@@ -204,40 +228,36 @@ class Search:
     def extended(self, base: Hypothesis) -> list[Hypothesis]:
         """Return the best hypotheses with something more than another has, simplified."""
         quick = self.quick(base)
-        tried: dict[frozenset[str], Hypothesis] = {}
         kept = tuple(parameter_values(e) for e in base.effects)
-        others: dict[frozenset[str], Starts] = {}
+        short: dict[frozenset[str], list[Hypothesis]] = {}
         for effects, starts in self.proposals(base, quick):
-            n = 1 if len(effects) == 1 else len(starts)
-            h = self.quickly(quick, base, (*base.effects, *effects), [(*kept, *s) for s in starts[:n]])
-            tried[h.key], others[h.key] = h, [(*kept, *s) for s in starts[n:]]
-        for h in sorted(tried.values(), key=lambda h: -h.score)[:N_AGAIN]:
-            if others[h.key]:
-                again = self.quickly(quick, base, h.effects, others[h.key])
-                tried[h.key] = max(h, again, key=lambda h: h.score)
-        for h in sorted(tried.values(), key=lambda h: -h.score):
+            fits = self.shortly(quick, base, (*base.effects, *effects), [(*kept, *s) for s in starts])
+            short[fits[0].key] = fits
+        first = sorted(short.values(), key=lambda fits: -fits[0].score)[:N_QUICK]
+        tried = [self.continued(quick, fits[: 2 if k < N_QUICK // 2 else 1]) for k, fits in enumerate(first)]
+        tried.sort(key=lambda h: -h.score)
+        for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
-        chosen = sorted(tried.values(), key=lambda h: -h.score)[:N_FINAL]
         out = []
-        for h in chosen:
-            full = self.full(h.effects, [tuple(parameter_values(e) for e in h.effects)], h.fitted, base)
-            out.append(self.simplified(full))
+        for h in tried:
+            if h.score < tried[0].score - 2 * TWIN_NATS and len(out) >= N_FINAL:  # few lines say less
+                break
+            h = self.highest(quick, h, base)
+            out.append(self.simplified(self.full(h.effects, values_of(h.effects), h.fitted, base)))
         return out
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
         while len(h.effects) > 1:
-            options = []
-            quick = self.quick(h)
-            values = {e.name: parameter_values(e) for e in h.effects}
+            quick, options = self.quick(h), []
             for e in h.effects:
                 rest = tuple(x for x in h.effects if x.name != e.name)
-                options.append(self.quickly(quick, h, rest, [tuple(values[x.name] for x in rest)], near=True))
+                options.append(self.quickly(quick, h, rest, values_of(rest)))
             best = max(options, key=lambda o: o.score)
-            now = self.quickly(quick, h, h.effects, [tuple(values.values())], near=True)
+            now = self.quickly(quick, h, h.effects, values_of(h.effects))
             if best.score < now.score - TWIN_NATS:
                 return h
-            less = self.full(best.effects, [tuple(parameter_values(x) for x in best.effects)], best.fitted, h)
+            less = self.full(best.effects, values_of(best.effects), best.fitted, h)
             if less.score <= h.score:
                 return h
             h = less
@@ -250,20 +270,18 @@ class Search:
         All that are nearly as probable are fitted fully: they are its credible set.
         """
         result, quick = h.fitted.result, self.quick(h)
-        now = self.quickly(quick, h, h.effects, [tuple(map(parameter_values, h.effects))], near=True)
+        now = self.quickly(quick, h, h.effects, values_of(h.effects))
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
             near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
             own = {r: v for r, v in result.values.items() if r[0] not in self._form_names}
             last = replace(result, effects=(*rest, e), values=own)
             found = rivals(quick, last, [Grid.of(quick, c) for c in near], N_RIVALS)
-            kept = tuple(parameter_values(x) for x in rest)
             for s in found:
-                other = self.quickly(quick, h, (*rest, s.effect), [(*kept, s.starts[0])])
+                other = self.quickly(quick, h, (*rest, s.effect), (*values_of(rest), s.starts[0]))
                 self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
                 if other.score > now.score - 2 * TWIN_NATS:  # few lines say less
-                    values = [tuple(map(parameter_values, other.effects))]
-                    self.full(other.effects, values, other.fitted, h)
+                    self.full(other.effects, values_of(other.effects), other.fitted, h)
         return max(
             (k for k in self.known.values() if len(k.effects) == len(h.effects)), key=lambda k: k.score
         )
@@ -284,9 +302,7 @@ class Search:
         singles = [s for s in ranked if len(s.places) == 1]
         pairs = [s for s in ranked if len(s.places) == 2][:N_PAIRS]
         self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
-        wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_SCANNED]
-        near = {e.name for p in self.places if p.whole in wholes or p.kind == "structure" for e in p.effects}
-        grids = [Grid.of(quick, c) for c in self.candidates if fits(c) and c.name in near]
+        grids = [Grid.of(quick, c) for c in self.candidates if fits(c)]
         within = {r: v for r, v in current.values.items() if r[0] not in self._form_names}
         now = replace(current, values=within)
         if len(grids) > MOST_GRIDS:
@@ -294,9 +310,11 @@ class Search:
             grids = [grids[i] for i in listed]
         screened = screen(quick, now, grids, False, lambda text, done: None)
         chosen = list(screened[:N_SINGLES])
-        for whole in wholes[:N_PLACES]:
+        wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
+        for whole in wholes:
             held = {e.name for p in self.places if p.whole == whole for e in p.effects}
-            chosen += [s for s in screened if s.effect.name in held and s not in chosen][:N_THERE]
+            best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in held}
+            chosen += [s for s in best.values() if s not in chosen]
         out: list[Proposal] = [((s.effect,), [(start,) for start in s.starts]) for s in chosen]
         done = {frozenset([e.name for e in effects]) for effects, _ in out}
         connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")][:N_PLACES]
@@ -347,16 +365,14 @@ class Search:
         own = tuple(n for n in self.problem.nuisances if n.effect not in names)
         return replace(self.problem, reduced=reduced, nuisances=own)
 
-    def quickly(
-        self,
-        quick: FitProblem,
-        base: Hypothesis,
-        effects: Sequence[Effect],
-        starts: Starts,
-        near: bool = False,
-    ) -> Hypothesis:
-        """Return a hypothesis fitted on few lines with the form fixed, from the best of some starts."""
-        fits = []
+    def shortly(
+        self, quick: FitProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
+    ) -> list[Hypothesis]:
+        """Return a hypothesis after a few steps from each of some starts, the best first.
+
+        Of many starts those go on that do best in the lowest band. All else begins where it is in a base and,
+        where that is far from the data, at its nominal values, too.
+        """
         if len(starts) > N_STARTS:
             tried = [
                 fit(
@@ -365,48 +381,124 @@ class Search:
                 for start in starts
             ]
             starts = [starts[k] for k in np.argsort(tried)[::-1][:N_STARTS]]
+        ways: list[dict[str, Any]] = [{"stages": quick.stages[-1:], "x_from": base.fitted.result}]
+        ways += [{}] if base.fitted.level > FAR * self.floor else []
+        fits = []
         for start in starts:
-            there = [e.with_values(**values) for e, values in zip(effects, start, strict=True)]
-            problem = replace(quick, reduced=quick.reduced.with_forces_of(there))
-            ways: list[dict[str, Any]] = [{"stages": problem.stages[-1:], "x_from": base.fitted.result}]
-            ways += [] if near or base.fitted.level < FAR * self.floor else [{}]
+            problem = self._with_forces(quick, effects, start)
             for way in ways:
-                try:
-                    fits.append(fit(problem, effects, start, n_lines=QUICK_LINES, max_iterations=6, **way))
-                except np.linalg.LinAlgError:
-                    continue
-        best = max(fits, key=lambda f: f.log_evidence)
-        return Hypothesis(best, self.prior(effects))
+                with suppress(np.linalg.LinAlgError):
+                    fits.append(
+                        fit(problem, effects, start, n_lines=QUICK_LINES, max_iterations=SHORT_STEPS, **way)
+                    )
+        fits.sort(key=lambda f: -f.log_evidence)
+        return [Hypothesis(f, self.prior(effects)) for f in fits]
+
+    def highest(self, quick: FitProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return a hypothesis at the highest of the maxima around it, on few lines.
+
+        Resonances that pass each other leave several. All but the effects beside those of the base begins as
+        it is there, and these off in one positive parameter.
+        """
+        starts = self._around(h.effects, len(base.effects))
+        fits = [self.quickly(quick, base, h.effects, start) for start in starts]
+        return max([h, *fits], key=lambda k: k.score)
+
+    def continued(self, quick: FitProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
+        """Return the best of hypotheses with the same effects that are fitted on from where they are."""
+        fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in begun]
+        return max(fits, key=lambda h: h.score)
+
+    def quickly(
+        self, quick: FitProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
+    ) -> Hypothesis:
+        """Return a hypothesis fitted on few lines with the form fixed, from near another one."""
+        problem = self._with_forces(quick, effects, values)
+        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
+        fitted = fit(problem, effects, values, n_lines=QUICK_LINES, max_iterations=QUICK_STEPS, **way)
+        return Hypothesis(fitted, self.prior(effects))
 
     def full(
         self,
         effects: Sequence[Effect],
-        starts: Starts,
+        values: Values,
         near: Fitted | None = None,
         base: Hypothesis | None = None,
     ) -> Hypothesis:
-        """Return a hypothesis fitted on all lines with the form free."""
+        """Return a hypothesis fitted on all lines with the form free, once from the same values.
+
+        From others it is fitted again, and the better one stays.
+        """
         key = frozenset(e.name for e in effects)
-        if key in self.known:
-            return self.known[key]
-        problem = replace(self.problem, reduced=self.problem.reduced.with_forces_of(list(effects)))
-        ways: list[dict[str, Any]] = [{}]
-        if near is not None and base is not None:
-            from_near = replace(near.result, values={**base.fitted.result.values, **near.result.values})
-            ways = [{"stages": problem.stages[-1:], "x_from": from_near}]
-        fits = [fit(problem, effects, s, n_lines=FULL_LINES, **way) for s in starts for way in ways]
-        self.known[key] = Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
+        known = self.known.get(key)
+        if known is None or (near is not None and _moved(near, known.fitted)):
+            fitted = self.fitted(effects, values, near, base)
+            if known is None or fitted.score > known.score:
+                self.known[key] = fitted
         return self.known[key]
 
-    def at(self, effects: Sequence[Effect], starts: Sequence[dict[str, float]]) -> Hypothesis:
+    def fitted(
+        self,
+        effects: Sequence[Effect],
+        values: Values,
+        near: Fitted | None = None,
+        base: Hypothesis | None = None,
+    ) -> Hypothesis:
+        """Return a hypothesis fitted on all lines with the form free, from some values.
+
+        Everything else begins where it is near there, with the form of a base, or else at its nominal value.
+        """
+        problem = self._with_forces(self.problem, effects, values)
+        way: dict[str, Any] = {}
+        if near is not None and base is not None:
+            from_near = replace(near.result, values={**base.fitted.result.values, **near.result.values})
+            way = {"stages": problem.stages[-1:], "x_from": from_near}
+        fitted = fit(problem, effects, values, n_lines=FULL_LINES, **way)
+        return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
+
+    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis fitted on with the damping of members uncertain, by its slopes there."""
+        scatter = damping_scatter(problem, h.fitted.result, FORM_DAMPING)
+        whole: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
+        values = values_of(h.effects)
+        return replace(
+            h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, scatter=scatter, **whole)
+        )
+
+    def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
-        problem = replace(self.problem, reduced=self.problem.reduced.with_forces_of(list(effects)))
+        problem = self._with_forces(self.problem, effects, values)
         ways = problem.stages, problem.stages[-1:]
-        fits = [fit(problem, effects, starts, stages=way, n_lines=FULL_LINES) for way in ways]
-        return Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
+        fits = [fit(problem, effects, values, stages=way, n_lines=FULL_LINES) for way in ways]
+        best = Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
+        return self.scattered(problem, best)
+
+    def _with_forces(self, problem: FitProblem, effects: Sequence[Effect], values: Values) -> FitProblem:
+        """Return a problem whose basis has the responses to forces of effects at some values."""
+        there = [e.with_values(**v) for e, v in zip(effects, values, strict=True)]
+        return replace(problem, reduced=problem.reduced.with_forces_of(there))
+
+    def on_own_basis(self, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis on a basis with its responses at some lines, where the search's is not good.
+
+        Effects that act on a whole member converge slowly on modes without them.
+        """
+        for n_lines in BASIS_LINES if h.effects else ():
+            problem = self._with_forces(self.problem, h.effects, values_of(h.effects))
+            error, responses = direct_responses(problem, h.fitted.result, n_lines)
+            if error <= BASIS_SHARE * h.fitted.level / np.sqrt(2):
+                break
+            self.problem = replace(self.problem, reduced=self.problem.reduced.with_shapes(responses))
+            decibels = error * DB_PER_NEPER
+            self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
+            self.known[h.key] = h = self.fitted(h.effects, values_of(h.effects), h.fitted, h)
+        return h
 
     def polished(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the best of the maxima around it, as uncertain as they are apart.
+
+        They are looked for from nominal parameters, and with the form fixed; of these those that are nearly
+        as probable are fitted fully.
 
         Resonances that pass each other leave several maxima of the posterior. The covariance is that of the
         mixture of their normal approximations: Σ w (C + d dᵀ), with weights w by their evidence and distances
@@ -414,7 +506,14 @@ class Search:
         """
         if not h.effects:
             return h
-        fits = [h.fitted, *(self.at(h.effects, start).fitted for start in self._around(h.effects))]
+        quick = self.quick(h)
+        fits = [h.fitted, self.at(h.effects, values_of(h.effects)).fitted]
+        starts = self._around(h.effects)
+        around = [self.quickly(quick, h, h.effects, start) for start in starts]
+        here = self.quickly(quick, h, h.effects, values_of(h.effects))
+        for a in around:
+            if a.score > here.score - BEAM_NATS and _moved(a.fitted, here.fitted):
+                fits.append(self.fitted(h.effects, values_of(a.effects), a.fitted, h).fitted)
         fits.sort(key=lambda f: -f.log_evidence)
         best = fits[0]
         # The scale of an unknown is that of its start: all are compared on the one of the best.
@@ -434,15 +533,15 @@ class Search:
         self.known[h.key] = Hypothesis(replace(best, result=result), h.prior)
         return self.known[h.key]
 
-    def _around(self, effects: Sequence[Effect]) -> list[list[dict[str, float]]]:
-        """Return starts at the effects' values, and with one positive parameter some factors off."""
-        values = [parameter_values(e) for e in effects]
-        starts = [values]
-        for k, e in enumerate(effects):
+    def _around(self, effects: Sequence[Effect], first: int = 0) -> Starts:
+        """Return starts at the effects' values but for one positive parameter, some factors off."""
+        values = values_of(effects)
+        starts: Starts = []
+        for k, e in list(enumerate(effects))[first:]:
             for p in e.parameters():
                 for factor in AROUND if p.log else ():
                     moved = {p.name: float(np.clip(factor * p.value, p.lower, p.upper))}
-                    starts.append([*values[:k], values[k] | moved, *values[k + 1 :]])
+                    starts.append((*values[:k], values[k] | moved, *values[k + 1 :]))
         return starts
 
     def prior(self, effects: Sequence[Effect]) -> float:
@@ -459,6 +558,5 @@ class Search:
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        right = LEVEL_FLOOR**2 + self.floor**2 + (FORM_LEFT * self.problem.model_error) ** 2
-        gain = 0.5 * n_data(self.problem) * np.log((LEVEL_FLOOR**2 + best.fitted.level**2) / right)
-        return best.score + float(gain) - UNKNOWN_ODDS
+        left = np.hypot(FORM_LEFT * self.problem.model_error, self.mesh)
+        return best.score + best.fitted.gain_to(left) - UNKNOWN_ODDS

@@ -1,0 +1,47 @@
+"""What the error levels of groups of residuals cost: estimated noise, and what a model leaves beyond it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """The negative log likelihood of residuals by the mean square v of each group, up to a constant.
+
+    ½ n ln(c + v - σ²) from the noise σ² on, and its tangent below. A discrepancy τ² that is common to blocks
+    of N/n residuals leaves a block's mean with the variance σ² n/N + τ². With c = σ² n/N and v - σ² for τ²
+    this is its likelihood. Near the noise it is that of N independent data, N v / 2σ²; far above it that of n
+    data whose level is estimated.
+
+    Attributes
+    ----------
+    n : ndarray (n_groups,)
+        Independent data for which the discrepancy of each group stands.
+    least : ndarray (n_groups,)
+        c [unit of residuals²].
+    noise : ndarray (n_groups,)
+        σ² [unit of residuals²].
+    """
+
+    n: Floats
+    least: Floats
+    noise: Floats
+
+    @classmethod
+    def above_floor(cls, n_independent: float, floor: float, size: NDArray[np.int64]) -> "Levels":
+        """Return ½ n ln(floor² + v), with n shared among groups by their sizes (n_groups,)."""
+        return cls(n_independent * size / size.sum(), np.full(len(size), floor**2), np.zeros(len(size)))
+
+    def cost(self, v: Floats) -> float:
+        """Return the negative log likelihood at mean squares (n_groups,)."""
+        beyond = v - self.noise
+        above, below = np.maximum(beyond, 0.0), np.minimum(beyond, 0.0)
+        return 0.5 * float(self.n @ (np.log(self.least + above) + below / self.least))
+
+    def weight(self, v: Floats) -> Floats:
+        """Return twice its derivatives by the mean squares, (n_groups,)."""
+        return self.n / (self.least + np.maximum(v - self.noise, 0.0))
