@@ -203,23 +203,12 @@ class Search:
                 break
             beam[0] = best = self.on_own_basis(self.swapped(beam[0]))
             self.say(f"=> {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
-        return self.simplest()
+        return max(self.known.values(), key=lambda h: h.score)
 
     @property
     def floor(self) -> float:
         """Level that noise and the mesh leave [nepers]."""
         return float(np.hypot(self.problem.data.noise_level, self.mesh))
-
-    def simplest(self) -> Hypothesis:
-        """Return the most probable hypothesis, or its simplest twin: that with the fewest parameters.
-
-        A twin acts at the same places. Laws that contain one another fit alike where the data do not ask for
-        the more general one.
-        """
-        best = max(self.known.values(), key=lambda h: h.score)
-        near = (h for h in self.known.values() if h.score > best.score - TWIN_NATS)
-        twins = [h for h in near if h.places == best.places]
-        return min(twins, key=lambda h: (sum(len(e.parameters()) for e in h.effects), -h.score))
 
     def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""
