@@ -207,7 +207,7 @@ def test_the_option_is_part_of_the_settings_of_a_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "run_case", lambda settings, task: seen.append(settings.evidence) or made)
     arguments = ["validate", "--seed", "3", "--small", "--cases", "1", "--sets", "null", "--quiet"]
     out = ["--out", str(tmp_path / "out")]
-    assert main([*arguments, *out, "--evidence"]) == 0
+    assert main([*arguments, *out]) == 0
     assert seen == [True]
     assert "evidence" not in CaseSettings(3).as_dict()
     assert main([*arguments, *out]) == 2  # the folder belongs to the search by evidence

@@ -1,7 +1,7 @@
 """Diagnose a study of a case by evidence and start it at the truth: python -m tests.independent.by_evidence
 
 The truth is read when the diagnosis has ended. It writes result.json, as `dovetail run`, and record.json, as
-`dovetail validate --evidence`.
+`dovetail validate`.
 """
 
 import argparse
