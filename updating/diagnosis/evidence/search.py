@@ -116,7 +116,7 @@ def values_of(effects: Sequence[Effect]) -> Values:
 def _moved(one: Fitted, two: Fitted) -> bool:
     """Whether an effect's parameter is more than a deviation from where it is in another fit."""
     a, b = one.result, two.result
-    names = {e.name for e in one.effects}
+    names = {e.name for e in one.effects} & {e.name for e in two.effects}
     return any(abs(a.values[r] - b.values[r]) > b.std[r] for r in a.values if r[0] in names)
 
 
