@@ -264,6 +264,7 @@ def test_the_structure_turns_and_frfs_are_picked(folder, found, chromium):
         page.keyboard.press("ArrowLeft")
         page.wait_for_function(f"Math.abs({EYE}.x - {turned['x']}) > 0.01")
 
+        assert page.get_by_role("button", name="Share chart").count() == 0  # it would send the data away
         figure = drawn(page, "frf")
         response, force = figure.locator("select").all()
         for output, input_ in ((o, measured.inputs[0]) for o in measured.outputs[:2]):

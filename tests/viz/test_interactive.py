@@ -356,5 +356,4 @@ def test_texts_can_be_read_by_day_and_by_night(colour):
 
 def test_no_figure_offers_to_send_its_data_away():
     assert theme.CONFIG["showSendToCloud"] is False
-    assert theme.CONFIG["plotlyServerURL"] == ""
     assert theme.CONFIG["displaylogo"] is False

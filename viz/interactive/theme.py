@@ -16,7 +16,7 @@ DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot"}
 """Plotly's names of matplotlib's line styles."""
 
 CONFIG = {
-    "displaylogo": False, "responsive": True, "showSendToCloud": False, "plotlyServerURL": "",
+    "displaylogo": False, "responsive": True, "showSendToCloud": False,
     "doubleClick": "reset+autosize",
     "modeBarButtonsToRemove": ["select2d", "lasso2d", "autoScale2d", "resetCameraLastSave3d"],
 }  # fmt: skip
