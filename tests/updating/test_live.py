@@ -78,7 +78,8 @@ def test_a_moved_value_has_the_frfs_of_a_new_engine(live, candidates, fitted, na
         moved = live.evaluate(h)
     fresh = LiveModel(live.problem).evaluate(h)
     H, again = moved.frf.H, fresh.frf.H
-    assert np.abs(H - again).max() <= 1e-9 * np.abs(again).max()
+    # rounding of K, in parts of the softest mode that a spring to the ground holds: 1e-16 of 1e9 and more
+    assert np.abs(H - again).max() <= 1e-7 * np.abs(again).max()
     assert moved.result.fit_db != pytest.approx(live.evaluate(fitted).result.fit_db, abs=1e-3)
 
 
