@@ -1,6 +1,7 @@
 """``dovetail open``: the desk, where a study is compared, extended and fitted by hand."""
 
 import argparse
+import sys
 
 from dovetail.commands.argument_types import whole_up_to
 from dovetail.commands.common import Options, check_places, say, warn
@@ -42,5 +43,6 @@ def run(options: Options, progress: Progress) -> None:
             address,
             "Ctrl+C closes it; it opens again where it was",
         )
+        sys.stdout.flush()  # the server runs on, and a program may wait for the address
 
     serve(desk, port, announce, browser=not options.no_browser)

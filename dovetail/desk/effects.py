@@ -46,6 +46,7 @@ class EffectList:
         self._scales: dict[str, dict[str, Scale]] = {}
         self._shown: Any = None
         with card("Added effects"):
+            self._follow = ui.checkbox("Fit what is uncertain after each move").props("dense")
             self._box = ui.element("div").classes("desk-column").style("width: 100%")
         self.refresh()
 
@@ -65,6 +66,11 @@ class EffectList:
                 )
             for effect in effects:
                 self._effect(effect)
+
+    @property
+    def refits(self) -> bool:
+        """Whether what is uncertain is to be fitted after each move of a slider."""
+        return bool(self._follow.value)
 
     def moved_by_hand(self, effects: tuple[Effect, ...]) -> None:
         """Say that the sliders stand at these effects' values already."""

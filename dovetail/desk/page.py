@@ -151,6 +151,9 @@ class Page:
         if self._left is move:
             await self._newest.settled()
             self.keep_moved()
+            with self._client:
+                if self.effects.refits:
+                    self.start_fit(self.desk.fit_uncertain)
 
     def keep_moved(self) -> None:
         """Make the value that a slider was left at a state, if that has not been done yet."""
@@ -255,7 +258,9 @@ class Page:
         if name in self.desk.shown.measured.outputs:
             self._choices[0].set_value(name)
         else:
-            self.choose(self.desk.spot_of(str(name)))
+            # a mark lies on its member, which is what the mouse meets beside it
+            near = self.desk.spot_near([float(point[k]) for k in "xyz"])
+            self.choose(near or self.desk.spot_of(str(name)))
 
     def choose(self, spot: str) -> None:
         """List the candidates of a spot; of all if it is empty."""

@@ -9,6 +9,8 @@ from dovetail.desk.guard import Guard
 from dovetail.desk.session import Desk
 
 HOST = "127.0.0.1"
+PATIENCE = 60.0
+"""A tab that says nothing for so long is forgotten [s]."""
 
 
 class MissingExtraError(ValueError):
@@ -69,7 +71,8 @@ def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bo
             webbrowser.open(address)
 
     app.on_startup(started)
+    # a browser that draws in software may take seconds before it connects, and would have to load again
     ui.run(
         host=HOST, port=port, reload=False, show=False, show_welcome_message=False, tailwind=False,
-        uvicorn_logging_level="error", favicon="📐", language="en-US",
+        uvicorn_logging_level="error", reconnect_timeout=PATIENCE, favicon="📐", language="en-US",
     )  # fmt: skip

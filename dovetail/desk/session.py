@@ -1,6 +1,6 @@
 """What the desk does, without a page: every action is a new state, and the journal keeps up with it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -148,6 +148,12 @@ class Desk:
     def nominal(self) -> Evaluation:
         """The model as the study states it, and the measurement as it was read."""
         return self.live.evaluate(Hypothesis.nominal(self.live.problem))
+
+    def spot_near(self, point: Sequence[float]) -> str:
+        """Return the spot at a point of the structure; empty if none is near."""
+        spot = min(self.spots.values(), key=lambda s: float(np.linalg.norm(np.subtract(s.point, point))))
+        off = float(np.linalg.norm(np.subtract(spot.point, point)))
+        return spot.name if off < 2 * SAME_SPOT * self.study.model.mesh.size else ""
 
     def second(self) -> Evaluation | None:
         """Return the evaluation of the second hypothesis, where there is one."""
