@@ -46,7 +46,9 @@ class EffectList:
         self._scales: dict[str, dict[str, Scale]] = {}
         self._shown: Any = None
         with card("Added effects"):
-            self._follow = ui.checkbox("Fit what is uncertain after each move").props("dense")
+            word = "Fit what is uncertain after each move"
+            self._follow = ui.checkbox(word).props("dense")
+            self._follow.props["aria-label"] = word
             self._box = ui.element("div").classes("desk-column").style("width: 100%")
         self.refresh()
 
@@ -110,7 +112,9 @@ class EffectList:
             ui.label(p.name.replace("_", " ")).classes("label")
             slider = ui.element("input").props("type=range")
             field = ui.number(value=float(f"{p.value:.6g}"), suffix=unit).props("dense outlined debounce=500")
-        ends = {"min": scale.low, "max": scale.high, "step": "any", "value": scale.position(float(p.value))}
+        # Vue writes a "value" again whenever anything near it changes, also while it is dragged
+        at = scale.position(float(p.value))
+        ends = {"min": scale.low, "max": scale.high, "step": "any", "defaultValue": at}
         for key, value in {**ends, "aria-label": words, "title": _range_text(p)}.items():
             slider.props[key] = value
         field.props["aria-label"] = f"{words}, {unit or 'no unit'}"

@@ -258,7 +258,7 @@ def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
         tab.pick("joint J")
         tab.press(f"Add {TURNING}")
         tab.until(fitted + 0.01, 9)  # the stiffness is the nominal one again
-        tab.page.get_by_label("Fit what is uncertain after each move").check()
+        tab.page.get_by_role("checkbox", name="Fit what is uncertain after each move").click()
         tab.drag(f"stiffness of {TURNING}", 200.0)
         found = tab.until(0, 1)
         field = tab.page.get_by_label(f"stiffness of {TURNING}, N·m/rad")
