@@ -44,6 +44,7 @@ class Page:
         self._newest: Newest[Move] = Newest(self._moved)
         self._after: Callable[[Job], None] | None = None
         self._left: Move | None = None
+        self._seen = desk.history
         self._client = ui.context.client
 
     # Layout -------------------------------------------------------------------------------------------------
@@ -187,6 +188,7 @@ class Page:
     def refresh(self) -> None:
         """Show the present state."""
         desk = self.desk
+        self._seen = desk.history
         self._frf = figures.frf(desk, self.pair, 400)
         self.frf.update_figure(_dict(self._frf))
         self.map.update_figure(_dict(figures.error_map(desk)))
@@ -297,6 +299,8 @@ class Page:
             self.search_job.cancel()
 
     def _look_at_jobs(self) -> None:
+        if self._seen is not self.desk.history:  # another tab has acted
+            self.refresh()
         if self.fit_job is not None:
             self.fit_bar.show(self.fit_job)
             if self.fit_job.done:
@@ -403,7 +407,9 @@ def _ask(title: str, word: str, path: Path, take: Callable[[Path], None]) -> Non
         with ui.element("div").classes("desk-row"):
             ui.space()
             ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
-            ui.button("Write", on_click=lambda: (dialog.close(), take(Path(field.value)))).props("no-caps")
+            ui.button("Write", on_click=lambda: (dialog.close(), take(Path(field.value or "")))).props(
+                "no-caps"
+            )
     dialog.on("hide", dialog.delete)
     dialog.open()
 

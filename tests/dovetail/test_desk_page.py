@@ -20,6 +20,8 @@ from dovetail.desk.serve import MissingExtraError, free_port, require_nicegui
 from fem.model import Parameter
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "cross-beam"
+NAME = """<img src=x onerror="document.body.innerHTML=''"> & 'beam' 1"""
+SENSOR = '<b>D9"</b>'
 TURNING = "joint_stiffness:J.rx"
 FLAGS = (
     "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
@@ -156,8 +158,8 @@ class Server:
 
     def close(self, kill=False):
         (self.process.kill if kill else self.process.terminate)()
-        self.process.wait(20)
-        return self.process.stderr.read()
+        said = self.process.communicate(timeout=20)[1]  # closes the pipes, too
+        return said
 
 
 @pytest.fixture
@@ -247,12 +249,17 @@ class Tab:
 
 @pytest.mark.slow
 def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
+    text = example.read_text(encoding="utf-8").replace('"Cross-beam"', f"'''{NAME}'''")
+    example.write_text(text.replace('"D9"', f"'''{SENSOR}'''"), encoding="utf-8")
     assert main(["compare", str(example)]) == 0
     nominal = float(re.search(r"amplitude ([\d.]+) dB", capsys.readouterr().out)[1])
     server = Server(example)
     try:
         tab = Tab(chromium, server.address)
         assert tab.error() == nominal == 6.02
+        assert tab.page.get_by_role("heading", level=1).inner_text() == NAME
+        assert tab.page.get_by_text(f"{SENSOR}z", exact=True).count()
+        assert tab.page.locator("img, b:has-text('D9')").count() == 0
         tab.press("Fit what is uncertain")
         fitted = tab.until(0, 4)
         tab.pick("joint J")
@@ -281,6 +288,6 @@ def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
     try:
         assert Tab(chromium, again.address).error() == found
         with pytest.raises(urllib.error.HTTPError, match="403"):
-            urllib.request.urlopen(again.address.partition("?")[0])
+            urllib.request.urlopen(again.address.partition("?")[0]).close()
     finally:
         again.close()
