@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from dovetail.desk.widgets import button, card
-from dovetail.report.words import effect_label, parameters_text, ranked_label
+from dovetail.report.words import effect_label, parameters_text, place, ranked_label
 from fem.model import parameter_values
 
 if TYPE_CHECKING:
@@ -89,31 +89,31 @@ class CandidateList:
         whole = bool(spot) or len(desk.candidates) <= MOST_LEAVES
         nodes = []
         for one in spots:
-            for place, names in one.places.items():
+            for where, names in one.places.items():
                 kinds: dict[str, list[str]] = {}
                 for name in names if whole else ():
                     kinds.setdefault(desk.candidates[name].kind, []).append(name)
                 nodes.append({
-                    "id": f"place {place}", "label": f"{place} ({len(names)})",
-                    "children": [self._kind_node(place, k, n, added) for k, n in sorted(kinds.items())],
+                    "id": f"place {where}", "label": f"{where} ({len(names)})",
+                    "children": [self._kind_node(where, k, n, added) for k, n in sorted(kinds.items())],
                 })  # fmt: skip
         self._tree.props["nodes"] = nodes
         self._tree.update()
         if spot:
             self._tree.expand([n["id"] for n in nodes] + [k["id"] for n in nodes for k in n["children"]])
 
-    def _kind_node(self, place: str, kind: str, names: list[str], added: set[str]) -> dict[str, Any]:
+    def _kind_node(self, where: str, kind: str, names: list[str], added: set[str]) -> dict[str, Any]:
         leaves = [
             {"id": name, "label": self._leaf(name), "add": True, "added": name in added} for name in names
         ]
-        return {"id": f"{place} {kind}", "label": kind.replace("_", " "), "children": leaves}
+        return {"id": f"{where} {kind}", "label": kind.replace("_", " "), "children": leaves}
 
     def _leaf(self, name: str) -> str:
         effect = self._page.desk.candidates[name]
         parameters = ", ".join(
             p.name.replace("_", " ") + ("" if p.unit == "-" else f" [{p.unit}]") for p in effect.parameters()
         )
-        return f"{effect_label(effect.kind, effect.where)} – {parameters}"
+        return f"{place(effect.where)} – {parameters}"
 
     def _ranking(self) -> None:
         page, desk = self._page, self._page.desk

@@ -143,7 +143,7 @@ class EffectList:
 
     def _evidence(self, name: str) -> None:
         page, desk = self._page, self._page.desk
-        box = ui.element("div").classes("desk-column")
+        box = ui.element("div").classes("desk-lines")
 
         def show(weighed: Weighed) -> None:
             box.clear()
@@ -215,4 +215,4 @@ def _said(text: str, speaks_for: bool) -> None:
 
 def _channel_text(c: Channel) -> str:
     low, high = c.band
-    return f"{c.sensor}, {low:.0f} to {high:.0f} Hz: {c.without:.1f} to {c.present:.1f} dB"
+    return f"{c.sensor}, {low:.0f} to {high:.0f} Hz: {c.without:.2f} to {c.present:.2f} dB"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
 from dovetail.desk.session import Desk
+from dovetail.report import words
 from fem.analysis.frf import FRF
 from updating.inference.fit_data import FitData
 from updating.live.engine import Evaluation
@@ -17,6 +18,8 @@ from viz.interactive.model import model_figure
 from viz.interactive.solids import Place
 
 HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
+SHOWN_DB = 0.005
+"""Smallest difference of errors that their numbers show [dB]."""
 CONFIG = {"displaylogo": False, "responsive": True}
 
 
@@ -34,7 +37,7 @@ def model(desk: Desk, chosen: str, height: float) -> Figure:
     marks = []
     for effect in desk.shown.hypothesis.effects:
         points = effect.locations(desk.live.problem.reduced.model)
-        marks += [Place(p, effect.name, effect.name, "finding") for p in points[:1]]
+        marks += [Place(p, effect.name, words.place(effect.where), "finding") for p in points[:1]]
     for spot in desk.spots.values():
         role = "chosen place" if spot.name == chosen else "candidate"
         marks.append(Place(np.array(spot.point), spot.name, ", ".join(spot.places), role))
@@ -58,9 +61,9 @@ def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
     models = {NOMINAL: desk.nominal.frf, HERE: desk.shown.frf}
     if second is not None:
         models[SECOND] = second.frf
-    return frf_figure(
-        desk.shown.measured, models, pair, held_out=held_out_bands(desk.live.problem.data), height=height
-    )
+    bands = held_out_bands(desk.live.problem.data)
+    figure = frf_figure(desk.shown.measured, models, pair, held_out=bands, height=height)
+    return figure.update_layout(title=None)  # the fields above name the pair
 
 
 def error_map(desk: Desk) -> Figure:
@@ -75,7 +78,7 @@ def staircase(desk: Desk) -> Figure:
     """Return the errors after each step, with the present one where values were moved by hand since."""
     steps = [(s.label, s.fit_db, _known(s.held_out_db)) for s in desk.now.stairs]
     r = desk.shown.result
-    if desk.now.hypothesis.fit is None and len(desk.history.states) > 1:
+    if abs(r.fit_db - steps[-1][1]) >= SHOWN_DB:
         steps.append(("now", r.fit_db, _known(r.held_out_db)))
     return staircase_figure(steps, desk.shown.noise_db, height=300)
 

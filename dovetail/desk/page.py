@@ -83,7 +83,7 @@ class Page:
                 button("Diagnose", self._diagnose, "troubleshoot")
                 button("Save study", self._save_dialog, "save", hint="Ctrl+S")
                 button("Export report", self._report_dialog, "description")
-            with ui.element("div").classes("desk-row"):
+            with ui.element("div").classes("desk-row desk-errors"):
                 self._figures = {
                     key: labelled(name)
                     for key, name in (
@@ -423,7 +423,7 @@ def _plot(figure: Any, label: str) -> ui.plotly:
 
 def _dict(figure: Any) -> dict[str, Any]:
     plain = figure.to_plotly_json()
-    if not plain["layout"].get("title"):
+    if not (plain["layout"].get("title") or {}).get("text"):
         plain["layout"]["margin"] = {**plain["layout"]["margin"], "t": 28}
     return {**plain, "config": figures.CONFIG}
 

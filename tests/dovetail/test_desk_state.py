@@ -2,8 +2,10 @@
 
 import asyncio
 import json
+import shutil
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from dovetail.cli import main
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
 from dovetail.desk.saving import save_study
+from dovetail.desk.session import Desk
 from dovetail.desk.state import MOST_STATES, History, Stair, State
 from dovetail.disk.output import OutputError
 from dovetail.pipeline import fit_problem
@@ -172,3 +175,106 @@ def test_of_many_values_the_newest_wins():
 
     asyncio.run(drag())
     assert done == [0, 4, 9]
+
+
+# The desk without a page ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def desk(study, live):
+    start = Hypothesis.nominal(live.problem)
+    first = State("open the study", start, (Stair.of("nominal model", live.evaluate(start)),))
+    return Desk(study, live, History((first,)))
+
+
+def test_the_loop_by_hand(desk):
+    nominal = desk.shown.result.fit_db
+    job = desk.fit_uncertain()
+    assert job.wait(60)
+    desk.take_fit(job)
+    fitted = desk.shown.result.fit_db
+    desk.add(TURNING)
+    moved = desk.preview(TURNING, "stiffness", 200.0).result.fit_db
+    assert moved < fitted < nominal
+    assert desk.now.hypothesis.effect(TURNING).stiffness == pytest.approx(2980.0)  # a preview is no state
+    desk.set_value(TURNING, "stiffness", 200.0)
+    job = desk.fit_uncertain()
+    assert job.wait(60)
+    desk.take_fit(job)
+    assert desk.shown.result.fit_db < 1.0
+    assert [s.fit_db for s in desk.now.stairs] == pytest.approx([nominal, fitted, desk.shown.result.fit_db])
+    for _ in range(4):
+        desk.undo()
+    assert (desk.shown.result.fit_db, desk.history.undoes) == (nominal, "")
+    desk.redo()
+    assert desk.shown.result.fit_db == fitted
+
+
+def test_sensors_and_hypotheses_are_states_too(desk):
+    desk.switch("D3z")
+    desk.turn("U1z")
+    desk.set_gain("U2z", 1.2)
+    h = desk.now.hypothesis
+    assert (h.off, {(f.kind, f.value) for f in h.faults}) == (
+        {"D3z"},
+        {("sensor_sign", -1.0), ("sensor_gain", 1.2)},
+    )
+    desk.set_gain("U2z", 1.0)
+    desk.turn("U1z")
+    desk.switch("D3z")
+    assert (desk.now.hypothesis.off, desk.now.hypothesis.faults) == (frozenset(), ())
+    desk.keep()
+    desk.add(MASS, mass=0.1)
+    assert desk.second().result.fit_db == desk.nominal.result.fit_db
+    assert desk.second() is desk.second()
+    desk.swap()
+    assert desk.now.hypothesis.effects == ()
+    desk.drop()
+    assert desk.second() is None
+
+
+def test_a_click_finds_its_spot(desk):
+    joint = desk.spots["joint J"]
+    assert "joint J on its second side (as a point)" in joint.places
+    assert desk.spot_of(TURNING) == desk.spot_of("J") == "joint J"
+    assert desk.spot_of("U") == "member U"
+    assert desk.spot_of("nothing") == ""
+    assert desk.spot_near(np.add(joint.point, [0.0, 0.005, 0.0])) == "joint J"
+    assert desk.spot_near([0.0, 0.0, 5.0]) == ""
+    every = [n for s in desk.spots.values() for names in s.places.values() for n in names]
+    assert sorted(every) == sorted(desk.candidates)
+
+
+def test_a_diagnosis_is_taken_over(desk):
+    found = desk.candidates[TURNING].with_values(stiffness=190.0)
+    last = SimpleNamespace(values={("frame", "E:steel"): 2.1e11}, zeta=desk.now.hypothesis.zeta * 1.1)
+    desk.diagnosis = SimpleNamespace(
+        findings=[SimpleNamespace(effect=found)],
+        faults=[Fault("sensor_sign", "U1z", -1.0, 0.0)],
+        steps=[SimpleNamespace(result=last)],
+    )
+    desk.take_over()
+    h = desk.now.hypothesis
+    assert h.effect(TURNING).stiffness == pytest.approx(190.0)
+    assert h.values["frame", "E:steel"] == 2.1e11
+    assert [f.sensor for f in h.faults] == ["U1z"]
+    np.testing.assert_array_equal(h.zeta, last.zeta)
+
+
+def test_a_desk_that_was_killed_opens_where_it_was(tmp_path):
+    for file in STUDY.parent.iterdir():
+        if not file.name.startswith("."):
+            shutil.copy(file, tmp_path)
+    here = tmp_path / STUDY.name
+    one = Desk.open(here)
+    one.add(MASS, mass=0.1)
+    one.switch("D3z")
+    one.undo()
+    again = Desk.open(here)
+    assert again.shown.result.fit_db == one.shown.result.fit_db
+    assert (again.history.undoes, again.history.redoes) == (f"add {MASS}", "leave out sensor D3z")
+    here.write_text(here.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
+    fresh = Desk.open(here)
+    assert fresh.history.undoes == ""
+    assert "the study has changed" in fresh.notes[0]
+    assert (tmp_path / ".study.desk.old.json").exists()
