@@ -1,9 +1,11 @@
 """Time from a slider's move to new FRFs, errors and figures: the cross-beam, and a tower of 400 members.
 
-Run it with one thread:  OPENBLAS_NUM_THREADS=1 python -m benchmarks.desk [beams] [tower] [hour]
+Run it with one thread:  OPENBLAS_NUM_THREADS=1 python -m benchmarks.desk [beams] [tower] [browser] [hour]
 """
 
+import shutil
 import sys
+import tempfile
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -25,7 +27,7 @@ from viz.interactive.frf import frf_figure
 
 MOVES = 100
 HOUR = 20_000
-"""Moves of an hour of dragging, at 180 ms each [-]."""
+"""Moves of an hour of dragging, one in 180 ms [-]."""
 
 
 def line(name: str, live: LiveModel, effect: Effect, parameter: str, low: float, high: float) -> None:
@@ -72,6 +74,33 @@ def hour(live: LiveModel, effect: Effect, moves: int = HOUR) -> None:
     tracemalloc.stop()
 
 
+def browser() -> None:
+    """Print the time from a slider's event in Chromium to the redrawn FRF, with the whole page around it."""
+    from playwright.sync_api import sync_playwright
+
+    from tests.conftest import CHROMIUM
+    from tests.dovetail.test_desk_page import FLAGS, MOVED, TURNING, Server, Tab
+
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as p:
+        shutil.copytree(STUDY.parent, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*"))
+        server = Server(Path(folder) / STUDY.name)
+        chromium = p.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        try:
+            tab = Tab(chromium, server.address)
+            tab.page.get_by_role("combobox", name="Place", exact=True).click()
+            tab.page.get_by_role("option", name="joint J", exact=True).click()
+            tab.press(f"Add {TURNING}")
+            slider = tab.page.get_by_role("slider", name=f"stiffness of {TURNING}")
+            positions = np.linspace(2.0, 3.4, 40)
+            spent = [slider.evaluate(MOVED, float(x)) for x in positions]
+            print(
+                f"cross-beam in Chromium: {np.median(spent):.0f} ms, 95 %: {np.percentile(spent, 95):.0f} ms"
+            )
+        finally:
+            chromium.close()
+            server.close()
+
+
 def main(chosen: list[str]) -> None:
     """Print the tables that are asked for."""
     print(f"{'':12s}{'parameter':36s}{'lines':>7s}{'basis':>7s}{'errors':>9s}{'page':>9s}{'95 %':>9s}  [ms]")
@@ -88,6 +117,8 @@ def main(chosen: list[str]) -> None:
         high = LiveModel(begin(model, measurement, uncertain))
         for parameter, ends in (("loss", (0.1, 0.9)), ("position", (0.2, 0.8))):
             line("tower", high, candidates["stiffness_loss:leg4b"], parameter, *ends)
+    if "browser" in chosen:
+        browser()
     if "hour" in chosen:
         hour(live, known["point_mass:U"])
 

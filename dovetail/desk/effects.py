@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from nicegui import run, ui
 
+from dovetail.desk.jobs import Job
 from dovetail.desk.scale import Scale
 from dovetail.desk.widgets import button, card
 from dovetail.report.words import effect_label, number
@@ -44,7 +46,8 @@ class EffectList:
     def __init__(self, page: Page) -> None:
         self._page = page
         self._scales: dict[str, dict[str, Scale]] = {}
-        self._shown: Any = None
+        self._shown: list[tuple[str, dict[str, float]]] | None = None
+        self._evidences: dict[str, ui.expansion] = {}
         with card("Added effects"):
             word = "Fit what is uncertain after each move"
             self._follow = ui.checkbox(word).props("dense")
@@ -56,10 +59,11 @@ class EffectList:
         """Show the added effects of the present state; what shows them already keeps its focus."""
         desk = self._page.desk
         effects = desk.now.hypothesis.effects
-        now = [(e.name, parameter_values(e)) for e in effects], len(desk.ranking), dict(desk.weighed)
+        now = [(e.name, parameter_values(e)) for e in effects]
         if now == self._shown:
             return
         self._shown = now
+        self._evidences.clear()
         self._box.clear()
         with self._box:
             if not effects:
@@ -76,8 +80,9 @@ class EffectList:
 
     def moved_by_hand(self, effects: tuple[Effect, ...]) -> None:
         """Say that the sliders stand at these effects' values already."""
-        if self._shown is not None:
-            self._shown = ([(e.name, parameter_values(e)) for e in effects], *self._shown[1:])
+        self._shown = [(e.name, parameter_values(e)) for e in effects]
+        for name in self._evidences:
+            self.show_evidence(name)
 
     def _effect(self, effect: Effect) -> None:
         page, desk, name = self._page, self._page.desk, effect.name
@@ -100,9 +105,9 @@ class EffectList:
                 )
             for p in effect.parameters():
                 self._slider(name, p, self._scales[name][p.name])
-            with ui.expansion("Evidence").props("dense").classes("w-full") as evidence:
-                self._evidence(name)
-            evidence.props["aria-label"] = f"evidence for {name}"
+            evidence = ui.expansion("Evidence", on_value_change=lambda: self.show_evidence(name))
+            evidence.props("dense").props["aria-label"] = f"evidence for {name}"
+            self._evidences[name] = evidence
 
     def _slider(self, name: str, p: Parameter, scale: Scale) -> None:
         page, desk = self._page, self._page.desk
@@ -141,35 +146,37 @@ class EffectList:
 
     # Evidence -----------------------------------------------------------------------------------------------
 
-    def _evidence(self, name: str) -> None:
+    def show_evidence(self, name: str) -> None:
+        """Show what is known for and against an effect, where the user wants to see it."""
+        evidence = self._evidences.get(name)
+        if evidence is None or not evidence.value:
+            return
         page, desk = self._page, self._page.desk
-        box = ui.element("div").classes("desk-lines")
+        evidence.clear()
+        with evidence:
+            with ui.element("div").classes("desk-lines"):
+                if name in desk.weighed:
+                    self._words(desk.weighed[name])
+            with ui.element("div").classes("desk-row"):
+                button("Weigh", lambda: self._weigh(name), "balance", label=f"Weigh {name}")
+                button(
+                    "Fit without it",
+                    lambda: page.start_search(lambda: desk.weigh_fitted(name), self._weighed(name)),
+                    "difference",
+                    label=f"Fit without {name}",
+                )
+            self._twins(name)
 
-        def show(weighed: Weighed) -> None:
-            box.clear()
-            with box:
-                self._words(weighed)
+    async def _weigh(self, name: str) -> None:
+        await run.io_bound(self._page.desk.weigh, name)
+        self.show_evidence(name)
 
-        async def quick() -> None:
-            weighed = await run.io_bound(desk.weigh, name)
-            if weighed is not None:
-                show(weighed)
+    def _weighed(self, name: str) -> Callable[[Job], None]:
+        def take(job: Job) -> None:
+            self._page.desk.weighed[name] = job.result
+            self.show_evidence(name)
 
-        def refitted(job: Any) -> None:
-            desk.weighed[name] = job.result
-            page.effects.refresh()
-
-        if name in desk.weighed:
-            show(desk.weighed[name])
-        with ui.element("div").classes("desk-row"):
-            button("Weigh", quick, "balance", label=f"Weigh {name}")
-            button(
-                "Fit without it",
-                lambda: page.start_search(lambda: desk.weigh_fitted(name), refitted),
-                "difference",
-                label=f"Fit without {name}",
-            )  # fmt: skip
-        self._twins(name)
+        return take
 
     def _words(self, w: Weighed) -> None:
         less, more = w.without.result, w.present.result

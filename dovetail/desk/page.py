@@ -339,7 +339,8 @@ class Page:
     def _ranked(self, job: Job) -> None:
         self.desk.ranking = job.result
         self.candidates.refresh()
-        self.effects.refresh()
+        for effect in self.desk.now.hypothesis.effects:
+            self.effects.show_evidence(effect.name)
 
     def _diagnose(self) -> None:
         self.start_search(self.desk.diagnose, self._diagnosed)

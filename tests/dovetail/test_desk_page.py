@@ -41,6 +41,15 @@ PROJECTED = """(name) => {
 """Where on the screen a mark of the model is."""
 
 
+MOVED = """(slider, x) => new Promise((done) => {
+  const gd = document.querySelector('[aria-label^="Amplitude and phase"]'), begun = performance.now();
+  gd.once('plotly_afterplot', () => requestAnimationFrame(() => done(performance.now() - begun)));
+  slider.value = x;
+  slider.dispatchEvent(new Event('input'));
+})"""
+"""Moves a slider; the time until the FRF is drawn again [ms]."""
+
+
 # Who may reach it -------------------------------------------------------------------------------------------
 
 
