@@ -1,7 +1,9 @@
 """The desk's page: header, model, FRFs, errors and what is supposed; nothing is decided here."""
 
 import asyncio
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,10 @@ from updating.live.engine import Evaluation
 STYLE = Path(__file__).with_name("style.css")
 PAUSE = 0.35
 """A slider that rests so long is let go of: its value becomes a state [s]."""
+LONGEST = 5.0
+"""A figure that takes longer to be drawn is not waited for [s]."""
+MAP_PAUSE = 0.25
+"""Least time between two error maps while a slider moves: its numbers take longer to draw than curves [s]."""
 TICK = 0.2
 """Seconds between two looks at running jobs [s]."""
 Move = tuple[str, str, float]
@@ -45,6 +51,7 @@ class Page:
         self._after: Callable[[Job], None] | None = None
         self._left: Move | None = None
         self._seen = desk.history
+        self._mapped = 0.0
         self._client = ui.context.client
 
     # Layout -------------------------------------------------------------------------------------------------
@@ -169,13 +176,17 @@ class Page:
     async def _moved(self, move: Move) -> None:
         shown = await run.io_bound(self.desk.preview, *move)
         if shown is not None:
-            self._follow(shown)
+            await self._follow(shown)
 
-    def _follow(self, shown: Evaluation) -> None:
+    async def _follow(self, shown: Evaluation) -> None:
+        """Show an evaluation, and wait until the browser has drawn it: no more is sent than it can draw."""
         self._numbers(shown)
         data, traces = figures.moved_curve(self._frf, shown, self.pair)
-        self.frf.run_plot_method("restyle", data, traces)
-        self.map.run_plot_method("restyle", figures.moved_map(shown), [0])
+        with suppress(TimeoutError):  # a tab that has gone draws nothing
+            await self.frf.run_plot_method("restyle", data, traces, timeout=LONGEST)
+            if time.monotonic() - self._mapped > MAP_PAUSE:
+                await self.map.run_plot_method("restyle", figures.moved_map(shown), [0], timeout=LONGEST)
+                self._mapped = time.monotonic()
 
     def _numbers(self, shown: Evaluation) -> None:
         second = self.desk.second()

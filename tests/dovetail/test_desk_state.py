@@ -4,6 +4,7 @@ import asyncio
 import json
 import shutil
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ from dovetail.desk.session import Desk
 from dovetail.desk.state import MOST_STATES, History, Stair, State
 from dovetail.disk.output import OutputError
 from dovetail.pipeline import fit_problem
+from fem.analysis.frf import FRF
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
 from updating.quality.faults import Fault
@@ -278,3 +280,40 @@ def test_a_desk_that_was_killed_opens_where_it_was(tmp_path):
     assert fresh.history.undoes == ""
     assert "the study has changed" in fresh.notes[0]
     assert (tmp_path / ".study.desk.old.json").exists()
+
+
+@pytest.mark.slow
+def test_two_hidden_effects_are_found_by_hand(study, candidates):
+    """The case of docs/desk.md."""
+    truth = (
+        candidates[TURNING].with_values(stiffness=400.0),
+        candidates[MASS].with_values(mass=0.12, position=0.62),
+    )
+    frf, rng = study.add(*truth).frf(), np.random.default_rng(1)
+    noise = 0.01 * (rng.standard_normal(frf.H.shape) + 1j * rng.standard_normal(frf.H.shape)) / np.sqrt(2)
+    seen = FRF.from_arrays(frf.frequency, frf.H * (1 + noise), frf.kind, frf.outputs, frf.inputs)
+    study = replace(study, measurements=(study.measurements[0].with_frf(seen),))
+    live = LiveModel(fit_problem(study))
+    start = Hypothesis.nominal(live.problem)
+    desk = Desk(study, live, History((State("open the study", start, ()),)))
+    errors = [desk.shown.result.fit_db]
+
+    def fitted(job):
+        assert job.wait(200)
+        desk.take_fit(job)
+
+    for action in (
+        lambda: fitted(desk.fit_uncertain()),
+        lambda: desk.add(TURNING, stiffness=400.0),
+        lambda: desk.add(MASS, mass=0.05, position=0.6),
+        lambda: desk.set_value(MASS, "mass", 0.1),
+        lambda: fitted(desk.fit_all()),
+    ):
+        action()
+        errors.append(desk.shown.result.fit_db)
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 2 * desk.shown.noise_db
+    found = desk.now.hypothesis
+    assert found.effect(TURNING).stiffness == pytest.approx(400.0, rel=0.03)
+    assert found.effect(MASS).mass == pytest.approx(0.12, rel=0.03)
+    assert found.effect(MASS).position == pytest.approx(0.62, abs=0.005)
