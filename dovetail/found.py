@@ -25,7 +25,7 @@ from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 DENSE = 64
 """Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""

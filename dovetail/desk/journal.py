@@ -14,7 +14,7 @@ from dovetail.desk.state import History, Stair, State
 from fem.io.atomic import replacing
 from fem.model import Effect, parameter_values
 from updating.live.hypothesis import Hypothesis
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 SCHEMA = "dovetail-desk/1"
 

@@ -23,7 +23,7 @@ from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import Promise, rank
 from updating.live.weighing import Weighed, weigh
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 NOMINAL = "nominal model"
 FITTED = "uncertain parameters fitted"

@@ -23,7 +23,7 @@ from dovetail.pipeline import fit_problem
 from fem.analysis.frf import FRF
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING, MASS = "joint_stiffness:J.rx", "point_mass:U"

@@ -15,7 +15,7 @@ from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import rank, twins
 from updating.live.weighing import weigh
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING = "joint_stiffness:J.rx"

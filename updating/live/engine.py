@@ -19,7 +19,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
 from updating.live.hypothesis import Hypothesis
-from updating.quality.faults import corrected
+from updating.quality.corrections import corrected
 
 N_BANDS = 6
 """Bands of the comparison, as many as `dovetail compare` prints."""

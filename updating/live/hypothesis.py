@@ -10,7 +10,7 @@ from fem.model import Effect, ModelError, Parameter, ParameterRef, parameter_val
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.solve import Solution
-from updating.quality.faults import Fault
+from updating.quality.corrections import Fault
 
 
 @dataclass(frozen=True, slots=True, eq=False)
