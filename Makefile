@@ -25,9 +25,10 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo test coverage slow long docs dist fuzz independent a-frames solids foreign extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo desk test coverage slow long docs dist fuzz independent a-frames solids foreign extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
+	@echo 'make desk        open the example study in a browser: add effects by hand and watch the error fall'
 	@echo 'make test        python -m pytest'
 	@echo 'make coverage    the same, with the coverage of each package'
 	@echo 'make slow        the tests that take more than 5 s each'
@@ -50,6 +51,10 @@ help:
 
 demo: $(READY)
 	$(IN) dovetail run examples/cross-beam/study.toml --out out/demo
+
+# the desk's packages are among those of the tests
+desk: $(DEV)
+	$(IN) dovetail open examples/cross-beam/study.toml
 
 test: $(DEV)
 	$(IN) python -m pytest

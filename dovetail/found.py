@@ -1,5 +1,6 @@
 """``found.toml``: the study with the model that a run reports, ready to be compared, run and updated."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.file.config import Study
 from dovetail.file.faults import fault_table
 from dovetail.file.paths import with_paths
 from dovetail.file.toml import toml_comment, with_values
@@ -23,9 +25,36 @@ from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.quality.corrections import Fault
 
 DENSE = 64
 """Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reported:
+    """A model with its fit, as a study file is to hold it.
+
+    Attributes
+    ----------
+    study : Study
+    problem : FitProblem
+    result : FitResult
+        Values of uncertain parameters and damping.
+    model : Model
+        The full model with them and with all effects.
+    effects : tuple of Effect
+        Those that the study's own model has not.
+    faults : tuple of Fault
+        Of the measurement.
+    """
+
+    study: Study
+    problem: FitProblem
+    result: FitResult
+    model: Model
+    effects: tuple[Effect, ...]
+    faults: tuple[Fault, ...]
 
 
 def found_text(result: RunResult, folder: Path) -> str:
@@ -41,26 +70,41 @@ def found_text(result: RunResult, folder: Path) -> str:
     folder : Path
         Where the text will lie, beside the FRFs of the run.
     """
-    study, d = result.study, result.diagnosis
+    d = result.diagnosis
+    effects = (*patches(result), *form(result), *(f.effect for f in d.findings))
+    reported = Reported(result.study, d.problem, d.steps[-1].result, d.model, effects, d.faults)
+    return reported_text(reported, folder, FRFS)
+
+
+def reported_text(reported: Reported, folder: Path, compared: str) -> str:
+    """Return a study with a fitted model in it, as a file in a folder.
+
+    Parameters
+    ----------
+    reported : Reported
+    folder : Path
+        Where the text will lie.
+    compared : str
+        File in it that holds the choice of values that were compared.
+    """
+    study, model = reported.study, reported.model
     text = with_paths(study.text, study.path.parent, folder).rstrip("\n") + "\n\n"
     text += toml_comment(f"{study.path.name} with what dovetail has found in it, and with its fitted values")
     text = with_element_sizes(text, study.chosen_sizes)
-    text = with_parameters(text, fitted_values(result))
-    text = with_damping(text, *fitted_damping(d.problem, d.steps[-1].result, d.model))
+    text = with_parameters(text, fitted_values(reported))
+    text = with_damping(text, *fitted_damping(reported.problem, reported.result, model))
     if study.measurements:
-        text = with_values(text, {("measurements", 0, "compared"): FRFS})
-    effects = [*patches(result), *form(result), *(f.effect for f in d.findings)]
-    text = with_effects(text, [e.rebased(d.model) for e in effects])
-    tables = [fault_table(f) for f in d.faults]
+        text = with_values(text, {("measurements", 0, "compared"): compared})
+    text = with_effects(text, [e.rebased(model) for e in reported.effects])
+    tables = [fault_table(f) for f in reported.faults]
     return "\n\n".join(part.strip("\n") for part in (text, *tables)) + "\n"
 
 
-def fitted_values(result: RunResult) -> dict[ParameterRef, float]:
+def fitted_values(reported: Reported) -> dict[ParameterRef, float]:
     """Return the values of the fit that parameters of the study's own model have."""
-    own = result.study.model.values()
-    fit = result.diagnosis.steps[-1].result
-    values = {ref: float(v) for ref, v in fit.values.items() if ref in own}
-    return values | rebased_values(result.diagnosis.model, result.study.model.effects)
+    own = reported.study.model.values()
+    values = {ref: float(v) for ref, v in reported.result.values.items() if ref in own}
+    return values | rebased_values(reported.model, reported.study.model.effects)
 
 
 def fitted_damping(

@@ -81,6 +81,21 @@ def analyse(study: Study, folder: Path, say: Progress) -> RunResult:
     begun = time.perf_counter()
     diagnosis = diagnose_study(study, say)
     say("comparing", 1.0)
+    return analysed(study, diagnosis, folder, begun)
+
+
+def analysed(study: Study, diagnosis: Diagnosis, folder: Path, begun: float) -> RunResult:
+    """Return what a diagnosis means for the report: comparisons, places of the misfit, modes.
+
+    Parameters
+    ----------
+    study : Study
+    diagnosis : Diagnosis
+    folder : Path
+        Where the report will be.
+    begun : float
+        ``time.perf_counter()`` when the work began [s].
+    """
     problem, steps = diagnosis.problem, diagnosis.steps
     frf = problem.measured
     comparisons = tuple(compare(frf, diagnosis.frf(k), N_BANDS, problem.data.mask) for k in range(len(steps)))

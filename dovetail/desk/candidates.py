@@ -1,0 +1,159 @@
+"""The page's candidates: a tree by place and kind, their ranking, and what a diagnosis has found."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from dovetail.desk.widgets import button, card
+from dovetail.report.words import effect_label, parameters_text, place, ranked_label
+from fem.model import parameter_values
+
+if TYPE_CHECKING:
+    from dovetail.desk.page import Page
+
+N_RANKED = 8
+"""Best candidates that are listed [-]."""
+MOST_LEAVES = 600
+"""Candidates that the tree holds at most; of more, those of one spot [-]."""
+
+HEADER = """
+<div class="row items-center no-wrap full-width">
+  <div class="col">{{ props.node.label }}</div>
+  <q-btn v-if="props.node.add" flat dense round size="sm" icon="add" :aria-label="'Add ' + props.node.id"
+    :disable="props.node.added" @click.stop="props.tree.$emit('add', props.node.id)" />
+</div>
+"""
+
+
+class CandidateList:
+    """Candidates of the chosen spot, or of all.
+
+    Parameters
+    ----------
+    page : Page
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        with card("Candidates"):
+            with ui.element("div").classes("desk-row"):
+                self._choice = ui.select(
+                    {"": "everywhere", **{name: name for name in page.desk.spots}}, value="", label="Place",
+                    on_change=lambda e: page.choose(e.value) if e.value != page.spot else None,
+                ).props("dense outlined")  # fmt: skip
+                self._choice.props["aria-label"] = "Place"
+                self._choice.style("min-width: 180px; max-width: 100%")
+                button("Rank", lambda: page.rank(self._names()), "sort", label="Rank these candidates")
+            self._found = ui.element("div").classes("desk-lines")
+            self._best = ui.element("div").classes("desk-lines")
+            with ui.element("div").classes("desk-list"):
+                self._tree = ui.tree([], node_key="id", label_key="label")
+                self._tree.props["aria-label"] = "candidates by place and kind"
+                self._tree.add_slot("default-header", HEADER)
+                self._tree.on("add", lambda e: self._add(e.args))
+        self._shown: Any = None
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the candidates of the chosen spot, their ranking, and the diagnosis."""
+        page = self._page
+        self._choice.set_value(page.spot)
+        self._fill_tree()
+        self._best.clear()
+        with self._best:
+            self._ranking()
+        self._found.clear()
+        with self._found:
+            self._diagnosis()
+
+    def _add(self, name: str) -> None:
+        page = self._page
+        page.act(lambda: page.desk.add(name))
+
+    def _names(self) -> tuple[str, ...]:
+        """Return the candidates of the chosen spot, or all."""
+        spots = self._page.desk.spots
+        chosen = [spots[self._page.spot]] if self._page.spot else list(spots.values())
+        return tuple(name for spot in chosen for names in spot.places.values() for name in names)
+
+    def _fill_tree(self) -> None:
+        desk, spot = self._page.desk, self._page.spot
+        added = {e.name for e in desk.now.hypothesis.effects}
+        now = (spot, frozenset(added))
+        if now == self._shown:
+            return
+        self._shown = now
+        spots = [desk.spots[spot]] if spot else list(desk.spots.values())
+        whole = bool(spot) or len(desk.candidates) <= MOST_LEAVES
+        nodes = []
+        for one in spots:
+            for where, names in one.places.items():
+                kinds: dict[str, list[str]] = {}
+                for name in names if whole else ():
+                    kinds.setdefault(desk.candidates[name].kind, []).append(name)
+                nodes.append({
+                    "id": f"place {where}", "label": f"{where} ({len(names)})",
+                    "children": [self._kind_node(where, k, n, added) for k, n in sorted(kinds.items())],
+                })  # fmt: skip
+        self._tree.props["nodes"] = nodes
+        self._tree.update()
+        if spot:
+            self._tree.expand([n["id"] for n in nodes] + [k["id"] for n in nodes for k in n["children"]])
+
+    def _kind_node(self, where: str, kind: str, names: list[str], added: set[str]) -> dict[str, Any]:
+        leaves = [
+            {"id": name, "label": self._leaf(name), "add": True, "added": name in added} for name in names
+        ]
+        return {"id": f"{where} {kind}", "label": kind.replace("_", " "), "children": leaves}
+
+    def _leaf(self, name: str) -> str:
+        effect = self._page.desk.candidates[name]
+        parameters = ", ".join(
+            p.name.replace("_", " ") + ("" if p.unit == "-" else f" [{p.unit}]") for p in effect.parameters()
+        )
+        return f"{place(effect.where)} – {parameters}"
+
+    def _ranking(self) -> None:
+        page, desk = self._page, self._page.desk
+        names = set(self._names())
+        best = [p for p in desk.ranking if p.effect.name in names][:N_RANKED]
+        if not best:
+            return
+        ui.label("Residual level that each would leave, without a fit:").classes("desk-note")
+        for promise in best:
+            effect = promise.effect
+            with ui.element("div").classes("desk-row"):
+                ui.label(f"{promise.level_db:.2f} dB").style("width: 64px")
+                ui.label(effect_label(effect.kind, effect.where)).style("flex: 1")
+                values = parameter_values(effect)
+                button(
+                    "", lambda n=effect.name, v=values: page.act(lambda: desk.add(n, **v)), "add",
+                    label=f"Add {effect.name} as ranked",
+                )  # fmt: skip
+
+    def _diagnosis(self) -> None:
+        page, desk = self._page, self._page.desk
+        d = desk.diagnosis
+        if d is None:
+            return
+        with ui.element("div").classes("desk-row"):
+            ui.label(f"Diagnosis: {d.verdict}").classes("desk-name")
+            ui.space()
+            if d.findings or d.faults:
+                button("Take over", lambda: page.act(desk.take_over), "done_all")
+        ui.label(d.reason).classes("desk-note")
+        for names, probability in d.posterior[:N_RANKED]:
+            ui.label(f"{probability:.0%}: {' and '.join(names) or 'nothing missing'}").classes("desk-note")
+        for ranked in (r for round_ in d.rounds[:1] for r in round_[:N_RANKED]):
+            with ui.element("div").classes("desk-row"):
+                ui.label(f"{ranked.fit_db:.2f} dB").style("width: 64px")
+                words = f"{ranked_label(ranked)}: {parameters_text(ranked.parameters)}"
+                ui.label(words).style("flex: 1; min-width: 0")
+                values = {p.name: p.value for p in ranked.parameters}
+                if ranked.name in desk.candidates:
+                    button(
+                        "", lambda n=ranked.name, v=values: page.act(lambda: desk.add(n, **v)), "add",
+                        label=f"Add {ranked.name} as diagnosed",
+                    )  # fmt: skip

@@ -1,0 +1,225 @@
+"""The page's list of added effects: sliders, fits, and what speaks for and against each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from nicegui import run, ui
+
+from dovetail.desk.jobs import Job
+from dovetail.desk.scale import Scale
+from dovetail.desk.widgets import button, card
+from dovetail.report.words import effect_label, number
+from fem.model import Effect, Parameter, parameter_values
+from updating.live.ranking import twins
+from updating.live.weighing import Channel, Weighed
+
+if TYPE_CHECKING:
+    from dovetail.desk.page import Page
+
+THROTTLE = 0.03
+"""Least time between two positions that a slider sends while it is dragged [s]."""
+POSITION = "(e) => emit(e.target.value)"
+STEP = """(e) => {
+  const steps = {ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -20, PageUp: 20}[e.key];
+  if (!steps) return;
+  e.preventDefault();
+  const t = e.target, low = +t.min, high = +t.max;
+  t.value = Math.min(high, Math.max(low, +t.value + steps * (high - low) / 400));
+  t.dispatchEvent(new Event('input')); t.dispatchEvent(new Event('change'));
+}"""
+"""Keys move a slider by 1/400 of its way: one without steps, which mouse and fits may leave anywhere."""
+N_TWINS = 4
+"""At most so many twins are offered [-]."""
+
+
+class EffectList:
+    """The effects that are added, each with the sliders of its parameters.
+
+    Parameters
+    ----------
+    page : Page
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._scales: dict[str, dict[str, Scale]] = {}
+        self._shown: list[tuple[str, dict[str, float]]] | None = None
+        self._evidences: dict[str, ui.expansion] = {}
+        with card("Added effects"):
+            word = "Fit what is uncertain after each move"
+            self._follow = ui.checkbox(word).props("dense")
+            self._follow.props["aria-label"] = word
+            self._box = ui.element("div").classes("desk-column").style("width: 100%")
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the added effects of the present state; what shows them already keeps its focus."""
+        desk = self._page.desk
+        effects = desk.now.hypothesis.effects
+        now = [(e.name, parameter_values(e)) for e in effects]
+        if now == self._shown:
+            return
+        self._shown = now
+        self._evidences.clear()
+        self._box.clear()
+        with self._box:
+            if not effects:
+                ui.label("None yet. Pick a place in the model and press + at a candidate.").classes(
+                    "desk-note"
+                )
+            for effect in effects:
+                self._effect(effect)
+
+    @property
+    def refits(self) -> bool:
+        """Whether what is uncertain is to be fitted after each move of a slider."""
+        return bool(self._follow.value)
+
+    def moved_by_hand(self, effects: tuple[Effect, ...]) -> None:
+        """Say that the sliders stand at these effects' values already."""
+        self._shown = [(e.name, parameter_values(e)) for e in effects]
+        for name in self._evidences:
+            self.show_evidence(name)
+
+    def _effect(self, effect: Effect) -> None:
+        page, desk, name = self._page, self._page.desk, effect.name
+        if name not in self._scales:
+            self._scales[name] = desk.scales(effect)
+        with ui.element("div").classes("desk-effect") as box:
+            box.props["role"] = "group"
+            box.props["aria-label"] = name
+            with ui.element("div").classes("desk-row"):
+                ui.label(effect_label(effect.kind, effect.where)).classes("desk-name")
+                ui.space()
+                button(
+                    "Fit this",
+                    lambda: page.start_fit(lambda: desk.fit_this(name)),
+                    "tune",
+                    label=f"Fit this: {name}",
+                )
+                button(
+                    "Remove", lambda: page.act(lambda: desk.remove(name)), "delete", label=f"Remove {name}"
+                )
+            for p in effect.parameters():
+                self._slider(name, p, self._scales[name][p.name])
+            evidence = ui.expansion("Evidence", on_value_change=lambda: self.show_evidence(name))
+            evidence.props("dense").props["aria-label"] = f"evidence for {name}"
+            self._evidences[name] = evidence
+
+    def _slider(self, name: str, p: Parameter, scale: Scale) -> None:
+        page, desk = self._page, self._page.desk
+        unit = "" if p.unit == "-" else p.unit
+        words = f"{p.name.replace('_', ' ')} of {name}"
+        with ui.element("div").classes("desk-slider"):
+            ui.label(p.name.replace("_", " ")).classes("label")
+            slider = ui.element("input").props("type=range")
+            field = ui.number(value=float(f"{p.value:.6g}"), suffix=unit).props("dense outlined debounce=500")
+        # Vue writes a "value" again whenever anything near it changes, also while it is dragged
+        at = scale.position(float(p.value))
+        ends = {"min": scale.low, "max": scale.high, "step": "any", "defaultValue": at}
+        for key, value in {**ends, "aria-label": words, "title": _range_text(p)}.items():
+            slider.props[key] = value
+        field.props["aria-label"] = f"{words}, {unit or 'no unit'}"
+        typed = {"by_hand": True}
+
+        def value_at(position: Any) -> float:
+            return float(np.clip(scale.value(float(position)), p.lower, p.upper))
+
+        def moved(e: Any) -> None:
+            value = value_at(e.args)
+            typed["by_hand"] = False
+            field.set_value(float(f"{value:.4g}"))
+            typed["by_hand"] = True
+            page.move(name, p.name, value)
+
+        def entered(e: Any) -> None:
+            if typed["by_hand"] and e.value is not None:
+                page.act(lambda: desk.set_value(name, p.name, float(e.value)))
+
+        slider.on("input", moved, js_handler=POSITION, throttle=THROTTLE)
+        slider.on("change", lambda e: page.release(name, p.name, value_at(e.args)), js_handler=POSITION)
+        slider.on("keydown", js_handler=STEP)
+        field.on_value_change(entered)
+
+    # Evidence -----------------------------------------------------------------------------------------------
+
+    def show_evidence(self, name: str) -> None:
+        """Show what is known for and against an effect, where the user wants to see it."""
+        evidence = self._evidences.get(name)
+        if evidence is None or not evidence.value:
+            return
+        page, desk = self._page, self._page.desk
+        evidence.clear()
+        with evidence:
+            with ui.element("div").classes("desk-lines"):
+                if name in desk.weighed:
+                    self._words(desk.weighed[name])
+            with ui.element("div").classes("desk-row"):
+                button("Weigh", lambda: self._weigh(name), "balance", label=f"Weigh {name}")
+                button(
+                    "Fit without it",
+                    lambda: page.start_search(lambda: desk.weigh_fitted(name), self._weighed(name)),
+                    "difference",
+                    label=f"Fit without {name}",
+                )
+            self._twins(name)
+
+    async def _weigh(self, name: str) -> None:
+        await run.io_bound(self._page.desk.weigh, name)
+        self.show_evidence(name)
+
+    def _weighed(self, name: str) -> Callable[[Job], None]:
+        def take(job: Job) -> None:
+            self._page.desk.weighed[name] = job.result
+            self.show_evidence(name)
+
+        return take
+
+    def _words(self, w: Weighed) -> None:
+        less, more = w.without.result, w.present.result
+        how = "fitted again without it" if w.refitted else "all else as it is"
+        errors = f"{less.fit_db:.2f} to {more.fit_db:.2f} dB on the lines of the fit"
+        held = f"{less.held_out_db:.2f} to {more.held_out_db:.2f} dB on held-out lines"
+        _said(f"error from {errors} ({how})", more.fit_db < less.fit_db)
+        _said(f"error from {held}", more.held_out_db < less.held_out_db)
+        likely = f"{number(abs(w.unseen_gain))} nats {'more' if w.unseen_gain > 0 else 'less'} likely"
+        _said(f"lines that no fit has seen are {likely} with it", w.unseen_gain > 0)
+        for c in w.better:
+            _said(_channel_text(c), True)
+        for c in w.worse:
+            _said(_channel_text(c), False)
+        for parameter in w.at_bound:
+            _said(f"{parameter} is at its bound", False)
+        for (effect, parameter), off in w.strained:
+            _said(f"{parameter} of {effect} is {abs(off):.1f} standard deviations off", False)
+
+    def _twins(self, name: str) -> None:
+        page, desk = self._page, self._page.desk
+        alike = [t for t in twins(desk.ranking, name) if t[0].effect.name in desk.candidates][:N_TWINS]
+        if not alike:
+            return
+        ui.label("Alternatives that change the FRFs alike:").classes("desk-note")
+        for promise, similarity in alike:
+            other = promise.effect
+            with ui.element("div").classes("desk-row"):
+                ui.label(f"{effect_label(other.kind, other.where)} ({similarity:.2f})").classes("desk-note")
+                button(
+                    "Take instead", lambda o=other: page.act(lambda: desk.replace(name, o)), "swap_horiz",
+                    label=f"{other.name} in place of {name}",
+                )  # fmt: skip
+
+
+def _range_text(p: Parameter) -> str:
+    return f"{number(p.lower)} to {number(p.upper)}{'' if p.unit == '-' else ' ' + p.unit}"
+
+
+def _said(text: str, speaks_for: bool) -> None:
+    ui.label(text).classes("desk-for" if speaks_for else "desk-against")
+
+
+def _channel_text(c: Channel) -> str:
+    low, high = c.band
+    return f"{c.sensor}, {low:.0f} to {high:.0f} Hz: {c.without:.2f} to {c.present:.2f} dB"

@@ -1,0 +1,120 @@
+"""The desk's figures, and what of them changes while a slider moves."""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from plotly.graph_objects import Figure
+
+from dovetail.desk.session import Desk
+from dovetail.report import words
+from fem.analysis.frf import FRF
+from updating.inference.fit_data import FitData
+from updating.live.engine import Evaluation
+from viz.interactive.error import error_map_figure, staircase_figure
+from viz.interactive.frf import MAGNITUDE, PHASE, frf_figure, without_wraps
+from viz.interactive.model import model_figure
+from viz.interactive.solids import Place
+
+HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
+SHOWN_DB = 0.005
+"""Smallest difference of errors that their numbers show [dB]."""
+CONFIG = {"displaylogo": False, "responsive": True}
+
+
+def model(desk: Desk, chosen: str, height: float) -> Figure:
+    """Return the structure with its sensors by error, the added effects, and the places of candidates.
+
+    Parameters
+    ----------
+    desk : Desk
+    chosen : str
+        The spot whose candidates are listed; empty for all.
+    height : float
+        [pixel].
+    """
+    marks = []
+    for effect in desk.shown.hypothesis.effects:
+        points = effect.locations(desk.live.problem.reduced.model)
+        marks += [Place(p, effect.name, words.place(effect.where), "finding") for p in points[:1]]
+    for spot in desk.spots.values():
+        role = "chosen place" if spot.name == chosen else "candidate"
+        marks.append(Place(np.array(spot.point), spot.name, ", ".join(spot.places), role))
+    c = desk.shown.comparison
+    errors = dict(zip(c.outputs, c.by_sensor().tolist(), strict=True))
+    measurement = desk.live.problem.data.measurement
+    return model_figure(
+        desk.study.model,
+        measurement.sensors,
+        measurement.excitations,
+        errors={name: e for name, e in errors.items() if np.isfinite(e)},
+        limits=(0.0, float(np.nanmax(desk.nominal.comparison.by_sensor()))),
+        places=marks,
+        height=height,
+    )
+
+
+def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
+    """Return amplitude and phase of one FRF: measured, nominal, this hypothesis and the second one."""
+    second = desk.second()
+    models = {NOMINAL: desk.nominal.frf, HERE: desk.shown.frf}
+    if second is not None:
+        models[SECOND] = second.frf
+    bands = held_out_bands(desk.live.problem.data)
+    figure = frf_figure(desk.shown.measured, models, pair, held_out=bands, height=height)
+    return figure.update_layout(title=None)  # the fields above name the pair
+
+
+def error_map(desk: Desk) -> Figure:
+    """Return the error of each sensor in each band, on the colours of the nominal model."""
+    c, edges = desk.shown.comparison, desk.shown.comparison.bands
+    bands = [(float(a), float(b)) for a, b in pairwise(edges)]
+    limits = (0.0, float(np.nanmax(desk.nominal.comparison.by_band())))
+    return error_map_figure(c.by_band(), c.outputs, bands, limits=limits)
+
+
+def staircase(desk: Desk) -> Figure:
+    """Return the errors after each step, with the present one where values were moved by hand since."""
+    steps = [(s.label, s.fit_db, _known(s.held_out_db)) for s in desk.now.stairs]
+    r = desk.shown.result
+    if abs(r.fit_db - steps[-1][1]) >= SHOWN_DB:
+        steps.append(("now", r.fit_db, _known(r.held_out_db)))
+    return staircase_figure(steps, desk.shown.noise_db, height=300)
+
+
+def held_out_bands(data: FitData) -> list[tuple[float, float]]:
+    """Return the bands of lines that no fit sees [Hz]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], data.held_out, [False]]).astype(int)))
+    f = data.frequency
+    return [(float(f[a]), float(f[b - 1])) for a, b in edges.reshape(-1, 2)]
+
+
+def moved_curve(figure: Figure, shown: Evaluation, pair: tuple[str, str]) -> tuple[dict[str, Any], list[int]]:
+    """Return what of an FRF's figure follows a slider: new data, and the traces that get them."""
+    magnitude, phase = _decibels(shown.frf, pair)
+    f, wrapped = without_wraps(shown.frf.frequency, phase)
+    at = {t.meta["quantity"]: n for n, t in enumerate(figure.data) if t.meta and t.meta["series"] == HERE}
+    x, y = (shown.frf.frequency, f), (magnitude, wrapped)
+    return {"x": [_sent(v) for v in x], "y": [_sent(v) for v in y]}, [at[MAGNITUDE], at[PHASE]]
+
+
+def moved_map(shown: Evaluation) -> dict[str, Any]:
+    """Return what of the error map follows a slider."""
+    return {"z": [_sent(shown.comparison.by_band())]}
+
+
+def _sent(values: NDArray[Any]) -> NDArray[np.float32]:
+    """Return values in the form that goes to the page."""
+    return np.ascontiguousarray(values, dtype=np.float32)
+
+
+def _decibels(frf: FRF, pair: tuple[str, str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    H = frf.H[:, frf.outputs.index(pair[0]), frf.inputs.index(pair[1])]
+    size = np.abs(H)
+    magnitude = 20 * np.log10(size, where=size > 0, out=np.full(size.shape, np.nan))
+    return magnitude, np.rad2deg(np.angle(H))
+
+
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None

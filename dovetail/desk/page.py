@@ -1,0 +1,452 @@
+"""The desk's page: header, model, FRFs, errors and what is supposed; nothing is decided here."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from nicegui import background_tasks, run, ui
+from nicegui.events import GenericEventArguments, KeyEventArguments
+
+from dovetail.desk import figures
+from dovetail.desk.candidates import CandidateList
+from dovetail.desk.effects import EffectList
+from dovetail.desk.jobs import Job, Newest
+from dovetail.desk.sensors import SensorList
+from dovetail.desk.session import RANKED_UNASKED, Desk
+from dovetail.desk.widgets import button, card, labelled
+from dovetail.report.words import fault_text
+from updating.live.engine import Evaluation
+
+STYLE = Path(__file__).with_name("style.css")
+PAUSE = 0.35
+"""A slider that rests so long is let go of: its value becomes a state [s]."""
+LONGEST = 5.0
+"""A figure that takes longer to be drawn is not waited for [s]."""
+MAP_PAUSE = 0.25
+"""Least time between two error maps while a slider moves: its numbers take longer to draw than curves [s]."""
+TICK = 0.2
+"""Seconds between two looks at running jobs [s]."""
+Move = tuple[str, str, float]
+"""Name of an added effect, its parameter, and the value that a slider stands at."""
+
+
+class Page:
+    """One browser tab with the desk in it.
+
+    Parameters
+    ----------
+    desk : Desk
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self.desk = desk
+        self.pair = (desk.shown.measured.outputs[0], desk.shown.measured.inputs[0])
+        self.spot = ""
+        self.fit_job: Job | None = None
+        self.search_job: Job | None = None
+        self._newest: Newest[Move] = Newest(self._moved)
+        self._after: Callable[[Job], None] | None = None
+        self._left: Move | None = None
+        self._seen = desk.history
+        self._mapped = 0.0
+        self._client = ui.context.client
+
+    # Layout -------------------------------------------------------------------------------------------------
+
+    def build(self) -> None:
+        """Lay the page out."""
+        ui.add_css(STYLE)
+        self._header()
+        with ui.element("main").classes("desk-grid"):
+            with ui.element("div").classes("desk-column"):
+                self._model_card()
+                self.candidates = CandidateList(self)
+                self._staircase_card()
+            with ui.element("div").classes("desk-column"):
+                self._frf_card()
+                self.effects = EffectList(self)
+                self._map_card()
+                self.sensors = SensorList(self)
+        ui.timer(TICK, self._look_at_jobs)
+        ui.keyboard(on_key=self._key, ignore=["input", "select", "textarea"])
+        for note in self.desk.notes:
+            ui.notify(note, multi_line=True)
+        self.desk.notes.clear()
+        self._numbers(self.desk.shown)
+        self.refresh_buttons()
+
+    def _header(self) -> None:
+        with ui.element("header").classes("desk-head column"):
+            with ui.element("div").classes("desk-row"):
+                ui.label(self.desk.study.name).classes("desk-title").props('role="heading" aria-level="1"')
+                ui.space()
+                self.undo = button("Undo", self._undo, "undo", hint="Ctrl+Z")
+                self.redo = button("Redo", self._redo, "redo", hint="Ctrl+Y")
+                button("Fit what is uncertain", lambda: self.start_fit(self.desk.fit_uncertain), "tune")
+                button("Fit all", lambda: self.start_fit(self.desk.fit_all), "auto_fix_high")
+                button("Diagnose", self._diagnose, "troubleshoot")
+                button("Save study", self._save_dialog, "save", hint="Ctrl+S")
+                button("Export report", self._report_dialog, "description")
+            with ui.element("div").classes("desk-row desk-errors"):
+                self._figures = {
+                    key: labelled(name)
+                    for key, name in (
+                        ("fit", "error, lines of the fit"), ("held", "held-out lines"), ("all", "all lines"),
+                        ("noise", "noise floor"), ("left", "left beyond the noise"),
+                    )
+                }  # fmt: skip
+                ui.space()
+                with ui.element("div").classes("desk-row").style("width: auto"):
+                    button("Keep for comparison", lambda: self.act(self.desk.keep), "content_copy")
+                    self.swap = button("Exchange", lambda: self.act(self.desk.swap), "swap_horiz")
+                    self.drop = button("Drop second", lambda: self.act(self.desk.drop), "close")
+            self.fit_bar, self.search_bar = (
+                JobBar("Fit", self._cancel_fit),
+                JobBar("Search", self._cancel_search),
+            )
+
+    def _model_card(self) -> None:
+        with card("Model"):
+            figure = figures.model(self.desk, self.spot, 400)
+            self.model = _plot(
+                figure, "The model with sensors coloured by their error; click a place to list its candidates"
+            )
+            self.model.on("plotly_click", self._clicked_model)
+
+    def _frf_card(self) -> None:
+        measured = self.desk.shown.measured
+        with card("FRFs"):
+            with ui.element("div").classes("desk-row"):
+                for k, (word, names) in enumerate(
+                    (("Sensor", measured.outputs), ("Excitation", measured.inputs))
+                ):
+                    choice = ui.select(
+                        list(names), value=self.pair[k], label=word, on_change=self._chooser(k)
+                    )
+                    choice.props("dense outlined").style("min-width: 120px")
+                    choice.props["aria-label"] = word
+                    self._choices = {**getattr(self, "_choices", {}), k: choice}
+            self._frf = figures.frf(self.desk, self.pair, 400)
+            self.frf = _plot(self._frf, "Amplitude and phase of one FRF, measured and computed")
+
+    def _map_card(self) -> None:
+        with card("Error by sensor and band"):
+            self.map = _plot(
+                figures.error_map(self.desk), "Error of each sensor in each band; click a cell for its FRF"
+            )
+            self.map.on("plotly_click", self._clicked_map)
+
+    def _staircase_card(self) -> None:
+        with card("Staircase"):
+            self.stairs = _plot(figures.staircase(self.desk), "Error after each step, and the noise floor")
+
+    # What follows a slider ----------------------------------------------------------------------------------
+
+    def move(self, name: str, parameter: str, value: float) -> None:
+        """Let FRFs, map and errors follow a slider; the newest value wins."""
+        self._newest.put((name, parameter, value))
+
+    def release(self, name: str, parameter: str, value: float) -> None:
+        """Keep the value that a slider was left at, unless it is moved again at once."""
+        self._left = (name, parameter, value)
+        background_tasks.create(self._keep_later(self._left))
+
+    async def _keep_later(self, move: Move) -> None:
+        await asyncio.sleep(PAUSE)
+        if self._left is move:
+            await self._newest.settled()
+            self.keep_moved()
+            with self._client:
+                if self.effects.refits:
+                    self.start_fit(self.desk.fit_uncertain)
+
+    def keep_moved(self) -> None:
+        """Make the value that a slider was left at a state, if that has not been done yet."""
+        move, self._left = self._left, None
+        if move is None or all(e.name != move[0] for e in self.desk.now.hypothesis.effects):
+            return
+        self.desk.set_value(*move)
+        self.effects.moved_by_hand(self.desk.now.hypothesis.effects)
+        with self._client:
+            self.refresh()
+
+    async def _moved(self, move: Move) -> None:
+        shown = await run.io_bound(self.desk.preview, *move)
+        if shown is not None:
+            await self._follow(shown)
+
+    async def _follow(self, shown: Evaluation) -> None:
+        """Show an evaluation, and wait until the browser has drawn it: no more is sent than it can draw."""
+        self._numbers(shown)
+        data, traces = figures.moved_curve(self._frf, shown, self.pair)
+        with suppress(TimeoutError):  # a tab that has gone draws nothing
+            await self.frf.run_plot_method("restyle", data, traces, timeout=LONGEST)
+            if time.monotonic() - self._mapped > MAP_PAUSE:
+                await self.map.run_plot_method("restyle", figures.moved_map(shown), [0], timeout=LONGEST)
+                self._mapped = time.monotonic()
+
+    def _numbers(self, shown: Evaluation) -> None:
+        second = self.desk.second()
+        for key, (value, was) in self._figures.items():
+            value.set_text(f"{_number_of(shown, key):.2f} dB")
+            was.set_text("" if second is None else f"second {_number_of(second, key):.2f} dB")
+
+    # What follows an action ---------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """Show the present state."""
+        desk = self.desk
+        self._seen = desk.history
+        self._frf = figures.frf(desk, self.pair, 400)
+        self.frf.update_figure(_dict(self._frf))
+        self.map.update_figure(_dict(figures.error_map(desk)))
+        self.stairs.update_figure(_dict(figures.staircase(desk)))
+        self.model.update_figure(_dict(figures.model(desk, self.spot, 400)))
+        self._numbers(desk.shown)
+        self.effects.refresh()
+        self.sensors.refresh()
+        self.candidates.refresh()
+        self.refresh_buttons()
+
+    def refresh_buttons(self) -> None:
+        """Let only what is possible be pressed."""
+        history, state = self.desk.history, self.desk.now
+        for one, label, word in ((self.undo, history.undoes, "Undo"), (self.redo, history.redoes, "Redo")):
+            one.set_enabled(bool(label))
+            one.props["aria-label"] = f"{word}: {label}" if label else word
+            one.update()
+        self.swap.set_visibility(state.other is not None)
+        self.drop.set_visibility(state.other is not None)
+
+    def act(self, work: Callable[[], None]) -> None:
+        """Do something that gives a new state, and show it; an error is told."""
+        try:
+            self.keep_moved()
+            work()
+        except (ValueError, OSError) as reason:
+            ui.notify(str(reason), type="negative", multi_line=True)
+            return
+        self.refresh()
+
+    def _undo(self) -> None:
+        self.act(self.desk.undo)
+
+    def _redo(self) -> None:
+        self.act(self.desk.redo)
+
+    def _key(self, e: KeyEventArguments) -> None:
+        if not e.action.keydown or not (e.modifiers.ctrl or e.modifiers.meta):
+            return
+        if e.key == "z" and not e.modifiers.shift:
+            self._undo()
+        elif e.key in ("y", "Z"):
+            self._redo()
+        elif e.key == "s":
+            self._save_dialog()
+
+    def _chooser(self, k: int) -> Callable[[Any], None]:
+        def chosen(e: Any) -> None:
+            pair = (e.value, self.pair[1]) if k == 0 else (self.pair[0], e.value)
+            self._show_pair(pair)
+
+        return chosen
+
+    def _show_pair(self, pair: tuple[str, str]) -> None:
+        self.pair = pair
+        self._frf = figures.frf(self.desk, pair, 400)
+        self.frf.update_figure(_dict(self._frf))
+
+    def _clicked_map(self, e: GenericEventArguments) -> None:
+        sensor = e.args["points"][0]["customdata"][0]
+        self._choices[0].set_value(sensor)
+
+    def _clicked_model(self, e: GenericEventArguments) -> None:
+        point = e.args["points"][0]
+        name = point.get("customdata")
+        if isinstance(name, list):
+            name = name[0]
+        if name in self.desk.shown.measured.outputs:
+            self._choices[0].set_value(name)
+        else:
+            # a mark lies on its member, which is what the mouse meets beside it
+            near = self.desk.spot_near([float(point[k]) for k in "xyz"])
+            self.choose(near or self.desk.spot_of(str(name)))
+
+    def choose(self, spot: str) -> None:
+        """List the candidates of a spot; of all if it is empty."""
+        self.spot = spot
+        self.model.update_figure(_dict(figures.model(self.desk, spot, 400)))
+        self.candidates.refresh()
+
+    # Jobs ---------------------------------------------------------------------------------------------------
+
+    def start_fit(self, begin: Callable[[], Job]) -> None:
+        """Begin a fit, unless one is running."""
+        if self.fit_job is not None:
+            ui.notify("A fit is running; cancel it first.", type="warning")
+            return
+        self.keep_moved()
+        self.fit_job = begin()
+        self.fit_bar.show(self.fit_job)
+
+    def start_search(self, begin: Callable[[], Job], after: Callable[[Job], None]) -> None:
+        """Begin a search in the background, unless one is running."""
+        if self.search_job is not None:
+            ui.notify("A search is running; cancel it first.", type="warning")
+            return
+        self.keep_moved()
+        self.search_job, self._after = begin(), after
+        self.search_bar.show(self.search_job)
+
+    def _cancel_fit(self) -> None:
+        if self.fit_job is not None:
+            self.fit_job.cancel()
+
+    def _cancel_search(self) -> None:
+        if self.search_job is not None:
+            self.search_job.cancel()
+
+    def _look_at_jobs(self) -> None:
+        if self._seen is not self.desk.history:  # another tab has acted
+            self.refresh()
+        if self.fit_job is not None:
+            self.fit_bar.show(self.fit_job)
+            if self.fit_job.done:
+                job, self.fit_job = self.fit_job, None
+                self._ended(job, self.fit_bar, self._fitted)
+        if self.search_job is not None:
+            self.search_bar.show(self.search_job)
+            if self.search_job.done:
+                job, self.search_job = self.search_job, None
+                assert self._after is not None
+                self._ended(job, self.search_bar, self._after)
+
+    def _ended(self, job: Job, bar: "JobBar", take: Callable[[Job], None]) -> None:
+        bar.hide()
+        if job.cancelled:
+            ui.notify(f"{job.title}: cancelled")
+        elif job.error is not None:
+            ui.notify(f"{job.title}: {job.error}", type="negative", multi_line=True)
+        else:
+            take(job)
+
+    def _fitted(self, job: Job) -> None:
+        faults = self.desk.now.hypothesis.faults
+        self.act(lambda: self.desk.take_fit(job))
+        for fault in self.desk.now.hypothesis.faults:
+            if fault not in faults:
+                ui.notify(f"set right: {fault_text(fault)}", multi_line=True)
+        few = len(self.desk.candidates) <= RANKED_UNASKED
+        if few and self.search_job is None and not self.desk.now.hypothesis.effects:
+            self.start_search(self.desk.rank, self._ranked)
+
+    def rank(self, names: tuple[str, ...]) -> None:
+        """Rank candidates, and show the order."""
+        self.start_search(lambda: self.desk.rank(names), self._ranked)
+
+    def _ranked(self, job: Job) -> None:
+        self.desk.ranking = job.result
+        self.candidates.refresh()
+        for effect in self.desk.now.hypothesis.effects:
+            self.effects.show_evidence(effect.name)
+
+    def _diagnose(self) -> None:
+        self.start_search(self.desk.diagnose, self._diagnosed)
+
+    def _diagnosed(self, job: Job) -> None:
+        self.desk.diagnosis = job.result
+        self.candidates.refresh()
+
+    # What leaves the desk -----------------------------------------------------------------------------------
+
+    def _save_dialog(self) -> None:
+        path = self.desk.study.path
+        _ask("Save study", "File", path.with_name(f"{path.stem}-desk.toml"), self._save)
+
+    def _save(self, path: Path) -> None:
+        self.act(lambda: ui.notify(f"Saved {self.desk.save(path)}", type="positive", multi_line=True))
+
+    def _report_dialog(self) -> None:
+        path = self.desk.study.path
+        _ask("Export report", "Folder", path.with_name(f"{path.stem}-report"), self._report)
+
+    def _report(self, folder: Path) -> None:
+        self.start_search(
+            lambda: self.desk.report(folder),
+            lambda job: ui.notify(f"Wrote {job.result}", type="positive", multi_line=True),
+        )
+
+
+class JobBar:
+    """Progress of a job with its text, the remaining time, and a button that ends it.
+
+    Parameters
+    ----------
+    word : str
+    cancel : callable
+    """
+
+    def __init__(self, word: str, cancel: Callable[[], None]) -> None:
+        self._row = ui.element("div").classes("desk-row").props(f'role="status" aria-label="{word}"')
+        with self._row:
+            self._text = ui.label().classes("desk-note")
+            self._bar = ui.linear_progress(0.0, show_value=False).style("flex: 1; min-width: 120px")
+            self._bar.props["aria-label"] = f"{word}: progress"
+            button("Cancel", cancel, "stop", label=f"Cancel: {word}")
+        self.hide()
+
+    def show(self, job: Job) -> None:
+        """Show how far a job is."""
+        self._row.set_visibility(True)
+        left = job.remaining
+        rest = "" if left is None else f", about {_duration(left)} left"
+        self._text.set_text(f"{job.title}: {job.text or 'begins'}, {job.fraction:.0%}{rest}")
+        self._bar.set_value(round(job.fraction, 3))
+
+    def hide(self) -> None:
+        """Show nothing."""
+        self._row.set_visibility(False)
+
+
+def _ask(title: str, word: str, path: Path, take: Callable[[Path], None]) -> None:
+    """Ask for a path in a dialog."""
+    with ui.dialog() as dialog, ui.card().style("min-width: min(560px, 90vw)"):
+        ui.label(title).classes("desk-title")
+        field = ui.input(word, value=str(path)).props("outlined dense autofocus").style("width: 100%")
+        with ui.element("div").classes("desk-row"):
+            ui.space()
+            ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
+            ui.button("Write", on_click=lambda: (dialog.close(), take(Path(field.value or "")))).props(
+                "no-caps"
+            )
+    dialog.on("hide", dialog.delete)
+    dialog.open()
+
+
+def _plot(figure: Any, label: str) -> ui.plotly:
+    plot = ui.plotly(_dict(figure)).classes("desk-plot")
+    plot.props["role"] = "img"
+    plot.props["aria-label"] = label
+    return plot
+
+
+def _dict(figure: Any) -> dict[str, Any]:
+    plain = figure.to_plotly_json()
+    if not (plain["layout"].get("title") or {}).get("text"):
+        plain["layout"]["margin"] = {**plain["layout"]["margin"], "t": 28}
+    return {**plain, "config": figures.CONFIG}
+
+
+def _number_of(shown: Evaluation, key: str) -> float:
+    r = shown.result
+    return {
+        "fit": r.fit_db, "held": r.held_out_db, "all": shown.comparison.total_db, "noise": shown.noise_db,
+        "left": shown.left_db,
+    }[key]  # fmt: skip
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

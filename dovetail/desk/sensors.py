@@ -1,0 +1,61 @@
+"""The page's list of sensors: left out, or corrected by sign and gain."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from nicegui import ui
+
+if TYPE_CHECKING:
+    from dovetail.desk.page import Page
+
+
+class SensorList:
+    """A switch, a sign and a gain for each sensor.
+
+    Parameters
+    ----------
+    page : Page
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        with ui.expansion("Sensors: leave out, turn, correct").classes("desk-card"):
+            ui.label(
+                "A sensor that is left out counts nowhere. The gain says how many times too much it reads."
+            ).classes("desk-note")
+            self._box = ui.element("div").classes("desk-sensors")
+        self._known: Any = None
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show what is believed of the sensors now."""
+        desk = self._page.desk
+        h, errors = desk.now.hypothesis, desk.shown.comparison.by_sensor()
+        now = (h.off, h.faults, errors.tobytes())
+        if now == self._known:
+            return
+        self._known = now
+        faults = {(f.kind, f.sensor): f.value for f in h.faults}
+        self._box.clear()
+        with self._box:
+            for name, error in zip(desk.shown.comparison.outputs, errors, strict=True):
+                self._row(name, float(error), name not in h.off, faults)
+
+    def _row(self, name: str, error: float, on: bool, faults: dict[tuple[str, str], float]) -> None:
+        page, desk = self._page, self._page.desk
+        with ui.element("div").classes("desk-sensor"):
+            counted = ui.checkbox(value=on, on_change=lambda: page.act(lambda: desk.switch(name)))
+            counted.props["aria-label"] = f"count sensor {name}"
+            ui.label(name).classes("name")
+            ui.label(f"{error:.1f} dB" if np.isfinite(error) else "–").classes("desk-note")
+            turned = ("sensor_sign", name) in faults
+            sign = ui.button("−" if turned else "+", on_click=lambda: page.act(lambda: desk.turn(name)))
+            sign.props("dense flat round size=sm")
+            sign.props["aria-label"] = f"sign of sensor {name}"
+            sign.props["aria-pressed"] = str(turned).lower()
+            gain = ui.number(value=faults.get(("sensor_gain", name), 1.0), min=0.01, step=0.05, format="%.3g")
+            gain.props("dense borderless debounce=600").style("width: 58px")
+            gain.props["aria-label"] = f"gain of sensor {name}"
+            gain.on_value_change(lambda e: page.act(lambda: desk.set_gain(name, float(e.value or 1.0))))

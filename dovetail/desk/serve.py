@@ -1,0 +1,78 @@
+"""The desk's server: on this machine only, with a token in the address."""
+
+import secrets
+import socket
+import webbrowser
+from collections.abc import Callable
+
+from dovetail.desk.guard import Guard
+from dovetail.desk.session import Desk
+
+HOST = "127.0.0.1"
+PATIENCE = 60.0
+"""A tab that says nothing for so long is forgotten [s]."""
+
+
+class MissingExtraError(ValueError):
+    """The packages of the desk are not installed."""
+
+
+def require_nicegui() -> None:
+    """Raise a :class:`MissingExtraError` with the remedy if the desk's packages are not there."""
+    try:
+        import nicegui  # noqa: F401
+    except ImportError as reason:
+        msg = f"the desk needs NiceGUI, which is not installed ({reason}): pip install 'dovetail[desk]'"
+        raise MissingExtraError(msg) from reason
+
+
+def free_port(port: int = 0) -> int:
+    """Return a port of this machine that is free; the given one unless it is 0.
+
+    Raises
+    ------
+    OSError
+        If the given one is taken.
+    """
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((HOST, port))
+        return int(probe.getsockname()[1])
+
+
+def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bool = True) -> None:
+    """Show the desk until it is interrupted.
+
+    Parameters
+    ----------
+    desk : Desk
+    port : int
+        A free port.
+    announce : callable
+        Called with the address as soon as it answers.
+    browser : bool
+        Whether to open the address in the user's browser.
+    """
+    from nicegui import app, ui
+
+    from dovetail.desk.page import Page
+
+    token = secrets.token_urlsafe(24)
+    address = f"http://{HOST}:{port}/?token={token}"
+    app.add_middleware(Guard, token=token, port=port)
+
+    @ui.page("/", title=f"{desk.study.name} · dovetail")
+    def index() -> None:
+        Page(desk).build()
+
+    def started() -> None:
+        announce(address)
+        if browser:
+            webbrowser.open(address)
+
+    app.on_startup(started)
+    # a browser that draws in software may take seconds before it connects, and would have to load again
+    ui.run(
+        host=HOST, port=port, reload=False, show=False, show_welcome_message=False, tailwind=False,
+        uvicorn_logging_level="error", reconnect_timeout=PATIENCE, favicon="📐", language="en-US",
+    )  # fmt: skip

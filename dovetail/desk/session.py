@@ -1,0 +1,328 @@
+"""What the desk does, without a page: every action is a new state, and the journal keeps up with it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.desk.jobs import Job
+from dovetail.desk.journal import JournalError, journal_of, read_journal, set_aside, write_journal
+from dovetail.desk.saving import save_study, write_desk_report
+from dovetail.desk.scale import Scale, scales_of
+from dovetail.desk.state import History, Stair, State
+from dovetail.pipeline import Progress, diagnose_study, fit_problem
+from dovetail.study import Study, load_study
+from fem.effects.joint import Spread
+from fem.model import Effect, parameter_values
+from updating.diagnosis.diagnose import Diagnosis
+from updating.diagnosis.evidence.places import place_of
+from updating.live.engine import Evaluation, LiveModel
+from updating.live.fitting import fit_all, fit_effect, fit_uncertain
+from updating.live.hypothesis import Hypothesis
+from updating.live.ranking import Promise, rank
+from updating.live.weighing import Weighed, weigh
+from updating.quality.corrections import Fault
+
+NOMINAL = "nominal model"
+FITTED = "uncertain parameters fitted"
+RANKED_UNASKED = 500
+"""So many candidates are ranked after a fit without being asked for [-]."""
+
+
+SAME_SPOT = 0.02
+"""Places nearer to each other than this share of the structure's size are one spot in the model [-]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A point of the structure where candidates act.
+
+    Attributes
+    ----------
+    name : str
+        Its first place.
+    point : (float, float, float)
+        [m].
+    places : mapping of str to tuple of str
+        Names of the candidates at each of its places.
+    """
+
+    name: str
+    point: tuple[float, float, float]
+    places: Mapping[str, tuple[str, ...]]
+
+
+class Desk:
+    """A study on the desk.
+
+    Parameters
+    ----------
+    study : Study
+    live : LiveModel
+    history : History
+    journal : Path or None
+        Where the history is kept; None keeps none.
+    """
+
+    def __init__(self, study: Study, live: LiveModel, history: History, journal: Path | None = None) -> None:
+        self.study, self.live, self.history, self._journal = study, live, history, journal
+        self.notes: list[str] = []
+        self.ranking: tuple[Promise, ...] = ()
+        self.diagnosis: Diagnosis | None = None
+        self.weighed: dict[str, Weighed] = {}
+        self.shown = live.evaluate(self.now.hypothesis)
+        self._others: dict[int, Evaluation] = {}
+
+    @classmethod
+    def open(cls, path: Path, progress: Progress | None = None) -> "Desk":
+        """Return the desk of a study file, where it was left if there is a journal."""
+        say = progress or (lambda text, done: None)
+        say("reading the study", 0.1)
+        study = load_study(path)
+        say("reducing the model", 0.5)
+        live = LiveModel(fit_problem(study))
+        start = Hypothesis.nominal(live.problem)
+        first = State("open the study", start, (Stair.of(NOMINAL, live.evaluate(start)),))
+        desk = cls(study, live, History((first,)), journal_of(study.path))
+        desk._go_on()
+        return desk
+
+    def _go_on(self) -> None:
+        """Take up the journal, where there is one that fits."""
+        if self._journal is None or not self._journal.exists():
+            return
+        try:
+            self.history = read_journal(self._journal, self.study.text, self.candidates)
+            self.shown = self.live.evaluate(self.now.hypothesis)
+            if len(self.history.states) > 1:
+                self.notes.append("The desk is where it was left; undo goes further back.")
+        except JournalError as reason:
+            self.notes.append(f"{reason}; it is kept as {set_aside(self._journal).name}")
+
+    @property
+    def now(self) -> State:
+        """The present state."""
+        return self.history.now
+
+    @cached_property
+    def candidates(self) -> dict[str, Effect]:
+        """Candidate effects by name; none that constrain the model otherwise than its basis."""
+        return {e.name: e for e in self.study.candidates() if not isinstance(e, Spread)}
+
+    @cached_property
+    def spots(self) -> dict[str, Spot]:
+        """Spots by name: places that are nearly at one point, connections first."""
+        model = self.live.problem.reduced.model
+        at: dict[str, list[Effect]] = {}
+        for effect in sorted(self.candidates.values(), key=lambda e: place_of(e)[0] != "joint"):
+            at.setdefault(place_of(effect)[1], []).append(effect)
+        out: dict[str, Spot] = {}
+        for name, effects in at.items():
+            points = np.vstack([e.locations(model) for e in effects])
+            middle = points.mean(axis=0) if len(points) else model.mesh.points.mean(axis=0)
+            own = {name: tuple(e.name for e in effects)}
+            near = [s for s in out.values() if np.linalg.norm(middle - s.point) < SAME_SPOT * model.mesh.size]
+            if near:
+                spot = near[0]
+                out[spot.name] = replace(spot, places={**spot.places, **own})
+            else:
+                x, y, z = (float(v) for v in middle)
+                out[name] = Spot(name, (x, y, z), own)
+        return out
+
+    def spot_of(self, name: str) -> str:
+        """Return the spot of a place, a member, a joint or an added effect that a click names; or nothing."""
+        for spot in self.spots.values():
+            for place, candidates in spot.places.items():
+                if name in (place, *candidates) or place in (
+                    f"joint {name}",
+                    f"member {name}",
+                    f"support {name}",
+                ):
+                    return spot.name
+        return ""
+
+    @cached_property
+    def nominal(self) -> Evaluation:
+        """The model as the study states it, and the measurement as it was read."""
+        return self.live.evaluate(Hypothesis.nominal(self.live.problem))
+
+    def spot_near(self, point: Sequence[float]) -> str:
+        """Return the spot at a point of the structure; empty if none is near."""
+        spot = min(self.spots.values(), key=lambda s: float(np.linalg.norm(np.subtract(s.point, point))))
+        off = float(np.linalg.norm(np.subtract(spot.point, point)))
+        return spot.name if off < 2 * SAME_SPOT * self.study.model.mesh.size else ""
+
+    def second(self) -> Evaluation | None:
+        """Return the evaluation of the second hypothesis, where there is one."""
+        other = self.now.other
+        if other is None:
+            return None
+        if id(other) not in self._others:
+            self._others = {id(other): self.live.evaluate(other)}
+        return self._others[id(other)]
+
+    # Actions ------------------------------------------------------------------------------------------------
+
+    def commit(self, state: State) -> None:
+        """Make a state the present one, and keep it in the journal."""
+        self._changed(self.history.then(state))
+
+    def undo(self) -> None:
+        """Go one state back."""
+        self._changed(self.history.undone())
+
+    def redo(self) -> None:
+        """Go one state on again."""
+        self._changed(self.history.redone())
+
+    def _changed(self, history: History) -> None:
+        self.history = history
+        self.shown = self.live.evaluate(self.now.hypothesis)
+        self.weighed = {}
+        if self._journal is not None:
+            write_journal(self._journal, history, self.study.text)
+
+    def suppose(self, label: str, hypothesis: Hypothesis) -> None:
+        """Make a hypothesis the present one."""
+        self.commit(self.now.moved(label, hypothesis))
+
+    def add(self, name: str, **values: float) -> None:
+        """Add a candidate: where it begins to be absent, or at given values."""
+        effect = self.candidates[name]
+        known = parameter_values(effect) | values
+        if not np.isfinite(list(known.values())).all():
+            starts = effect.starts(self.live.problem.surroundings)
+            known |= starts[len(starts) // 2] | values
+        h = self.now.hypothesis.with_effect(effect.with_values(**known))
+        self.suppose(f"add {name}", h)
+
+    def remove(self, name: str) -> None:
+        """Take an added effect away."""
+        self.suppose(f"remove {name}", self.now.hypothesis.without_effect(name))
+
+    def replace(self, name: str, other: Effect) -> None:
+        """Put another effect in the place of an added one."""
+        h = self.now.hypothesis.without_effect(name).with_effect(other)
+        self.suppose(f"{other.name} in place of {name}", h)
+
+    def set_value(self, name: str, parameter: str, value: float) -> None:
+        """Give a parameter of an added effect a value."""
+        h = self.now.hypothesis.with_value(name, parameter, value)
+        self.suppose(f"{parameter} of {name}", h)
+
+    def preview(self, name: str, parameter: str, value: float) -> Evaluation:
+        """Return the errors with another value, which is not kept."""
+        self.shown = self.live.evaluate(self.now.hypothesis.with_value(name, parameter, value))
+        return self.shown
+
+    def switch(self, sensor: str) -> None:
+        """Leave a sensor out, or take it in again."""
+        word = "take in" if sensor in self.now.hypothesis.off else "leave out"
+        self.suppose(f"{word} sensor {sensor}", self.now.hypothesis.switched(sensor))
+
+    def turn(self, sensor: str) -> None:
+        """Turn a sensor's sign, or turn it back."""
+        h = self.now.hypothesis
+        turned = any((f.kind, f.sensor) == ("sensor_sign", sensor) for f in h.faults)
+        other = h.without_fault("sensor_sign", sensor)
+        other = other if turned else h.with_fault(Fault("sensor_sign", sensor, -1.0, 0.0))
+        self.suppose(f"turn the sign of sensor {sensor}", other)
+
+    def set_gain(self, sensor: str, gain: float) -> None:
+        """Say that a sensor reads so many times too much; 1 takes the correction away."""
+        h = self.now.hypothesis.without_fault("sensor_gain", sensor)
+        if gain > 0 and gain != 1:
+            h = h.with_fault(Fault("sensor_gain", sensor, float(gain), 0.0))
+        self.suppose(f"gain of sensor {sensor}", h)
+
+    def keep(self) -> None:
+        """Keep the present hypothesis as the second one."""
+        self.commit(self.now.kept())
+
+    def swap(self) -> None:
+        """Exchange the two hypotheses."""
+        self.commit(self.now.swapped())
+
+    def drop(self) -> None:
+        """Drop the second hypothesis."""
+        self.commit(self.now.alone())
+
+    # Longer work --------------------------------------------------------------------------------------------
+
+    def fit_uncertain(self) -> Job:
+        """Fit what is uncertain, and the damping."""
+        h = self.now.hypothesis
+        return Job("Fit what is uncertain", lambda say: fit_uncertain(self.live, h, say)).start()
+
+    def fit_this(self, name: str) -> Job:
+        """Fit one added effect."""
+        h = self.now.hypothesis
+        return Job(f"Fit {name}", lambda say: fit_effect(self.live, h, name, say)).start()
+
+    def fit_all(self) -> Job:
+        """Fit everything that may vary."""
+        h = self.now.hypothesis
+        return Job("Fit all", lambda say: fit_all(self.live, h, say)).start()
+
+    def take_fit(self, job: Job) -> None:
+        """Make what a fit has found the present state, with a step of the staircase."""
+        h: Hypothesis = job.result
+        names = " and ".join(e.name for e in h.effects)
+        stair = Stair.of(f"{names}: {job.title.lower()}" if names else FITTED, self.live.evaluate(h))
+        self.commit(self.now.moved(job.title, h).with_stair(stair))
+
+    def rank(self, names: tuple[str, ...] = ()) -> Job:
+        """Rank candidates beside the present hypothesis, all or some."""
+        h, chosen = self.now.hypothesis, names or tuple(self.candidates)
+        effects = [self.candidates[name] for name in chosen]
+        return Job("Rank candidates", lambda say: rank(self.live, h, effects, say)).start()
+
+    def weigh(self, name: str) -> Weighed:
+        """Return what speaks for and against an added effect, the rest as it is."""
+        if name not in self.weighed:
+            self.weighed[name] = weigh(self.live, self.now.hypothesis, name)
+        return self.weighed[name]
+
+    def weigh_fitted(self, name: str) -> Job:
+        """Weigh an added effect against a fit without it."""
+        h = self.now.hypothesis
+        return Job(f"Fit without {name}", lambda say: weigh(self.live, h, name, say)).start()
+
+    def diagnose(self) -> Job:
+        """Search for what the study's model lacks, as `dovetail diagnose` does."""
+        return Job("Diagnose", lambda say: diagnose_study(self.study, say)).start()
+
+    def save(self, path: Path) -> Path:
+        """Write the study with the present hypothesis in it; see :func:`saving.save_study`."""
+        return save_study(self.study, self.live, self.now.hypothesis, path)
+
+    def report(self, folder: Path) -> Job:
+        """Write a report of the present hypothesis into a folder."""
+        h = self.now.hypothesis
+        work = partial(write_desk_report, self.study, self.live, h, folder)
+        return Job("Export report", work).start()
+
+    def take_over(self) -> None:
+        """Add what the diagnosis has found, with its values."""
+        assert self.diagnosis is not None
+        last = self.diagnosis.steps[-1].result
+        h = self.now.hypothesis
+        for finding in self.diagnosis.findings:
+            own = self.candidates.get(finding.effect.name)
+            if own is not None and all(e.name != own.name for e in h.effects):
+                h = h.with_effect(own.with_values(**parameter_values(finding.effect)))
+        values = {ref: float(last.values.get(ref, v)) for ref, v in h.values.items()}
+        same = len(last.zeta) == len(h.zeta)
+        h = Hypothesis(h.effects, values, last.zeta if same else h.zeta, h.faults, h.off)
+        known = {(f.kind, f.sensor) for f in h.faults}
+        for fault in self.diagnosis.faults:
+            if (fault.kind, fault.sensor) not in known:
+                h = h.with_fault(fault)
+        self.suppose("take over the diagnosis", h)
+
+    def scales(self, effect: Effect) -> dict[str, Scale]:
+        """Return the scales of the sliders of an effect's parameters."""
+        return scales_of(self.candidates.get(effect.name, effect), self.live.problem)

@@ -1,0 +1,302 @@
+"""The desk as a user has it: who may reach it, and a walk through the example in Chromium."""
+
+import asyncio
+import os
+import re
+import shutil
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dovetail.cli import main
+from dovetail.desk.guard import Guard
+from dovetail.desk.scale import Scale
+from dovetail.desk.serve import MissingExtraError, free_port, require_nicegui
+from fem.model import Parameter
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "cross-beam"
+NAME = """<img src=x onerror="document.body.innerHTML=''"> & 'beam' 1"""
+SENSOR = '<b>D9"</b>'
+TURNING = "joint_stiffness:J.rx"
+FLAGS = (
+    "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+PROJECTED = """(name) => {
+  const gd = document.querySelector('[aria-label^="The model"]');
+  const scene = gd._fullLayout.scene._scene, camera = scene.glplot.cameraParams;
+  const trace = gd._fullData.find((t) => t.type === 'scatter3d' && [...(t.customdata || [])].includes(name));
+  const k = [...trace.customdata].indexOf(name);
+  const times = (m, v) => [0, 1, 2, 3].map((i) => [0, 1, 2, 3].reduce((s, j) => s + m[i + 4 * j] * v[j], 0));
+  let v = [...[trace.x[k], trace.y[k], trace.z[k]].map((x, i) => x * scene.dataScale[i]), 1];
+  for (const m of [camera.model, camera.view, camera.projection]) v = times(m, v);
+  const box = gd.querySelector('.gl-container canvas').getBoundingClientRect();
+  return [box.x + box.width * (1 + v[0] / v[3]) / 2, box.y + box.height * (1 - v[1] / v[3]) / 2];
+}"""
+"""Where on the screen a mark of the model is."""
+
+
+MOVED = """(slider, x) => new Promise((done) => {
+  const gd = document.querySelector('[aria-label^="Amplitude and phase"]'), begun = performance.now();
+  gd.once('plotly_afterplot', () => requestAnimationFrame(() => done(performance.now() - begun)));
+  slider.value = x;
+  slider.dispatchEvent(new Event('input'));
+})"""
+"""Moves a slider; the time until the FRF is drawn again [ms]."""
+
+
+# Who may reach it -------------------------------------------------------------------------------------------
+
+
+def asked(headers, query="", kind="http"):
+    """Return what a guarded application answers: the status and headers, or None if it was reached."""
+    sent = []
+
+    async def inner(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def receive():
+        return {"type": "websocket.connect"}
+
+    async def send(message):
+        sent.append(message)
+
+    scope = {
+        "type": kind, "query_string": query.encode(),
+        "headers": [(k.encode(), v.encode()) for k, v in headers.items()],
+    }  # fmt: skip
+    asyncio.run(Guard(inner, "secret", 5000)(scope, receive, send))
+    return sent[0]
+
+
+def test_the_token_opens_the_desk_and_a_cookie_keeps_it_open():
+    first = asked({"host": "127.0.0.1:5000"}, "token=secret")
+    assert first["status"] == 200
+    cookie = dict(first["headers"])[b"set-cookie"].decode()
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    assert asked({"host": "localhost:5000", "cookie": cookie.split(";")[0]})["status"] == 200
+    assert b"frame-ancestors 'none'" in dict(first["headers"])[b"content-security-policy"]
+
+
+@pytest.mark.parametrize(
+    ("headers", "query"),
+    [
+        ({"host": "127.0.0.1:5000"}, ""),
+        ({"host": "127.0.0.1:5000"}, "token=other"),
+        ({"host": "127.0.0.1:5000", "cookie": "dovetail-desk-5000=other"}, ""),
+        ({"host": "127.0.0.1:5000", "cookie": "dovetail-desk-5001=secret"}, ""),
+        ({"host": "example.org:5000"}, "token=secret"),
+        ({"host": "127.0.0.1:5001"}, "token=secret"),
+        ({}, "token=secret"),
+        ({"host": "127.0.0.1:5000", "origin": "http://example.org"}, "token=secret"),
+        ({"host": "127.0.0.1:5000", "origin": "http://127.0.0.1:5001"}, "token=secret"),
+        ({"host": "127.0.0.1:5000", "origin": "null"}, "token=secret"),
+    ],
+)
+def test_others_are_refused(headers, query):
+    assert asked(headers, query)["status"] == 403
+    assert asked(headers, query, "websocket")["type"] == "websocket.close"
+
+
+def test_without_nicegui_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'dovetail\[desk\]'"):
+        require_nicegui()
+
+
+def test_a_port_that_is_taken_is_refused():
+    import socket
+
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        with pytest.raises(OSError, match="in use"):
+            free_port(other.getsockname()[1])
+
+
+# Sliders ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("p", "starts"),
+    [
+        (Parameter("stiffness", "N·m/rad", 2980.0, 2980.0, 0.3, 3e7, log=True), [30.0, 3e5]),
+        (Parameter("damping", "N·s/m", 0.0, 0.0, 0.0, 2e7), [0.0, 2.0, 2e3]),
+        (Parameter("change", "-", 0.0, 0.0, -0.8, 4.0), [-0.3, 0.3]),
+        (Parameter("compliance", "rad/(N·m)", 1.0, np.inf, 0.0, np.inf), [1.0, 10.0]),
+        (Parameter("position", "m", 0.4, 0.4, 0.1, 0.7, position=True), [0.2, 0.4]),
+    ],
+)
+def test_a_slider_reaches_every_value_and_comes_back(p, starts):
+    scale = Scale.of(p, starts)
+    ends = [scale.value(scale.low), scale.value(scale.high)]
+    assert ends[0] == pytest.approx(p.lower, abs=1e-9)
+    assert ends[1] == pytest.approx(p.upper if np.isfinite(p.upper) else 1000.0)
+    at = np.linspace(scale.low, scale.high, 41)
+    values = np.array([scale.value(x) for x in at])
+    assert (np.diff(values) > 0).all()
+    np.testing.assert_allclose([scale.position(v) for v in values], at, atol=1e-9)
+    if p.position:
+        np.testing.assert_allclose(np.diff(values), np.diff(values)[0], rtol=1e-4)
+
+
+# The walk ---------------------------------------------------------------------------------------------------
+
+
+class Server:
+    """A desk in a process of its own."""
+
+    def __init__(self, study):
+        call = [sys.executable, "-m", "dovetail", "open", str(study), "--no-browser"]
+        # NiceGUI takes this for a sign that it is tested itself
+        env = {k: v for k, v in os.environ.items() if k != "PYTEST_CURRENT_TEST"}
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        self.process = subprocess.Popen(call, **pipes, text=True, env=env)
+        for line in self.process.stdout:
+            if line.startswith("http"):
+                self.address = line.strip()
+                break
+        else:
+            raise AssertionError(self.process.stderr.read())
+
+    def close(self, kill=False):
+        (self.process.kill if kill else self.process.terminate)()
+        said = self.process.communicate(timeout=20)[1]  # closes the pipes, too
+        return said
+
+
+@pytest.fixture
+def example(tmp_path):
+    for file in EXAMPLE.iterdir():
+        if not file.name.startswith("."):
+            shutil.copy(file, tmp_path)
+    return tmp_path / "study.toml"
+
+
+@pytest.fixture
+def chromium(browser):
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as p:
+        made = p.chromium.launch(executable_path=str(browser), args=list(FLAGS))
+        yield made
+        made.close()
+
+
+class Tab:
+    """A tab with the desk, which notes what must not happen."""
+
+    def __init__(self, chromium, address):
+        self.faults = []
+        self.page = page = chromium.new_page(viewport={"width": 1280, "height": 900})
+        page.set_default_timeout(60_000)
+        page.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda e: self.faults.append(str(e)))
+        page.on("request", lambda r: self._asked(r.url))
+        page.goto(address)
+        page.wait_for_function("() => document.querySelectorAll('.js-plotly-plot .main-svg').length > 8")
+        page.wait_for_function("() => window.did_handshake")  # clicks before that are lost
+
+    def _asked(self, url):
+        if not url.startswith(("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:")):
+            self.faults.append(f"asked {url}")
+
+    def error(self):
+        return float(self.page.locator('[data-figure="error, lines of the fit"]').inner_text().split()[0])
+
+    def until(self, low, high):
+        """Wait until the error on the lines of the fit is between two values."""
+        text = "document.querySelector('[data-figure=\"error, lines of the fit\"]').textContent"
+        self.page.wait_for_function(
+            f"() => {{ const e = parseFloat({text}); return e >= {low} && e < {high}; }}"
+        )
+        return self.error()
+
+    def press(self, name):
+        self.page.get_by_role("button", name=name, exact=True).click()
+
+    def pick(self, name):
+        """Click a mark in the model."""
+        self.page.locator('[aria-label^="The model"]').scroll_into_view_if_needed()
+        self.page.wait_for_function("() => !!document.querySelector('.gl-container canvas')")
+        place = self.page.get_by_role("combobox", name="Place", exact=True)
+        for _ in range(20):  # the scene notices the mouse, and a press of it, when it is drawn next
+            x, y = self.page.evaluate(PROJECTED, name)
+            self.page.mouse.move(x - 3, y)
+            self.page.wait_for_timeout(200)
+            self.page.mouse.move(x, y)
+            self.page.wait_for_timeout(400)
+            self.page.mouse.click(x, y, delay=150)
+            self.page.wait_for_timeout(500)
+            if place.input_value() == name:
+                return
+        msg = f"{name} was not picked"
+        raise AssertionError(msg)
+
+    def drag(self, label, value):
+        """Drag a slider on a logarithmic scale to a value."""
+        slider = self.page.get_by_role("slider", name=label)
+        slider.scroll_into_view_if_needed()
+        low, high, now = slider.evaluate("(e) => [+e.min, +e.max, +e.value]")
+        box = slider.bounding_box()
+
+        def at(x):
+            return box["x"] + 8 + (box["width"] - 16) * (x - low) / (high - low)
+
+        y = box["y"] + box["height"] / 2
+        self.page.mouse.move(at(now), y)
+        self.page.mouse.down()
+        self.page.mouse.move(at(np.log10(value)), y, steps=12)
+        self.page.mouse.up()
+
+
+@pytest.mark.slow
+def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
+    text = example.read_text(encoding="utf-8").replace('"Cross-beam"', f"'''{NAME}'''")
+    example.write_text(text.replace('"D9"', f"'''{SENSOR}'''"), encoding="utf-8")
+    assert main(["compare", str(example)]) == 0
+    nominal = float(re.search(r"amplitude ([\d.]+) dB", capsys.readouterr().out)[1])
+    server = Server(example)
+    try:
+        tab = Tab(chromium, server.address)
+        assert tab.error() == nominal == 6.02
+        assert tab.page.get_by_role("heading", level=1).inner_text() == NAME
+        assert tab.page.get_by_text(f"{SENSOR}z", exact=True).count()
+        assert tab.page.locator("img, b:has-text('D9')").count() == 0
+        tab.press("Fit what is uncertain")
+        fitted = tab.until(0, 4)
+        tab.pick("joint J")
+        tab.press(f"Add {TURNING}")
+        tab.until(fitted + 0.01, 9)  # the stiffness is the nominal one again
+        tab.page.get_by_role("checkbox", name="Fit what is uncertain after each move").click()
+        tab.drag(f"stiffness of {TURNING}", 200.0)
+        found = tab.until(0, 1)
+        field = tab.page.get_by_label(f"stiffness of {TURNING}, N·m/rad")
+        assert float(field.input_value()) == pytest.approx(200.0, rel=0.1)  # one pixel is 4 %
+        tab.page.keyboard.press("Control+z")
+        tab.until(1, 9)
+        tab.page.keyboard.press("Control+y")
+        assert tab.until(0, 1) == found
+        tab.press("Save study")
+        tab.page.get_by_label("File").fill(str(tmp_path / "found.toml"))
+        tab.press("Write")
+        tab.page.get_by_text("Saved").wait_for()
+        assert tab.faults == []
+    finally:
+        errors = server.close(kill=True)
+    assert errors == ""
+    assert main(["compare", str(tmp_path / "found.toml")]) == 0
+    assert float(re.search(r"amplitude ([\d.]+) dB", capsys.readouterr().out)[1]) == found
+    again = Server(example)  # the desk that was killed opens where it was
+    try:
+        assert Tab(chromium, again.address).error() == found
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(again.address.partition("?")[0]).close()
+    finally:
+        again.close()

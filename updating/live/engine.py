@@ -1,0 +1,150 @@
+"""FRFs and errors of hypotheses at once: one small eigenproblem for each change of a value."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.frf import FRF
+from fem.model import ParameterRef, parameter_values
+from fem.recent import Recent
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel
+from updating.correlation import Comparison, compare
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import FitData
+from updating.inference.fit_result import FitResult
+from updating.live.hypothesis import Hypothesis
+from updating.quality.corrections import corrected
+
+N_BANDS = 6
+"""Bands of the comparison, as many as `dovetail compare` prints."""
+KEPT = 4
+"""Sets of effects, and of corrections, whose engines and data are kept [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """How far a hypothesis is from the measurement, in the numbers that `dovetail compare` prints.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+    result : FitResult
+        With its errors on lines fitted and held out.
+    frf, measured : FRF
+        Computed, and measured as it is believed; both in the kind of the measurement.
+    comparison : Comparison
+        On all lines.
+    mask : ndarray of bool (n_freq, n_out, n_in)
+        Values that count.
+    noise_db : float
+        Noise of the FRFs that count [dB].
+    """
+
+    hypothesis: Hypothesis
+    result: FitResult
+    frf: FRF
+    measured: FRF
+    comparison: Comparison
+    mask: NDArray[np.bool_]
+    noise_db: float
+
+    @property
+    def left_db(self) -> float:
+        """Error on the lines of the fit beyond the noise, by the difference of squares [dB]."""
+        return float(np.sqrt(max(self.result.fit_db**2 - self.noise_db**2, 0.0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known(FitProblem):
+    """A problem whose receptances are computed already: errors are then those of every other command."""
+
+    H: NDArray[np.complex128] | None = None
+
+    def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
+        assert self.H is not None
+        return self.H if lines is None else self.H[lines]
+
+
+class LiveModel:
+    """A problem whose hypotheses are evaluated one after the other.
+
+    Engines of the last sets of effects are kept, so that another value of a parameter costs one small
+    eigenproblem. One evaluation runs at a time.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        As a comparison begins with it.
+    """
+
+    def __init__(self, problem: FitProblem) -> None:
+        self.problem = problem
+        self._lock = Lock()
+        self._engines = Recent(KEPT)
+        self._data = Recent(KEPT)
+
+    @cached_property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return self.problem.measured.outputs
+
+    def data_of(self, h: Hypothesis) -> FitData:
+        """Return the data as a hypothesis believes them: corrected, and without sensors that are off."""
+        data = corrected(self.problem.data, h.faults)
+        if not h.off:
+            return data
+        on = np.array([name not in h.off for name in data.measurement.frf.outputs])
+        return replace(data, mask=data.mask & on[None, :, None])
+
+    def problem_of(self, h: Hypothesis) -> FitProblem:
+        """Return the problem of a hypothesis, for a fit in another thread: it shares no cache."""
+        apart = replace(self.problem.reduced).with_forces_of(h.effects)
+        return replace(self.problem, reduced=apart, data=self.data_of(h))
+
+    def evaluate(self, h: Hypothesis) -> Evaluation:
+        """Return the FRFs of a hypothesis and their errors."""
+        with self._lock:
+            given = h.result()
+            data, measured = self._data.get((h.faults, h.off), lambda: self._believed(h))
+            problem = self._known(data, self._receptances(given))
+            result = problem.assessed(given)
+            frf = problem.frf(result)
+            comparison = compare(measured, frf, N_BANDS, data.mask)
+            return Evaluation(h, result, frf, measured, comparison, data.mask, data.noise_db)
+
+    def _believed(self, h: Hypothesis) -> tuple[FitData, FRF]:
+        data = self.data_of(h)
+        return data, replace(self.problem, data=data).measured
+
+    def _known(self, data: FitData, H: NDArray[np.complex128]) -> _Known:
+        same: dict[str, Any] = {f.name: getattr(self.problem, f.name) for f in fields(FitProblem)}
+        same["data"] = data
+        return _Known(**same, H=H)
+
+    def _receptances(self, result: FitResult) -> NDArray[np.complex128]:
+        refs: list[ParameterRef] = list(result.values)
+        engine: ParametricFRF = self._engines.get(self._key(result), lambda: self._engine(result, refs))
+        f = self.problem.data.frequency
+        values = np.array([result.values[r] for r in engine.refs])
+        return engine.evaluate(values, self.problem.damping.ratio(f, result.zeta), gradient=False)[0]
+
+    def _engine(self, result: FitResult, refs: list[ParameterRef]) -> ParametricFRF:
+        # with the forces of where the effects are now, as a crack that moves bends other places
+        reduced: ReducedModel = self.problem.reduced.with_forces_of(result.effects)
+        own = replace(self.problem, reduced=reduced)
+        return own.engine(self.problem.data.frequency, refs, result.effects)
+
+    @staticmethod
+    def _key(result: FitResult) -> Hashable:
+        """Return what engines differ by: which effects there are, and where."""
+        at: list[Any] = []
+        for e in result.effects:
+            values = parameter_values(e)
+            at.append((e.name, *(values[p.name] for p in e.parameters() if p.position)))
+        return tuple(at)

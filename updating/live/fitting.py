@@ -1,0 +1,163 @@
+"""Fits of a hypothesis that say how far they are and can be ended."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, parameter_values
+from updating.diagnosis.diagnose import begin_fitted
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import FitFunction
+from updating.inference.fit_result import FitResult
+from updating.inference.solve import Solution
+from updating.live.engine import LiveModel
+from updating.live.hypothesis import Hypothesis
+
+Progress = Callable[[str, float], None]
+"""Called with a text and the fraction done; an error that it raises ends the fit."""
+STEPS = 20
+"""Evaluations that a stage of a fit takes for its share of the progress [-]."""
+
+
+class Watch:
+    """Counts the stages of fits, and tells how far they are.
+
+    Parameters
+    ----------
+    progress : callable
+        Called with a text and the fraction done; what it raises ends the fit.
+    text : str
+    stages : int
+        Stages to be expected.
+    """
+
+    def __init__(self, progress: Progress, text: str, stages: int) -> None:
+        self._progress, self._text, self._total = progress, text, max(stages, 1)
+        self._stage, self._step = 0, 0
+
+    def stage(self) -> None:
+        """Begin another stage."""
+        self._stage, self._step = self._stage + 1, 0
+
+    def step(self) -> None:
+        """Tell of one more evaluation."""
+        self._step += 1
+        within = 1 - np.exp(-self._step / STEPS)
+        self._progress(self._text, min((self._stage - 1 + within) / max(self._total, self._stage), 0.99))
+
+
+@dataclass(eq=False)
+class _WatchedFunction(FitFunction):
+    """Residuals that report each evaluation, and hold unknowns."""
+
+    watch: Watch
+    free: frozenset[str] | None
+    _at: NDArray[np.float64] | None = None
+
+    def __call__(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        self.watch.step()
+        return super().__call__(x, gradient)
+
+    def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int, **more: Any) -> Solution:
+        self.watch.stage()
+        limits = super().limits()
+        self._at = np.clip(x, limits[:, 0], limits[:, 1])
+        return super().minimise(x, stage, max_iterations, **more)
+
+    def limits(self) -> NDArray[np.float64]:
+        limits = super().limits()
+        if self.free is None or self._at is None:
+            return limits
+        added = {e.name for e in self.effects}
+        own = [v.ref[0] if v.ref[0] in added else "" for v in self.variables]
+        held = np.array([name not in self.free for name in own + [""] * len(self.problem.damping.start)])
+        limits[held] = self._at[held, None]
+        return limits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _WatchedProblem(FitProblem):
+    """A problem whose fits report what they do.
+
+    ``free`` holds the names of the effects that vary, and ``""`` for what is uncertain and for damping; None
+    lets all vary.
+    """
+
+    watch: Watch | None = None
+    free: frozenset[str] | None = None
+
+    def function(self, effects: Any, starts: Any, lines: NDArray[np.int64]) -> FitFunction:
+        plain = FitProblem.function(self, effects, starts, lines)
+        assert self.watch is not None
+        return _WatchedFunction(
+            self, plain.effects, plain.variables, plain.start, lines, self.watch, self.free
+        )
+
+
+def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
+    """Fit what is uncertain and the damping; added effects keep their values.
+
+    Without effects it is the fit of `dovetail compare --fitted`, which also sets sensors right that are
+    plainly at fault.
+    """
+    problem = live.problem_of(h)
+    if not h.effects:
+        watch = Watch(
+            progress, "fitting what is uncertain", len(problem.stages) + len(problem.fine_stages) + 1
+        )
+        _, result, faults = begin_fitted(_watched(problem, watch))
+        return replace(h, faults=(*h.faults, *faults)).at(result)
+    watch = Watch(progress, "fitting what is uncertain", 2)
+    held = _watched(problem, watch, frozenset({""}))
+    return h.at(held.assessed(_better(held, h)))
+
+
+def fit_effect(live: LiveModel, h: Hypothesis, name: str, progress: Progress) -> Hypothesis:
+    """Fit the parameters of one added effect, from where they are and from its own starts; the rest holds."""
+    problem, effect = live.problem_of(h), h.effect(name)
+    starts = [parameter_values(effect), *effect.starts(problem.surroundings)]
+    watch = Watch(progress, f"fitting {name}", len(starts) + 1)
+    held = _watched(problem, watch, frozenset({name}))
+    now = h.result()
+    whole, few = held.stages[-1:], held.n_lines // 4
+    fits = [
+        held.fit(h.effects, _starts(h, effect, start), stages=whole, n_lines=few, x_from=now, assess=False)
+        for start in starts
+    ]
+    best = min(fits, key=lambda r: r.solution.cost)
+    return h.at(held.refit(best))
+
+
+def fit_all(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
+    """Fit the added effects, what is uncertain and the damping: from where they are, and from starts."""
+    if not h.effects:
+        return fit_uncertain(live, h, progress)
+    problem = live.problem_of(h)
+    n_starts = sum(len(e.starts(problem.surroundings)) for e in h.effects)
+    watch = Watch(progress, "fitting all", 2 + n_starts + len(problem.stages))
+    every = _watched(problem, watch)
+    anew = every.fit_from_starts(h.effects)
+    return h.at(min(every.assessed(_better(every, h)), anew, key=lambda r: r.solution.cost))
+
+
+def _better(problem: _WatchedProblem, h: Hypothesis) -> FitResult:
+    """Return the better of a fit from where the values are and one from nominal uncertain parameters."""
+    starts = [parameter_values(e) for e in h.effects]
+    whole = problem.stages[-1:]
+    here = problem.fit(h.effects, starts, stages=whole, x_from=h.result(), assess=False)
+    anew = problem.fit(h.effects, starts, stages=whole, assess=False)
+    return min(here, anew, key=lambda r: r.solution.cost)
+
+
+def _starts(h: Hypothesis, effect: Effect, start: dict[str, float]) -> list[dict[str, float]]:
+    return [start if e is effect else parameter_values(e) for e in h.effects]
+
+
+def _watched(problem: FitProblem, watch: Watch, free: frozenset[str] | None = None) -> _WatchedProblem:
+    same = {f.name: getattr(problem, f.name) for f in fields(FitProblem)}
+    return _WatchedProblem(**same, watch=watch, free=free)
