@@ -33,8 +33,8 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, frf, open_desk, run, report, compare, candidates, locate, diagnose, identify_modes, match,
-    update, identify_joint, validate,
+    new, check, modes, frf, open_desk, run, report, compare, candidates, locate, diagnose, identify_modes,
+    match, update, identify_joint, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 

@@ -20,7 +20,6 @@ from viz.interactive.solids import Place
 HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
 SHOWN_DB = 0.005
 """Smallest difference of errors that their numbers show [dB]."""
-CONFIG = {"displaylogo": False, "responsive": True}
 
 
 def model(desk: Desk, chosen: str, height: float) -> Figure:

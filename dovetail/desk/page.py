@@ -19,6 +19,7 @@ from dovetail.desk.session import RANKED_UNASKED, Desk
 from dovetail.desk.widgets import button, card, labelled
 from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
+from viz.interactive.theme import CONFIG
 
 STYLE = Path(__file__).with_name("style.css")
 PAUSE = 0.35
@@ -437,7 +438,7 @@ def _dict(figure: Any) -> dict[str, Any]:
     plain = figure.to_plotly_json()
     if not (plain["layout"].get("title") or {}).get("text"):
         plain["layout"]["margin"] = {**plain["layout"]["margin"], "t": 28}
-    return {**plain, "config": figures.CONFIG}
+    return {**plain, "config": CONFIG}
 
 
 def _number_of(shown: Evaluation, key: str) -> float:
