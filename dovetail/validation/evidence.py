@@ -101,7 +101,7 @@ def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> Hypothesis | N
     The library may have several ways to state it, each with one or several effects.
     """
     if not any(ways):
-        return search.known.get(frozenset()) or search.full((), [()])
+        return search.known.get(frozenset()) or search.full((), ())
     options = (product(*(s.starts(search) for s in way)) for way in ways)
     fits = []
     for starts in chain.from_iterable(islice(each, MOST_STARTS) for each in options):
@@ -109,7 +109,7 @@ def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> Hypothesis | N
         if len({e.name for e in effects}) < len(effects):
             continue  # one candidate cannot be two of the hidden effects
         try:
-            fits.append(search.at(effects, [values for _, values in starts]))
+            fits.append(search.at(effects, tuple(values for _, values in starts)))
         except np.linalg.LinAlgError:
             continue
     return max(fits, key=lambda h: h.score, default=None)

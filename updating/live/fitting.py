@@ -53,18 +53,20 @@ class Watch:
 class _WatchedFunction(FitFunction):
     """Residuals that report each evaluation, and hold unknowns."""
 
-    watch: Watch
-    free: frozenset[str] | None
+    watch: Watch | None = None
+    free: frozenset[str] | None = None
     _at: NDArray[np.float64] | None = None
 
     def __call__(
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
-        self.watch.step()
+        if self.watch is not None:
+            self.watch.step()
         return super().__call__(x, gradient)
 
     def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int, **more: Any) -> Solution:
-        self.watch.stage()
+        if self.watch is not None:
+            self.watch.stage()
         limits = super().limits()
         self._at = np.clip(x, limits[:, 0], limits[:, 1])
         return super().minimise(x, stage, max_iterations, **more)
@@ -93,9 +95,8 @@ class _WatchedProblem(FitProblem):
 
     def function(self, effects: Any, starts: Any, lines: NDArray[np.int64]) -> FitFunction:
         plain = FitProblem.function(self, effects, starts, lines)
-        assert self.watch is not None
         return _WatchedFunction(
-            self, plain.effects, plain.variables, plain.start, lines, self.watch, self.free
+            self, plain.effects, plain.variables, plain.start, lines, watch=self.watch, free=self.free
         )
 
 
