@@ -89,7 +89,7 @@ class CaseSettings:
     visible_db: tuple[float, float] = (1.5, 4.0)
     weaker: float = 10.0
     version: int = SETTINGS_VERSION
-    evidence: bool = False
+    evidence: bool = True
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values for a file; files of the older search say nothing of evidence."""

@@ -167,7 +167,8 @@ def read_records(file: Path, settings: CaseSettings) -> list[Record]:
         return []
     have, want = lines[0].get("settings"), settings.as_dict()
     if have != want:
-        different = sorted(k for k in want if not isinstance(have, dict) or have.get(k) != want[k])
+        known = have if isinstance(have, dict) else {}
+        different = sorted(k for k in {*known, *want} if known.get(k) != want.get(k))
         msg = (
             f"{file} was begun with other settings ({', '.join(different)} differ"
             f"{'' if len(different) > 1 else 's'}); choose another folder"

@@ -120,7 +120,7 @@ def test_of_very_many_lines_every_second_is_kept(monkeypatch):
 
 def test_every_figure_is_made(live):
     assert live.failures == []
-    names = "model staircase map-fitted map-final misfit frf frf-error modes ranking-1"
+    names = "model staircase map-fitted map-final misfit frf frf-error modes ranking-1 probability"
     assert set(live.known) == set(names.split())
 
 
@@ -179,8 +179,9 @@ def test_a_figure_that_cannot_be_made_is_named():
 
 
 def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
-    assert words.probability_text(found.diagnosis) == ""
-    assert "How probable" not in report_html(found, Album(tmp_path), figures.make_all(found))
+    older = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
+    assert words.probability_text(older.diagnosis) == ""
+    assert "How probable" not in report_html(older, Album(tmp_path), figures.make_all(older))
     (finding,) = found.diagnosis.findings
     posterior = (((finding.effect.name,), 0.93), ((), 0.05), (("unknown",), 0.02))
     sure = replace(found, diagnosis=replace(found.diagnosis, posterior=posterior))

@@ -72,45 +72,32 @@ def test_result_json_has_the_documented_keys(done, root):
 
 def test_the_study_that_was_found_runs_and_is_better(done):
     found = load_study(done.folder / "found.toml")
-    (effect,) = (e for e in found.model.effects if e.name.startswith("known "))
-    assert effect.kind == done.diagnosis.findings[0].effect.kind
+    known = [e.kind for e in found.model.effects if e.name.startswith("known ") and not e.is_form]
+    assert known == [done.diagnosis.findings[0].effect.kind]
     before, after = (fit_problem(s).fit().fit_db for s in (done.study, found))
     assert after < 0.5 * before
 
 
-@pytest.fixture(scope="module")
-def by_evidence(tmp_path_factory):
-    file = write_study(tmp_path_factory.mktemp("evidence"))
-    text = file.read_text(encoding="utf-8")
-    asked = (
-        text.replace("[fit]\n", "[fit]\nevidence = true\n")
-        if "[fit]\n" in text
-        else f"{text}\n[fit]\nevidence = true\n"
-    )
-    file.write_text(asked, encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
-        return run.run(load_study(file), file.parent / "out")
-
-
-def test_the_search_by_evidence_finds_the_hidden_mass(by_evidence):
-    assert by_evidence.diagnosis.verdict == "effect"
-    assert [f.effect.kind for f in by_evidence.diagnosis.findings] == ["point_mass"]
-    result = json.loads(by_evidence.json.read_text(encoding="utf-8"))
+def test_every_hypothesis_has_a_probability(done):
+    result = json.loads(done.json.read_text(encoding="utf-8"))
     assert result["effects"][0]["name"] in result["posterior"][0]["effects"]
     assert sum(h["probability"] for h in result["posterior"]) == pytest.approx(1.0)
     assert result["places"]
 
 
-def test_found_by_evidence_is_the_reported_model(by_evidence):
-    problem = fit_problem(load_study(by_evidence.folder / "found.toml"))
-    assert problem.nominal().fit_db == pytest.approx(by_evidence.diagnosis.steps[-1].fit_db, rel=0.02)
+def test_what_was_found_is_the_reported_model(done):
+    problem = fit_problem(load_study(done.folder / "found.toml"))
+    assert problem.nominal().fit_db == pytest.approx(done.diagnosis.steps[-1].fit_db, rel=0.02)
 
 
-def test_evidence_and_bootstrap_exclude_each_other(study_file):
-    study = load_study(study_file)
-    with pytest.raises(StudyError, match="takes one force level and no bootstrap; leave evidence out"):
-        run.diagnose_study(replace(study, evidence=True, n_simulated=3))
+@pytest.mark.parametrize("asked", [{"evidence": False}, {"n_simulated": 1}])
+def test_the_older_search_can_be_asked_for(study_file, asked, monkeypatch):
+    taken = []
+    monkeypatch.setattr(run, "diagnose", lambda *args, **more: taken.append("older"))
+    monkeypatch.setattr(run, "diagnose_by_evidence", lambda *args, **more: taken.append("evidence"))
+    run.diagnose_study(replace(load_study(study_file), **asked))
+    run.diagnose_study(load_study(study_file))
+    assert taken == ["older", "evidence"]
 
 
 def test_the_docs_list_every_kind_with_its_parameters(root):

@@ -366,7 +366,7 @@ def test_a_case_that_fails_is_recorded_and_the_rest_go_on(tmp_path, monkeypatch)
         message = "no luck"
         raise ArithmeticError(message)
 
-    monkeypatch.setattr(runner, "diagnose", broken)
+    monkeypatch.setattr(runner, "diagnose_by_evidence", broken)
     records = runner.validate(SETTINGS, [("null", 0), ("null", 1)], tmp_path)
     assert [r["outcome"] for r in records] == ["failed", "failed"]
     assert "ArithmeticError: no luck" in records[0]["traceback"]

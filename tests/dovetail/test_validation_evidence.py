@@ -209,8 +209,8 @@ def test_the_option_is_part_of_the_settings_of_a_folder(tmp_path, monkeypatch):
     out = ["--out", str(tmp_path / "out")]
     assert main([*arguments, *out]) == 0
     assert seen == [True]
-    assert "evidence" not in CaseSettings(3).as_dict()
-    assert main([*arguments, *out]) == 2  # the folder belongs to the search by evidence
+    assert "evidence" not in CaseSettings(3, evidence=False).as_dict()
+    assert main([*arguments, *out, "--older"]) == 2  # the folder belongs to the search by evidence
 
 
 @pytest.mark.slow

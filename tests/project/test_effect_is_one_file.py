@@ -55,6 +55,14 @@ ALLOWED = {
     "dovetail/identify.py": ("hands over the joint to identify", {"Joint"}),
     "dovetail/propose.py": ("writes an identified joint into a study file", {"Joint", "Viscoelastic"}),
     "dovetail/validation/frames.py": ("makes the model of a case", {"Joint", "Support"}),
+    "dovetail/validation/hidden.py": (
+        ANSWERS,
+        {"foot_shift", "joint_hole", "joint_offset", "part_shift", "point_mass", "support_shift"},
+    ),
+    "dovetail/validation/hidden_connections.py": (ANSWERS, {"joint_stiffness", "support_flexibility"}),
+    "dovetail/validation/hidden_mountings.py": (
+        ANSWERS, {"foot_shift", "joint_hole", "part_shift", "support_shift"},
+    ),
     "dovetail/validation/hidden_at_joints.py": (
         ANSWERS,
         {

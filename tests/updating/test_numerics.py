@@ -10,7 +10,7 @@ from fem.model import Parameter
 from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
 from updating.inference.parameters import DampingCurve
-from updating.inference.solve import Prior, solve_robust
+from updating.inference.solve import Prior, inflation, solve_robust
 from updating.inference.unknowns import ScaledUnknown, Unknown
 from updating.least_squares.levels import Levels
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
@@ -208,8 +208,14 @@ def linear_problem(seed=0, n=3, m=200, noise=0.01):
 
 
 def solve(residual, n, **more):
-    levels = Levels.above_floor(more.pop("n_independent", 400.0), more.pop("floor", 1e-6), np.ones(1))
+    floor, groups = more.pop("floor", 1e-6), more.get("groups", np.zeros(1, dtype=int))
+    sizes = np.unique(groups, return_counts=True)[1]
+    levels = Levels.above_floor(more.pop("n_independent", 400.0), floor, sizes)
     keys = {"prior": Prior(np.zeros(n), np.full(n, np.inf)), "levels": levels}
+    if "noise" in more:
+        noise = np.array([part.mean() for part in np.split(more.pop("noise"), len(sizes))])
+        shares = more.pop("systematic", 1.0), more.pop("counted", 1.0)
+        keys["widened"] = lambda misfit: inflation(misfit, noise, floor, *shares)
     keys |= {"bounds": (np.full(n, -9.0), np.full(n, 9.0)), "max_iterations": 60, "tolerance": 1e-10, **more}
     x0 = keys.pop("x0", np.zeros(n))
     return solve_robust(residual, x0, **keys)
