@@ -20,7 +20,7 @@ from fem.elements.stretches import end_flexibility
 from fem.mesh import Mesh
 from fem.model import Array, Contribution, dofs_of
 
-RIGIDITY = 1e5
+RIGIDITY = 1e7
 """A clamp gives way so many times less than the end of the element that it holds [-]."""
 
 
