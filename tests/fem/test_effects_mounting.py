@@ -34,6 +34,7 @@ OPTIONS = [
     {"theory": "timoshenko", "section2": Section.rectangle(0.02, 0.012)},
 ]
 """Plain, on an axis beside the line of the mesh, tapered."""
+SPRUNG = {"spring1": {"ry": 2e3, "y": 1e6}}
 INSIDE = [0.003, 0.061, 0.137]
 """Places within the first and the second of ten elements [m]."""
 
@@ -110,7 +111,7 @@ def test_a_clamp_within_an_element_is_one_at_a_point_of_the_mesh_there(options, 
     np.testing.assert_allclose(frequencies(moved), frequencies(there), rtol=2e-6)
 
 
-@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize("options", [*OPTIONS, SPRUNG])
 @pytest.mark.parametrize("at", INSIDE)
 def test_a_foot_within_an_element_is_one_at_a_point_of_the_mesh_there(options, at):
     """Statics are exact; the mass differs by the condensed point's own motion."""
