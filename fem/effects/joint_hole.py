@@ -10,13 +10,8 @@ from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint
 from fem.effects.mounting import OnSide, is_foot, section_size, sides_of
 from fem.effects.places import frame_of
-from fem.model import (
-    Array,
-    Effect,
-    Model,
-    dofs_of,
-    lever_matrix,
-)
+from fem.elements.inner_place import InnerPlace, node_place
+from fem.model import Array, Effect, Model, lever_matrix
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -49,14 +44,19 @@ class JointHole(OnSide):
         """Joint, member and direction."""
         return f"joint {self.joint}, member {self.member}, along local {self.direction}"
 
-    def moved_rows(self, model: Model, joint: Joint) -> tuple[NDArray[np.int64], Array]:
-        """Return DOFs and rows of the motion of the side that is moved."""
+    def place(self, model: Model) -> InnerPlace:
+        """Return the point of the side, which stays."""
+        joint = model.effect(self.joint)
+        assert isinstance(joint, Joint)
         point = joint.point1 if self.side == 1 else joint.point2
         assert point is not None
-        arm = joint.location - model.mesh.points[point]
+        return node_place(point)
+
+    def arm(self, model: Model, joint: Joint) -> Array:
+        """Return the motion of the side at the hole."""
         # affine in the arm, so that the amount may be complex for derivatives
         step = lever_matrix(self.across) - lever_matrix(np.zeros(3))
-        return dofs_of(point), lever_matrix(arm) + self.amount * step
+        return super(JointHole, self).arm(model, joint) + self.amount * step
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.joint import Joint
-from fem.effects.places import frame_of, parameters_of
+from fem.effects.places import elements_of, frame_of, parameters_of, sheared_frame
 from fem.elements.frame import Frame
+from fem.elements.inner_place import InnerPlace, energy, inner_place
 from fem.model import (
     Array,
     Contribution,
@@ -92,34 +93,31 @@ class OnSide(Effect):
         """Return the shift."""
         return (Parameter("amount", "m", self.amount, 0.0, self.lower, self.upper),)
 
-    def moved_rows(self, model: Model, joint: Joint) -> tuple[NDArray[np.int64], Array]:
-        """Return DOFs and rows (6, n) of the motion of the side that is moved, global."""
+    def place(self, model: Model) -> InnerPlace:
+        """Return the place on the member at which the side acts."""
         raise NotImplementedError
+
+    def arm(self, model: Model, joint: Joint) -> Array:
+        """Return the motion (6, 6) of the side at the joint's location from that of its place, global."""
+        point = joint.point1 if self.side == 1 else joint.point2
+        assert point is not None
+        return lever_matrix(joint.location - model.mesh.points[point])
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the joint's matrices with the side where it is, less those of the model."""
         joint = model.effect(self.joint)
         assert isinstance(joint, Joint)
-        dofs, B = joint.relative(model)
-        turned = np.kron(np.eye(2), joint.axes)
-        own, rows = self.moved_rows(model, joint)
-        sign = 1.0 if self.side == 1 else -1.0
-        new_dofs, new = [own], [sign * turned @ rows]
+        turned = np.kron(np.eye(2), joint.axes) * (1.0 if self.side == 1 else -1.0)
         other = joint.point2 if self.side == 1 else joint.point1
+        rows = np.zeros((6, 0))
         if other is not None:
-            new_dofs.append(dofs_of(other))
-            new.append(-sign * turned @ lever_matrix(joint.location - model.mesh.points[other]))
-        A, every = np.hstack(new), np.concatenate(new_dofs)
+            rows = -turned @ lever_matrix(joint.location - model.mesh.points[other])
+        held = np.zeros(0, dtype=np.int64) if other is None else dofs_of(other)
         D = joint.D + joint.eta * joint.K
-
-        def part(X: Array, at: Array, factor: float) -> Array | None:
-            return factor * (at.T @ X @ at)[None] if np.any(X) else None
-
-        def both(at: NDArray[np.int64], rows: Array, factor: float) -> Contribution:
-            K, C, E = (part(X, rows, factor) for X in (joint.K, joint.C, D))
-            return Contribution(at[None], K, None, C, E)
-
-        return both(every, A, 1.0), both(dofs, B, -1.0)
+        moved = self.place(model).connect(turned @ self.arm(model, joint), held, rows, joint.K, joint.C, D)
+        dofs, B = joint.relative(model)
+        K, C, D = (-energy(X, B)[None] if np.any(X) else None for X in (joint.K, joint.C, D))
+        return moved, Contribution(dofs[None], K, None, C, D)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the joint's parameters."""
@@ -146,12 +144,13 @@ class AlongMember(OnSide):
         """Joint and member."""
         return f"joint {self.joint}, member {self.member}"
 
-    def moved_rows(self, model: Model, joint: Joint) -> tuple[NDArray[np.int64], Array]:
-        """Return DOFs and rows of the motion of the member's axis where the side is."""
-        point = joint.point1 if self.side == 1 else joint.point2
-        assert point is not None
-        dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.at + self.amount)
-        return dofs, lever_matrix(joint.location - model.mesh.points[point]) @ N
+    def place(self, model: Model) -> InnerPlace:
+        """Return the place further along."""
+        return inner_place(sheared_frame(model), model.mesh, self.member, self.at + self.amount)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the parameters of the joint and of the member's elements."""
+        return (*super(AlongMember, self).refers_to(model), *elements_of(model, self.member, "E", "rho"))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -9,24 +9,25 @@ from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
 from fem.effects.mounting import REACH, members_at
-from fem.effects.places import bending_stiffness, frame_of
+from fem.effects.places import elements_of, frame_of, sheared_frame
 from fem.effects.support import Support
 from fem.elements.frame import Frame
+from fem.elements.inner_place import inner_place
 from fem.model import (
     DIRECTIONS,
     Contribution,
     Effect,
     Model,
     Parameter,
+    ParameterRef,
 )
-
-STIFF = 1e4
-"""A clamp that is moved is held by so many times the stiffness of its member [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SupportShift(Effect):
     """A clamp that holds its member at another place, in the same directions.
+
+    It adds strain of the member alone, so that it is damped as the member is.
 
     Attributes
     ----------
@@ -36,8 +37,6 @@ class SupportShift(Effect):
         Where it is in the model, arc length [m].
     amount : float
         The shift [m].
-    springs : tuple of float
-        Stiffness of the six springs that stand for the clamp [N/m, N·m/rad].
     lower, upper : float
         [m].
     """
@@ -52,12 +51,10 @@ class SupportShift(Effect):
         meaning="a clamp that holds its member at another place",
         places="each support that holds all directions",
     )
-    connection: ClassVar[bool] = True
     support: str
     member: str
     at: float
     amount: Any
-    springs: tuple[float, ...]
     lower: float
     upper: float
 
@@ -71,10 +68,13 @@ class SupportShift(Effect):
         return (Parameter("amount", "m", self.amount, 0.0, self.lower, self.upper),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return stiff springs at the new place."""
-        dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.at + self.amount)
-        k = np.array(self.springs)
-        return (Contribution(dofs[None], (N.T @ (k[:, None] * N))[None]),)
+        """Return the elements' change that holds the new place."""
+        place = inner_place(sheared_frame(model), model.mesh, self.member, self.at + self.amount)
+        return (place.clamp(),)
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the parameters of the member's elements."""
+        return elements_of(model, self.member, "E", "rho")
 
     def released(self) -> tuple[tuple[str, str], ...]:
         """Return the support's constraints."""
@@ -109,15 +109,7 @@ class SupportShift(Effect):
                 out.append(
                     cls(
                         name=f"support_shift:{support.name}", support=support.name, member=member, at=at,
-                        amount=0.0, springs=_springs(model, member), lower=-min(at, reach),
-                        upper=min(length - at, reach),
+                        amount=0.0, lower=-min(at, reach), upper=min(length - at, reach),
                     )
                 )  # fmt: skip
         return tuple(out)
-
-
-def _springs(model: Model, member: str) -> tuple[float, ...]:
-    """Return springs that are ``STIFF`` times as stiff as a member, of the order of E I / L³ and E I / L."""
-    length = model.mesh.member_length(member)
-    EI = float(np.real(max(bending_stiffness(model, member, d) for d in ("ry", "rz"))))
-    return (100 * STIFF * EI / length**3,) * 3 + (STIFF * EI / length,) * 3

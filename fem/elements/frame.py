@@ -1,8 +1,8 @@
 """The frame as an effect: two-node, 12-DOF beams and bars along the members of a mesh.
 
 `Frame` joins the modules of this room: the layout of the lines, their geometry and properties at the current
-moduli (`Frame.lines`), and the matrices of these. Parts of members are in `fem.elements.stretches` and
-`fem.elements.cut`.
+moduli (`Frame.lines`), and the matrices of these. Parts of members are in `fem.elements.stretches`,
+`fem.elements.cut` and `fem.elements.inner_place`.
 """
 
 from collections.abc import Iterator, Mapping

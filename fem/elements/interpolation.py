@@ -124,18 +124,23 @@ def slope_matrix(g: Lines, xi: Array) -> Array:
     return S
 
 
-def motion_matrix(g: Lines, mesh: Mesh, xi: Array) -> Array:
-    """Return the motion of places on the mesh's lines, global axes, from the DOFs, shape (b, 6, 12)."""
+def carried(g: Lines, mesh: Mesh, xi: Array) -> Array:
+    """Return the global motion of places on the mesh's lines from the local one of the axis, (b, 6, 6)."""
     x = flexible_fraction(g, xi)
-    G = np.zeros((len(xi), 6, 6))
-    G[:, :3, :3] = G[:, 3:, 3:] = np.swapaxes(g.R, 1, 2)
-    at_node = (np.imag(x) == 0) & ((np.real(x) < 1e-9) | (np.real(x) > 1 - 1e-9))
-    T = np.where(at_node[:, None, None], g.T_nodes, g.T)
-    N = G @ shape_matrix(g, x) @ T
     ends = mesh.points[mesh.lines[g.rows]]
     arm = xi[:, None] * (ends[:, 1] - ends[:, 0]) - g.end[:, 0] - (x * g.L)[:, None] * g.R[:, 0]
     arm = np.where(
         np.abs(arm) < 1e-12 * g.span[:, None], 0.0, arm
     )  # rounding would load rotations without stiffness
-    N[:, :3] = N[:, :3] - cross_matrices(arm) @ N[:, 3:]
-    return N
+    G = np.zeros((len(xi), 6, 6), dtype=arm.dtype)
+    G[:, :3, :3] = G[:, 3:, 3:] = np.swapaxes(g.R, 1, 2)
+    G[:, :3, 3:] = -cross_matrices(arm) @ G[:, 3:, 3:]
+    return G
+
+
+def motion_matrix(g: Lines, mesh: Mesh, xi: Array) -> Array:
+    """Return the motion of places on the mesh's lines, global axes, from the DOFs, shape (b, 6, 12)."""
+    x = flexible_fraction(g, xi)
+    at_node = (np.imag(x) == 0) & ((np.real(x) < 1e-9) | (np.real(x) > 1 - 1e-9))
+    T = np.where(at_node[:, None, None], g.T_nodes, g.T)
+    return carried(g, mesh, xi) @ shape_matrix(g, x) @ T

@@ -119,10 +119,10 @@ def stiffening(
     touched, each = np.unique(lines, return_inverse=True)
     g = frame.lines(model.mesh, touched)
     parts = some_lines(g, each)
-    less = np.array(lost)[which, None, None] * _end_flexibility(
+    less = np.array(lost)[which, None, None] * end_flexibility(
         parts, flexible_fraction(parts, lo), flexible_fraction(parts, hi)
     )
-    F = _end_flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L))).astype(less.dtype)
+    F = end_flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L))).astype(less.dtype)
     before = with_connections(g, _stiffness_from_flexibility(g, F))
     np.subtract.at(F, each, less)
     K = to_global(with_connections(g, _stiffness_from_flexibility(g, F)) - before, g.T_nodes)
@@ -160,7 +160,7 @@ def _fractions(mesh: Mesh, member: str, start: Any, stop: Any) -> tuple[NDArray[
     return mesh.members[member][touched], lo, hi
 
 
-def _end_flexibility(g: Lines, lo: Array, hi: Array) -> Array:
+def end_flexibility(g: Lines, lo: Array, hi: Array) -> Array:
     """Return the motion of the second ends by unit forces there, from the flexibility between two places.
 
     Local, with the first ends held; places are fractions of the flexible parts. Shape (b, 6, 6).

@@ -86,7 +86,7 @@ def one_of_each(study):
     return first
 
 
-STAND_INS = {"support_shift", "zone_form"}
+STAND_INS = {"zone_form"}
 """Kinds whose stiffness is made of the moduli of when they are proposed, before a fit: E is 14 % off here."""
 
 

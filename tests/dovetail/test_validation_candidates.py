@@ -32,8 +32,8 @@ FAMILY = {
     "rigid": "bracket",
 }
 MOUNTED = tuple(k for pool in SETS["mounting"] for k in pool if k not in EFFECTS)
-# The truth's stretch is not exactly a tenth of the member; a clamp between nodes makes an element too stiff.
-NOT_BY_VALUE = ("stiffness_loss", "support_shift")
+# The truth's stretch is not exactly a tenth of the member.
+NOT_BY_VALUE = ("stiffness_loss",)
 
 
 @lru_cache

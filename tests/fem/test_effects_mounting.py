@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from fem import assemble, solve_modes
+from fem.analysis.frf_solver import compute_frf
 from fem.effects.foot_shift import FootShift
 from fem.effects.joint import Joint
 from fem.effects.joint_complex_stiffness import JointComplexStiffness
 from fem.effects.joint_hole import JointHole
 from fem.effects.part_shift import PartShift
 from fem.effects.support_shift import SupportShift
+from fem.sections.section import Section
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix
 
 K = np.diag([2e6, 3e6, 4e6, 500.0, 700.0, 900.0])
@@ -23,6 +25,32 @@ def frequencies(model, n=9):
 
 def footed(model, point, at):
     return model.with_effect(Joint(name="foot", point1=point, location=np.array([at, 0.0, -0.01]), K=K))
+
+
+AXIS = np.array([1.0, 0.0, 0.0])
+OPTIONS = [
+    {},
+    {"theory": "timoshenko", "offset1": np.array([0, 0, 0.02]), "offset2": np.array([0, 0.01, 0.02])},
+    {"theory": "timoshenko", "section2": Section.rectangle(0.02, 0.012)},
+]
+"""Plain, on an axis beside the line of the mesh, tapered."""
+SPRUNG = {"spring1": {"ry": 2e3, "y": 1e6}}
+INSIDE = [0.003, 0.061, 0.137]
+"""Places within the first and the second of ten elements [m]."""
+
+
+def clamped(n, **options):
+    return beam(n, effects=(fix(0, name="clamp"),), **options)
+
+
+def with_point(model, at):
+    return model.with_mesh(model.mesh.with_point_on("beam", at))
+
+
+def static(model):
+    """Return the flexibility at the free end."""
+    system, ends = assemble(model), [(1, d) for d in ("x", "y", "z", "rx", "ry", "rz")]
+    return compute_frf(system, [1e-3], ends, ends, kind="receptance", method="direct").H[0].real
 
 
 def point_at(model, s):
@@ -64,18 +92,56 @@ def test_a_hole_on_the_side_of_a_foot_is_a_lever_to_it():
 
 def test_a_clamp_further_along_leaves_two_cantilevers():
     """f = (1.8751)² / (2π L²) √(E I / ρ A) of the longer part."""
-    model = beam(20).with_effect(fix(0, name="clamp"))
+    model = clamped(20)
     (shift,) = SupportShift.propose(model)
-    free = replace(model, effects=tuple(e for e in model.effects if e.name != "clamp"))
-    (c,) = replace(shift, amount=0.1).contribute(model)
-    system = assemble(free)
-    Ks, M = system.K.toarray(), system.M.toarray()
-    Ks[np.ix_(c.dofs[0], c.dofs[0])] += c.K[0]
-    lam = np.sort(np.real(np.linalg.eigvals(np.linalg.solve(M, Ks))))
-    first = np.sqrt(lam[0]) / (2 * np.pi)
-    L = 1.0 - 0.1
+    moved = model.with_effect(shift.with_values(amount=0.0813))
+    L = 1.0 - 0.0813
     exact = 1.87510407**2 / (2 * np.pi * L**2) * np.sqrt(STEEL.E * FLAT.Iy / (STEEL.rho * FLAT.A))
-    assert first == pytest.approx(exact, rel=3e-3)
+    assert frequencies(moved, 1)[0] == pytest.approx(exact, rel=2e-6)
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize("at", INSIDE)
+def test_a_clamp_within_an_element_is_one_at_a_point_of_the_mesh_there(options, at):
+    model = clamped(10, **options)
+    (shift,) = SupportShift.propose(model)
+    moved = model.with_effect(shift.with_values(amount=at))
+    finer = with_point(model, at)
+    there = finer.without_effect("clamp").with_effect(fix(finer.mesh.n_points - 1))
+    np.testing.assert_allclose(frequencies(moved), frequencies(there), rtol=2e-6)
+
+
+@pytest.mark.parametrize("options", [*OPTIONS, SPRUNG])
+@pytest.mark.parametrize("at", INSIDE)
+def test_a_foot_within_an_element_is_one_at_a_point_of_the_mesh_there(options, at):
+    """Statics are exact; the mass differs by the condensed point's own motion."""
+    model = footed(clamped(10, **options), 2, 0.1)
+    (shift,) = FootShift.propose(model)
+    moved = model.with_effect(shift.with_values(amount=at - 0.1))
+    finer = with_point(model, at)
+    joint = finer.effect("foot")
+    new = replace(joint, point1=finer.mesh.n_points - 1, location=joint.location + (at - 0.1) * AXIS)
+    there = finer.without_effect("foot").with_effect(new)
+    np.testing.assert_allclose(static(moved), static(there), rtol=1e-7, atol=1e-9 * abs(static(there)).max())
+    np.testing.assert_allclose(frequencies(moved, 4), frequencies(there, 4), rtol=1e-4)
+
+
+@pytest.mark.parametrize("node", [0.1, 0.2])
+@pytest.mark.parametrize("kind", [SupportShift, FootShift])
+def test_what_moves_across_a_point_of_the_mesh_does_so_smoothly(kind, node):
+    """The change of the flexibility by the shift is the same on both sides."""
+    model = clamped(10) if kind is SupportShift else footed(clamped(10), 4, 0.3)
+    (shift,) = kind.propose(model)
+
+    def at(s):
+        start = 0.0 if kind is SupportShift else 0.3
+        return static(model.with_effect(replace(shift, amount=s - start)))
+
+    h = 1e-5
+    before, here, beyond = at(node - h), at(node), at(node + h)
+    size = abs(beyond - before).max()
+    assert abs(beyond - 2 * here + before).max() < 1e-3 * size
+    assert size > 1e-5 * abs(here).max()
 
 
 def test_a_connection_as_the_model_has_it_changes_nothing_and_its_loss_is_of_its_own_direction():

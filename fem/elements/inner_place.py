@@ -1,0 +1,196 @@
+"""Places within elements where something acts: their motion, flexibility and the mass that follows it.
+
+An element with a node at the place, condensed statically, moves there as its shape functions do less the
+flexibility times the force that it passes on.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.elements.connections import with_rigid_ends
+from fem.elements.frame import Frame
+from fem.elements.interpolation import carried, shape_matrix
+from fem.elements.lines import Lines, flexible_fraction, inertias, n_gauss, some_lines
+from fem.elements.matrices import local_stiffness
+from fem.elements.quadrature import gauss_points
+from fem.elements.stretches import end_flexibility
+from fem.mesh import Mesh
+from fem.model import Array, Contribution, dofs_of
+
+RIGIDITY = 1e7
+"""A clamp gives way so many times less than the end of the element that it holds [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InnerPlace:
+    """A place of a member, in global axes.
+
+    The place moves by N u - F p under the force and moment p that it passes on, u the motion of the nodes.
+
+    Attributes
+    ----------
+    dofs : ndarray of int (m,)
+        DOFs of the element's nodes.
+    N : ndarray (6, m)
+        Motion of the place.
+    F : ndarray (6, 6)
+        Flexibility of the place with the nodes held; 0 at a node.
+    end : ndarray (6, 6)
+        Flexibility of the element's free end in each direction alone, which sets a scale.
+    eta : float
+        Loss factor of the element [-].
+    cross : ndarray (m, 6)
+        ∫ Nᵀ μ W dx with the motion W p of the element by p, μ the mass per length.
+    own : ndarray (6, 6)
+        ∫ Wᵀ μ W dx.
+    """
+
+    dofs: NDArray[np.int64]
+    N: Array
+    F: Array
+    end: Array
+    eta: float
+    cross: Array
+    own: Array
+
+    def mass(self, p: Array) -> Array:
+        """Return the change of the mass (n, n) by forces that are rows p (6, n); own DOFs come first."""
+        M = energy(self.own, p)
+        across = self.cross @ p
+        M[: len(across)] -= across  # both, so that the block of the own DOFs is symmetric
+        M[:, : len(across)] -= across.T
+        return M
+
+    def connect(
+        self, lever: Array, dofs: NDArray[np.int64], rows: Array, K: Array, C: Array, D: Array
+    ) -> Contribution:
+        """Return a connection that acts at the place.
+
+        Parameters
+        ----------
+        lever : ndarray (6, 6)
+            Motion of the connection's side from that of the place.
+        dofs : ndarray of int (n,)
+            DOFs of the other side.
+        rows : ndarray (6, n)
+            Its motion, with the sign that it has in the relative motion.
+        K, C, D : ndarray (6, 6)
+            Stiffness, viscous and structural damping.
+        """
+        a, F = np.hstack([lever @ self.N, rows]), lever @ self.F @ lever.T
+        force = np.linalg.solve(np.eye(6) + K @ F, K @ a)
+        strain = a - F @ force
+        return Contribution(
+            np.concatenate([self.dofs, dofs])[None],
+            _batch(energy(K, strain) + energy(F, force)),
+            _batch(self.mass(lever.T @ force)),
+            _batch(energy(C, strain)),
+            _batch(energy(D, strain) + self.eta * energy(F, force)),
+        )
+
+    def clamp(self) -> Contribution:
+        """Return what a clamp of the place adds: it gives way by 1/``RIGIDITY`` of the element's end."""
+        force = np.linalg.solve(self.F + self.end / RIGIDITY, self.N)
+        K = energy(self.F + self.end / RIGIDITY, force)
+        return Contribution(self.dofs[None], _batch(K), _batch(self.mass(force)), None, _batch(self.eta * K))
+
+
+def energy(X: Array, rows: Array) -> Array:
+    """Return rowsᵀ X rows, symmetric also in its rounding."""
+    out = rows.T @ X @ rows
+    return 0.5 * (out + out.T)
+
+
+def _batch(X: Array) -> Array | None:
+    """Return a batch of one matrix, None if it is 0."""
+    return X[None] if np.any(X) else None
+
+
+def node_place(point: int) -> InnerPlace:
+    """Return a point of the mesh as a place."""
+    zero = np.zeros((6, 6))
+    return InnerPlace(dofs_of(point), np.eye(6), zero, zero, 0.0, zero, zero)
+
+
+def inner_place(frame: Frame, mesh: Mesh, member: str, position: Any) -> InnerPlace:
+    """Return the place at an arc length of a member.
+
+    With F₁ and F₂ the flexibilities of the element's parts before and beyond the place, both for forces at
+    the element's second end, the place with both ends held has F₁ (F₁ + F₂)⁻¹ F₂: the parts share the force
+    as springs side by side. This holds for tapers, and at nodes, where one part vanishes. Springs at the
+    element's ends give way besides. Terms of mass of higher order stay as they are.
+
+    Parameters
+    ----------
+    frame : Frame
+    mesh : Mesh
+    member : str
+    position : float
+        Arc length [m]; complex for derivatives.
+    """
+    real = float(np.real(position))
+    at = mesh.locate(member, real)
+    g = frame.kept.get(("place", mesh, at.line), lambda: frame.lines(mesh, [at.line]))
+    xi = np.array(
+        [at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0)]
+    )
+    (x,) = flexible_fraction(g, xi)
+    dofs, N = frame.shapes_at(mesh, member, position)
+    (G,) = carried(g, mesh, xi)
+    W = _by_force(g, x, np.array([x]))[0]
+    ends = _slips(g, x)
+    first, weight = gauss_points(n_gauss(g, 4))
+    s = np.concatenate([x * first, x + (1 - x) * first])
+    weights = np.concatenate([x * weight, (1 - x) * weight])
+    shapes = shape_matrix(some_lines(g, np.zeros(len(s), dtype=np.int64)), s)
+    moved = _by_force(g, x, s) + shapes @ ends
+    mass = (weights * g.L[0] * (1 - g.lumped[0]))[:, None] * inertias(g, s[:, None])[:, 0]
+    spread = np.swapaxes(moved, 1, 2) * mass[:, None, :]
+    local = shape_matrix(g, np.array([x]))[0]
+    (free,) = end_flexibility(g, np.zeros(1), np.ones(1))
+    turned = np.kron(np.eye(2), g.R[0])
+    return InnerPlace(
+        dofs,
+        N,
+        G @ (W + local @ ends) @ G.T,
+        turned.T @ np.diag(np.diag(free)) @ turned,
+        g.eta[0],
+        g.T[0].T @ (spread @ shapes).sum(axis=0).T @ G.T,
+        G @ (spread @ moved).sum(axis=0) @ G.T,
+    )
+
+
+def _by_force(g: Lines, x: Any, s: Array) -> Array:
+    """Return the local motion (n, 6, 6) at places s (n,) by forces at x, with both ends of a line held."""
+    n = len(s)
+    line, some = some_lines(g, np.zeros(1, dtype=np.int64)), some_lines(g, np.zeros(n, dtype=np.int64))
+    zero, one = np.zeros(1), np.ones(1)
+    before, beyond = (end_flexibility(line, *part)[0] for part in ((zero, [x] * one), ([x] * one, one)))
+    nearer = np.real(s) <= np.real(x)
+    parts = end_flexibility(some, np.where(nearer, 0.0, s), np.where(nearer, s, 1.0))
+    shared = np.linalg.solve(before + beyond, np.stack([beyond, before])) @ _from_end(g, np.array([x]))[0].T
+    bar = np.where(np.arange(6) > 0, 1 - g.bar[0], 1.0)  # a bar passes on nothing but tension
+    return bar[:, None] * (_from_end(g, s) @ parts @ shared[np.where(nearer, 0, 1)]) * bar
+
+
+def _from_end(g: Lines, s: Array) -> Array:
+    """Return the motion (n, 6, 6) of places s (n,) that move as one body with the second end of a line."""
+    out = np.zeros((len(s), 6, 6), dtype=s.dtype)
+    out[:] = np.eye(6)
+    arm = (1 - s) * g.L[0]
+    out[:, 1, 5], out[:, 2, 4] = -arm, arm
+    return out
+
+
+def _slips(g: Lines, x: Any) -> Array:
+    """Return the local motion (12, 6) of a line's ends by forces at x, where connections let them slip."""
+    local = shape_matrix(g, np.array([x]))[0]
+    out = np.zeros((12, 6), dtype=local.dtype)
+    if g.soft.size and 0 < np.real(x) < 1:
+        slip = ~g.held[0]
+        K = local_stiffness(with_rigid_ends(g))[0][np.ix_(slip, slip)] + np.diag(g.ends[0][slip])
+        out[slip] = np.linalg.solve(K, local[:, slip].T)
+    return out
