@@ -72,6 +72,7 @@ def test_the_nominal_errors_are_those_of_compare(live):
 )
 def test_a_moved_value_has_the_frfs_of_a_new_engine(live, candidates, fitted, name, moves):
     h = fitted.with_effect(candidates[name])
+    moved = live.evaluate(h)
     for values in moves:
         for parameter, value in values.items():
             h = h.with_value(name, parameter, value)
