@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, parameter_values
+from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
@@ -178,6 +178,7 @@ class Search:
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     places: tuple[Place, ...] = ()
     scanned: tuple[Scanned, ...] = ()
+    first_place: frozenset[str] = frozenset()
 
     _n_candidates: Counter[str] = field(init=False)
     _n_places: Counter[str] = field(init=False)
@@ -222,8 +223,12 @@ class Search:
         for effects, starts in self.proposals(base, quick):
             fits = self.shortly(quick, base, (*base.effects, *effects), [(*kept, *s) for s in starts])
             short[fits[0].key] = fits
-        first = sorted(short.values(), key=lambda fits: -fits[0].score)[:N_QUICK]
-        tried = [self.continued(quick, fits[: 2 if k < N_QUICK // 2 else 1]) for k, fits in enumerate(first)]
+        order = sorted(short.values(), key=lambda fits: -fits[0].score)
+        tried = [
+            self.continued(quick, fits[: 2 if k < N_QUICK // 2 else 1])
+            for k, fits in enumerate(order)
+            if k < N_QUICK or self.at_first_place(fits[0], base)
+        ]
         tried.sort(key=lambda h: -h.score)
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
@@ -300,8 +305,9 @@ class Search:
         screened = screen(quick, now, grids, False, lambda text, done: None)
         chosen = list(screened[:N_SINGLES])
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
-        for whole in wholes:
+        for whole in reversed(wholes):
             held = {e.name for p in self.places if p.whole == whole for e in p.effects}
+            self.first_place = frozenset(held)
             best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in held}
             chosen += [s for s in best.values() if s not in chosen]
         out: list[Proposal] = [((s.effect,), [(start,) for start in s.starts]) for s in chosen]
@@ -344,15 +350,20 @@ class Search:
         return {n.effect for n in self.form}
 
     def quick(self, base: Hypothesis) -> FitProblem:
-        """Return the problem with the form as it is in a hypothesis, fixed."""
-        names = self._form_names
-        values = {r: v for r, v in base.fitted.result.values.items() if r[0] in names}
+        """Return the problem with the form fixed: as it is in a hypothesis, or nominal if that is far."""
+        names, values = self._form_names, self.form_of(base)
         reduced = self.problem.reduced
         if any(values.values()):
             model = reduced.model.with_values(values)
             reduced = ReducedModel(model, reduced.basis, assemble(model, reciprocal=False))
         own = tuple(n for n in self.problem.nuisances if n.effect not in names)
         return replace(self.problem, reduced=reduced, nuisances=own)
+
+    def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
+        """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
+        if base.fitted.level > FAR * self.floor:
+            return {}
+        return {r: v for r, v in base.fitted.result.values.items() if r[0] in self._form_names}
 
     def shortly(
         self, quick: FitProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
@@ -382,6 +393,14 @@ class Search:
                     )
         fits.sort(key=lambda f: -f.log_evidence)
         return [Hypothesis(f, self.prior(effects)) for f in fits]
+
+    def at_first_place(self, h: Hypothesis, base: Hypothesis) -> bool:
+        """Whether a hypothesis adds one effect, at the first place of the last scan.
+
+        A few steps say little of a strong effect, and the scan has needed none.
+        """
+        new = [e for e in h.effects if e.name not in base.key]
+        return len(new) == 1 and new[0].name in self.first_place
 
     def highest(self, quick: FitProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the highest of the maxima around it, on few lines.
@@ -440,7 +459,7 @@ class Search:
         problem = self._with_forces(self.problem, effects, values)
         way: dict[str, Any] = {}
         if near is not None and base is not None:
-            from_near = replace(near.result, values={**base.fitted.result.values, **near.result.values})
+            from_near = replace(near.result, values={**self.form_of(base), **near.result.values})
             way = {"stages": problem.stages[-1:], "x_from": from_near}
         fitted = fit(problem, effects, values, n_lines=FULL_LINES, **way)
         return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
