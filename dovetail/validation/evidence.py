@@ -3,8 +3,7 @@
 Cases of this package and those of other codes are judged alike.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice, product
 from typing import Any
@@ -14,7 +13,6 @@ import numpy as np
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import UNEXPLAINED, Diagnosis
-from updating.diagnosis.evidence import diagnosis as by_evidence
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
 from updating.diagnosis.evidence.search import Hypothesis, Search
 
@@ -75,26 +73,6 @@ class Stated:
         return out
 
 
-@contextmanager
-def keeping_searches() -> Iterator[list[Searched]]:
-    """Give a list to which each search by evidence is added as it ends.
-
-    A diagnosis does not carry the search that it comes from.
-    """
-    kept: list[Searched] = []
-    original = by_evidence.search_by_evidence
-
-    def search(*arguments: Any, **options: Any) -> Searched:
-        kept.append(original(*arguments, **options))
-        return kept[-1]
-
-    by_evidence.search_by_evidence = search
-    try:
-        yield kept
-    finally:
-        by_evidence.search_by_evidence = original
-
-
 def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> Hypothesis | None:
     """Return the best fit that begins at the truth; None if the library does not have it.
 
@@ -131,7 +109,7 @@ def credible_set(done: Searched) -> list[tuple[Hypothesis | None, float]]:
     every: list[tuple[Hypothesis | None, float]] = [
         (h, done.probability(h)) for h in done.search.known.values()
     ]
-    every.append((None, float(np.exp(done.unknown - done.evidence))))
+    every.append((None, done.unknown_probability))
     every.sort(key=lambda pair: -pair[1])
     before = np.cumsum([0.0, *(p for _, p in every[:-1])])
     return [pair for pair, total in zip(every, before, strict=True) if total < CREDIBLE]
@@ -177,7 +155,7 @@ def assess(
     def fits_truth(h: Hypothesis | None) -> bool:
         return truth is None if h is None else faults_right and is_right(h.effects)
 
-    probability = float(np.exp(done.unknown - done.evidence)) if unexplained else done.probability(best)
+    probability = done.unknown_probability if unexplained else done.probability(best)
     right_ones = [fits_truth(h) for h, _ in members]
     return {
         "verdict": diagnosis.verdict,
@@ -188,7 +166,7 @@ def assess(
         "probability": probability,
         "place_probability": done.probability_there(best),
         "place_right": None if truth is None else truth.places == best.places,
-        "unknown": float(np.exp(done.unknown - done.evidence)),
+        "unknown": done.unknown_probability,
         "credible": [
             {"name": UNKNOWN if h is None else h.name, "probability": p, "right": r}
             for (h, p), r in zip(members, right_ones, strict=True)

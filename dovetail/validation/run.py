@@ -24,7 +24,6 @@ import fem
 import updating
 from dovetail.disk.locks import Lock, holder
 from dovetail.validation.cases import Case, CaseSettings, draw_case, kinds_of
-from dovetail.validation.evidence import keeping_searches
 from dovetail.validation.hidden import SETS
 from dovetail.validation.judging import Record, is_known, judge, judge_evidence
 from fem.effects import candidate_kinds
@@ -95,18 +94,17 @@ def _judged(case: Case, evidence: bool) -> Record:
     exclude = tuple(k for k in case.exclude if k in candidate_kinds())
     search = diagnose_by_evidence if evidence else diagnose
     begun = time.process_time()
-    with keeping_searches() as kept:
-        diagnosis = search(
-            case.model,
-            [case.measurement],
-            case.nuisances,
-            exclude=exclude,
-            model_error=0.0,  # the truth is made of beams
-        )
+    diagnosis = search(
+        case.model,
+        [case.measurement],
+        case.nuisances,
+        exclude=exclude,
+        model_error=0.0,  # the truth is made of beams
+    )
     cpu = time.process_time() - begun
     record = judge(case, diagnosis) | {"cpu_seconds": cpu}
-    if evidence:
-        record["evidence"] = judge_evidence(case, diagnosis, kept[-1], record)
+    if diagnosis.searched is not None:
+        record["evidence"] = judge_evidence(case, diagnosis, diagnosis.searched, record)
     return record
 
 

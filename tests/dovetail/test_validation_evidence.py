@@ -8,7 +8,6 @@ import pytest
 
 from benchmarks import calibration as picture
 from dovetail.cli import main
-from dovetail.validation import evidence
 from dovetail.validation import run as runner
 from dovetail.validation.calibration import (
     RecordsError,
@@ -119,15 +118,6 @@ def test_effects_are_what_is_hidden_only_with_all_directions_and_no_others(soft)
     assert not is_hidden(soft, [right[0], right[0]])
     assert not is_hidden(soft, ())
     assert is_hidden(draw_case(SETTINGS, "null", 0), ())
-
-
-def test_a_kept_search_is_that_which_was_made_and_the_function_is_put_back(monkeypatch):
-    monkeypatch.setattr(evidence.by_evidence, "search_by_evidence", lambda model, **_: f"searched {model}")
-    before = evidence.by_evidence.search_by_evidence
-    with evidence.keeping_searches() as kept:
-        assert evidence.by_evidence.search_by_evidence("this", kinds=None) == "searched this"
-    assert kept == ["searched this"]
-    assert evidence.by_evidence.search_by_evidence is before
 
 
 # --------------------------------------------------------------------------------------- calibration

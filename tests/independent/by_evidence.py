@@ -17,7 +17,7 @@ from dovetail.disk.output import write_json
 from dovetail.file.config import load_study
 from dovetail.pipeline import analyse
 from dovetail.result import result_dict
-from dovetail.validation.evidence import Stated, assess, keeping_searches
+from dovetail.validation.evidence import Stated, assess
 from tests.independent import table
 
 SOFT_KINDS = "joint_stiffness", "support_flexibility"
@@ -126,8 +126,7 @@ def main(argv=None):
     options = parser.parse_args(argv)
     study = replace(load_study(options.study), evidence=True)
     begun = time.process_time()
-    with keeping_searches() as kept:
-        run = analyse(study, options.out, lambda text, done: None)
+    run = analyse(study, options.out, lambda text, done: None)
     seconds = time.process_time() - begun
     options.out.mkdir(parents=True, exist_ok=True)
     write_json(options.out / RESULT, result_dict(run))
@@ -136,7 +135,7 @@ def main(argv=None):
     truth = json.loads(told.read_text(encoding="utf-8")).get(options.case.name) if told.exists() else None
     if truth is not None:
         nominal = json.loads((options.case / "nominal.json").read_text(encoding="utf-8"))
-        record = judged(options.case.name, truth, nominal, kept[-1], result, run.diagnosis)
+        record = judged(options.case.name, truth, nominal, run.diagnosis.searched, result, run.diagnosis)
         write_json(options.out / RECORD, record | {"cpu_seconds": seconds})
     return 0
 

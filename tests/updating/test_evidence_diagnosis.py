@@ -69,3 +69,12 @@ def test_what_the_library_lacks_stays_unexplained(tmp_path):
     assert found.verdict == UNEXPLAINED
     assert found.posterior[-1][0] == ("unknown",)
     assert found.posterior[-1][1] > 0.5
+    assert found.searched.unknown_probability == found.posterior[-1][1]
+
+
+def test_the_best_so_far_is_named_where_nothing_explains_the_data(tmp_path):
+    found = diagnosed(tmp_path, mass=0.25, kinds=["member_stiffness"])
+    assert found.verdict == UNEXPLAINED
+    assert found.findings == ()
+    assert "best so far, not explained: member stiffness at member arm" in found.reason
+    assert len(found.steps) == 2

@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,9 @@ from updating.quality.faults import Fault, find_faults, settle_faults
 from updating.quality.gates import Gates, check_gates, with_last_faults
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
+if TYPE_CHECKING:
+    from updating.diagnosis.evidence.diagnosis import Searched
+
 FITTED = "uncertain parameters fitted"
 """Label of the step before effects."""
 N_CHECKED = 6
@@ -113,6 +117,8 @@ class Diagnosis:
         that of what the library does not have, under the name ``"unknown"``.
     places : tuple of (str, float)
         Places by the share of the misfit that free forces there leave, the best first [-].
+    searched : Searched or None
+        The search by evidence that led to it.
     """
 
     verdict: str
@@ -135,6 +141,7 @@ class Diagnosis:
     tried: tuple[Bootstrap, ...] = ()
     posterior: tuple[tuple[tuple[str, ...], float], ...] = ()
     places: tuple[tuple[str, float], ...] = ()
+    searched: "Searched | None" = None
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""

@@ -21,8 +21,6 @@ from updating.inference.fit_result import FitResult
 from updating.live.hypothesis import Hypothesis
 from updating.quality.corrections import corrected
 
-N_BANDS = 6
-"""Bands of the comparison, as many as `dovetail compare` prints."""
 KEPT = 4
 """Sets of effects, and of corrections, whose engines and data are kept [-]."""
 
@@ -115,7 +113,7 @@ class LiveModel:
             problem = self._known(data, self._receptances(given))
             result = problem.assessed(given)
             frf = problem.frf(result)
-            comparison = compare(measured, frf, N_BANDS, data.mask)
+            comparison = compare(measured, frf, mask=data.mask)
             return Evaluation(h, result, frf, measured, comparison, data.mask, data.noise_db)
 
     def _believed(self, h: Hypothesis) -> tuple[FitData, FRF]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from fem.model import ParameterRef
 from updating.correlation import Comparison
-from updating.diagnosis.findings import AT_BOUND
+from updating.diagnosis.findings import parameters_of
 from updating.live.engine import Evaluation, LiveModel
 from updating.live.fitting import Progress, fit_all
 from updating.live.hypothesis import Hypothesis
@@ -91,11 +91,7 @@ def weigh(live: LiveModel, h: Hypothesis, name: str, progress: Progress | None =
     channels = sorted(_channels(without.comparison, present.comparison), key=lambda c: c.present - c.without)
     better = tuple(c for c in channels[:N_CHANNELS] if c.present < c.without)
     worse = tuple(c for c in channels[: -N_CHANNELS - 1 : -1] if c.present > c.without)
-    bounds = tuple(
-        p.name
-        for p in effect.parameters()
-        if any(np.isclose(p.value, b, rtol=AT_BOUND, atol=0) for b in (p.lower, p.upper) if np.isfinite(b))
-    )
+    bounds = tuple(p.name for p in parameters_of(effect, present.result) if p.at_bound)
     strains = live.problem.strains(present.result)
     strained = tuple((ref, s) for ref, s in strains.items() if abs(s) > STRAINED)
     return Weighed(name, without, present, progress is not None, better, worse, bounds, strained)

@@ -87,6 +87,11 @@ class Searched:
         """Return the posterior probability of a hypothesis."""
         return float(np.exp(h.score - self.evidence))
 
+    @property
+    def unknown_probability(self) -> float:
+        """Posterior probability of what the library does not have."""
+        return float(np.exp(self.unknown - self.evidence))
+
     def probability_there(self, h: Hypothesis) -> float:
         """Return the probability that what is missing is at the places of a hypothesis."""
         return sum(self.probability(k) for k in self.search.known.values() if k.places == h.places)
@@ -197,13 +202,13 @@ def diagnose_by_evidence(
         (tuple(sorted(h.key)), done.probability(h))
         for h in sorted(search.known.values(), key=lambda h: -h.score)
     ]
-    posterior.append(((UNKNOWN,), float(np.exp(done.unknown - done.evidence))))
+    posterior.append(((UNKNOWN,), done.unknown_probability))
     return Diagnosis(
         verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db,
         done.mesh_db, basis_error(problem, current, N_CHECKED), max(model_error, floor), floor, problem,
         fitted_model(done.model, current), tuple(notes), time.perf_counter() - begun,
         with_last_faults(gates, done.faults, faults), search.candidates,
-        posterior=tuple(posterior), places=tuple((s.name, s.left) for s in search.scanned),
+        searched=done, posterior=tuple(posterior), places=tuple((s.name, s.left) for s in search.scanned),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The search: places by the scan, blocks and single laws there by evidence, then the simplest law."""
+"""The search: places by the scan, then blocks and single laws there, each by its evidence."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -57,7 +57,8 @@ the level."""
 Say = Callable[[str], None]
 Values = tuple[dict[str, float], ...]
 Starts = list[Values]
-Proposal = tuple[tuple[Effect, ...], Starts]
+Proposal = tuple[tuple[Effect, ...], Starts, bool]
+"""Effects to add, values to start from, and whether they are one effect at the first place of the scan."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,6 +112,12 @@ def _size(effect: Effect, values: dict[str, float]) -> float:
 def values_of(effects: Sequence[Effect]) -> Values:
     """Return the parameter values of effects."""
     return tuple(map(parameter_values, effects))
+
+
+def _with_forces(problem: FitProblem, effects: Sequence[Effect], values: Values) -> FitProblem:
+    """Return a problem whose basis has the responses to forces of effects at some values."""
+    there = [e.with_values(**v) for e, v in zip(effects, values, strict=True)]
+    return replace(problem, reduced=problem.reduced.with_forces_of(there))
 
 
 def _moved(one: Fitted, two: Fitted) -> bool:
@@ -168,6 +175,8 @@ class Search:
     candidates : tuple of Effect
     mesh : float
         Level that the mesh leaves [nepers].
+    floor : float
+        Level that noise and the mesh leave [nepers].
     """
 
     problem: FitProblem
@@ -178,12 +187,13 @@ class Search:
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     places: tuple[Place, ...] = ()
     scanned: tuple[Scanned, ...] = ()
-    first_place: frozenset[str] = frozenset()
 
+    floor: float = field(init=False)
     _n_candidates: Counter[str] = field(init=False)
     _n_places: Counter[str] = field(init=False)
 
     def __post_init__(self) -> None:
+        self.floor = float(np.hypot(self.problem.data.noise_level, self.mesh))
         self.places = places_of(self.problem, self.candidates)
         where = [place_of(c) for c in self.candidates]
         self._n_candidates = Counter(name for _, name in where)
@@ -206,10 +216,9 @@ class Search:
             self.say(f"=> {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
         return max(self.known.values(), key=lambda h: h.score)
 
-    @property
-    def floor(self) -> float:
-        """Level that noise and the mesh leave [nepers]."""
-        return float(np.hypot(self.problem.data.noise_level, self.mesh))
+    def is_far(self, h: Hypothesis) -> bool:
+        """Whether a hypothesis is so far from the data that its uncertain parameters may be bent."""
+        return h.fitted.level > FAR * self.floor
 
     def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""
@@ -219,15 +228,17 @@ class Search:
         """Return the best hypotheses with something more than another has, simplified."""
         quick = self.quick(base)
         kept = tuple(parameter_values(e) for e in base.effects)
-        short: dict[frozenset[str], list[Hypothesis]] = {}
-        for effects, starts in self.proposals(base, quick):
+        short: list[tuple[list[Hypothesis], bool]] = []
+        for effects, starts, first in self.proposals(base, quick):
             fits = self.shortly(quick, base, (*base.effects, *effects), [(*kept, *s) for s in starts])
-            short[fits[0].key] = fits
-        order = sorted(short.values(), key=lambda fits: -fits[0].score)
+            if fits:
+                short.append((fits, first))
+        short.sort(key=lambda each: -each[0][0].score)
+        # A few steps say little of a strong effect, and the scan has needed none.
         tried = [
             self.continued(quick, fits[: 2 if k < N_QUICK // 2 else 1])
-            for k, fits in enumerate(order)
-            if k < N_QUICK or self.at_first_place(fits[0], base)
+            for k, (fits, first) in enumerate(short)
+            if k < N_QUICK or first
         ]
         tried.sort(key=lambda h: -h.score)
         for h in tried:
@@ -283,7 +294,7 @@ class Search:
     # proposals ----------------------------------------------------------------------------------------------
 
     def proposals(self, base: Hypothesis, quick: FitProblem) -> list[Proposal]:
-        """Return effects that may be added, and values to start from."""
+        """Return effects that may be added."""
         current = base.fitted.result
         ranked = Scan.of(self.problem, current).run(self.places)
         if not base.effects:
@@ -305,13 +316,15 @@ class Search:
         screened = screen(quick, now, grids, False, lambda text, done: None)
         chosen = list(screened[:N_SINGLES])
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
-        for whole in reversed(wholes):
-            held = {e.name for p in self.places if p.whole == whole for e in p.effects}
-            self.first_place = frozenset(held)
-            best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in held}
+        held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
+        for names in held:
+            best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
-        out: list[Proposal] = [((s.effect,), [(start,) for start in s.starts]) for s in chosen]
-        done = {frozenset([e.name for e in effects]) for effects, _ in out}
+        first = held[0] if held else set[str]()
+        out: list[Proposal] = [
+            ((s.effect,), [(start,) for start in s.starts], s.effect.name in first) for s in chosen
+        ]
+        done = {frozenset([e.name for e in effects]) for effects, *_ in out}
         connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")][:N_PLACES]
         for scanned in (*connections, *pairs):
             block = [
@@ -323,7 +336,7 @@ class Search:
             key = frozenset(e.name for e in block)
             if len(block) > 1 and key not in done:
                 done.add(key)
-                out.append((tuple(block), self.block_starts(block)))
+                out.append((tuple(block), self.block_starts(block), False))
         return out
 
     def block_starts(self, block: Sequence[Effect]) -> Starts:
@@ -361,7 +374,7 @@ class Search:
 
     def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
         """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
-        if base.fitted.level > FAR * self.floor:
+        if self.is_far(base):
             return {}
         return {r: v for r, v in base.fitted.result.values.items() if r[0] in self._form_names}
 
@@ -370,8 +383,8 @@ class Search:
     ) -> list[Hypothesis]:
         """Return a hypothesis after a few steps from each of some starts, the best first.
 
-        Of many starts those go on that do best in the lowest band. All else begins where it is in a base and,
-        where that is far from the data, at its nominal values, too.
+        None where no start has a structure. Of many starts those go on that do best in the lowest band. All
+        else begins where it is in a base and, where that is far from the data, at its nominal values, too.
         """
         if len(starts) > N_STARTS:
             tried = [
@@ -382,10 +395,10 @@ class Search:
             ]
             starts = [starts[k] for k in np.argsort(tried)[::-1][:N_STARTS]]
         ways: list[dict[str, Any]] = [{"stages": quick.stages[-1:], "x_from": base.fitted.result}]
-        ways += [{}] if base.fitted.level > FAR * self.floor else []
+        ways += [{}] if self.is_far(base) else []
         fits = []
         for start in starts:
-            problem = self._with_forces(quick, effects, start)
+            problem = _with_forces(quick, effects, start)
             for way in ways:
                 with suppress(np.linalg.LinAlgError):
                     fits.append(
@@ -393,14 +406,6 @@ class Search:
                     )
         fits.sort(key=lambda f: -f.log_evidence)
         return [Hypothesis(f, self.prior(effects)) for f in fits]
-
-    def at_first_place(self, h: Hypothesis, base: Hypothesis) -> bool:
-        """Whether a hypothesis adds one effect, at the first place of the last scan.
-
-        A few steps say little of a strong effect, and the scan has needed none.
-        """
-        new = [e for e in h.effects if e.name not in base.key]
-        return len(new) == 1 and new[0].name in self.first_place
 
     def highest(self, quick: FitProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the highest of the maxima around it, on few lines.
@@ -421,7 +426,7 @@ class Search:
         self, quick: FitProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
     ) -> Hypothesis:
         """Return a hypothesis fitted on few lines with the form fixed, from near another one."""
-        problem = self._with_forces(quick, effects, values)
+        problem = _with_forces(quick, effects, values)
         way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
         fitted = fit(problem, effects, values, n_lines=QUICK_LINES, max_iterations=QUICK_STEPS, **way)
         return Hypothesis(fitted, self.prior(effects))
@@ -456,7 +461,7 @@ class Search:
 
         Everything else begins where it is near there, with the form of a base, or else at its nominal value.
         """
-        problem = self._with_forces(self.problem, effects, values)
+        problem = _with_forces(self.problem, effects, values)
         way: dict[str, Any] = {}
         if near is not None and base is not None:
             from_near = replace(near.result, values={**self.form_of(base), **near.result.values})
@@ -475,16 +480,11 @@ class Search:
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
-        problem = self._with_forces(self.problem, effects, values)
+        problem = _with_forces(self.problem, effects, values)
         ways = problem.stages, problem.stages[-1:]
         fits = [fit(problem, effects, values, stages=way, n_lines=FULL_LINES) for way in ways]
         best = Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
         return self.scattered(problem, best)
-
-    def _with_forces(self, problem: FitProblem, effects: Sequence[Effect], values: Values) -> FitProblem:
-        """Return a problem whose basis has the responses to forces of effects at some values."""
-        there = [e.with_values(**v) for e, v in zip(effects, values, strict=True)]
-        return replace(problem, reduced=problem.reduced.with_forces_of(there))
 
     def on_own_basis(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis on a basis with its responses at some lines, where the search's is not good.
@@ -492,7 +492,7 @@ class Search:
         Effects that act on a whole member converge slowly on modes without them.
         """
         for n_lines in BASIS_LINES if h.effects else ():
-            problem = self._with_forces(self.problem, h.effects, values_of(h.effects))
+            problem = _with_forces(self.problem, h.effects, values_of(h.effects))
             error, responses = direct_responses(problem, h.fitted.result, n_lines)
             if error <= BASIS_SHARE * h.fitted.level / np.sqrt(2):
                 break

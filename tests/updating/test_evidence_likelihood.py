@@ -1,0 +1,140 @@
+"""Error levels, noise, scatter of damping and the reduced basis, on which evidence rests."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from dovetail.pipeline import fit_problem
+from fem.effects.member_damping import MemberDamping
+from tests.frames import write_study
+from updating.diagnosis.evidence.fitting import with_seen_noise
+from updating.diagnosis.evidence.search import Search
+from updating.inference.preparation import direct_responses
+from updating.inference.scatter import damping_scatter
+from updating.least_squares.levels import Levels
+
+NOISE = 0.02
+"""Standard deviation of ln|H| and of the phase [-, rad]."""
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory):
+    return fit_problem(load_study(write_study(tmp_path_factory.mktemp("likelihood"), 0.0)))
+
+
+@pytest.fixture(scope="module")
+def fitted(problem):
+    return problem.fit()
+
+
+# ----------------------------------------------------------------------------------------- error levels
+
+
+def exact(n, size, noise):
+    """Return the levels of a model whose form is right: c is the noise of a block's mean."""
+    n, size, noise = (np.array([float(x)]) for x in (n, size, noise))
+    return Levels(n, noise * n / size, noise)
+
+
+def test_below_the_noise_all_data_count():
+    """N v / 2σ², the likelihood of N independent normal variables."""
+    levels, v = exact(40, 8000, 0.02), np.array([0.015])
+    at_noise = levels.cost(levels.noise)
+    assert levels.cost(v) - at_noise == pytest.approx(8000 / 2 * (0.015 - 0.02) / 0.02)
+
+
+def test_a_discrepancy_counts_by_the_means_of_its_blocks():
+    """The mean of N/n residuals has the variance σ² n/N, and with the discrepancy σ² n/N + τ²."""
+    levels, tau2 = exact(40, 8000, 0.02), 0.3
+    more = levels.cost(levels.noise + tau2) - levels.cost(levels.noise)
+    mean = 0.02 * 40 / 8000
+    assert more == pytest.approx(40 / 2 * np.log((mean + tau2) / mean))
+
+
+@pytest.mark.parametrize("v", [0.004, 0.0199, 0.0201, 0.5])
+def test_the_weight_is_twice_the_slope_of_the_cost(v):
+    levels, h = exact(40, 8000, 0.02), 1e-7
+    slope = (levels.cost(np.array([v + h])) - levels.cost(np.array([v - h]))) / (2 * h)
+    assert levels.weight(np.array([v]))[0] == pytest.approx(2 * slope, rel=1e-4)
+
+
+def test_above_a_floor_groups_count_by_their_sizes():
+    levels = Levels.above_floor(30.0, 0.1, np.array([100, 200]))
+    v = np.array([0.2, 0.7])
+    assert levels.cost(v) == pytest.approx(10 / 2 * np.log(0.21) + 20 / 2 * np.log(0.71))
+
+
+# ------------------------------------------------------------------------------------------------ noise
+
+
+@pytest.mark.parametrize(("stated", "believed"), [(3.0, 1.0), (0.5, 0.5)])
+def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, stated, believed):
+    """Never raised: near resonances residuals of a wrong model differ as noise does."""
+    H, rng = problem.receptance(fitted), np.random.default_rng(8)
+    H = H * np.exp(NOISE * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)))
+    data = replace(problem.data, H=H, noise=np.full(H.shape, stated * NOISE))
+    found = with_seen_noise(replace(problem, data=data), fitted).data
+    np.testing.assert_allclose(found.noise, believed * NOISE, rtol=0.1)
+
+
+# ---------------------------------------------------------------------------------------------- scatter
+
+
+def test_slopes_of_the_scatter_are_those_of_members_loss_factors(problem, fitted):
+    lines = problem.lines_up_to(np.inf, 20)
+    scatter = damping_scatter(problem, fitted, 0.1)
+    slopes = scatter.slopes(lines)
+    refs, frequency = list(fitted.values), problem.data.frequency[lines]
+    values, zeta = np.array([fitted.values[r] for r in refs]), problem.damping.ratio(frequency, fitted.zeta)
+    members = list(problem.reduced.model.mesh.members)
+    for member, slope in zip(members, slopes, strict=True):
+        H = []
+        for loss in (0.0, 1e-6):
+            effect = MemberDamping(name="more", member=member, loss_factor=loss)
+            H.append(problem.engine(frequency, refs, (effect,)).evaluate(values, zeta, gradient=False)[0])
+        expected = np.log(H[1] / H[0]) / 1e-6
+        np.testing.assert_allclose(slope, expected, atol=0.02 * np.abs(expected).max())
+    ratio = np.atleast_2d(problem.damping.ratio(problem.data.frequency, fitted.zeta))[0]
+    np.testing.assert_allclose(scatter.std, 0.1 * 2 * np.median(ratio))
+
+
+def test_a_fit_with_scatter_moves_it_and_keeps_the_values_it_reports(problem, fitted):
+    lines = problem.lines_up_to(np.inf, 20)
+    scatter = damping_scatter(problem, fitted, 0.1)
+    plain = problem.function((), (), lines)
+    function = plain.with_scatter(scatter)
+    assert len(function.start) == len(plain.start) + len(scatter.std)
+    x = function.moved_to(fitted)
+    step = np.zeros_like(x)
+    step[-1] = 0.7
+    moved, there = function(x + step, False)[0], function(x, False)[0]
+    weight, keep = problem.data.weight[lines], function.keep
+    np.testing.assert_allclose(
+        moved - there, 0.7 * (weight * scatter.std[-1] * scatter.slopes(lines)[-1])[keep], atol=1e-12
+    )
+    np.testing.assert_array_equal(function.moved_to(fitted)[: len(plain.start)], plain.moved_to(fitted))
+
+
+# -------------------------------------------------------------------------------------- basis and search
+
+
+def test_responses_of_a_finding_make_the_basis_exact_at_their_lines(problem, fitted):
+    strong = MemberDamping(name="strong", member="arm", loss_factor=0.8)
+    result = replace(fitted, effects=(strong,), values={**fitted.values, ("strong", "loss_factor"): 0.8})
+    before, responses = direct_responses(problem, result, 8)
+    richer = replace(problem, reduced=problem.reduced.with_shapes(responses))
+    after, _ = direct_responses(richer, result, 8)
+    assert before > 1e-5
+    assert after < 1e-3 * before
+
+
+def test_an_effect_without_a_structure_gets_no_fit(problem, fitted, monkeypatch):
+    def singular(*_, **__):
+        raise np.linalg.LinAlgError
+
+    search = Search(problem, (), problem.reduced.model.of_kind(MemberDamping), 0.0)
+    nothing = search.full((), ())
+    monkeypatch.setattr("updating.diagnosis.evidence.search.fit", singular)
+    assert search.shortly(problem, nothing, (), [()]) == []
