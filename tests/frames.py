@@ -300,6 +300,16 @@ def write_study(folder, mass=0.25, at=0.3):
     return file
 
 
+def rows_at(model, frame, readings):
+    """Return rows (n, n_dof) that read the motions of a true frame's readings from a model of it."""
+    R = np.zeros((len(readings), model.n_dof))
+    for row, r in zip(R, readings, strict=True):
+        point, distance = model.mesh.nearest_point(frame.place(r.at))
+        assert distance < 1e-9
+        row[6 * point : 6 * point + 3] = r.direction
+    return R
+
+
 CROSSED_BEAMS = """
 [materials.steel]
 E = 210e9

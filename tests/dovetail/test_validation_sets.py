@@ -11,6 +11,7 @@ from dovetail.validation.frames import Draft, build_model, draw_draft, on_elasti
 from dovetail.validation.hidden import EFFECTS, KINDS, SETS, draw_hidden
 from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
 from fem.system import assemble
+from tests.frames import rows_at
 from updating.diagnosis.diagnose import propose
 
 SETTINGS = CaseSettings(3, small=True)
@@ -36,14 +37,7 @@ def post_with_arm():
 
 def computed(draft, model):
     """Return receptances of elements."""
-    parts = []
-    for group in (draft.sensors, draft.drives):
-        R = np.zeros((len(group), model.n_dof))
-        for row, r in zip(R, group, strict=True):
-            point, distance = model.mesh.nearest_point(draft.frame.place(r.at))
-            assert distance < 1e-9
-            row[6 * point : 6 * point + 3] = r.direction
-        parts.append(R)
+    parts = [rows_at(model, draft.frame, group) for group in (draft.sensors, draft.drives)]
     return fem.compute_frf(assemble(model), F, *parts, "receptance", method="direct").H
 
 

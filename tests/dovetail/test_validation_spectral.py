@@ -21,6 +21,7 @@ from dovetail.validation.truth import (
     rectangle_constants,
 )
 from fem.system import assemble
+from tests.frames import rows_at
 
 E, NU, RHO, B, H, L = 70e9, 0.3, 2700.0, 0.03, 0.01, 0.8
 A, IY, IZ, J = rectangle_constants(B, H)
@@ -155,14 +156,7 @@ def test_elements_converge_to_the_exact_frame(family):
     for n in (10, 20, 40):
         model = build_model(draft.frame, draft.materials, draft.sensors, n)
         model = replace(model, damping=fem.Damping.structural(eta))
-        rows = []
-        for group in (draft.sensors, draft.drives):
-            R = np.zeros((len(group), model.n_dof))
-            for row, r in zip(R, group, strict=True):
-                point, distance = model.mesh.nearest_point(draft.frame.place(r.at))
-                assert distance < 1e-9
-                row[6 * point : 6 * point + 3] = r.direction
-            rows.append(R)
+        rows = [rows_at(model, draft.frame, group) for group in (draft.sensors, draft.drives)]
         H.append(fem.compute_frf(assemble(model), f, *rows, "receptance", method="direct").H)
     coarse, middle, fine = (np.linalg.norm((h - exact)[heard] / exact[heard]) for h in H)
     # Order h² from shear and stretching at least, h⁴ from bending: each halving divides by 4 to 16.
