@@ -32,6 +32,7 @@ CONNECTIONS_POWER = "its power of frequency"
 """How it calls the power of the frequency that their damping goes with."""
 
 
+_FORM = {"u": "ln stiffness", "mass": "relative mass"}
 _QUANTITIES = {
     "rho": "density", "k": "shear coefficients",
     "ky": "shear coefficient along y", "kz": "shear coefficient along z",
@@ -53,6 +54,8 @@ class Uncertain:
         Standard deviations before and after.
     at_bound : bool
         True if the fit ended at the edge of what was allowed.
+    form_of : str
+        Section or connection whose form it lets vary; empty for others.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Uncertain:
     prior_std: float
     std: float
     at_bound: bool
+    form_of: str = ""
 
     @property
     def moved(self) -> float:
@@ -72,6 +76,8 @@ class Uncertain:
     def words(self) -> str:
         """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
         effect, _, parameter = self.name.partition(".")
+        if self.form_of:
+            return f"{_FORM.get(parameter, parameter)}, form of {self.form_of}"
         if not parameter or " " in effect:
             return self.name
         key, _, of = parameter.partition(":")
@@ -149,7 +155,8 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
     for n in problem.nuisances:
         if n.effect not in there:  # corners that were in the model before the verdict was "unexplained"
             continue
-        (p,) = (p for p in problem.reduced.model.effect(n.effect).parameters() if p.name == n.parameter)
+        effect = problem.reduced.model.effect(n.effect)
+        (p,) = (p for p in effect.parameters() if p.name == n.parameter)
         ref = (n.effect, n.parameter)
         fitted = final.values.get(ref, np.nan)
         moved = (
@@ -165,6 +172,7 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
                 float(n.std * (abs(p.value) or 1.0)),
                 float(final.std.get(ref, np.nan)),
                 at_bound,
+                effect.where if effect.is_form else "",
             )
         )
     curve = problem.damping

@@ -5,7 +5,7 @@ from dovetail.report.page import Markup, bullets, join, paragraph, section, tabl
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED
+from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 
 CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
 
@@ -88,9 +88,17 @@ def _steps(result: RunResult) -> Markup:
             table(head, rows, numbers=range(1, len(head))),
             paragraph(
                 "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
-                "also counts the phase and weighs outliers less. Candidates are ranked by how likely "
-                "the data are with them, each of up to four bands having an error level of its own; held-out "
-                "lines count as well."
+                "also counts the phase and weighs outliers less. " + _ranked_by(d)
             ),
         ]
+    )
+
+
+def _ranked_by(d: Diagnosis) -> str:
+    """Return by what the search has ranked candidates."""
+    bands = "each of up to four bands having an error level of its own"
+    if d.posterior:
+        return f"Hypotheses are ranked by their evidence, {bands}; held-out lines do not count."
+    return (
+        f"Candidates are ranked by how likely the data are with them, {bands}; held-out lines count as well."
     )

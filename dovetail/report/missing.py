@@ -194,6 +194,15 @@ def _nothing_found(result: RunResult) -> list[Markup]:
     ]
 
 
+_ACCEPTED = {
+    True: "The most probable hypothesis is kept if its evidence, with the prior odds against each place, is "
+    "larger than that without it.",
+    False: "The best is accepted if the residual level falls enough, on the lines of the fit and on held-out "
+    "lines, or if it is the first and makes the data much more likely, as in a part of the band.",
+}
+"""What an effect must do to be accepted, by evidence or by the older search."""
+
+
 def search(result: RunResult, shown: Shown) -> Markup:
     """Return how the candidates did in each round."""
     d = result.diagnosis
@@ -203,9 +212,8 @@ def search(result: RunResult, shown: Shown) -> Markup:
         paragraph(
             "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
             "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
-            "best of these fully. The best is accepted if the residual level falls enough, on the lines of "
-            "the fit and on held-out lines, or if it is the first and makes the data much more likely, as "
-            "in a part of the band; then the search is repeated with it. Those that were fitted are listed."
+            f"best of these fully. {_ACCEPTED[bool(d.posterior)]} Then the search is repeated with it. Those "
+            "that were fitted fully are listed."
         )
     ]
     for k, ranked in enumerate(d.rounds):

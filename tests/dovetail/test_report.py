@@ -203,10 +203,21 @@ def test_markup_is_escaped_once():
     assert esc(esc("&")) == "&amp;"
 
 
-def test_every_threshold_says_what_it_means():
-    known = {name: (value, text) for name, value, text in thresholds()}
-    assert "ACCEPT_LEVEL" in known
+@pytest.mark.parametrize(("by_evidence", "own"), [(True, "UNKNOWN_ODDS"), (False, "ACCEPT_LEVEL")])
+def test_every_threshold_says_what_it_means(by_evidence, own):
+    known = {name: (value, text) for name, value, text in thresholds(by_evidence)}
+    assert own in known
+    assert ("ACCEPT_LEVEL" in known) != by_evidence
     assert all(np.isfinite(value) for value, _ in known.values())
+
+
+def test_the_report_describes_the_search_that_was_made(found, album):
+    older = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
+    by_evidence, before = (report_html(result, album) for result in (found, older))
+    said = {"if its evidence": True, "Hypotheses are ranked by": True, "level falls enough": False}
+    for text, told in said.items():
+        assert (text in by_evidence) == told
+        assert (text in before) != told
 
 
 @pytest.mark.parametrize(
@@ -292,6 +303,12 @@ def test_the_structure_is_drawn(found, tmp_path):
 )
 def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
     assert Uncertain(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
+
+
+def test_the_form_of_a_connection_is_named_by_its_place(found):
+    form = [u.words for u in found.uncertain if u.form_of]
+    assert "ln stiffness, form of corner at point" in " ".join(form)
+    assert not [u.words for u in found.uncertain if "_form" in u.words]
 
 
 def test_the_line_of_a_ranking_stands_where_the_best_had_to_come_to(found, tmp_path, monkeypatch):
