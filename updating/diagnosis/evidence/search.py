@@ -310,13 +310,14 @@ class Search:
         grids = [Grid.of(quick, c) for c in self.candidates if fits(c)]
         within = {r: v for r, v in current.values.items() if r[0] not in self._form_names}
         now = replace(current, values=within)
-        if len(grids) > MOST_GRIDS:
-            listed, _ = shortlist(quick, (now, quick.at_nominal(now)), grids, lambda text, done: None)
-            grids = [grids[i] for i in listed]
-        screened = screen(quick, now, grids, False, lambda text, done: None)
-        chosen = list(screened[:N_SINGLES])
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
+        if len(grids) > MOST_GRIDS:
+            listed, _ = shortlist(quick, (now, quick.at_nominal(now)), grids, lambda text, done: None)
+            there = set[str]().union(*held)
+            grids = [g for i, g in enumerate(grids) if i in listed or g.effect.name in there]
+        screened = screen(quick, now, grids, False, lambda text, done: None)
+        chosen = list(screened[:N_SINGLES])
         for names in held:
             best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
