@@ -45,31 +45,52 @@ class Scatter:
         return self._known[key]
 
 
-def damping_scatter(problem: FitProblem, result: FitResult, share: float) -> Scatter | None:
-    """Return loss factors of members beside the damping curve, at a fitted model; None for one member.
+def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
+    """Return loss factors of members beside the damping curve and shifts of modes, at a fitted model.
 
     Parameters
     ----------
     problem : FitProblem
     result : FitResult
-    share : float
-        Standard deviation of each in parts of the median loss factor 2ζ [-].
+    damping : float
+        Standard deviation of each loss factor in parts of the median loss factor 2ζ [-].
+    eigenvalue : float
+        Standard deviation of the relative shift of each elastic mode's eigenvalue [-].
     """
     model = problem.reduced.model
     members = list(model.mesh.members) if model.of_kind(Frame) else []
-    if len(members) < 2:
-        return None
+    members = members if len(members) > 1 else []
     every = np.atleast_2d(problem.damping.ratio(problem.data.frequency, result.zeta))[0]
+    highest = (2 * np.pi * problem.data.frequency[-1]) ** 2
+    refs, values = list(result.values), np.array(list(result.values.values()))
+
+    def changes_at(lines: NDArray[np.int64]) -> LocalChanges:
+        f = problem.data.frequency[lines]
+        engine = problem.engine(f, refs, result.effects)
+        return LocalChanges.of(engine, values, problem.damping.ratio(f, result.zeta))
+
+    few = problem.lines_up_to(np.inf, 2)
+    n_modes = len(_shifted(changes_at(few), highest)) if eigenvalue > 0 else 0
 
     def slopes(lines: NDArray[np.int64]) -> Complexes:
-        f, refs = problem.data.frequency[lines], list(result.values)
-        engine, values = problem.engine(f, refs, result.effects), np.array(list(result.values.values()))
-        changes = LocalChanges.of(engine, values, problem.damping.ratio(f, result.zeta))
-        fields, out = changes.fields(), []
+        changes = changes_at(lines)
+        fields, state, out = changes.fields(), changes.state, []
         for m in members:
             parts = member_contribution(frame_of(model), model, m)
             out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
+        for r in _shifted(changes, highest) if n_modes else ():
+            force = state.stiffness * state.lam[r] * changes.Xi[r]
+            out.append(-np.einsum("of,if->foi", changes.Xo[r], force))
         H = changes.H
         return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
 
-    return Scatter(np.full(len(members), share * 2 * float(np.median(every))), slopes)
+    loss = np.full(len(members), damping * 2 * float(np.median(every)))
+    std = np.concatenate([loss, np.full(n_modes, eigenvalue)])
+    return Scatter(std, slopes) if len(std) else None
+
+
+def _shifted(changes: LocalChanges, highest: float) -> NDArray[np.int64]:
+    """Return the elastic modes of a solved state up to an eigenvalue and the next one."""
+    lam = changes.state.lam
+    elastic = np.flatnonzero(lam > 1e-6 * highest)
+    return elastic[: int((lam[elastic] <= highest).sum()) + 1]

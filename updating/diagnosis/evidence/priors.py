@@ -16,6 +16,8 @@ FORM_ZONE = {"u": 1.0, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, and of its mass, relative [-]."""
 FORM_DAMPING = 0.1
 """Standard deviation of a member's loss factor beside the damping curve, in parts of that [-]."""
+FORM_MODES = 0.002
+"""Standard deviation of the relative shift of each mode's eigenvalue that frame theory leaves [-]."""
 PLACE_ODDS = np.log(10.0)
 """Prior odds, as a logarithm, against one more place at which something is missing."""
 UNKNOWN_ODDS = np.log(1e4)
@@ -26,7 +28,7 @@ FORM_LEFT = 0.5
 """Level that a right model of beams may leave beyond noise, in parts of the study's ``model_error`` [-]."""
 
 
-FORM_LEAST = 0.2
+FORM_LEAST = 0.05
 """Level that beams leave of any structure in any case, in parts of the study's ``model_error`` [-]."""
 
 

@@ -17,13 +17,13 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import direct_responses
-from updating.inference.scatter import damping_scatter
+from updating.inference.scatter import scatter_of
 
 QUICK_LINES, FULL_LINES = 40, 100
 """Lines of quick fits, and of full ones."""
@@ -472,7 +472,8 @@ class Search:
 
     def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted on with the damping of members uncertain, by its slopes there."""
-        scatter = damping_scatter(problem, h.fitted.result, FORM_DAMPING)
+        modes = FORM_MODES if problem.model_error > 0 else 0.0
+        scatter = scatter_of(problem, h.fitted.result, FORM_DAMPING, modes)
         whole: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
         values = values_of(h.effects)
         return replace(
