@@ -12,7 +12,7 @@ from tests.frames import write_study
 from updating.diagnosis.evidence.fitting import with_seen_noise
 from updating.diagnosis.evidence.search import Search
 from updating.inference.preparation import direct_responses
-from updating.inference.scatter import damping_scatter
+from updating.inference.scatter import scatter_of
 from updating.least_squares.levels import Levels
 
 NOISE = 0.02
@@ -84,7 +84,7 @@ def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, sta
 
 def test_slopes_of_the_scatter_are_those_of_members_loss_factors(problem, fitted):
     lines = problem.lines_up_to(np.inf, 20)
-    scatter = damping_scatter(problem, fitted, 0.1)
+    scatter = scatter_of(problem, fitted, 0.1, 0.0)
     slopes = scatter.slopes(lines)
     refs, frequency = list(fitted.values), problem.data.frequency[lines]
     values, zeta = np.array([fitted.values[r] for r in refs]), problem.damping.ratio(frequency, fitted.zeta)
@@ -102,7 +102,7 @@ def test_slopes_of_the_scatter_are_those_of_members_loss_factors(problem, fitted
 
 def test_a_fit_with_scatter_moves_it_and_keeps_the_values_it_reports(problem, fitted):
     lines = problem.lines_up_to(np.inf, 20)
-    scatter = damping_scatter(problem, fitted, 0.1)
+    scatter = scatter_of(problem, fitted, 0.1, 0.0)
     plain = problem.function((), (), lines)
     function = plain.with_scatter(scatter)
     assert len(function.start) == len(plain.start) + len(scatter.std)

@@ -1,8 +1,11 @@
 """Fits of a reduced model to measured FRFs: nuisance parameters, the damping curve and candidate effects."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +25,9 @@ from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.solve import Solution
 from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
 from updating.least_squares.loss import pseudo_huber
+
+if TYPE_CHECKING:
+    from updating.inference.scatter import Scatter
 
 INDEPENDENT_PER_MODE = 8.0
 """How many independent data one mode of the band stands for, against the priors."""
@@ -69,6 +75,8 @@ class FitProblem:
     model_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
+    scatter : Scatter, optional
+        Small deviations, by their slopes, that are uncertain in every fit.
     """
 
     reduced: ReducedModel
@@ -80,6 +88,7 @@ class FitProblem:
     n_lines: int = 160
     fine_stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     model_error: float = EXPLAINED_LEVEL
+    scatter: Scatter | None = None
 
     def __repr__(self) -> str:
         """Return the data, the unknowns and the size of the basis on one line."""
@@ -273,7 +282,7 @@ class FitProblem:
 
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
-    ) -> "FitFunction":
+    ) -> FitFunction:
         """Return the residuals at some lines as a function of all that varies.
 
         Parameters
@@ -289,7 +298,7 @@ class FitProblem:
         nuisance = nuisance_unknowns(self.reduced.model, varying)
         variables = (*nuisance, *effect_unknowns(effects, starts))
         start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
-        return FitFunction(self, tuple(effects), variables, start, lines)
+        return FitFunction(self, tuple(effects), variables, start, lines).with_scatter(self.scatter)
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
         """Return the median impedance of the structure to motion along a released constraint.

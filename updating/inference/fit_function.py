@@ -154,9 +154,9 @@ class FitFunction:
         return x
 
     def point_of(self, result: FitResult) -> NDArray[np.float64]:
-        """Return x of a result that has the same unknowns, whatever it was started from."""
+        """Return x of a result that has the same unknowns, whatever it was started from; no scatter."""
         own = [v.to_x(result.values[v.ref]) for v in self.variables]
-        return np.concatenate([own, np.log(result.zeta)])
+        return np.concatenate([own, np.log(result.zeta), self.start[self._parts[2]]])
 
     def limits(self) -> NDArray[np.float64]:
         """Return the bounds of x, shape (n, 2)."""

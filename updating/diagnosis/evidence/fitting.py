@@ -14,7 +14,6 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, widened
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import Scatter
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
@@ -115,7 +114,6 @@ def fit(
     n_lines: int | None = None,
     max_iterations: int = 14,
     x_from: FitResult | None = None,
-    scatter: Scatter | None = None,
 ) -> Fitted:
     """Find the most probable unknowns of a model with effects, band by band.
 
@@ -132,14 +130,12 @@ def fit(
         In each band.
     x_from : FitResult, optional
         Start uncertain parameters and damping there rather than at the nominal values.
-    scatter : Scatter, optional
-        Small deviations by their slopes.
     """
     x: Floats | None = None
     function = solution = None
     for stage in stages if stages is not None else problem.stages:
         lines = problem.lines_up_to(stage, n_lines or problem.n_lines)
-        function = problem.function(effects, starts, lines).with_scatter(scatter)
+        function = problem.function(effects, starts, lines)
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
         solution = function.minimise(

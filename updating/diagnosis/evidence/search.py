@@ -23,7 +23,7 @@ from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import direct_responses
-from updating.inference.scatter import scatter_of
+from updating.inference.scatter import Scatter, scatter_of
 
 QUICK_LINES, FULL_LINES = 40, 100
 """Lines of quick fits, and of full ones."""
@@ -70,10 +70,13 @@ class Hypothesis:
     fitted : Fitted
     prior : float
         Logarithm of its prior probability, up to a constant.
+    scatter : Scatter, optional
+        Small deviations around it.
     """
 
     fitted: Fitted
     prior: float
+    scatter: Scatter | None = None
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -371,7 +374,7 @@ class Search:
             model = reduced.model.with_values(values)
             reduced = ReducedModel(model, reduced.basis, assemble(model, reciprocal=False))
         own = tuple(n for n in self.problem.nuisances if n.effect not in names)
-        return replace(self.problem, reduced=reduced, nuisances=own)
+        return replace(self.problem, reduced=reduced, nuisances=own, scatter=base.scatter)
 
     def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
         """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
@@ -474,11 +477,10 @@ class Search:
         """Return a hypothesis fitted on with the damping of members uncertain, by its slopes there."""
         modes = FORM_MODES if problem.model_error > 0 else 0.0
         scatter = scatter_of(problem, h.fitted.result, FORM_DAMPING, modes)
-        whole: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
-        values = values_of(h.effects)
-        return replace(
-            h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, scatter=scatter, **whole)
-        )
+        problem, start = replace(problem, scatter=scatter), h.fitted.result
+        values, whole = values_of(h.effects), problem.stages[-1:]
+        fitted = fit(problem, h.effects, values, n_lines=FULL_LINES, stages=whole, x_from=start)
+        return replace(h, fitted=fitted, scatter=scatter)
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
