@@ -5,7 +5,7 @@ frequency cannot say so, and thousands of lines see it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,13 @@ from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
+from updating.inference.fit_data import noise_squares
 from updating.inference.fit_result import FitResult
+
+COMMON_LINES = 40
+"""Lines at which the directions are found in which random stiffness of modes changes FRFs."""
+LEFT_OUT = 0.1
+"""Changes that stay together below this share of the noise are left out [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -29,24 +35,36 @@ class Scatter:
     ----------
     std : ndarray (n,)
         Their standard deviations.
+    sized : ndarray of bool (n,)
+        Those whose standard deviations have an uncertain common factor.
     slopes_at : callable
         Gives the slopes (n, n_lines, n_out, n_in) of ln H at some lines.
     """
 
     std: Floats
+    sized: NDArray[np.bool_]
     slopes_at: Callable[[NDArray[np.int64]], Complexes]
-    _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
+    known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
+
+    def larger(self, factor: float) -> "Scatter":
+        """Return the scatter with its uncertain standard deviations multiplied."""
+        return replace(self, std=np.where(self.sized, factor * self.std, self.std))
 
     def slopes(self, lines: NDArray[np.int64]) -> Complexes:
         """Return the slopes at some lines (computed once)."""
         key = lines.tobytes()
-        if key not in self._known:
-            self._known[key] = self.slopes_at(lines)
-        return self._known[key]
+        if key not in self.known:
+            self.known[key] = self.slopes_at(lines)
+        return self.known[key]
 
 
-def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
-    """Return loss factors of members beside the damping curve and shifts of modes, at a fitted model.
+def scatter_of(problem: FitProblem, result: FitResult, damping: float, dispersion: float) -> Scatter | None:
+    """Return loss factors of members beside the damping curve and the stiffness of modes, at a fitted model.
+
+    The stiffness of modes is a random matrix, with λ the eigenvalues: √(λ_r λ_s) (δ_rs + g_rs) with g
+    symmetric, its elements of standard deviation ε on the diagonal and ε/√2 beside it (the first order of
+    C. Soize's nonparametric model, Probabilistic Engineering Mechanics 15, 2000, 277). Each mode is off in
+    its frequency, and the shapes of neighbours mix a little.
 
     Parameters
     ----------
@@ -54,14 +72,13 @@ def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalu
     result : FitResult
     damping : float
         Standard deviation of each loss factor in parts of the median loss factor 2ζ [-].
-    eigenvalue : float
-        Standard deviation of the relative shift of each elastic mode's eigenvalue [-].
+    dispersion : float
+        ε [-].
     """
     model = problem.reduced.model
     members = list(model.mesh.members) if model.of_kind(Frame) else []
     members = members if len(members) > 1 else []
     every = np.atleast_2d(problem.damping.ratio(problem.data.frequency, result.zeta))[0]
-    highest = (2 * np.pi * problem.data.frequency[-1]) ** 2
     refs, values = list(result.values), np.array(list(result.values.values()))
 
     def changes_at(lines: NDArray[np.int64]) -> LocalChanges:
@@ -69,28 +86,82 @@ def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalu
         engine = problem.engine(f, refs, result.effects)
         return LocalChanges.of(engine, values, problem.damping.ratio(f, result.zeta))
 
-    few = problem.lines_up_to(np.inf, 2)
-    n_modes = len(_shifted(changes_at(few), highest)) if eigenvalue > 0 else 0
+    lines = problem.lines_up_to(np.inf, COMMON_LINES)
+    common = _Modes.of(changes_at(lines), problem.data.frequency[-1]) if dispersion > 0 else None
+    mixed = [] if common is None else common.main_directions(problem, lines, dispersion)
 
     def slopes(lines: NDArray[np.int64]) -> Complexes:
         changes = changes_at(lines)
-        fields, state, out = changes.fields(), changes.state, []
+        fields, out = changes.fields(), []
         for m in members:
             parts = member_contribution(frame_of(model), model, m)
             out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
-        for r in _shifted(changes, highest) if n_modes else ():
-            force = state.stiffness * state.lam[r] * changes.Xi[r]
-            out.append(-np.einsum("of,if->foi", changes.Xo[r], force))
+        if mixed:
+            modes = _Modes.of(changes, problem.data.frequency[-1], len(mixed[0]))
+            out += [modes.slope(g) for g in mixed]
         H = changes.H
         return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
 
     loss = np.full(len(members), damping * 2 * float(np.median(every)))
-    std = np.concatenate([loss, np.full(n_modes, eigenvalue)])
-    return Scatter(std, slopes) if len(std) else None
+    std = np.concatenate([loss, np.ones(len(mixed))])
+    return Scatter(std, np.arange(len(std)) >= len(loss), slopes) if len(std) else None
 
 
-def _shifted(changes: LocalChanges, highest: float) -> NDArray[np.int64]:
-    """Return the elastic modes of a solved state up to an eigenvalue and the next one."""
-    lam = changes.state.lam
-    elastic = np.flatnonzero(lam > 1e-6 * highest)
-    return elastic[: int((lam[elastic] <= highest).sum()) + 1]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Modes:
+    """Responses of the elastic modes of a solved state.
+
+    Attributes
+    ----------
+    outputs, inputs : ndarray (n, n_out, n_freq), (n, n_in, n_freq)
+        To unit forces there, each mode's times √λ, at the inputs times its factor of stiffness, too.
+    H : ndarray (n_freq, n_out, n_in)
+        Receptances.
+    """
+
+    outputs: Complexes
+    inputs: Complexes
+    H: Complexes
+
+    @classmethod
+    def of(cls, changes: LocalChanges, highest: float, n: int | None = None) -> "_Modes":
+        """Return the first n elastic modes; those up to a frequency [Hz] and the next one unless given."""
+        state, limit = changes.state, (2 * np.pi * highest) ** 2
+        elastic = np.flatnonzero(state.lam > 1e-6 * limit)
+        which = elastic[: n or int((state.lam[elastic] <= limit).sum()) + 1]
+        root = np.sqrt(state.lam[which])[:, None, None]
+        return cls(changes.Xo[which] * root, changes.Xi[which] * root * state.stiffness, changes.H)
+
+    def slope(self, g: Floats) -> Complexes:
+        """Return the change of the receptances, (n_freq, n_out, n_in), for a little of a matrix g (n, n)."""
+        moved = np.tensordot(g, self.inputs, axes=1)
+        return -(np.moveaxis(self.outputs, 2, 0).transpose(0, 2, 1) @ np.moveaxis(moved, 2, 0))
+
+    def main_directions(
+        self, problem: FitProblem, lines: NDArray[np.int64], dispersion: float
+    ) -> list[Floats]:
+        """Return the matrices g (n, n), one standard deviation each, that change ln H by more than little.
+
+        The principal directions of the covariance that all elements together give to ln H; what is left out
+        together stays below a share of the noise.
+        """
+        n = len(self.outputs)
+        i, j = np.triu_indices(n)
+        std = np.where(i == j, dispersion, dispersion / 2**0.5)
+        keep, per = problem.data.mask[lines], problem.data.weight[lines] / self.H
+        rows = np.empty((len(i), int(keep.sum())), dtype=complex)
+        for k, (a, b) in enumerate(zip(i, j, strict=True)):
+            change = np.einsum("of,if->foi", self.outputs[a], self.inputs[b])
+            if a != b:
+                change += np.einsum("of,if->foi", self.outputs[b], self.inputs[a])
+            rows[k] = std[k] * (-change * per)[keep]
+        both = np.hstack([rows.real, rows.imag])
+        size, vectors = np.linalg.eigh(both @ both.T / rows.shape[1])
+        noise = np.sqrt(noise_squares(problem.data, lines).mean())
+        main = np.cumsum(np.maximum(size, 0.0)) > (LEFT_OUT * noise) ** 2
+        out = []
+        for v in vectors[:, main].T:
+            g = np.zeros((n, n))
+            g[i, j] = g[j, i] = std * v
+            out.append(g)
+        return out

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import log_ratio
-from updating.diagnosis.evidence.marginal import log_evidence
+from updating.diagnosis.evidence.marginal import Found, log_evidence
 from updating.diagnosis.evidence.priors import DATA_PER_MODE, FORM_LEAST, EffectPrior, prior_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
@@ -35,12 +35,15 @@ class Fitted:
         How probable error levels are.
     misfit : ndarray (n_groups,)
         Robust mean square of the residuals of each group [nepers²].
+    found : Found, optional
+        What its scatter of uncertain size was found to be.
     """
 
     result: FitResult
     log_evidence: float
     levels: Levels
     misfit: Floats
+    found: Found | None = None
 
     @property
     def log_likelihood(self) -> float:
@@ -162,12 +165,17 @@ def _assessed(function: FitFunction, solution: Solution) -> Fitted:
     huber = pseudo_huber_weight(r, ROBUST)
     A = _curvature(J, (levels.weight(v) / size)[member] * huber, std)
     evidence = log_evidence(-levels.cost(v), off, std, A)
+    found = None
+    if problem.scatter is not None and problem.scatter.sized.any():
+        rows = len(x) - len(problem.scatter.std) + np.flatnonzero(problem.scatter.sized)
+        variance = np.diag(np.linalg.inv(A))[rows]
+        found = Found(float(len(rows) - variance.sum()), float((x[rows] ** 2).sum()))
     if not problem.form_right:
         # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
         apart = levels.n / size / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
         A = _curvature(J, apart[member] * huber, std)
     result = function.result(replace(solution, covariance=np.linalg.inv(A)))
-    return Fitted(result, evidence, levels, v)
+    return Fitted(result, evidence, levels, v, found)
 
 
 def _curvature(J: NDArray[np.complex128], weight: Floats, std: Floats) -> Floats:

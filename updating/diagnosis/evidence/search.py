@@ -17,7 +17,7 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES, FORM_MODES_SPREAD, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
@@ -39,6 +39,8 @@ AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
+SIZE_FITS, SAME_SIZE = 2, 0.2
+"""At most so many fits find the size of scatter; it is found where its logarithm moves by less [-]."""
 N_RIVALS = 6
 """Number of rival candidates at the place of a found effect that are fitted."""
 MOST_EFFECTS = 6
@@ -474,12 +476,24 @@ class Search:
         return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
 
     def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis fitted on with the damping of members uncertain, by its slopes there."""
+        """Return a hypothesis fitted on with scatter of its most probable size, by its slopes there."""
         modes = FORM_MODES if problem.model_error > 0 else 0.0
-        scatter = scatter_of(problem, h.fitted.result, FORM_DAMPING, modes)
-        problem, start = replace(problem, scatter=scatter), h.fitted.result
-        values, whole = values_of(h.effects), problem.stages[-1:]
-        fitted = fit(problem, h.effects, values, n_lines=FULL_LINES, stages=whole, x_from=start)
+        fitted, values, whole = h.fitted, values_of(h.effects), problem.stages[-1:]
+        scatter, off = scatter_of(problem, fitted.result, FORM_DAMPING, modes), 0.0
+        for last in (False,) * SIZE_FITS + (True,):
+            start = fitted.result
+            fitted = fit(
+                replace(problem, scatter=scatter), h.effects, values, n_lines=FULL_LINES, stages=whole,
+                x_from=start,
+            )  # fmt: skip
+            if fitted.found is None or scatter is None:
+                break
+            factor = fitted.found.log_factor(off, FORM_MODES_SPREAD)
+            if last or abs(factor) < SAME_SIZE:
+                more = fitted.found.log_evidence(off, FORM_MODES_SPREAD)
+                fitted = replace(fitted, log_evidence=fitted.log_evidence + more)
+                break
+            scatter, off = scatter.larger(float(np.exp(factor))), off + factor
         return replace(h, fitted=fitted, scatter=scatter)
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
