@@ -1,25 +1,22 @@
-"""Damping that scatters among members: small deviations that every model has, by their slopes.
+"""Errors of frame theory in the modes: small deviations that every model has, by their slopes.
 
-Members of one material dissipate by some per cent more or less than each other. A damping curve over
-frequency cannot say so, and thousands of lines see it.
+No frame is the sum of its members to the last digit. Modes are off in frequency and in damping by a little,
+and neighbours mix. A few effects could say so as well, and thousands of lines see it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.places import frame_of
-from fem.elements.frame import Frame, member_contribution
-from fem.model import Contribution
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_result import FitResult
 
 COMMON_LINES = 40
-"""Lines at which the directions are found in which random stiffness of modes changes FRFs."""
+"""Lines at which the directions are found in which random matrices of modes change FRFs."""
 LEFT_OUT = 0.1
 """Changes that stay together below this share of the noise are left out [-]."""
 
@@ -35,20 +32,20 @@ class Scatter:
     ----------
     std : ndarray (n,)
         Their standard deviations.
-    sized : ndarray of bool (n,)
-        Those whose standard deviations have an uncertain common factor.
+    group : ndarray of int (n,)
+        Those of one group have a common size, which is uncertain.
     slopes_at : callable
         Gives the slopes (n, n_lines, n_out, n_in) of ln H at some lines.
     """
 
     std: Floats
-    sized: NDArray[np.bool_]
+    group: NDArray[np.int64]
     slopes_at: Callable[[NDArray[np.int64]], Complexes]
     known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
 
-    def larger(self, factor: float) -> "Scatter":
-        """Return the scatter with its uncertain standard deviations multiplied."""
-        return replace(self, std=np.where(self.sized, factor * self.std, self.std))
+    def larger(self, factors: Sequence[float]) -> "Scatter":
+        """Return the scatter with the standard deviations of each group multiplied."""
+        return replace(self, std=self.std * np.asarray(factors)[self.group])
 
     def slopes(self, lines: NDArray[np.int64]) -> Complexes:
         """Return the slopes at some lines (computed once)."""
@@ -58,28 +55,23 @@ class Scatter:
         return self.known[key]
 
 
-def scatter_of(problem: FitProblem, result: FitResult, damping: float, dispersion: float) -> Scatter | None:
-    """Return loss factors of members beside the damping curve and the stiffness of modes, at a fitted model.
+def scatter_of(problem: FitProblem, result: FitResult, stiffness: float, damping: float) -> Scatter | None:
+    """Return errors of modes' stiffness, group 0, and of their damping, group 1, at a fitted model.
 
     The stiffness of modes is a random matrix, with λ the eigenvalues: √(λ_r λ_s) (δ_rs + g_rs) with g
     symmetric, its elements of standard deviation ε on the diagonal and ε/√2 beside it (the first order of
-    C. Soize's nonparametric model, Probabilistic Engineering Mechanics 15, 2000, 277). Each mode is off in
-    its frequency, and the shapes of neighbours mix a little.
+    C. Soize's nonparametric model, Probabilistic Engineering Mechanics 15, 2000, 277). The damping that goes
+    with the stiffness is another one.
 
     Parameters
     ----------
     problem : FitProblem
     result : FitResult
-    damping : float
-        Standard deviation of each loss factor in parts of the median loss factor 2ζ [-].
-    dispersion : float
-        ε [-].
+    stiffness, damping : float
+        ε of each [-]; 0 for none.
     """
-    model = problem.reduced.model
-    members = list(model.mesh.members) if model.of_kind(Frame) else []
-    members = members if len(members) > 1 else []
-    every = np.atleast_2d(problem.damping.ratio(problem.data.frequency, result.zeta))[0]
     refs, values = list(result.values), np.array(list(result.values.values()))
+    highest = float(problem.data.frequency[-1])
 
     def changes_at(lines: NDArray[np.int64]) -> LocalChanges:
         f = problem.data.frequency[lines]
@@ -87,24 +79,23 @@ def scatter_of(problem: FitProblem, result: FitResult, damping: float, dispersio
         return LocalChanges.of(engine, values, problem.damping.ratio(f, result.zeta))
 
     lines = problem.lines_up_to(np.inf, COMMON_LINES)
-    common = _Modes.of(changes_at(lines), problem.data.frequency[-1]) if dispersion > 0 else None
-    mixed = [] if common is None else common.main_directions(problem, lines, dispersion)
+    changes, directions = changes_at(lines), []
+    for damps, size in enumerate((stiffness, damping)):
+        modes = _Modes.of(changes, highest, bool(damps))
+        directions.append(modes.main_directions(problem, lines, size) if size > 0 else [])
+    if not any(directions):
+        return None
 
     def slopes(lines: NDArray[np.int64]) -> Complexes:
-        changes = changes_at(lines)
-        fields, out = changes.fields(), []
-        for m in members:
-            parts = member_contribution(frame_of(model), model, m)
-            out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
-        if mixed:
-            modes = _Modes.of(changes, problem.data.frequency[-1], len(mixed[0]))
-            out += [modes.slope(g) for g in mixed]
+        changes, out = changes_at(lines), []
+        for damps, each in enumerate(directions):
+            modes = _Modes.of(changes, highest, bool(damps), len(each[0]) if each else 0)
+            out += [modes.slope(g) for g in each]
         H = changes.H
         return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
 
-    loss = np.full(len(members), damping * 2 * float(np.median(every)))
-    std = np.concatenate([loss, np.ones(len(mixed))])
-    return Scatter(std, np.arange(len(std)) >= len(loss), slopes) if len(std) else None
+    group = np.repeat(np.arange(len(directions)), [len(each) for each in directions])
+    return Scatter(np.ones(len(group)), group, slopes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +105,8 @@ class _Modes:
     Attributes
     ----------
     outputs, inputs : ndarray (n, n_out, n_freq), (n, n_in, n_freq)
-        To unit forces there, each mode's times √λ, at the inputs times its factor of stiffness, too.
+        To unit forces there, each mode's times √λ, at the inputs times its factor of stiffness or, of that,
+        the damping, too.
     H : ndarray (n_freq, n_out, n_in)
         Receptances.
     """
@@ -124,13 +116,16 @@ class _Modes:
     H: Complexes
 
     @classmethod
-    def of(cls, changes: LocalChanges, highest: float, n: int | None = None) -> "_Modes":
+    def of(
+        cls, changes: LocalChanges, highest: float, damps: bool = False, n: int | None = None
+    ) -> "_Modes":
         """Return the first n elastic modes; those up to a frequency [Hz] and the next one unless given."""
         state, limit = changes.state, (2 * np.pi * highest) ** 2
         elastic = np.flatnonzero(state.lam > 1e-6 * limit)
-        which = elastic[: n or int((state.lam[elastic] <= limit).sum()) + 1]
+        which = elastic[: int((state.lam[elastic] <= limit).sum()) + 1 if n is None else n]
         root = np.sqrt(state.lam[which])[:, None, None]
-        return cls(changes.Xo[which] * root, changes.Xi[which] * root * state.stiffness, changes.H)
+        factor = 1j * state.stiffness.imag if damps else state.stiffness
+        return cls(changes.Xo[which] * root, changes.Xi[which] * root * factor, changes.H)
 
     def slope(self, g: Floats) -> Complexes:
         """Return the change of the receptances, (n_freq, n_out, n_in), for a little of a matrix g (n, n)."""

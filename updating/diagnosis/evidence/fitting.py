@@ -14,6 +14,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, widened
 from updating.inference.fit_result import FitResult
+from updating.inference.scatter import Scatter
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
@@ -35,15 +36,15 @@ class Fitted:
         How probable error levels are.
     misfit : ndarray (n_groups,)
         Robust mean square of the residuals of each group [nepers²].
-    found : Found, optional
-        What its scatter of uncertain size was found to be.
+    found : tuple of Found
+        What each group of its scatter was found to be.
     """
 
     result: FitResult
     log_evidence: float
     levels: Levels
     misfit: Floats
-    found: Found | None = None
+    found: tuple[Found, ...] = ()
 
     @property
     def log_likelihood(self) -> float:
@@ -165,17 +166,25 @@ def _assessed(function: FitFunction, solution: Solution) -> Fitted:
     huber = pseudo_huber_weight(r, ROBUST)
     A = _curvature(J, (levels.weight(v) / size)[member] * huber, std)
     evidence = log_evidence(-levels.cost(v), off, std, A)
-    found = None
-    if problem.scatter is not None and problem.scatter.sized.any():
-        rows = len(x) - len(problem.scatter.std) + np.flatnonzero(problem.scatter.sized)
-        variance = np.diag(np.linalg.inv(A))[rows]
-        found = Found(float(len(rows) - variance.sum()), float((x[rows] ** 2).sum()))
+    found = _found(problem.scatter, x, A)
     if not problem.form_right:
         # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
         apart = levels.n / size / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
         A = _curvature(J, apart[member] * huber, std)
     result = function.result(replace(solution, covariance=np.linalg.inv(A)))
     return Fitted(result, evidence, levels, v, found)
+
+
+def _found(scatter: Scatter | None, x: Floats, A: Floats) -> tuple[Found, ...]:
+    """Return what data say of the size of each group of scatter, the last of the unknowns."""
+    if scatter is None:
+        return ()
+    n, variance = len(scatter.std), np.diag(np.linalg.inv(A))
+    out = []
+    for k in range(scatter.group.max() + 1):
+        rows = len(x) - n + np.flatnonzero(scatter.group == k)
+        out.append(Found(float(len(rows) - variance[rows].sum()), float((x[rows] ** 2).sum())))
+    return tuple(out)
 
 
 def _curvature(J: NDArray[np.complex128], weight: Floats, std: Floats) -> Floats:

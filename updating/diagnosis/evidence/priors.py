@@ -14,12 +14,10 @@ FORM_SECTION = {"Iy": 0.02, "Iz": 0.02, "J": 0.05}
 """Standard deviations of bending and torsional stiffness of members that are alike, relative [-]."""
 FORM_ZONE = {"u": 1.0, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, and of its mass, relative [-]."""
-FORM_DAMPING = 0.1
-"""Standard deviation of a member's loss factor beside the damping curve, in parts of that [-]."""
-FORM_MODES = 0.001
-"""Median of the relative error of modes' eigenvalues that frame theory leaves [-]."""
-FORM_MODES_SPREAD = 1.0
-"""Standard deviation of the logarithm of that error from structure to structure [-]."""
+FORM_MODES, FORM_DAMPING = 0.001, 0.1
+"""Medians of the relative errors of modes' eigenvalues, and of their damping beside the curve [-]."""
+FORM_SPREAD = 1.0
+"""Standard deviation of the logarithms of these errors' sizes from structure to structure [-]."""
 PLACE_ODDS = np.log(10.0)
 """Prior odds, as a logarithm, against one more place at which something is missing."""
 UNKNOWN_ODDS = np.log(1e4)

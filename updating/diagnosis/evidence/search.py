@@ -17,7 +17,7 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES, FORM_MODES_SPREAD, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES, FORM_SPREAD, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
@@ -476,25 +476,21 @@ class Search:
         return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
 
     def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis fitted on with scatter of its most probable size, by its slopes there."""
-        modes = FORM_MODES if problem.model_error > 0 else 0.0
+        """Return a hypothesis fitted on with errors of modes of their most probable sizes, by slopes there."""
+        sizes = (FORM_MODES if problem.model_error > 0 else 0.0, FORM_DAMPING)
         fitted, values, whole = h.fitted, values_of(h.effects), problem.stages[-1:]
-        scatter, off = scatter_of(problem, fitted.result, FORM_DAMPING, modes), 0.0
-        for last in (False,) * SIZE_FITS + (True,):
-            start = fitted.result
-            fitted = fit(
-                replace(problem, scatter=scatter), h.effects, values, n_lines=FULL_LINES, stages=whole,
-                x_from=start,
-            )  # fmt: skip
-            if fitted.found is None or scatter is None:
+        scatter, off = scatter_of(problem, fitted.result, *sizes), np.zeros(len(sizes))
+        for k in range(SIZE_FITS + 1):
+            way: dict[str, Any] = {"stages": whole, "x_from": fitted.result, "n_lines": FULL_LINES}
+            fitted = fit(replace(problem, scatter=scatter), h.effects, values, **way)
+            step = np.array([f.log_factor(o, FORM_SPREAD) for f, o in zip(fitted.found, off, strict=False)])
+            if scatter is None or k == SIZE_FITS or np.abs(step).max() < SAME_SIZE:
                 break
-            factor = fitted.found.log_factor(off, FORM_MODES_SPREAD)
-            if last or abs(factor) < SAME_SIZE:
-                more = fitted.found.log_evidence(off, FORM_MODES_SPREAD)
-                fitted = replace(fitted, log_evidence=fitted.log_evidence + more)
-                break
-            scatter, off = scatter.larger(float(np.exp(factor))), off + factor
-        return replace(h, fitted=fitted, scatter=scatter)
+            scatter, off = scatter.larger(np.exp(step)), off[: len(step)] + step
+        more = sum(f.log_evidence(o, FORM_SPREAD) for f, o in zip(fitted.found, off, strict=False))
+        return replace(
+            h, fitted=replace(fitted, log_evidence=fitted.log_evidence + more), scatter=scatter
+        )
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
