@@ -15,7 +15,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_result import FitResult
 
-COMMON_LINES = 40
+COMMON_LINES = 20
 """Lines at which the directions are found in which random matrices of modes change FRFs."""
 LEFT_OUT = 0.1
 """Changes that stay together below this share of the noise are left out [-]."""
@@ -78,23 +78,18 @@ def scatter_of(problem: FitProblem, result: FitResult, stiffness: float, damping
         engine = problem.engine(f, refs, result.effects)
         return LocalChanges.of(engine, values, problem.damping.ratio(f, result.zeta))
 
-    lines = problem.lines_up_to(np.inf, COMMON_LINES)
-    changes, directions = changes_at(lines), []
-    for damps, size in enumerate((stiffness, damping)):
-        modes = _Modes.of(changes, highest, bool(damps))
-        directions.append(modes.main_directions(problem, lines, size) if size > 0 else [])
-    if not any(directions):
+    lines, sizes = problem.lines_up_to(np.inf, COMMON_LINES), (stiffness, damping)
+    modes = _Modes.of(changes_at(lines), highest)
+    main = modes.main_directions(problem, lines, sizes)
+    group = np.repeat(np.arange(len(sizes)), [len(each) for each in main])
+    if not len(group):
         return None
 
     def slopes(lines: NDArray[np.int64]) -> Complexes:
-        changes, out = changes_at(lines), []
-        for damps, each in enumerate(directions):
-            modes = _Modes.of(changes, highest, bool(damps), len(each[0]) if each else 0)
-            out += [modes.slope(g) for g in each]
-        H = changes.H
-        return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
+        modes = _Modes.of(changes_at(lines), highest, len(main[0][0] if main[0] else main[1][0]))
+        out = [modes.slope(g) * modes.factors[k] for k, each in enumerate(main) for g in each]
+        return np.asarray(np.stack(out) / np.where(modes.H != 0, modes.H, np.inf), dtype=complex)
 
-    group = np.repeat(np.arange(len(directions)), [len(each) for each in directions])
     return Scatter(np.ones(len(group)), group, slopes)
 
 
@@ -105,58 +100,69 @@ class _Modes:
     Attributes
     ----------
     outputs, inputs : ndarray (n, n_out, n_freq), (n, n_in, n_freq)
-        To unit forces there, each mode's times √λ, at the inputs times its factor of stiffness or, of that,
-        the damping, too.
+        To unit forces there, each mode's times √λ.
+    factors : tuple of ndarray (n_freq, 1, 1)
+        Of stiffness, and of the damping that goes with it.
     H : ndarray (n_freq, n_out, n_in)
         Receptances.
     """
 
     outputs: Complexes
     inputs: Complexes
+    factors: tuple[Complexes, Complexes]
     H: Complexes
 
     @classmethod
-    def of(
-        cls, changes: LocalChanges, highest: float, damps: bool = False, n: int | None = None
-    ) -> "_Modes":
+    def of(cls, changes: LocalChanges, highest: float, n: int | None = None) -> "_Modes":
         """Return the first n elastic modes; those up to a frequency [Hz] and the next one unless given."""
         state, limit = changes.state, (2 * np.pi * highest) ** 2
         elastic = np.flatnonzero(state.lam > 1e-6 * limit)
         which = elastic[: int((state.lam[elastic] <= limit).sum()) + 1 if n is None else n]
         root = np.sqrt(state.lam[which])[:, None, None]
-        factor = 1j * state.stiffness.imag if damps else state.stiffness
-        return cls(changes.Xo[which] * root, changes.Xi[which] * root * factor, changes.H)
+        factor = state.stiffness[:, None, None]
+        return cls(changes.Xo[which] * root, changes.Xi[which] * root, (factor, 1j * factor.imag), changes.H)
 
     def slope(self, g: Floats) -> Complexes:
-        """Return the change of the receptances, (n_freq, n_out, n_in), for a little of a matrix g (n, n)."""
+        """Return the change of the receptances, (n_freq, n_out, n_in), for forces g (n, n) per motion."""
         moved = np.tensordot(g, self.inputs, axes=1)
-        return -(np.moveaxis(self.outputs, 2, 0).transpose(0, 2, 1) @ np.moveaxis(moved, 2, 0))
+        return -(self.outputs.transpose(2, 1, 0) @ moved.transpose(2, 0, 1))
 
     def main_directions(
-        self, problem: FitProblem, lines: NDArray[np.int64], dispersion: float
-    ) -> list[Floats]:
-        """Return the matrices g (n, n), one standard deviation each, that change ln H by more than little.
+        self, problem: FitProblem, lines: NDArray[np.int64], sizes: Sequence[float]
+    ) -> tuple[list[Floats], ...]:
+        """Return matrices g (n, n), one standard deviation each, that change ln H by more than little.
 
-        The principal directions of the covariance that all elements together give to ln H; what is left out
-        together stays below a share of the noise.
+        They are the principal directions of the covariance that all elements together give to ln H, for
+        stiffness and for damping; what is left out stays together below a share of the noise.
         """
         n = len(self.outputs)
         i, j = np.triu_indices(n)
-        std = np.where(i == j, dispersion, dispersion / 2**0.5)
+        std = np.where(i == j, 1.0, 2**-0.5)
         keep, per = problem.data.mask[lines], problem.data.weight[lines] / self.H
+        A, B = self.outputs.transpose(2, 1, 0), self.inputs.transpose(2, 1, 0)
         rows = np.empty((len(i), int(keep.sum())), dtype=complex)
         for k, (a, b) in enumerate(zip(i, j, strict=True)):
-            change = np.einsum("of,if->foi", self.outputs[a], self.inputs[b])
+            change = A[:, :, None, a] * B[:, None, :, b]
             if a != b:
-                change += np.einsum("of,if->foi", self.outputs[b], self.inputs[a])
-            rows[k] = std[k] * (-change * per)[keep]
-        both = np.hstack([rows.real, rows.imag])
-        size, vectors = np.linalg.eigh(both @ both.T / rows.shape[1])
+                change = change + A[:, :, None, b] * B[:, None, :, a]
+            rows[k] = std[k] * (change * per)[keep]
         noise = np.sqrt(noise_squares(problem.data, lines).mean())
-        main = np.cumsum(np.maximum(size, 0.0)) > (LEFT_OUT * noise) ** 2
         out = []
-        for v in vectors[:, main].T:
-            g = np.zeros((n, n))
-            g[i, j] = g[j, i] = std * v
-            out.append(g)
-        return out
+        for factor, size in zip(self.factors, sizes, strict=True):
+            changes = size * rows * np.broadcast_to(factor, keep.shape)[keep]
+            out.append([size * g for g in _principal(changes, LEFT_OUT * noise, std, i, j, n)] if size else [])
+        return tuple(out)
+
+
+def _principal(
+    rows: Complexes, least: float, std: Floats, i: NDArray[np.intp], j: NDArray[np.intp], n: int
+) -> list[Floats]:
+    """Return the symmetric matrices along which rows, one for each of their elements, leave no more out."""
+    both = np.hstack([rows.real, rows.imag])
+    size, vectors = np.linalg.eigh(both @ both.T / rows.shape[1])
+    out = []
+    for v in vectors[:, np.cumsum(np.maximum(size, 0.0)) > least**2].T:
+        g = np.zeros((n, n))
+        g[i, j] = g[j, i] = std * v
+        out.append(g)
+    return out

@@ -39,6 +39,8 @@ AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
+MOST_FITS = 3
+"""A hypothesis is fitted fully from at most so many values."""
 SIZE_FITS, SAME_SIZE = 2, 0.2
 """At most so many fits find the size of scatter; it is found where its logarithm moves by less [-]."""
 N_RIVALS = 6
@@ -73,12 +75,15 @@ class Hypothesis:
     prior : float
         Logarithm of its prior probability, up to a constant.
     scatter : Scatter, optional
-        Small deviations around it.
+        Errors of modes around it.
+    off : ndarray (n,)
+        Logarithms of their sizes over the medians of the priors.
     """
 
     fitted: Fitted
     prior: float
     scatter: Scatter | None = None
+    off: NDArray[np.float64] | None = None
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -194,6 +199,7 @@ class Search:
     scanned: tuple[Scanned, ...] = ()
 
     floor: float = field(init=False)
+    _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
     _n_candidates: Counter[str] = field(init=False)
     _n_places: Counter[str] = field(init=False)
 
@@ -450,7 +456,9 @@ class Search:
         """
         key = frozenset(e.name for e in effects)
         known = self.known.get(key)
-        if known is None or (near is not None and _moved(near, known.fitted)):
+        again = near is not None and known is not None and _moved(near, known.fitted)
+        if known is None or (again and self._n_fits[key] < MOST_FITS):
+            self._n_fits[key] += 1
             fitted = self.fitted(effects, values, near, base)
             if known is None or fitted.score > known.score:
                 self.known[key] = fitted
@@ -473,13 +481,14 @@ class Search:
             from_near = replace(near.result, values={**self.form_of(base), **near.result.values})
             way = {"stages": problem.stages[-1:], "x_from": from_near}
         fitted = fit(problem, effects, values, n_lines=FULL_LINES, **way)
-        return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
+        return self.scattered(problem, Hypothesis(fitted, self.prior(effects)), base)
 
-    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
+    def scattered(self, problem: FitProblem, h: Hypothesis, base: Hypothesis | None = None) -> Hypothesis:
         """Return a hypothesis fitted on with errors of modes of their most probable sizes, by slopes there."""
         sizes = (FORM_MODES if problem.model_error > 0 else 0.0, FORM_DAMPING)
         fitted, values, whole = h.fitted, values_of(h.effects), problem.stages[-1:]
-        scatter, off = scatter_of(problem, fitted.result, *sizes), np.zeros(len(sizes))
+        off = np.zeros(len(sizes)) if base is None or base.off is None else base.off
+        scatter = scatter_of(problem, fitted.result, *(np.exp(off) * sizes))
         for k in range(SIZE_FITS + 1):
             way: dict[str, Any] = {"stages": whole, "x_from": fitted.result, "n_lines": FULL_LINES}
             fitted = fit(replace(problem, scatter=scatter), h.effects, values, **way)
@@ -489,7 +498,7 @@ class Search:
             scatter, off = scatter.larger(np.exp(step)), off[: len(step)] + step
         more = sum(f.log_evidence(o, FORM_SPREAD) for f, o in zip(fitted.found, off, strict=False))
         return replace(
-            h, fitted=replace(fitted, log_evidence=fitted.log_evidence + more), scatter=scatter
+            h, fitted=replace(fitted, log_evidence=fitted.log_evidence + more), scatter=scatter, off=off
         )
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
