@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.model import Contribution
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
@@ -19,6 +20,9 @@ COMMON_LINES = 20
 """Lines at which the directions are found in which random matrices of modes change FRFs."""
 LEFT_OUT = 0.1
 """Changes that stay together below this share of the noise are left out [-]."""
+
+N_GROUPS = 4
+"""Groups of errors: of the stiffness and damping of modes, and of connections."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -55,20 +59,23 @@ class Scatter:
         return self.known[key]
 
 
-def scatter_of(problem: FitProblem, result: FitResult, stiffness: float, damping: float) -> Scatter | None:
-    """Return errors of modes' stiffness, group 0, and of their damping, group 1, at a fitted model.
+def scatter_of(
+    problem: FitProblem, result: FitResult, modes: tuple[float, float], connections: tuple[float, float]
+) -> Scatter | None:
+    """Return errors of the stiffness and damping of modes and of connections, as groups 0 to 3.
 
     The stiffness of modes is a random matrix, with λ the eigenvalues: √(λ_r λ_s) (δ_rs + g_rs) with g
     symmetric, its elements of standard deviation ε on the diagonal and ε/√2 beside it (the first order of
     C. Soize's nonparametric model, Probabilistic Engineering Mechanics 15, 2000, 277). The damping that goes
-    with the stiffness is another one.
+    with the stiffness is another one. The stiffness L Lᵀ of each joint and elastic support is L (I + g) Lᵀ,
+    with couplings of its directions.
 
     Parameters
     ----------
     problem : FitProblem
     result : FitResult
-    stiffness, damping : float
-        ε of each [-]; 0 for none.
+    modes, connections : float, float
+        ε of stiffness and of damping [-]; 0 for none.
     """
     refs, values = list(result.values), np.array(list(result.values.values()))
     highest = float(problem.data.frequency[-1])
@@ -78,16 +85,29 @@ def scatter_of(problem: FitProblem, result: FitResult, stiffness: float, damping
         engine = problem.engine(f, refs, result.effects)
         return LocalChanges.of(engine, values, problem.damping.ratio(f, result.zeta))
 
-    lines, sizes = problem.lines_up_to(np.inf, COMMON_LINES), (stiffness, damping)
-    modes = _Modes.of(changes_at(lines), highest)
-    main = modes.main_directions(problem, lines, sizes)
-    group = np.repeat(np.arange(len(sizes)), [len(each) for each in main])
+    lines = problem.lines_up_to(np.inf, COMMON_LINES)
+    first = changes_at(lines)
+    at_first = _Modes.of(first, highest)
+    main = at_first.main_directions(problem, lines, modes)
+    joints = _joints_of(problem, result) if max(connections) > 0 else []
+    mixed = []
+    if joints:
+        keep, per = problem.data.mask[lines], problem.data.weight[lines] / first.H
+        rows = _joint_slopes(first, joints) * per
+        for size, factor in zip(connections, at_first.of_connections, strict=True):
+            least = LEFT_OUT * _noise(problem, lines)
+            mixed.append(size * _principal(size * (rows * factor)[:, keep], least) if size > 0 else [])
+    group = np.repeat(np.arange(len(main) + len(mixed)), [len(each) for each in (*main, *mixed)])
     if not len(group):
         return None
 
     def slopes(lines: NDArray[np.int64]) -> Complexes:
-        modes = _Modes.of(changes_at(lines), highest, len(main[0][0] if main[0] else main[1][0]))
+        changes = changes_at(lines)
+        modes = _Modes.of(changes, highest, len(at_first.outputs))
         out = [modes.slope(g) * modes.factors[k] for k, each in enumerate(main) for g in each]
+        rows = _joint_slopes(changes, joints) if joints else np.zeros(0)
+        for each, factor in zip(mixed, modes.of_connections, strict=False):
+            out += [np.tensordot(v, rows, axes=1) * factor for v in each]
         return np.asarray(np.stack(out) / np.where(modes.H != 0, modes.H, np.inf), dtype=complex)
 
     return Scatter(np.ones(len(group)), group, slopes)
@@ -101,8 +121,8 @@ class _Modes:
     ----------
     outputs, inputs : ndarray (n, n_out, n_freq), (n, n_in, n_freq)
         To unit forces there, each mode's times √λ.
-    factors : tuple of ndarray (n_freq, 1, 1)
-        Of stiffness, and of the damping that goes with it.
+    factors, of_connections : tuple of ndarray (n_freq, 1, 1)
+        Of stiffness and of the damping that goes with it; of connections in parts of their stiffness.
     H : ndarray (n_freq, n_out, n_in)
         Receptances.
     """
@@ -110,6 +130,7 @@ class _Modes:
     outputs: Complexes
     inputs: Complexes
     factors: tuple[Complexes, Complexes]
+    of_connections: tuple[Complexes, Complexes]
     H: Complexes
 
     @classmethod
@@ -120,7 +141,9 @@ class _Modes:
         which = elastic[: int((state.lam[elastic] <= limit).sum()) + 1 if n is None else n]
         root = np.sqrt(state.lam[which])[:, None, None]
         factor = state.stiffness[:, None, None]
-        return cls(changes.Xo[which] * root, changes.Xi[which] * root, (factor, 1j * factor.imag), changes.H)
+        own = state.connections[:, None, None]
+        parts = (factor, 1j * factor.imag), (np.ones_like(own), 1j * own.imag / own)
+        return cls(changes.Xo[which] * root, changes.Xi[which] * root, *parts, changes.H)
 
     def slope(self, g: Floats) -> Complexes:
         """Return the change of the receptances, (n_freq, n_out, n_in), for forces g (n, n) per motion."""
@@ -146,23 +169,59 @@ class _Modes:
             if a != b:
                 change = change + A[:, :, None, b] * B[:, None, :, a]
             rows[k] = std[k] * (change * per)[keep]
-        noise = np.sqrt(noise_squares(problem.data, lines).mean())
-        out = []
+        least, out = LEFT_OUT * _noise(problem, lines), []
         for factor, size in zip(self.factors, sizes, strict=True):
+            matrices = []
             changes = size * rows * np.broadcast_to(factor, keep.shape)[keep]
-            out.append([size * g for g in _principal(changes, LEFT_OUT * noise, std, i, j, n)] if size else [])
+            for v in _principal(changes, least) if size > 0 else ():
+                g = np.zeros((n, n))
+                g[i, j] = g[j, i] = size * std * v
+                matrices.append(g)
+            out.append(matrices)
         return tuple(out)
 
 
-def _principal(
-    rows: Complexes, least: float, std: Floats, i: NDArray[np.intp], j: NDArray[np.intp], n: int
-) -> list[Floats]:
-    """Return the symmetric matrices along which rows, one for each of their elements, leave no more out."""
+def _principal(rows: Complexes, least: float) -> Floats:
+    """Return the principal directions (k, n) of n changes (n, m); those left out stay together below a level."""
     both = np.hstack([rows.real, rows.imag])
     size, vectors = np.linalg.eigh(both @ both.T / rows.shape[1])
+    return vectors[:, np.cumsum(np.maximum(size, 0.0)) > least**2].T
+
+
+def _noise(problem: FitProblem, lines: NDArray[np.int64]) -> float:
+    return float(np.sqrt(noise_squares(problem.data, lines).mean()))
+
+
+def _joints_of(problem: FitProblem, result: FitResult) -> list[tuple[NDArray[np.int64], Floats]]:
+    """Return the DOFs (m,) and a factor L (m, k) of the stiffness of each elastic connection at a fit."""
+    model = problem.reduced.model
+    own = {e.name for e in model.effects}
+    model = model.with_values({ref: v for ref, v in result.values.items() if ref[0] in own})
+    total: dict[bytes, tuple[NDArray[np.int64], Floats]] = {}
+    for effect in (*model.effects, *result.effects):
+        if not effect.connection:
+            continue
+        for c in effect.contribute(model):
+            for dofs, K in zip(c.dofs, c.static if c.static is not None else (), strict=False):
+                key = dofs.tobytes()
+                total[key] = (dofs, K + total[key][1] if key in total else np.array(K, dtype=float))
     out = []
-    for v in vectors[:, np.cumsum(np.maximum(size, 0.0)) > least**2].T:
-        g = np.zeros((n, n))
-        g[i, j] = g[j, i] = std * v
-        out.append(g)
+    for dofs, K in total.values():
+        size, vectors = np.linalg.eigh(K)
+        there = size > 1e-12 * size.max()
+        out.append((dofs, vectors[:, there] * np.sqrt(size[there])))
     return out
+
+
+def _joint_slopes(
+    changes: LocalChanges, joints: Sequence[tuple[NDArray[np.int64], Floats]]
+) -> Complexes:
+    """Return the changes of the receptances by the elements of g of each connection, as many as there are."""
+    fields, out = changes.fields(), []
+    for dofs, L in joints:
+        for a in range(L.shape[1]):
+            for b in range(a, L.shape[1]):
+                K = np.outer(L[:, a], L[:, b])
+                K = K if a == b else (K + K.T) / 2**0.5
+                out.append(fields.slope([Contribution(dofs[None], K=K[None])], connection=True))
+    return np.stack(out)

@@ -14,7 +14,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, widened
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import Scatter
+from updating.inference.scatter import N_GROUPS, Scatter
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
@@ -181,7 +181,7 @@ def _found(scatter: Scatter | None, x: Floats, A: Floats) -> tuple[Found, ...]:
         return ()
     n, variance = len(scatter.std), np.diag(np.linalg.inv(A))
     out = []
-    for k in range(scatter.group.max() + 1):
+    for k in range(N_GROUPS):
         rows = len(x) - n + np.flatnonzero(scatter.group == k)
         out.append(Found(float(len(rows) - variance[rows].sum()), float((x[rows] ** 2).sum())))
     return tuple(out)

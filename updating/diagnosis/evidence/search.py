@@ -17,7 +17,7 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES, FORM_SPREAD, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.priors import FORM_CONNECTIONS, FORM_DAMPING, FORM_LEFT, FORM_MODES, FORM_SPREAD, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
@@ -32,7 +32,7 @@ SHORT_STEPS, QUICK_STEPS = 2, 6
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
-N_PLACES, N_PAIRS, N_SINGLES, N_QUICK, N_FINAL, N_BEAM = 4, 2, 8, 8, 3, 2
+N_PLACES, N_PAIRS, N_SINGLES, N_QUICK, N_FULL, N_FINAL, N_BEAM = 4, 2, 8, 8, 6, 3, 2
 """Numbers of places at which each kind, and of connections at which the block, gets a short fit; of pairs of
 connections; of single effects anywhere; of hypotheses that are fitted on, fitted fully, and kept."""
 AROUND = (0.6, 1.0, 1.6)
@@ -252,6 +252,8 @@ class Search:
             if k < N_QUICK or first
         ]
         tried.sort(key=lambda h: -h.score)
+        now = self.quickly(quick, base, base.effects, kept).score
+        tried = [h for h in tried if h.score > now - TWIN_NATS][:N_FULL]
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
         out = []
@@ -485,17 +487,21 @@ class Search:
 
     def scattered(self, problem: FitProblem, h: Hypothesis, base: Hypothesis | None = None) -> Hypothesis:
         """Return a hypothesis fitted on with errors of modes of their most probable sizes, by slopes there."""
-        sizes = (FORM_MODES if problem.model_error > 0 else 0.0, FORM_DAMPING)
+        form = 0.0 if problem.model_error == 0 else 1.0
+        sizes = np.array([form * FORM_MODES, FORM_DAMPING, *(form * np.array(FORM_CONNECTIONS))])
         fitted, values, whole = h.fitted, values_of(h.effects), problem.stages[-1:]
         off = np.zeros(len(sizes)) if base is None or base.off is None else base.off
-        scatter = scatter_of(problem, fitted.result, *(np.exp(off) * sizes))
+        first = np.exp(off) * sizes
+        scatter = scatter_of(problem, fitted.result, tuple(first[:2]), tuple(first[2:]))
         for k in range(SIZE_FITS + 1):
             way: dict[str, Any] = {"stages": whole, "x_from": fitted.result, "n_lines": FULL_LINES}
             fitted = fit(replace(problem, scatter=scatter), h.effects, values, **way)
-            step = np.array([f.log_factor(o, FORM_SPREAD) for f, o in zip(fitted.found, off, strict=False)])
-            if scatter is None or k == SIZE_FITS or np.abs(step).max() < SAME_SIZE:
+            if scatter is None or k == SIZE_FITS:
                 break
-            scatter, off = scatter.larger(np.exp(step)), off[: len(step)] + step
+            step = np.array([f.log_factor(o, FORM_SPREAD) for f, o in zip(fitted.found, off, strict=True)])
+            if np.abs(step).max() < SAME_SIZE:
+                break
+            scatter, off = scatter.larger(np.exp(step)), off + step
         more = sum(f.log_evidence(o, FORM_SPREAD) for f, o in zip(fitted.found, off, strict=False))
         return replace(
             h, fitted=replace(fitted, log_evidence=fitted.log_evidence + more), scatter=scatter, off=off
