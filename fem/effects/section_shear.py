@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -16,6 +17,8 @@ _ALIKE = 1e-6
 """Relative difference up to which the coefficients along y and z are one."""
 _FRAMES = 8
 """Number of frames that an effect keeps."""
+_PARTS = 64
+"""Number of contributions of groups that an effect and those with other values keep."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -36,6 +39,8 @@ class SectionShear(Effect):
         Factors ``"ky:<first member>"`` of the coefficients of the model's sections [-].
     frames : Recent
         Frames with these coefficients, by the frames that they are made of; effects on members share them.
+    parts : Recent
+        Contributions of single groups by their factors; effects with other values share them.
     """
 
     kind: ClassVar[str] = "section_shear"
@@ -45,6 +50,7 @@ class SectionShear(Effect):
     directions: Mapping[str, tuple[str, ...]]
     values: Mapping[str, Any] = field(default_factory=dict)
     frames: Recent = field(default_factory=lambda: Recent(_FRAMES), init=False, repr=False)
+    parts: Recent = field(default_factory=lambda: Recent(_PARTS), repr=False, compare=False)
 
     @classmethod
     def of(cls, model: Model) -> "SectionShear | None":
@@ -83,15 +89,21 @@ class SectionShear(Effect):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the changes of the members' K, M and D by the coefficients."""
         (frame,), out = model.of_kind(Frame), []
-        sheared = self.applied_to(frame)
-        for members in self.groups.values():
-            rows = np.concatenate([model.mesh.members[m] for m in members])
-            new = sheared.contribution_of(model, rows)
-            old = frame.contribution_of(model, rows)
-            for c, o in zip(new, old, strict=True):
-                parts = ((getattr(c, X), getattr(o, X)) for X in ("K", "M", "D"))
-                K, M, D = (None if a is None or b is None else a - b for a, b in parts)
-                out.append(Contribution(c.dofs, K, M, D=D))
+        for first in self.groups:
+            key = (frame, model.mesh, first, self._factors(first))
+            out += self.parts.get(key, partial(self._group, model, frame, first))
+        return tuple(out)
+
+    def _group(self, model: Model, frame: Frame, first: str) -> tuple[Contribution, ...]:
+        """Return the changes of the members of one section."""
+        rows = np.concatenate([model.mesh.members[m] for m in self.groups[first]])
+        new = self.applied_to(frame).contribution_of(model, rows)
+        old = self.parts.get((frame, model.mesh, first), lambda: frame.contribution_of(model, rows))
+        out = []
+        for c, o in zip(new, old, strict=True):
+            parts = ((getattr(c, X), getattr(o, X)) for X in ("K", "M", "D"))
+            K, M, D = (None if a is None or b is None else a - b for a, b in parts)
+            out.append(Contribution(c.dofs, K, M, D=D))
         return tuple(out)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:

@@ -232,8 +232,13 @@ class ReducedModel:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
         if (alike := self._alike(contributions, imaginary)) is not None:
             return alike
-        if imaginary:  # where a stretch ends matters at its ends alone
-            contributions = [acting(c) for c in contributions]
+        if imaginary:  # where a stretch ends matters at its ends alone; real contributions do not change
+            changing = [
+                acting(c)
+                for c in contributions
+                if c.law is not None or any(map(np.iscomplexobj, (c.K, c.M, c.C, c.D)))
+            ]
+            contributions = changing if changing else contributions[:1]
         dofs = np.unique(
             np.concatenate([np.zeros(0, dtype=np.int64), *(c.dofs.ravel() for c in contributions)])
         )
