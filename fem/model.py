@@ -189,8 +189,6 @@ class Effect(ABC):
         How pictures mark it; the drawing chooses where it is None.
     is_form : bool
         Whether it is the size of connections, which centre lines leave out: uncertain in every model.
-    evidence_only : bool
-        Whether only the search by evidence looks for it.
     statement : str
         Sentence of a finding: a format string with the fields of `dovetail.report.words.sentence`.
     entry : Entry or None
@@ -208,7 +206,6 @@ class Effect(ABC):
     marker: ClassVar[Marker | None] = None
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
-    evidence_only: ClassVar[bool] = False
     entry: ClassVar[Entry | None] = None
     name: str
 

@@ -294,7 +294,6 @@ class _Reader:
             exclude=exclude,
             band=settings.band,
             model_error=settings.model_error,
-            n_simulated=settings.n_simulated,
             n_lines=settings.n_lines,
             held_out=held_out,
             held_out_sensors=held_out_sensors,
@@ -313,7 +312,6 @@ class _Reader:
                 for key, group in (("outputs", sensors), ("inputs", excitations))
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
-            evidence=settings.evidence,
         )
 
     def _head(self) -> tuple[str, str]:

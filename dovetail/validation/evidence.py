@@ -12,7 +12,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import UNEXPLAINED, Diagnosis
+from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
 from updating.diagnosis.evidence.search import Hypothesis, Search
 

@@ -22,7 +22,7 @@ from fem.effects import effect_classes
 from tests.frames import cross_beam, portal, write_study
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.bootstrap import Bootstrap
-from updating.diagnosis.diagnose import NOTHING
+from updating.diagnosis.diagnosis import NOTHING
 from updating.quality.corrections import Fault
 
 VOID = {"meta", "link", "img", "br", "hr"}

@@ -23,7 +23,7 @@ from dovetail.report.report import report_html
 from fem.analysis.frf import FRF
 from tests.frames import beam, write_study
 from updating.correlation import rms_db
-from updating.diagnosis.diagnose import FAULT
+from updating.diagnosis.diagnosis import FAULT
 from updating.diagnosis.fitted_modes import modes_of
 from updating.quality.corrections import Fault
 from viz.interactive import frf, model, solids

@@ -23,7 +23,7 @@ from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, SETS, draw_hidden
 from dovetail.validation.judging import judge, same_place
 from dovetail.validation.table import as_markdown, interval, summarise
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 
 SETTINGS = CaseSettings(3, small=True)
 FAMILY = {"joint": "cross", "support": "angle", "end": "angle", "rigid": "angle"}

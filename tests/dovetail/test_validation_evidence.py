@@ -19,7 +19,7 @@ from dovetail.validation.calibration import (
 from dovetail.validation.cases import CaseSettings, draw_case
 from dovetail.validation.evidence import Stated, at_truth, credible_set, loss_of
 from dovetail.validation.judging import is_hidden, stated
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.diagnosis import Searched
 
 SETTINGS = CaseSettings(3, small=True)

@@ -10,7 +10,7 @@ from dovetail.validation.cases import CaseSettings, draw_case
 from fem.model import parameter_values
 from tests.hidden.cases import make_case
 from updating.diagnosis import screening
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.screening import Grid, screen
 from updating.inference.preparation import build_problem
 
