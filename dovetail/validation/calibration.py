@@ -129,7 +129,7 @@ def told(records: Iterable[Record]) -> list[Record]:
     """
     out = [r["evidence"] for r in records if "evidence" in r]
     if not out:
-        msg = "no record has 'evidence': run dovetail validate, or tests.independent.table with --evidence"
+        msg = "no record has 'evidence': run dovetail validate, or tests.independent.table"
         raise RecordsError(msg)
     return out
 

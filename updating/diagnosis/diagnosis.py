@@ -13,6 +13,7 @@ from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.findings import Finding, Ranked, Step
 from updating.inference.fit import FitProblem
+from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.quality.faults import Fault
 from updating.quality.gates import Gates
 
@@ -49,7 +50,7 @@ class Diagnosis:
     limit : float
         Residual level up to which the model counts as right [nepers].
     noise_limit : float
-        Residual level up to which noise and the mesh account for what is left [nepers].
+        Residual level that noise and the mesh leave [nepers].
     problem : FitProblem
         Data, reduced model, sensors: what is needed to compute the FRFs of any step.
     model : Model
@@ -99,8 +100,11 @@ class Diagnosis:
 
     @property
     def more_than_noise(self) -> bool:
-        """Whether more is left than noise and the mesh account for: the form of beams, or weak effects."""
-        return self.steps[-1].level > self.noise_limit
+        """Whether more is left than noise and the mesh account for: the form of beams, or weak effects.
+
+        By the margin of fits, as noise is not known exactly.
+        """
+        return self.steps[-1].level > SYSTEMATIC_FROM * self.noise_limit
 
     @property
     def noise_floor_db(self) -> float:
