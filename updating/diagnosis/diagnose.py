@@ -11,6 +11,7 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
+from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.changes import change_of, similarity_of
 from updating.diagnosis.diagnosis import (
@@ -21,7 +22,6 @@ from updating.diagnosis.diagnosis import (
     NOTHING,
     UNEXPLAINED,
     Diagnosis,
-    Progress,
 )
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.priors import TWIN_NATS

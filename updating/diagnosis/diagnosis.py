@@ -1,8 +1,6 @@
 """What a diagnosis tells: its verdict, what it has found, and how sure that is."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,22 +9,18 @@ from fem.analysis.frf import FRF
 from fem.model import Effect, Model
 from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
+from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding, Ranked, Step
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.quality.faults import Fault
 from updating.quality.gates import Gates
 
-if TYPE_CHECKING:
-    from updating.diagnosis.evidence.diagnosis import Searched
-
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 FITTED = "uncertain parameters fitted"
 """Label of the step before effects."""
 N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end."""
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the fraction done, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +84,7 @@ class Diagnosis:
     candidates: tuple[Effect, ...] = ()
     posterior: tuple[tuple[tuple[str, ...], float], ...] = ()
     places: tuple[tuple[str, float], ...] = ()
-    searched: "Searched | None" = None
+    searched: Searched | None = None
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""

@@ -8,9 +8,8 @@ import numpy as np
 
 from fem.model import Effect, Model
 from updating.diagnosis.amplitude import LevelProblem
-from updating.diagnosis.begin import builder, refined
+from updating.diagnosis.begin import Progress, builder, refined
 from updating.diagnosis.candidates import propose
-from updating.diagnosis.diagnosis import Progress
 from updating.diagnosis.evidence.fitting import fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search
