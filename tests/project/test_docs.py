@@ -27,9 +27,9 @@ def test_constants_have_the_values_that_are_documented(module, name, value):
 @pytest.mark.parametrize(
     "module",
     [
-        "updating.diagnosis.acceptance",
-        "updating.diagnosis.corners",
         "updating.diagnosis.diagnose",
+        "updating.diagnosis.diagnosis",
+        "updating.diagnosis.laws",
         "updating.quality.fault_hypotheses",
         "updating.quality.faults",
         "updating.quality.sensor_faults",
@@ -40,7 +40,6 @@ def test_constants_have_the_values_that_are_documented(module, name, value):
         "updating.diagnosis.patches",
         "updating.inference.preparation",
         "updating.diagnosis.screening",
-        "updating.diagnosis.search",
         "updating.diagnosis.separation",
     ],
 )

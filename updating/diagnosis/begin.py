@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from fem.effects.joint_patch import JointPatch
 from fem.model import Model
-from updating.diagnosis.patches import refined_at, with_turning
+from updating.diagnosis.patches import refined_on_patches, with_turning
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
@@ -41,8 +40,7 @@ def builder(
 def refined(model: Model, model_error: float) -> Model:
     """Return a model with mass of higher order, and with short elements on the joints' patches."""
     model = with_higher_mass(model)
-    patch = next(iter(model.of_kind(JointPatch)), None)
-    return refined_at(model, patch) if patch and model_error > 0 else model
+    return refined_on_patches(model) if model_error > 0 else model
 
 
 def begin(

@@ -17,6 +17,12 @@ TWIST_STD = 0.7
 discs as broad as the members [-]."""
 
 
+def refined_on_patches(model: Model) -> Model:
+    """Return a model whose elements are short on the patches that its joints have, if any."""
+    patch = next(iter(model.of_kind(JointPatch)), None)
+    return refined_at(model, patch) if patch else model
+
+
 def refined_at(model: Model, patch: JointPatch) -> Model:
     """Return a model whose elements on patches are short enough: ``PATCH_ELEMENTS`` on half of one."""
     mesh, sides = model.mesh, [side for pair in patch.sides for side in pair]
