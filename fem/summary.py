@@ -102,7 +102,7 @@ def effect_summary(self: Any) -> str:
 
 
 def damping_summary(self: Any) -> str:
-    """Return the damping ratios and what else damps, on one line."""
+    """Return the damping ratios and other damping on one line."""
     parts = [f"ζ {span(np.real(self.ratio))}"]
     parts += [f"at {span(self.frequency, 'Hz')}"] if len(self.frequency) > 1 else []
     parts += [f"alpha {quantity(self.alpha, '1/s')}"] if self.alpha else []
