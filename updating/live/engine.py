@@ -140,7 +140,7 @@ class LiveModel:
 
     @staticmethod
     def _key(result: FitResult) -> Hashable:
-        """Return what engines differ by: which effects there are, and where."""
+        """Return the key of an engine: its effects and their places."""
         at: list[Any] = []
         for e in result.effects:
             values = parameter_values(e)

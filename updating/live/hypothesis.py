@@ -1,4 +1,4 @@
-"""What a user supposes: added effects, values of what is uncertain, and corrections of the measurement."""
+"""A user's hypothesis: added effects, values of uncertain parameters, and corrections of the measurement."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
