@@ -89,7 +89,7 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
     """
     study, model = reported.study, reported.model
     text = with_paths(study.text, study.path.parent, folder).rstrip("\n") + "\n\n"
-    text += toml_comment(f"{study.path.name} with what dovetail has found in it, and with its fitted values")
+    text += toml_comment(f"{study.path.name} with the effects found by dovetail and with its fitted values")
     text = with_element_sizes(text, study.chosen_sizes)
     text = with_parameters(text, fitted_values(reported))
     text = with_damping(text, *fitted_damping(reported.problem, reported.result, model))

@@ -69,7 +69,7 @@ class Study(config.Study):
         The model before :meth:`fit`, without ``added``: a later fit starts there again, so that its priors
         stay those of the study file. None before the first fit.
     fitted : FitResult or None
-        The last fit, with standard deviations of what was fitted.
+        The last fit, with standard deviations of the fitted parameters.
     faults : tuple of Fault
         Faults of the measurement that a fit has found and set right.
     """
@@ -95,7 +95,7 @@ class Study(config.Study):
         return f"with {', '.join(e.name for e in self.added)}" + (", fitted" if self.fitted else "")
 
     def _repr_html_(self) -> str:
-        """Return a table of the model, the test, what is uncertain, and the added effects."""
+        """Return a table of the model, the test, the uncertain parameters, and the added effects."""
         rows = [
             ("model", inner(self.model.mesh)),
             ("sensors", listed(s.name for s in self.sensors)),
@@ -203,7 +203,7 @@ class Study(config.Study):
         Parameters
         ----------
         progress : callable, optional
-            Called with a text and the fraction done; what it raises ends the search.
+            Called with a text and the fraction done; an exception from it ends the search.
 
         Raises
         ------
@@ -341,7 +341,7 @@ class Study(config.Study):
     def _on(self, start: Model, effect: Effect) -> Effect:
         """Return an effect that was added after a fit as the start's candidate, with the same values.
 
-        What the effect takes the place of has another value there.
+        The parameter that the effect takes the place of has another value there.
         """
         if self.start is None or effect.kind not in candidate_kinds():
             return effect

@@ -1,4 +1,4 @@
-"""What a diagnosis found, as lines of text."""
+"""Results of a diagnosis as lines of text."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from dovetail.commands.tables import cell, width_of
 
 
 def found_lines(d: "Diagnosis") -> list[str]:
-    """Return found effects with values and twins, sensor faults, and what chance would do, a line each."""
+    """Return found effects with values and twins, sensor faults, and gains by chance, a line each."""
     from dovetail.report import words
 
     out = []

@@ -1,4 +1,4 @@
-"""The report of an update: one HTML file with what changed, how surely, and what to doubt."""
+"""The report of an update: one HTML file with the changes, their uncertainty, and doubts."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -91,7 +91,7 @@ def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Pa
                 "parameters", plot_parameters(u), "Change from the start, with 95 % intervals and priors."
             ),
         ),
-        page.section("What to doubt", page.bullets(words)) if words else "",
+        page.section("Doubts", page.bullets(words)) if words else "",
         *shown,
         page.section(
             "How it came about",
