@@ -1,4 +1,4 @@
-"""The page's candidates: a tree by place and kind, their ranking, and what a diagnosis has found."""
+"""The page's candidates: a tree by place and kind, their ranking, and the results of a diagnosis."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class Job:
 
     @property
     def remaining(self) -> float | None:
-        """Seconds that are probably left, as if the rest went on like what is done; None at first."""
+        """Seconds that are probably left, as if the rest went on at the same rate; None at first."""
         spent = time.monotonic() - self._begun
         return spent * (1 / self.fraction - 1) if self.fraction > 0.02 else None
 

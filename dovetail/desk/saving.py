@@ -1,4 +1,4 @@
-"""What leaves the desk: a study file with the hypothesis in it, and a report of it."""
+"""Files of the desk: a study file with the hypothesis in it, and a report of it."""
 
 import time
 from dataclasses import replace
@@ -88,7 +88,7 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
     begun = time.perf_counter()
     check_outputs(input_files(study.path), Output("folder", folder, NAMES))
     with result_folder(folder) as scratch:
-        say("fitting what is uncertain", 0.05)
+        say("fitting uncertain parameters", 0.05)
         less = fit_uncertain(live, replace(h, effects=(), fit=None), lambda text, done: say(text, 0.4 * done))
         diagnosis = by_hand(study, live, replace(less, faults=h.faults), h, time.perf_counter() - begun)
         result = analysed(study, diagnosis, folder, begun)
@@ -97,7 +97,7 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
 
 
 def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, seconds: float) -> Diagnosis:
-    """Return a hypothesis in the form in which reports take what a search has found."""
+    """Return a hypothesis as the diagnosis that reports take."""
     problem = live.problem_of(h)
     before, found = (problem.assessed(x.result()) for x in (without, h))
     steps = [step_of("nominal model", problem.nominal()), step_of(FITTED, before)]

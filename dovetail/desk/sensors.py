@@ -30,7 +30,7 @@ class SensorList:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show what is believed of the sensors now."""
+        """Show the present corrections of the sensors."""
         desk = self._page.desk
         h, errors = desk.now.hypothesis, desk.shown.comparison.by_sensor()
         now = (h.off, h.faults, errors.tobytes())

@@ -1,4 +1,4 @@
-"""What the desk does, without a page: every action is a new state, and the journal keeps up with it."""
+"""Actions of the desk, without a page: each makes a new state, which the journal keeps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -253,9 +253,9 @@ class Desk:
     # Longer work --------------------------------------------------------------------------------------------
 
     def fit_uncertain(self) -> Job:
-        """Fit what is uncertain, and the damping."""
+        """Fit the uncertain parameters and the damping."""
         h = self.now.hypothesis
-        return Job("Fit what is uncertain", lambda say: fit_uncertain(self.live, h, say)).start()
+        return Job("Fit uncertain parameters", lambda say: fit_uncertain(self.live, h, say)).start()
 
     def fit_this(self, name: str) -> Job:
         """Fit one added effect."""
@@ -268,7 +268,7 @@ class Desk:
         return Job("Fit all", lambda say: fit_all(self.live, h, say)).start()
 
     def take_fit(self, job: Job) -> None:
-        """Make what a fit has found the present state, with a step of the staircase."""
+        """Make the result of a fit the present state, with a step of the staircase."""
         h: Hypothesis = job.result
         names = " and ".join(e.name for e in h.effects)
         stair = Stair.of(f"{names}: {job.title.lower()}" if names else FITTED, self.live.evaluate(h))
@@ -281,7 +281,7 @@ class Desk:
         return Job("Rank candidates", lambda say: rank(self.live, h, effects, say)).start()
 
     def weigh(self, name: str) -> Weighed:
-        """Return what speaks for and against an added effect, the rest as it is."""
+        """Return the evidence for and against an added effect, the rest as it is."""
         if name not in self.weighed:
             self.weighed[name] = weigh(self.live, self.now.hypothesis, name)
         return self.weighed[name]
@@ -292,7 +292,7 @@ class Desk:
         return Job(f"Fit without {name}", lambda say: weigh(self.live, h, name, say)).start()
 
     def diagnose(self) -> Job:
-        """Search for what the study's model lacks, as `dovetail diagnose` does."""
+        """Search for effects that the study's model lacks, as `dovetail diagnose` does."""
         return Job("Diagnose", lambda say: diagnose_study(self.study, say)).start()
 
     def save(self, path: Path) -> Path:
@@ -306,7 +306,7 @@ class Desk:
         return Job("Export report", work).start()
 
     def take_over(self) -> None:
-        """Add what the diagnosis has found, with its values."""
+        """Add the effects of the diagnosis, with their values."""
         assert self.diagnosis is not None
         last = self.diagnosis.steps[-1].result
         h = self.now.hypothesis
