@@ -42,15 +42,14 @@ def model(desk: Desk, chosen: str, height: float) -> Figure:
     for spot in desk.spots.values():
         role = "chosen place" if spot.name == chosen else "candidate"
         marks.append(Place(np.array(spot.point), spot.name, ", ".join(spot.places), role))
-    c = desk.shown.comparison
-    errors = dict(zip(c.outputs, c.by_sensor().tolist(), strict=True))
+    errors = dict(zip(desk.shown.comparison.outputs, desk.shown.by_sensor().tolist(), strict=True))
     measurement = desk.live.problem.data.measurement
     return model_figure(
         desk.study.model,
         measurement.sensors,
         measurement.excitations,
         errors={name: e for name, e in errors.items() if np.isfinite(e)},
-        limits=(0.0, float(np.nanmax(desk.nominal.comparison.by_sensor()))),
+        limits=(0.0, float(np.nanmax(desk.nominal.by_sensor()))),
         places=marks,
         height=height,
     )
@@ -62,7 +61,9 @@ def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
     models = {NOMINAL: desk.nominal.frf, HERE: desk.shown.frf}
     if second is not None:
         models[SECOND] = second.frf
-    bands = held_out_bands(desk.live.problem.data)
+    held = {f"sensor {pair[0]}", f"excitation {pair[1]}"} & desk.now.hypothesis.held_out
+    f = desk.shown.frf.frequency
+    bands = [(float(f[0]), float(f[-1]))] if held else held_out_bands(desk.live.problem.data)
     figure = frf_figure(desk.shown.measured, models, pair, held_out=bands, height=height)
     for trace in figure.data:  # gaps in place of further points: a slider moves ordinates only
         if trace.meta and trace.meta["series"] == HERE and trace.meta["quantity"] == PHASE:
@@ -75,8 +76,14 @@ def error_map(desk: Desk) -> Figure:
     """Return the error of each sensor in each band, on the colours of the nominal model."""
     c, edges = desk.shown.comparison, desk.shown.comparison.bands
     bands = [(float(a), float(b)) for a, b in pairwise(edges)]
-    limits = (0.0, float(np.nanmax(desk.nominal.comparison.by_band())))
-    return error_map_figure(c.by_band(), c.outputs, bands, limits=limits)
+    limits = (0.0, float(np.nanmax(desk.nominal.by_band())))
+    held = desk.now.hypothesis.held_out
+    names = [f"{name} (held out)" if f"sensor {name}" in held else name for name in c.outputs]
+    figure = error_map_figure(desk.shown.by_band(), names, bands, limits=limits)
+    for name, cells in zip(c.outputs, figure.data[0].customdata, strict=True):
+        for cell in cells:
+            cell[0] = name  # clicks name the sensor alone
+    return figure
 
 
 def staircase(desk: Desk) -> Figure:
@@ -107,7 +114,7 @@ def moved_curve(
 
 def moved_map(shown: Evaluation) -> dict[str, Any]:
     """Return the changes of the error map with a slider."""
-    return {"z": [_sent(shown.comparison.by_band(), 3)]}
+    return {"z": [_sent(shown.by_band(), 3)]}
 
 
 def _sent(values: NDArray[Any], digits: int) -> NDArray[np.float32]:

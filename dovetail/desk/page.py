@@ -1,6 +1,7 @@
 """The desk's page: header, model, FRFs, errors and hypothesis; nothing is decided here."""
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -33,7 +34,7 @@ IN_SIGHT = """((box) => box.bottom > 0 && box.top < innerHeight && {call}.then(
 """Calls a method of a figure that is in sight; ends when the browser has painted it."""
 NUMBERS = {
     "fit": "error, lines of the fit", "held": "held-out lines", "all": "all lines", "noise": "noise floor",
-    "left": "left beyond the noise",
+    "left": "left beyond the noise", "apart": "held-out channels",
 }  # fmt: skip
 TICK = 0.2
 """Seconds between two looks at running jobs [s]."""
@@ -456,8 +457,10 @@ def _dict(figure: Any) -> dict[str, Any]:
 
 def _texts(shown: Evaluation) -> dict[str, str]:
     r = shown.result
-    values = (r.fit_db, r.held_out_db, shown.comparison.total_db, shown.noise_db, shown.left_db)
-    return {key: f"{value:.2f} dB" for key, value in zip(NUMBERS, values, strict=True)}
+    apart = math.nan if shown.held_out is None else shown.held_out.total_db
+    values = (r.fit_db, r.held_out_db, shown.comparison.total_db, shown.noise_db, shown.left_db, apart)
+    known = zip(NUMBERS, values, strict=True)
+    return {key: f"{value:.2f} dB" if math.isfinite(value) else "none" for key, value in known}
 
 
 def _duration(seconds: float) -> str:

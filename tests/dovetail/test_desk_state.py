@@ -19,6 +19,7 @@ from dovetail.desk.saving import save_study
 from dovetail.desk.session import Desk
 from dovetail.desk.state import MOST_STATES, History, Stair, State
 from dovetail.disk.output import OutputError
+from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
 from fem.analysis.frf import FRF
 from updating.live.engine import LiveModel
@@ -49,7 +50,7 @@ def supposed(live, candidates):
     h = Hypothesis.nominal(live.problem).with_effect(candidates[TURNING]).with_effect(candidates[MASS])
     h = h.with_value(TURNING, "stiffness", 200.0).with_value(MASS, "mass", 0.05)
     h = h.with_value(MASS, "position", 0.123).with_fault(Fault("sensor_gain", "D3z", 1.1, 0.0))
-    return h.with_fault(Fault("sensor_sign", "U3z", -1.0, 0.0)).switched("U5z")
+    return h.with_fault(Fault("sensor_sign", "U3z", -1.0, 0.0)).switched("U5z").held("sensor U7z")
 
 
 def test_everything_can_be_undone_and_done_again(live, supposed):
@@ -233,6 +234,22 @@ def test_sensors_and_hypotheses_are_states_too(desk):
     assert desk.now.hypothesis.effects == ()
     desk.drop()
     assert desk.second() is None
+
+
+def test_a_channel_is_held_out_and_one_stays(desk, tmp_path):
+    before = desk.shown.result.fit_db
+    desk.hold_out("sensor D3z")
+    assert desk.shown.held_out is not None
+    assert desk.shown.result.fit_db != before
+    assert desk.now.label == "hold out sensor D3z"
+    assert load_study(desk.save(tmp_path / "held.toml")).held_out_sensors == ("D3z",)
+    desk.hold_out("excitation D3z")  # a sensor and an excitation of one name
+    with pytest.raises(StudyError, match="every measured excitation"):
+        desk.hold_out("excitation U1z")
+    desk.undo()
+    desk.hold_out("sensor D3z")
+    assert desk.now.label == "fit sensor D3z"
+    assert desk.shown.result.fit_db == before
 
 
 def test_a_click_finds_its_spot(desk):
