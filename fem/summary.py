@@ -32,6 +32,11 @@ def span(values: Any, unit: str = "-") -> str:
     return quantity(low, unit) if low == high else f"{low:.4g} to {quantity(high, unit)}"
 
 
+def percent(probability: float) -> str:
+    """Return a probability in per cent, with a space that does not break."""
+    return f"{100 * probability:.3g}\u00a0%" if probability >= 1e-3 else "below 0.1\u00a0%"
+
+
 def counted(n: int, noun: str) -> str:
     """Return a number and a noun, in the plural unless it is one."""
     return f"{n} {noun if n == 1 else noun + 's'}"

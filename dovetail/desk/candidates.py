@@ -9,6 +9,7 @@ from nicegui import ui
 from dovetail.desk.widgets import button, card
 from dovetail.report.words import effect_label, parameters_text, place, ranked_label
 from fem.model import parameter_values
+from fem.summary import percent
 
 if TYPE_CHECKING:
     from dovetail.desk.page import Page
@@ -145,7 +146,8 @@ class CandidateList:
                 button("Take over", lambda: page.act(desk.take_over), "done_all")
         ui.label(d.reason).classes("desk-note")
         for names, probability in d.posterior[:N_RANKED]:
-            ui.label(f"{probability:.0%}: {' and '.join(names) or 'nothing missing'}").classes("desk-note")
+            hypothesis = " and ".join(names) or "nothing missing"
+            ui.label(f"{percent(probability)}: {hypothesis}").classes("desk-note")
         for ranked in (r for round_ in d.rounds[:1] for r in round_[:N_RANKED]):
             with ui.element("div").classes("desk-row"):
                 ui.label(f"{ranked.fit_db:.2f} dB").style("width: 64px")

@@ -8,6 +8,7 @@ from dovetail.report.figures import hypotheses
 from dovetail.report.page import Markup, bullets, folded, image, join, paragraph, section, table, tag
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult
+from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import Finding, Ranked
@@ -121,7 +122,7 @@ def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
     known = hypotheses(result)
     if not known:
         return []
-    rows = [[name, words.percent_text(p)] for name, p in known]
+    rows = [[name, percent(p)] for name, p in known]
     return [
         tag("h3", "How probable"),
         shown.figure(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from dovetail.result import RunResult, added_parameters
 from fem.model import Effect, Parameter
+from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.acceptance import score
 from updating.diagnosis.bootstrap import Bootstrap
@@ -198,16 +199,11 @@ def headline(result: RunResult) -> str:
     return d.verdict
 
 
-def percent_text(p: float) -> str:
-    """Return a probability in percent."""
-    return f"{100 * p:.3g}\u00a0%" if p >= 1e-3 else "below 0.1\u00a0%"
-
-
 def probability_text(d: Diagnosis) -> str:
     """Return the probability of the found effects among all hypotheses; empty where the search gives none."""
     found = {f.effect.name for f in d.findings}
     known = next((p for names, p in d.posterior if set(names) == found), None)
-    return "" if known is None else f"Probability among all hypotheses: {percent_text(known)}"
+    return "" if known is None else f"Probability among all hypotheses: {percent(known)}"
 
 
 def sentence(finding: Finding) -> str:

@@ -30,21 +30,6 @@ STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING, MASS = "joint_stiffness:J.rx", "point_mass:U"
 
 
-@pytest.fixture(scope="module")
-def study():
-    return load_study(STUDY)
-
-
-@pytest.fixture(scope="module")
-def live(study):
-    return LiveModel(fit_problem(study))
-
-
-@pytest.fixture(scope="module")
-def candidates(study):
-    return {e.name: e for e in study.candidates()}
-
-
 @pytest.fixture
 def supposed(live, candidates):
     h = Hypothesis.nominal(live.problem).with_effect(candidates[TURNING]).with_effect(candidates[MASS])

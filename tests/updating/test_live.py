@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail import load_study
 from dovetail.pipeline import fit_problem
 from fem.model import ModelError
 from updating.correlation import compare
@@ -29,21 +28,6 @@ class EndedError(Exception):
 
 def quiet(text, done):
     pass
-
-
-@pytest.fixture(scope="module")
-def study():
-    return load_study(STUDY)
-
-
-@pytest.fixture(scope="module")
-def live(study):
-    return LiveModel(fit_problem(study))
-
-
-@pytest.fixture(scope="module")
-def candidates(study):
-    return {e.name: e for e in study.candidates()}
 
 
 @pytest.fixture(scope="module")

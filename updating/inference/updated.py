@@ -102,6 +102,11 @@ class UpdatedParameter:
     from_prior: float = np.nan
     released: bool = False
 
+    @property
+    def change(self) -> str:
+        """Change of the value from its start as text; a dash where it starts at 0."""
+        return f"{100 * (self.value / self.start - 1):+.2f} %" if self.start else "-"
+
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the interval that holds the truth with a probability; symmetric in ln θ where ``log``."""
         half = float(ndtri(0.5 + level / 2)) * self.std
@@ -234,12 +239,11 @@ class Updated:
         width = max([len("parameter"), *(len(p.name) for p in self.parameters)])
         lines = [f"{'parameter':{width}}  {'start':>11}  {'value':>11}  {'std':>9}  {'change':>8}  unit"]
         for p in self.parameters:
-            change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
             mark = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
             mark += " (prior dropped)" if p.released else ""
             std = f"{p.std:9.2g}" if np.isfinite(p.std) else f"{'-':>9}"
             lines.append(
-                f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {std}  {change:>8}  {p.unit}{mark}"
+                f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {std}  {p.change:>8}  {p.unit}{mark}"
             )
         lines += [f"{name}: left at its start, as {reason}" for name, reason in self.left_out]
         return "\n".join([*lines, *self.messages])
