@@ -418,6 +418,7 @@ class JobBar:
         self._row.set_visibility(True)
         left = job.remaining
         rest = "" if left is None else f", about {_duration(left)} left"
+        rest = "; cancelled, it ends after this step" if job.ending else rest
         self._text.set_text(f"{job.title}: {job.text or 'begins'}, {job.fraction:.0%}{rest}")
         self._bar.set_value(round(job.fraction, 3))
 
