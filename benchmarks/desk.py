@@ -105,7 +105,7 @@ def browser() -> None:
             positions, begun = np.linspace(2.0, 3.4, 40), worked()
             spent = [slider.evaluate(MOVED, float(x)) for x in positions]
             own, (half, most) = (worked() - begun) / len(positions), np.percentile(spent, [50, 95])
-            print(f"cross-beam in Chromium: {half:.0f} ms, 95 %: {most:.0f} ms; work of the page {own:.0f} ms")
+            print(f"cross-beam in Chromium: {half:.0f} ms, 95 %: {most:.0f} ms; work of the page {own:.0f}")
         finally:
             chromium.close()
             server.close()

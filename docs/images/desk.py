@@ -75,9 +75,11 @@ def main() -> None:
             tab = Tab(chromium, server.address)
             page = tab.page
 
-            def placed(spot: str) -> None:
+            def added(spot: str, name: str) -> None:
                 page.get_by_role("combobox", name="Place", exact=True).click()
                 page.get_by_role("option", name=spot, exact=True).click()
+                tab.press(f"Add {name}")
+                page.get_by_role("group", name=name, exact=True).wait_for()
 
             def typed(parameter: str, value: str) -> None:
                 before = tab.error()
@@ -98,15 +100,11 @@ def main() -> None:
             tab.until(0, tab.error() - 0.2)
             told("fit uncertain parameters")
             take(page, "two-1")
-            placed("joint J")
-            tab.press(f"Add {TURNING}")
-            page.wait_for_timeout(1500)
+            added("joint J", TURNING)
             tab.drag(f"stiffness of {TURNING}", 400.0)
             page.wait_for_timeout(1500)
             told("joint stiffness, dragged")
-            placed("member U")
-            tab.press(f"Add {MASS}")
-            page.wait_for_timeout(1500)
+            added("member U", MASS)
             typed(f"position of {MASS}, m", "0.6")
             told("point mass, position 0.6 m")
             typed(f"mass of {MASS}, kg", "0.1")

@@ -407,7 +407,7 @@ class JobBar:
     def __init__(self, word: str, cancel: Callable[[], None]) -> None:
         self._row = ui.element("div").classes("desk-row").props(f'role="status" aria-label="{word}"')
         with self._row:
-            self._text = ui.label().classes("desk-note")
+            self._text = ui.label().classes("desk-note desk-job")
             self._bar = ui.linear_progress(0.0, show_value=False).style("flex: 1; min-width: 120px")
             self._bar.props["aria-label"] = f"{word}: progress"
             button("Cancel", cancel, "stop", label=f"Cancel: {word}")
@@ -418,8 +418,8 @@ class JobBar:
         self._row.set_visibility(True)
         left = job.remaining
         rest = "" if left is None else f", about {_duration(left)} left"
-        rest = "; cancelled, it ends after this step" if job.ending else rest
-        self._text.set_text(f"{job.title}: {job.text or 'begins'}, {job.fraction:.0%}{rest}")
+        rest = ", cancelled, it ends after this step" if job.ending else rest
+        self._text.set_text(f"{job.title}: {job.fraction:.0%}{rest}: {job.text or 'begins'}")
         self._bar.set_value(round(job.fraction, 3))
 
     def hide(self) -> None:
