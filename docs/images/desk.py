@@ -60,7 +60,7 @@ def take(page: Page, name: str, *, top: bool = True) -> None:
     page.wait_for_timeout(2500)  # notices have gone, and figures are drawn
     path = HERE / f"desk-{name}.png"
     page.screenshot(path=path)
-    Image.open(path).convert("RGB").quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.open(path).convert("RGB").quantize(255, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def main() -> None:
