@@ -88,7 +88,7 @@ def browser() -> None:
         server = Server(Path(folder) / STUDY.name)
         chromium = p.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
         try:
-            tab = Tab(chromium, server.address)
+            tab = Tab(chromium, server.address, patience=300_000)
             tab.page.get_by_role("combobox", name="Place", exact=True).click()
             tab.page.get_by_role("option", name="joint J", exact=True).click()
             tab.press(f"Add {TURNING}")

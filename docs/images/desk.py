@@ -72,7 +72,7 @@ def main() -> None:
         server = Server(write_study(Path(folder)))
         chromium = p.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
         try:
-            tab = Tab(chromium, server.address)
+            tab = Tab(chromium, server.address, patience=300_000)
             page = tab.page
 
             def added(spot: str, name: str) -> None:
