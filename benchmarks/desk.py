@@ -65,7 +65,7 @@ def hour(live: LiveModel, effect: Effect, moves: int = HOUR) -> None:
     """Print how much memory an hour of dragging adds, for a parameter that needs a new engine each time."""
     h = Hypothesis.nominal(live.problem).with_effect(effect).with_value(effect.name, "mass", 0.05)
     positions = 0.1 + 0.6 * np.random.default_rng(0).random(moves)
-    tracemalloc.start()  # engines that are kept count from the beginning, so that their replacement adds nothing
+    tracemalloc.start()  # before the engines that are kept, so that others in their place add nothing
     for x in positions[:20]:
         live.evaluate(h.with_value(effect.name, "position", float(x)))
     before = tracemalloc.get_traced_memory()[0]
