@@ -122,7 +122,9 @@ class CandidateList:
         best = [p for p in desk.ranking if p.effect.name in names][:N_RANKED]
         if not best:
             return
-        ui.label("Residual level that each would leave, without a fit:").classes("desk-note")
+        old = desk.ranked_beside is not desk.now.hypothesis
+        when = " beside an earlier hypothesis; rank again for the present one" if old else ""
+        ui.label(f"Residual level that each would leave, without a fit{when}:").classes("desk-note")
         for promise in best:
             effect = promise.effect
             with ui.element("div").classes("desk-row"):

@@ -70,6 +70,7 @@ class Desk:
         self.study, self.live, self.history, self._journal = study, live, history, journal
         self.notes: list[str] = []
         self.ranking: tuple[Promise, ...] = ()
+        self.ranked_beside = self.now.hypothesis
         self.diagnosis: Diagnosis | None = None
         self.weighed: dict[str, Weighed] = {}
         self.shown = live.evaluate(self.now.hypothesis)
@@ -291,6 +292,7 @@ class Desk:
         """Rank candidates beside the present hypothesis, all or some."""
         h, chosen = self.now.hypothesis, names or tuple(self.candidates)
         effects = [self.candidates[name] for name in chosen]
+        self.ranked_beside = h
         return Job("Rank candidates", lambda say: rank(self.live, h, effects, say)).start()
 
     def weigh(self, name: str) -> Weighed:
