@@ -1,4 +1,4 @@
-"""What a run found: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
+"""The result of a run: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -25,7 +25,7 @@ SCHEMA = "dovetail-result/1"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
 FOUND = "found.toml"
 NAMES = (REPORT, JSON, FRFS, PICTURES, FOUND)
-"""What the folder of a run holds."""
+"""Files in the folder of a run."""
 CONNECTIONS_LEVEL = "damping of connections over that of members"
 """How the report calls how much more connections are damped."""
 CONNECTIONS_POWER = "its power of frequency"
@@ -53,7 +53,7 @@ class Uncertain:
     prior_std, std : float
         Standard deviations before and after.
     at_bound : bool
-        True if the fit ended at the edge of what was allowed.
+        True if the fit ended at the edge of the allowed range.
     form_of : str
         Section or connection whose form it lets vary; empty for others.
     """

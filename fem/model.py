@@ -257,7 +257,7 @@ class Effect(ABC):
         """Return the parameters of other effects on which its matrices depend.
 
         A crack takes its element's stiffness in part, an eccentric joint moves the joint's springs: when
-        these change, so does what the effect contributes.
+        these change, so does the effect's contribution.
         """
         return ()
 
@@ -290,7 +290,7 @@ class Effect(ABC):
     def rebased(self, model: "Model") -> Self:
         """Return the same effect for a model that states the values of this one as its nominal ones.
 
-        What is relative to a nominal value is then relative to another.
+        Parameters relative to a nominal value are then relative to another.
         """
         return self
 
@@ -303,7 +303,7 @@ class Effect(ABC):
         return model.with_effect(self)
 
     def merged_into(self, other: "Effect") -> "Effect | None":
-        """Return another effect whose values say what this one does; None if they cannot."""
+        """Return another effect whose values include this one's change; None if they cannot."""
         return None
 
     def acts_along(self, model: "Model", direction: str) -> bool:

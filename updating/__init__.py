@@ -1,4 +1,4 @@
-"""From time data to an updated model: estimate, identify, compare, update, and find what the model lacks.
+"""From time data to an updated model: estimate, identify, compare, update, and find missing effects.
 
     time data ─ estimate_frf → EstimatedFRF ─ identify_modes → IdentifiedModes
     Measurement, Model ─ compare → Comparison

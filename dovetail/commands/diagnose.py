@@ -23,7 +23,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 
 def run(options: Options, progress: Progress) -> None:
-    """Print what is missing and how all candidates did."""
+    """Print the missing effects and the ranking of all candidates."""
     from dovetail import pipeline, result
     from dovetail.report import words
     from updating.correlation import DB_PER_NEPER

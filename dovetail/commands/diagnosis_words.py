@@ -1,4 +1,4 @@
-"""What a diagnosis found, as lines of text."""
+"""Results of a diagnosis as lines of text."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING

@@ -22,7 +22,7 @@ EXAMPLE = "dovetail validate --seed 7 --cases 300 --nulls 200 --processes 4 --ou
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument("--seed", type=whole, required=True, metavar="S", help="what the cases are drawn from")
+    p.add_argument("--seed", type=whole, required=True, metavar="S", help="seed of the random cases")
     p.add_argument(
         "--cases",
         type=whole_up_to(1_000_000),

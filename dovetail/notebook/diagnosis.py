@@ -28,7 +28,7 @@ class Diagnosis(diagnose.Diagnosis):
         return staircase_figure(steps, self.noise_floor_db)
 
     def plot_ranking(self, round_: int = 1) -> Any:
-        """Return an interactive plotly figure of what each candidate of a round leaves [dB].
+        """Return an interactive plotly figure of the error with each candidate of a round [dB].
 
         Raises
         ------

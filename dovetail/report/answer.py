@@ -53,16 +53,16 @@ def _structure(result: RunResult, shown: Shown) -> Markup:
         alt += f"; marked: {found}"
     caption = (
         "Sensors in the colours of their error once the uncertain parameters are fitted"
-        + ("; the ring marks what was found." if found else ".")
+        + ("; the ring marks the found effect." if found else ".")
         + " A click on a sensor shows its FRFs below."
     )
     return shown.figure("model", f"{alt}.", caption, ["structure"], hint=TURN)
 
 
 def how_sure(result: RunResult) -> Markup:
-    """Return how sure the verdict is, the errors of the steps, and what would help."""
+    """Return how sure the verdict is, the errors of the steps, and advice."""
     advice = (
-        [tag("h3", "What would help"), bullets(words.advice(result))]
+        [tag("h3", "Advice"), bullets(words.advice(result))]
         if result.diagnosis.verdict == UNEXPLAINED
         else []
     )

@@ -1,4 +1,4 @@
-"""What pictures and interactive figures both show: places, models, bands, and names of candidates."""
+"""Common content of pictures and interactive figures: places, models, bands, and names of candidates."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from updating.diagnosis.findings import Ranked
 from viz.interactive.solids import Place
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
-"""What curves of the last step are called."""
+"""Names of the curves of the last step."""
 
 _NAMES = re.compile(r" \([^()]* … [^()]*\)")
 
@@ -41,7 +41,7 @@ class Models:
 
 
 def compared_models(result: RunResult) -> Models:
-    """Return the FRFs of the nominal model, of the fitted one, and of that with what was found."""
+    """Return the FRFs of the nominal model, of the fitted one, and of that with the found effects."""
     d = result.diagnosis
     last = len(d.steps) - 1
     steps = (0, 1, last) if last > 1 else tuple(range(last + 1))
@@ -107,7 +107,7 @@ def misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
     steps = result.diagnosis.steps
     out = [("fitted", min(1, len(steps) - 1), "once the uncertain parameters are fitted")]
     if len(steps) > 2:
-        out.append(("final", len(steps) - 1, "with what was found"))
+        out.append(("final", len(steps) - 1, "with the found effects"))
     return out
 
 
@@ -145,7 +145,7 @@ def ranking_caption(result: RunResult, k: int, ranked: Sequence[Ranked] | None =
     return (
         f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
         f"uncertain parameters; {outcome}. They are ranked by their evidence, which also "
-        "counts what a law asks for."
+        "counts the parameters of a law."
     )
 
 

@@ -58,7 +58,7 @@ class Figures:
     ----------
     known : dict of str to Figure
     data : dict of str to mapping
-        What a figure needs beside itself, by its name.
+        Further data of a figure, by its name.
     failures : list of str
         Sentences about those that could not be made.
     """

@@ -1,4 +1,4 @@
-"""What is missing, why it is believed, and how the other candidates did."""
+"""The missing effects, the evidence for them, and the ranking of the other candidates."""
 
 import math
 
@@ -8,6 +8,7 @@ from dovetail.report.figures import hypotheses
 from dovetail.report.page import Markup, bullets, folded, join, paragraph, section, table, tag
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult
+from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import Finding, Ranked
@@ -15,10 +16,10 @@ from updating.diagnosis.separation import Decisive, Proposal
 
 
 def missing(result: RunResult, shown: Shown) -> Markup:
-    """Return what was found, why, and what would tell it from its rivals."""
+    """Return the found effects, their evidence, and measurements that would tell them from rivals."""
     d = result.diagnosis
     if not d.findings:
-        return section("What is missing", *_nothing_found(result), *_hypotheses(result, shown))
+        return section("Missing effects", *_nothing_found(result), *_hypotheses(result, shown))
     rows = [
         [
             words.effect_label(f.effect.kind, f.effect.where),
@@ -41,11 +42,11 @@ def missing(result: RunResult, shown: Shown) -> Markup:
     parts.append(
         paragraph(
             "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
-            "parameters vary with it. What is left beyond noise counts in them as an error of the model that "
+            "parameters vary with it. The residual beyond noise counts in them as an error of the model that "
             "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
         )
     )
-    return section("What is missing", *parts)
+    return section("Missing effects", *parts)
 
 
 def _absent(finding: Finding, name: str) -> str:
@@ -74,7 +75,7 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
             tag("h3", f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
             table(cells.RANKING, rows, numbers=(2, 3, 4, 5), marked=(0,) if own else ()),
             paragraph(
-                f"{twins} Similarity is the correlation of what two effects do to the FRFs; 1 means that "
+                f"{twins} Similarity is the correlation of two effects' changes of the FRFs; 1 means that "
                 "these "
                 "sensors cannot tell them apart."
             ),
@@ -96,7 +97,7 @@ def _decided(finding: Finding, picture: Markup) -> Markup:
     )
     return join(
         [
-            tag("h3", "What decides"),
+            tag("h3", "Deciding evidence"),
             paragraph(lead),
             bullets([_decisive(piece) for piece in finding.decisive]),
             tag("div", picture, class_="off") if picture else "",
@@ -114,11 +115,11 @@ def _decisive(piece: Decisive) -> Markup:
 
 
 def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
-    """Return what is how probable; nothing where the search gives no probabilities."""
+    """Return the probabilities of hypotheses; nothing where the search gives none."""
     known = hypotheses(result)
     if not known:
         return []
-    rows = [[name, words.percent_text(p)] for name, p in known]
+    rows = [[name, percent(p)] for name, p in known]
     return [
         tag("h3", "How probable"),
         shown.figure(
@@ -131,7 +132,7 @@ def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
 
 
 def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> Markup:
-    """Say what to measure next to tell the effect from a twin."""
+    """Return the next measurement that would tell the effect from a twin."""
     own = words.effect_label(finding.effect.kind, finding.effect.where)
     rows = [
         [words.proposal_text(p), f"{p.difference_db:.2f}", words.evidence_text(p.evidence)]
@@ -169,12 +170,12 @@ def _nothing_found(result: RunResult) -> list[Markup]:
             "Nothing that these data can show. This does not prove that the model is right where no mode "
             "of the band strains it."
             if not d.more_than_noise
-            else "Nothing that stands out from what beams leave of any structure."
+            else "Nothing that stands out from the error of beam theory."
         ),
         FAULT: "Nothing, once the sensors below are set right.",
         UNEXPLAINED: (
-            "Something, but none of the candidates. The model should not be trusted for what it was made "
-            "for until the cause is known."
+            "Something, but none of the candidates. The model should not be trusted for its purpose "
+            "until the cause is known."
         ),
     }.get(d.verdict, d.reason)
     return [

@@ -44,7 +44,7 @@ Say = Callable[[str, float], None]
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture: its file, what a reader who cannot see it should know, and its caption."""
+    """A picture: its file, its description for readers who cannot see it, and its caption."""
 
     file: Path
     alt: str
@@ -53,7 +53,7 @@ class Picture:
 
 @dataclass(slots=True)
 class Album:
-    """The pictures of a report by name, and what could not be drawn.
+    """The pictures of a report by name, and failures of drawing.
 
     Attributes
     ----------
@@ -195,7 +195,7 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
     compared = compared_models(result)
     models, bands = compared.frfs, compared.deviations
     held = held_out_bands(result)
-    shaded = "shaded, what the standard deviations of the last one's parameters allow (95 %)."
+    shaded = "shaded, the 95 % band of the last one's parameters."
     sigma = np.abs(measured.H) * np.broadcast_to(d.problem.data.noise, measured.H.shape)
     chosen = telling_pairs(result)
     for start in range(0, len(chosen), 2):

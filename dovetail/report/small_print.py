@@ -21,7 +21,7 @@ MODULES = (
 
 
 def notes(result: RunResult, shown: Shown) -> Markup:
-    """Return what a reader should know beside all else."""
+    """Return notes for the reader on methods and limits."""
     study = result.study
     known = [
         *study.model.mesh.notes,

@@ -1,4 +1,4 @@
-"""What a diagnosis says, in words: names, numbers with their uncertainty, and the verdict."""
+"""A diagnosis in words: names, numbers with their uncertainty, and the verdict."""
 
 import math
 import re
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from dovetail.result import RunResult, added_parameters
 from fem.model import Effect, Parameter
+from fem.summary import percent
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
 from updating.diagnosis.separation import Decisive, Proposal
@@ -155,14 +156,14 @@ def fault_text(fault: Fault) -> str:
 
 
 def fault_remedy(fault: Fault) -> str:
-    """Return what to do about a fault."""
+    """Return the remedy for a fault."""
     return {
         "sensor_sign": "turn its direction round in the study, or set its sign to −1",
         "sensor_gain": f"check its calibration: divide its readings by {number(fault.value)}",
         "sensor_delay": "check its filter and channel: take the delay off its phase",
         "sensor_swap": "exchange the two labels",
-        "sensor_tilt": "set its direction in the study to what it really is",
-        "sensor_position": "set its place in the study to where it really is; it was left out",
+        "sensor_tilt": "set its direction in the study to the real one",
+        "sensor_position": "set its place in the study to the real one; it was left out",
         "excitation_sign": "turn its direction round in the study, or set its sign to −1",
         "excitation_gain": f"check its calibration: multiply its FRFs by {number(fault.value)}",
         "excitation_delay": "check its filter and channel: take the delay off the phase of its FRFs",
@@ -186,7 +187,7 @@ def headline(result: RunResult) -> str:
     if d.verdict == NOTHING and not d.more_than_noise:
         return "The model lacks nothing that these data can show."
     if d.verdict == NOTHING:
-        return "The model lacks nothing that stands out from what beams leave of any structure."
+        return "The model lacks nothing that stands out from the error of beam theory."
     if d.verdict == FAULT:
         return f"The measurement is at fault, not the model: {faults}."
     if d.verdict == UNEXPLAINED:
@@ -194,16 +195,11 @@ def headline(result: RunResult) -> str:
     return d.verdict
 
 
-def percent_text(p: float) -> str:
-    """Return a probability in percent."""
-    return f"{100 * p:.3g}\u00a0%" if p >= 1e-3 else "below 0.1\u00a0%"
-
-
 def probability_text(d: Diagnosis) -> str:
-    """Return the probability of what was found among all hypotheses; nothing where the search gives none."""
+    """Return the probability of the found effects among all hypotheses; empty where the search gives none."""
     found = {f.effect.name for f in d.findings}
     known = next((p for names, p in d.posterior if set(names) == found), None)
-    return "" if known is None else f"Probability among all hypotheses: {percent_text(known)}"
+    return "" if known is None else f"Probability among all hypotheses: {percent(known)}"
 
 
 def sentence(finding: Finding) -> str:
@@ -280,7 +276,7 @@ def proposal_text(proposal: Proposal) -> str:
 
 
 def ratio(before: float, after: float) -> float:
-    """Return by what factor an error fell; NaN where it cannot be said."""
+    """Return the factor by which an error fell; NaN where it is unknown."""
     return before / after if after > 0 and math.isfinite(before) else math.nan
 
 
@@ -310,7 +306,7 @@ def confidence(result: RunResult) -> list[str]:
         out.append(f"FRFs of the {label}, which no fit has seen: {said if math.isfinite(end) else nothing}.")
     out.append(
         f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
-        f"{d.discretisation_db:.2f} dB error of the mesh. What is left is "
+        f"{d.discretisation_db:.2f} dB error of the mesh. The residual is "
         f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
     )
     if far := [
@@ -365,7 +361,7 @@ def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
 
 
 def advice(result: RunResult) -> list[str]:
-    """Return what would help where the misfit stays unexplained."""
+    """Return advice where the misfit stays unexplained."""
     out = [*_worst_sensors(result), *_best_places(result)]
     bound = [u.words for u in result.uncertain if u.at_bound]
     if bound:

@@ -68,7 +68,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What all records say together.
+    """Summary of all records.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Calibration:
     sure_and_wrong : Share
         Of all cases.
     coverage : Share
-        Credible sets that hold the truth; ``stated`` is the mean of what they add up to.
+        Credible sets that hold the truth; ``stated`` is the mean of their total probability.
     attainable : Share
         Right answers of the cases that are right or lost by the search.
     """
@@ -120,7 +120,7 @@ def read_records(path: Path) -> list[Record]:
 
 
 def told(records: Iterable[Record]) -> list[Record]:
-    """Return what the searches by evidence say.
+    """Return the records of searches by evidence.
 
     Raises
     ------

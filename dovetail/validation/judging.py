@@ -1,4 +1,4 @@
-"""Whether a diagnosis is right: what was hidden against what was said."""
+"""Whether a diagnosis is right: hidden effects against reported ones."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -23,7 +23,7 @@ FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""
 
 FAULT_KINDS = ("sensor_gain", "sensor_sign", "sensor_delay", "sensor_swap", "sensor_tilt", "sensor_position")
-"""What faults a diagnosis is asked for."""
+"""Kinds of faults that a diagnosis is asked for."""
 
 Record = dict[str, Any]
 
@@ -98,7 +98,7 @@ def is_hidden(case: Case, effects: Sequence[Effect]) -> bool:
 
 
 def judge_evidence(case: Case, diagnosis: Diagnosis, searched: Searched, record: Record) -> Record:
-    """Return what the posterior of a search says, beside the record of its diagnosis."""
+    """Return the record of a search's posterior, beside that of its diagnosis."""
     right = record["outcome"] == "right" or (case.set, record["outcome"]) == ("withheld", "twin")
     faults_right = record["outcome"] in ("right", "beside") if case.set == "faults" else not diagnosis.faults
     return assess(
@@ -127,7 +127,7 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         - twin: another effect came first, with the right one among its twins; for a withheld kind,
           another effect that explains the data down to ``FLOOR`` times the floor
         - wrong: an effect that was not hidden (a false alarm where nothing was)
-        - unexplained, not noticed, fault: what the verdict said instead
+        - unexplained, not noticed, fault: the verdict instead
 
         ``first`` and ``in_three`` tell whether the right effect and place lead the first round's ranking,
         or are among its first three, accepted or not. ``nearest`` is the most probable candidate beside
@@ -265,7 +265,7 @@ def _paired(
 ) -> list[tuple[Finding, Implant]]:
     """Return each finding with the implant that it is compared with, so that all errors together are least.
 
-    Two implants of one kind may both be what a finding names, where they are near each other.
+    A finding may name two implants of one kind, where they are near each other.
     """
     cost = np.full((len(findings), len(case.implants)), np.inf)
     for k, (f, matched) in enumerate(zip(findings, hit, strict=True)):

@@ -241,7 +241,7 @@ def _add(file: Path, out: TextIO, record: Record) -> None:
     try:
         out.write(json.dumps(record, ensure_ascii=False) + "\n")
         out.flush()
-    except OSError as reason:  # the next run cuts off what was written of the line
+    except OSError as reason:  # the next run cuts off the part of the line that was written
         raise WriteError(reason, file, False) from reason
 
 

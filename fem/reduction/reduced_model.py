@@ -149,7 +149,7 @@ class ReducedModel:
     def _grown(self, term: Term, before: Basis, name: str, parameter: str) -> Term | None:
         """Return the term of an effect of the model, or its slope, from that on the basis which was extended.
 
-        Only what the new vectors add is projected. None for one with laws that act on many DOFs, which is
+        Only the part of the new vectors is projected. None for one with laws that act on many DOFs, which is
         projected again where it is needed.
         """
         if term.L is not None:

@@ -364,7 +364,7 @@ def test_the_outline_tells_the_page(folder, found):
     assert outline.texts("kind") == ("Verdict: effect",)
     assert outline.texts("sentence") == (words.headline(found),)
     headings = [p.heading for p in outline.parts if p.level == 1]
-    assert headings[:4] == ["How sure", "What was compared", "Gates first", "Where it fails"]
+    assert headings[:4] == ["How sure", "Compared data", "Gates first", "Where it fails"]
     steps = next(b for b in outline.blocks() if isinstance(b, Table) and b.head[0] == "step")
     assert [row[1] for row in steps.rows] == [f"{s.fit_db:.2f}" for s in found.diagnosis.steps]
     assert 1 in steps.numbers
@@ -391,7 +391,7 @@ def test_word_tells_the_same_story(folder, found, tmp_path, capsys):
     assert texts[0] == "bent <bar>"
     assert words.headline(found) in texts
     headings = [p.text for p in document.paragraphs if p.style.name.startswith("Heading")]
-    assert "What is missing" in headings
+    assert "Missing effects" in headings
     cells = [[c.text for c in row.cells] for row in document.tables[0].rows]
     assert cells[0][0] == "step"
     assert cells[-1][1] == f"{found.diagnosis.steps[-1].fit_db:.2f}"

@@ -232,9 +232,9 @@ class FitProblem:
         return self.assessed(min(fits, key=lambda r: r.solution.cost))
 
     def refit(self, result: FitResult, x_from: FitResult | None = None, *, assess: bool = True) -> FitResult:
-        """Fit what a result holds once more, from where it is: on the whole band at once.
+        """Fit the effects of a result again, from its values: on the whole band at once.
 
-        A part of the band would not hold what only the rest shows, such as how wide a mass is spread.
+        A part of the band would not determine all, such as the extent of a mass.
 
         Parameters
         ----------
@@ -279,7 +279,7 @@ class FitProblem:
         m = basis.n_main
         column = m + basis.keys.index(key)
         omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
-        # What is left of Z at the constraint once all other coordinates have followed.
+        # Z condensed on the constraint.
         k, mass = (total[x][:, column] for x in "KM")
         coupling = (V.T @ k[:m]) * (1 + 0.02j) - omega2[:, None] * (V.T @ mass[:m])
         others = lam * (1 + 0.02j) - omega2[:, None]

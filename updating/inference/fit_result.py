@@ -33,7 +33,7 @@ class FitResult:
         Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
     covariance : ndarray (n, n)
         Of the values, in their order, and the damping curve's unknowns: of ln θ for positive parameters and
-        these unknowns, and of θ for others. Empty for what was not fitted.
+        these unknowns, and of θ for others. Empty without a fit.
     unseen : float
         Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
         it was assessed.

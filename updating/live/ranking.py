@@ -57,7 +57,7 @@ def rank(
     h : Hypothesis
     candidates : sequence of Effect
     progress : callable
-        Called with a text and the fraction done; what it raises ends the ranking.
+        Called with a text and the fraction done; an exception from it ends the ranking.
     """
     trial = _Trial(live.problem_of(h), h)
     added = {e.name for e in h.effects}

@@ -26,6 +26,10 @@ from updating.quality.cross_prediction import (
 from updating.quality.fault_hypotheses import Hypothesis, Series, factor_hypotheses
 from updating.quality.sensor_faults import sensor_hypotheses, swap_hypotheses
 
+EXCITATION_GAIN_LEAST = 0.07
+"""Smallest deviation of an excitation's gain from 1 that is called a fault, as a logarithm [-]. It is larger
+than that of a sensor, as a factor that all excitations share may also be a wrong mass of the model."""
+
 LEAST_RATIO_BESIDE_FORCES = 1.5
 """A fault must lower the misfit by this factor also where an unknown force may act near the sensor."""
 
@@ -282,7 +286,7 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
             sigma = np.sqrt(sigma**2 + 2 * error**2)
             heard: Any = X.seen.any(axis=1)
             series = Series.of(field.frequency, y, p, sigma, heard[:, j] & heard[:, k])
-            for h in factor_hypotheses(series, ""):
+            for h in _of_excitation(series):
                 other = _inverse(replace(h.fault, sensor=excitations[j].name))
                 options = (replace(h.fault, sensor=excitations[k].name),), (other,)
                 found.append((h, options))
@@ -291,12 +295,17 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
         y, p = problem.data.H[lines], problem.receptance(result, lines)
         # The model's FRFs are 1/F of those that the data would have.
         series = Series.of(field.frequency, p, y, np.full(p.shape, MODEL_SIGMA), problem.data.mask[lines])
-        for h in factor_hypotheses(series, "")[1:]:
+        for h in _of_excitation(series)[1:]:
             found.append((h, (tuple(replace(h.fault, sensor=e.name) for e in excitations),)))
     believed = [(h, options) for h, options in found if h.believed]
     if not believed:
         return ()
     return _likeliest(problem, result, max(believed, key=lambda pair: pair[0].gain)[1])
+
+
+def _of_excitation(series: Series) -> list[Hypothesis]:
+    """Return the faults of an excitation, still without a name, that make a series' two sides agree."""
+    return factor_hypotheses(series, "excitation", "", np.linspace(-8, 8, 321), EXCITATION_GAIN_LEAST)
 
 
 def _inverse(fault: Fault) -> Fault:

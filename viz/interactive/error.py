@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from plotly.graph_objects import Figure
 
+from fem.summary import percent
 from viz import style
 from viz.axes import digits_for, number
 from viz.interactive.theme import CELL, axis, colour_scale, layout, plain, single
@@ -300,8 +301,8 @@ def probability_figure(
     trace = {
         "type": "bar", "orientation": "h", "y": list(range(len(shown))), "x": values,
         "marker": {"color": [style.VERMILION if k == 0 else "#b9c3cd" for k in range(len(shown))]},
-        "text": [_percent(p) for p in values], "textposition": "outside", "cliponaxis": False,
-        "hoverinfo": "text", "hovertext": [f"{plain(s)}: {_percent(p)}" for s, p in shown],
+        "text": [percent(p) for p in values], "textposition": "outside", "cliponaxis": False,
+        "hoverinfo": "text", "hovertext": [f"{plain(s)}: {percent(p)}" for s, p in shown],
         "customdata": [s for s, _ in shown],
     }  # fmt: skip
     hidden = len(hypotheses) - len(shown)
@@ -313,10 +314,6 @@ def probability_figure(
         yaxis=_names_axis(names),
     )  # fmt: skip
     return Figure([trace], look)
-
-
-def _percent(p: float) -> str:
-    return f"{100 * p:.3g} %" if p >= 1e-3 else "< 0.1 %"
 
 
 def error_bars_figure(
