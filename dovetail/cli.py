@@ -41,10 +41,10 @@ COMMANDS = (
 WITHOUT_STUDY = (new, report, validate)
 
 OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE, None)
-"""Errors of files that are none of what was asked for: a full disk, a reader that has gone."""
+"""Errors of files that the user's input has not caused: a full disk, a reader that has gone."""
 
 OURS = ("fem", "updating", "joint", "viz", "dovetail")
-"""Packages whose ValueErrors say in one line what is wrong with the input."""
+"""Packages whose ValueErrors name the fault of the input in one line."""
 
 DESCRIPTION = """\
 Compare a frame model with measured frequency responses, find which physical effect the model lacks, add it
@@ -56,7 +56,7 @@ begin with:
   dovetail new my-frame
   dovetail modes my-frame/study.toml
 
-docs/study-file.md says what a study file may hold. Exit code: 0, 2 for bad input, 1 for anything else.
+docs/study-file.md describes the study file. Exit code: 0, 2 for bad input, 1 for anything else.
 """
 
 
@@ -113,7 +113,7 @@ def _is_of_stdout(reason: BaseException) -> bool:
 
 def _without_stdout(reason: BaseException) -> int:
     """Say why nothing more can be printed, unless the reader has gone as ``head`` does; return 1."""
-    with open(os.devnull, "wb") as nowhere:  # what is left in the buffer has nowhere to go
+    with open(os.devnull, "wb") as nowhere:  # the rest of the buffer has nowhere to go
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
     if not isinstance(reason, BrokenPipeError):
         sys.stderr.write(f"dovetail: standard output: {getattr(reason, 'strerror', reason)}\n")

@@ -1,6 +1,7 @@
 """``found.toml``: the study with the model that a run reports, ready to be compared, run and updated."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,8 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.quality.corrections import Fault
 
+Connections = tuple[NDArray[np.float64], NDArray[np.float64]] | None
+"""Frequencies [Hz] and ratios of connections that are damped otherwise than the structure."""
 DENSE = 64
 """Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""
 
@@ -88,16 +91,46 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
         File in it that holds the choice of values that were compared.
     """
     study, model = reported.study, reported.model
-    text = with_paths(study.text, study.path.parent, folder).rstrip("\n") + "\n\n"
-    text += toml_comment(f"{study.path.name} with what dovetail has found in it, and with its fitted values")
-    text = with_element_sizes(text, study.chosen_sizes)
-    text = with_parameters(text, fitted_values(reported))
-    text = with_damping(text, *fitted_damping(reported.problem, reported.result, model))
-    if study.measurements:
-        text = with_values(text, {("measurements", 0, "compared"): compared})
-    text = with_effects(text, [e.rebased(model) for e in reported.effects])
-    tables = [fault_table(f) for f in reported.faults]
-    return "\n\n".join(part.strip("\n") for part in (text, *tables)) + "\n"
+    heading = toml_comment(f"{study.path.name} with the effects found by dovetail and with its fitted values")
+    text = text_with_model(
+        replace(study, text=study.text.rstrip("\n") + "\n\n" + heading),
+        folder,
+        fitted_values(reported),
+        fitted_damping(reported.problem, reported.result, model),
+        [e.rebased(model) for e in reported.effects],
+        reported.faults,
+    )
+    return with_values(text, {("measurements", 0, "compared"): compared}) if study.measurements else text
+
+
+def text_with_model(
+    study: Study,
+    folder: Path,
+    values: Mapping[ParameterRef, float],
+    damping: tuple[Damping, Connections] | None,
+    effects: Sequence[Effect],
+    faults: Sequence[Fault],
+) -> str:
+    """Return a study's text with other values, effects and faults in it, as a file in a folder.
+
+    Parameters
+    ----------
+    study : Study
+    folder : Path
+        Where the text will lie: the files that it names are found from there.
+    values : mapping of (effect, parameter) to float
+    damping : (Damping, (ndarray, ndarray) or None) or None
+        The structure's, and that of connections as in `with_damping`; None keeps those of the text.
+    effects : sequence of Effect
+        Relative to these values.
+    faults : sequence of Fault
+    """
+    text = with_element_sizes(with_paths(study.text, study.path.parent, folder), study.chosen_sizes)
+    text = with_parameters(text, values)
+    if damping is not None:
+        text = with_damping(text, *damping)
+    text = with_effects(text, effects)
+    return "\n\n".join(part.strip("\n") for part in (text, *map(fault_table, faults))) + "\n"
 
 
 def fitted_values(reported: Reported) -> dict[ParameterRef, float]:
@@ -107,9 +140,7 @@ def fitted_values(reported: Reported) -> dict[ParameterRef, float]:
     return values | rebased_values(reported.model, reported.study.model.effects)
 
 
-def fitted_damping(
-    problem: FitProblem, result: FitResult, model: Model
-) -> tuple[Damping, tuple[NDArray[np.float64], NDArray[np.float64]] | None]:
+def fitted_damping(problem: FitProblem, result: FitResult, model: Model) -> tuple[Damping, Connections]:
     """Return the fitted damping, and frequencies and ratios of connections where there are any.
 
     Both are powers of frequency between the frequencies where they are given.

@@ -1,4 +1,4 @@
-"""A joint of a study: what is asked of its measurement."""
+"""Identification of a joint of a study: the task and its measurement."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from updating.measurement.measurement import Measurement
 
 
 def read_task(study: Study, name: str, directions: str, measurement: str | None = None) -> JointTask:
-    """Check what is asked of a joint.
+    """Check the task for a joint.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def _with_known(study: Study, name: str) -> Model:
         new = effect.merged_into(model.effect(name))
         if new is None:
             msg = (
-                f"{study.path}: the effect '{effect.name}' in [[effects]] acts on joint '{name}'; what is "
-                "identified would be beside it: take it out"
+                f"{study.path}: the effect '{effect.name}' in [[effects]] acts on joint '{name}'; an "
+                "identified joint would come on top of it: take it out"
             )
             raise StudyError(msg)
         kept = (e for e in model.effects if e.name != effect.name)

@@ -32,7 +32,7 @@ def proposed(found: Estimate) -> tuple[Effect, ...]:
     """Return the joint as identified, and an element for each direction with a viscoelastic law.
 
     Parameters that the data do not determine, and damping below zero, stay as in the study. The structure's
-    own damping, which acts on the joint too, is taken out of what was found.
+    own damping, which acts on the joint too, is subtracted from the identified one.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def write_proposal(study: Study, found: Estimate, path: Path) -> tuple[Effect, .
     Returns
     -------
     tuple of Effect
-        What the new study has.
+        Effects of the new study.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def _joint_index(study: Study, name: str) -> int:
 
 
 def _headers(lines: list[str]) -> list[int]:
-    """Return which lines, from 0, begin a table: what stands before is a whole TOML text."""
+    """Return which lines, from 0, begin a table: the text before each is a whole TOML text."""
     found = []
     for k, line in enumerate(lines):
         if not _HEADER.match(line):
@@ -199,7 +199,7 @@ def _with_joint(study: Study, joint: Joint) -> str:
     if not joint.eta and (place := places.get(("uncertain", "joint", joint.name, "eta"))):
         _without_key(lines, place - 1, headers)
     lines.insert(
-        start + 1, "\n".join(["# as identified; what stood here before follows as comments", *_keys(joint)])
+        start + 1, "\n".join(["# as identified; the former lines follow as comments", *_keys(joint)])
     )
     return "\n".join(lines)
 

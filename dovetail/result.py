@@ -1,4 +1,4 @@
-"""What a run found: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
+"""The result of a run: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from fem.model import Effect
 from updating.correlation import Comparison
-from updating.diagnosis.diagnose import Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
 from updating.diagnosis.localisation import Localisation
@@ -25,7 +25,7 @@ SCHEMA = "dovetail-result/1"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
 FOUND = "found.toml"
 NAMES = (REPORT, JSON, FRFS, PICTURES, FOUND)
-"""What the folder of a run holds."""
+"""Files in the folder of a run."""
 CONNECTIONS_LEVEL = "damping of connections over that of members"
 """How the report calls how much more connections are damped."""
 CONNECTIONS_POWER = "its power of frequency"
@@ -53,7 +53,7 @@ class Uncertain:
     prior_std, std : float
         Standard deviations before and after.
     at_bound : bool
-        True if the fit ended at the edge of what was allowed.
+        True if the fit ended at the edge of the allowed range.
     form_of : str
         Section or connection whose form it lets vary; empty for others.
     """
@@ -239,7 +239,6 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "discretisation_db": d.discretisation_db,
         "basis_db": d.basis_db,
         "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
-        "tried_against_chance": [{**asdict(t), "chance": t.chance} for t in d.tried],
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
         "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
         "places": [{"place": name, "misfit_left": left} for name, left in d.places],
@@ -362,7 +361,7 @@ def _ranked(r: Ranked) -> dict[str, Any]:
         "fit_db": r.fit_db,
         "held_out_db": r.held_out_db,
         "similarity": r.similarity,
-        "refined": r.refined,
+        "score": r.score,
     }
 
 

@@ -19,17 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.disk.output import Output, check_outputs
 from dovetail.file import config
 from dovetail.file.effects import candidate_named, candidates_of, with_given_values
-from dovetail.file.faults import fault_table, tilted
-from dovetail.file.paths import input_files, with_paths
+from dovetail.file.faults import tilted
+from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
-from dovetail.file.writing import (
-    rebased_values,
-    with_damping,
-    with_effects,
-    with_element_sizes,
-    with_parameters,
-)
-from dovetail.found import fitted_damping
+from dovetail.file.writing import rebased_values
+from dovetail.found import fitted_damping, text_with_model
 from dovetail.notebook.candidates import Candidates
 from dovetail.notebook.comparison import Comparison, Misfit
 from dovetail.notebook.diagnosis import Diagnosis
@@ -48,7 +42,8 @@ from fem.io.atomic import replacing
 from fem.model import Effect, Model, ModelError, parameter_values
 from fem.summary import counted, listed
 from fem.system import assemble
-from updating.diagnosis.diagnose import begin_fitted, propose
+from updating.diagnosis.begin import begin_fitted
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.findings import Finding
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -69,7 +64,7 @@ class Study(config.Study):
         The model before :meth:`fit`, without ``added``: a later fit starts there again, so that its priors
         stay those of the study file. None before the first fit.
     fitted : FitResult or None
-        The last fit, with standard deviations of what was fitted.
+        The last fit, with standard deviations of the fitted parameters.
     faults : tuple of Fault
         Faults of the measurement that a fit has found and set right.
     """
@@ -95,7 +90,7 @@ class Study(config.Study):
         return f"with {', '.join(e.name for e in self.added)}" + (", fitted" if self.fitted else "")
 
     def _repr_html_(self) -> str:
-        """Return a table of the model, the test, what is uncertain, and the added effects."""
+        """Return a table of the model, the test, the uncertain parameters, and the added effects."""
         rows = [
             ("model", inner(self.model.mesh)),
             ("sensors", listed(s.name for s in self.sensors)),
@@ -203,7 +198,7 @@ class Study(config.Study):
         Parameters
         ----------
         progress : callable, optional
-            Called with a text and the fraction done; what it raises ends the search.
+            Called with a text and the fraction done; an exception from it ends the search.
 
         Raises
         ------
@@ -321,15 +316,14 @@ class Study(config.Study):
         """
         path = Path(path)
         check_outputs(input_files(self.path), Output("path", path))
-        text = with_element_sizes(self.text, self.chosen_sizes)
+        values, damping = {}, None
         if self.start is not None:
             before, now = self.start.values(), self.model.values()
             values = {ref: now[ref] for ref, value in before.items() if ref in now and now[ref] != value}
-            text = with_parameters(text, values | rebased_values(self.model, self.start.effects))
-            text = with_damping(text, self.model.damping, _connections_of(self.model))
-        text = with_effects(text, [e.rebased(self.model) for e in self.added])
-        text = "\n\n".join([text.rstrip("\n"), *map(fault_table, self.faults)]).rstrip("\n") + "\n"
-        text = with_paths(text, self.path.parent, path.parent)
+            values |= rebased_values(self.model, self.start.effects)
+            damping = self.model.damping, _connections_of(self.model)
+        effects = [e.rebased(self.model) for e in self.added]
+        text = text_with_model(self, path.parent, values, damping, effects, self.faults)
         unnamed = [e.name for e in self.added if e.name not in self._candidate_names(e.kind)]
         if unnamed:
             names = ", ".join(unnamed)
@@ -341,7 +335,7 @@ class Study(config.Study):
     def _on(self, start: Model, effect: Effect) -> Effect:
         """Return an effect that was added after a fit as the start's candidate, with the same values.
 
-        What the effect takes the place of has another value there.
+        The parameter that the effect takes the place of has another value there.
         """
         if self.start is None or effect.kind not in candidate_kinds():
             return effect

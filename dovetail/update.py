@@ -1,4 +1,4 @@
-"""Modes and updated values of a study: identify, update, and write what came out into its text."""
+"""Modes and updated values of a study: identify, update, and write the results into its text."""
 
 import warnings
 from dataclasses import asdict, dataclass, replace
@@ -37,17 +37,17 @@ class StudyUpdate:
     study : Study
     updated : Updated
     to : tuple of str
-        What it was updated to.
+        Data that it was updated to.
     modes : MeasuredModes or None
         The measured modes, given or identified.
     identified : IdentifiedModes or None
         From the FRFs, where modes were needed and not given.
     measurement : Measurement or None
-        The FRFs that were used, without what is held out.
+        The FRFs that were used, without held-out lines and sensors.
     before, after : ModeComparison or None
         Measured modes beside those of the model at the start and at the end.
     notes : tuple of str
-        What is to be said beside the update's own messages.
+        Sentences beside the update's own messages.
     """
 
     study: Study
@@ -117,7 +117,7 @@ def _driving(m: Measurement) -> list[tuple[str, str]] | None:
 
 
 def update_study(study: Study) -> StudyUpdate:
-    """Update a study's model to what its ``[update]`` says, or to what was measured.
+    """Update a study's model to the data of its ``[update]``, or to all measured ones.
 
     Modes go before where the study gives them, FRFs where it does not.
 
@@ -180,7 +180,7 @@ def _as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
 
 
 def _fitted(study: Study) -> Measurement:
-    """Return the first measurement without what is held out."""
+    """Return the first measurement without held-out lines and sensors."""
     return without_held_out(study, measured(study)[0])
 
 
@@ -196,8 +196,8 @@ def _compared(modes: MeasuredModes, model: Model) -> ModeComparison:
 def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tuple[str, ...]]:
     """Return the text of a study with updated values, to be written into a folder.
 
-    Values are put where the study has them; comments and order stay. The text is read again, and what it
-    does not give the model is named.
+    Values are put where the study has them; comments and order stay. The text is read again; parts that
+    it does not give the model are named.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     str
         The text.
     tuple of str
-        What of the update the text does not say.
+        Parts of the update that the text does not hold.
     """
     have = updated.model.values()
     values = {ref: float(f"{have[ref]:.10g}") for p in updated.parameters for ref in p.refs}
@@ -230,7 +230,7 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
 def _left_unsaid(
     text: str, study: Study, updated: Updated, values: dict[ParameterRef, float], damping: bool
 ) -> list[str]:
-    """Return what a text does not give its model, found by reading it."""
+    """Return the parts of its model that a text does not give, found by reading it."""
     names = {ref: p.name for p in updated.parameters for ref in p.refs}
     names = {ref: names.get(ref, ".".join(ref)) for ref in values}
     try:

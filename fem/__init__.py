@@ -8,7 +8,7 @@ Every noun is frozen and every arrow a function of its arguments alone; `with_â€
 units, frequencies in Hz, e^{+iÏ‰t}; axes and signs are in `docs/conventions.md`. Files are read and written by
 `fem.io`, and the effects that a diagnosis proposes are in `fem.effects`.
 
-    what it is made of    Material, Section, MemberProperties, Frame, Support, Joint, AddedMass, RigidLink,
+    properties            Material, Section, MemberProperties, Frame, Support, Joint, AddedMass, RigidLink,
                           MultiPointConstraint, Viscoelastic, TabulatedStiffness, Superelement, Damping
     static                solve_static, prestressed, solve_buckling
     modes                 solve_modes, solve_complex_modes, compute_participation, compute_energies

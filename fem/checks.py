@@ -1,8 +1,9 @@
-"""What is wrong with a mesh or a model, named with its points and lines.
+"""Defects of a mesh or a model, with their points and lines.
 
 A mesh from a drawing may look whole and be in pieces: lines that end beside one another, cross without a
 common point, or lie twice in the same place. :func:`check_mesh` finds these from the geometry;
-:func:`check_model` also knows what joints and other effects connect, and finds motions that nothing opposes.
+:func:`check_model` also knows the connections of joints and other effects, and finds motions that nothing
+opposes.
 """
 
 from collections.abc import Iterable
@@ -38,7 +39,7 @@ class Defect:
         ``"unused point"``, ``"duplicate lines"``, ``"short line"``, ``"no properties"``, ``"mechanism"``,
         ``"implausible"`` or ``"model"``.
     message : str
-        What was found, where, and what to do.
+        The defect, its place and its remedy.
     points, lines : ndarray of int
         Where it is.
     motions : ndarray (n_dof, k)
@@ -80,7 +81,7 @@ def check_model(model: Model, tolerance: float | None = None) -> tuple[Defect, .
 
 
 def implausible(model: Model) -> tuple[Defect, ...]:
-    """Return what :func:`fem.plausibility.suspicions` finds, as defects."""
+    """Return the suspicions of :func:`fem.plausibility.suspicions` as defects."""
     mesh = model.mesh
     return tuple(
         Defect(

@@ -38,8 +38,8 @@ class MoreLoss:
 class ConnectionDamping(Effect):
     """A modal damping ratio of joints, mounts and supports, in place of the structure's.
 
-    Structural damping of each connection's stiffness, D(ω) = 2 (ζ_c(ω) - ζ(ω)) K, beside what the structure's
-    ratio ζ makes of it. No candidate, but an uncertain parameter, as the damping of the structure is.
+    Structural damping of each connection's stiffness, D(ω) = 2 (ζ_c(ω) - ζ(ω)) K, beside that of the
+    structure's ratio ζ. No candidate, but an uncertain parameter, as the damping of the structure is.
 
     Attributes
     ----------
@@ -91,5 +91,5 @@ class ConnectionDamping(Effect):
 
 
 def _stiffness(c: Contribution) -> Any:
-    """Return what a contribution adds to K, as the damping of whole structures takes it."""
+    """Return a contribution's part of K, as the damping of whole structures takes it."""
     return c.static

@@ -49,7 +49,7 @@ class Entry:
     quantities : str
         Its parameters with their units.
     meaning : str
-        What it is.
+        Its physics in a phrase.
     places : str
         Where a search proposes it.
     """

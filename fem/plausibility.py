@@ -1,7 +1,7 @@
 """Implausible values of a model: units that were mixed up, and values that are off by powers of ten.
 
-Each suspicion names the quantity, its value, what solids or structures have, and the unit that it would be
-right in. Nothing here is refused: what cannot exist at all is refused by the constructors.
+Each suspicion names the quantity, its value, the range of solids or structures, and the unit that it would be
+right in. Nothing here is refused: the constructors refuse impossible values.
 
 Ranges of solids are those of Ashby, *Materials Selection in Mechanical Design*, 4th ed., appendix A: E from
 polymer foams (0.3 MPa) to diamond (1220 GPa), ρ from polymer foams (16 kg/m³) to osmium (22 590 kg/m³). Their
@@ -95,7 +95,7 @@ class Suspicion:
     Attributes
     ----------
     place : tuple of str
-        Of what it is: ``("material", name, "E")``, ``("section", member)``, ``("member", name, key)``,
+        Owner of the value: ``("material", name, "E")``, ``("section", member)``, ``("member", name, key)``,
         ``("effect", name, key)``, ``("damping", key)`` or ``("mesh",)``.
     message : str
         The value found, the usual values, and a remedy.
@@ -291,7 +291,7 @@ def _looks_like_mm(size: float, what: str) -> str:
 
 
 def _contradictions(s: Section) -> Iterator[str]:
-    """Yield what A, Iy, Iz and J cannot be together.
+    """Yield contradictions among A, Iy, Iz and J.
 
     Of all figures of an area the ellipse has the least Iy·Iz, A⁴/(16π²); J is less than Iy + Iz (equal for
     circles and rings); walls thinner than a ten-thousandth of the depth buckle at a touch.
@@ -331,7 +331,7 @@ def _of_sizes(mesh: Mesh, members: Sequence[_Alike], trusted: bool) -> Iterator[
         for depth in (_depth(m.p.section),)
         for name, length in zip(m.names, m.lengths[m.lengths < depth].tolist(), strict=False)
     ]
-    # what is a piece of a longer straight one is none; of many, some tell
+    # a piece of a longer straight member is not thick; of many, a few are enough
     thick = sorted(thick, reverse=True)[:_LOOKED_AT]
     thick = [t for t in thick if t[1] > _straight_run(mesh, mesh.members[t[3]])]
     if thick:

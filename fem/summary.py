@@ -32,6 +32,11 @@ def span(values: Any, unit: str = "-") -> str:
     return quantity(low, unit) if low == high else f"{low:.4g} to {quantity(high, unit)}"
 
 
+def percent(probability: float) -> str:
+    """Return a probability in per cent, with a space that does not break."""
+    return f"{100 * probability:.3g}\u00a0%" if probability >= 1e-3 else "below 0.1\u00a0%"
+
+
 def counted(n: int, noun: str) -> str:
     """Return a number and a noun, in the plural unless it is one."""
     return f"{n} {noun if n == 1 else noun + 's'}"
@@ -102,7 +107,7 @@ def effect_summary(self: Any) -> str:
 
 
 def damping_summary(self: Any) -> str:
-    """Return the damping ratios and what else damps, on one line."""
+    """Return the damping ratios and other damping on one line."""
     parts = [f"ζ {span(np.real(self.ratio))}"]
     parts += [f"at {span(self.frequency, 'Hz')}"] if len(self.frequency) > 1 else []
     parts += [f"alpha {quantity(self.alpha, '1/s')}"] if self.alpha else []

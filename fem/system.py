@@ -127,8 +127,8 @@ def refuse_motionless(system: System) -> None:
     """Raise a ModelError if constraints hold every point: loads on members still have reactions, no more."""
     if system.n_free == 0:
         msg = (
-            "the supports and rigid joints leave no motion at all: every point of the mesh is held, and what "
-            "vibrates lies between them; divide the members (elements, or mesh.refined)"
+            "the supports and rigid joints leave no motion at all: every point of the mesh is held, and only "
+            "points between them could vibrate; divide the members (elements, or mesh.refined)"
         )
         raise ModelError(msg)
 
@@ -150,8 +150,8 @@ def reassemble(system: System, model: Model) -> System:
     Effects that are the same objects are not formed again where nothing else is new. New moduli and
     densities of a frame scale its matrices, if all its lines have the same factor, or form those lines again
     that have others. The result differs from that of `assemble` by rounding of the old and the new entries.
-    Another mesh, other constraints, frequency-dependent elements or internal coordinates among what has
-    changed, and effects on rotations that were left out, take it to `assemble`.
+    Another mesh, other constraints, frequency-dependent elements or internal coordinates among the
+    changes, and effects on rotations that were left out, take it to `assemble`.
 
     Parameters
     ----------
@@ -313,8 +313,8 @@ def resistance(
 ) -> NDArray[np.float64]:
     """Return the forces, as rows (n_rows, n), with which elements oppose motions.
 
-    The motions (n_dof, n) are those of a structure of a size [m]. What an element opposes is judged by
-    itself, against the forces that its entries would give one by one in a motion of 1 and a rotation of
+    The motions (n_dof, n) are those of a structure of a size [m]. The forces of an element are judged by
+    themselves, against the forces that its entries would give one by one in a motion of 1 and a rotation of
     1/size, and left out below ``rounding`` of these: a spring to ground counts, however soft it is beside
     the members.
     """

@@ -1,4 +1,4 @@
-"""What every function of the package asks of its arrays, and how it says that something is wrong."""
+"""Checks of arrays that all functions of the package share, with their messages."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def as_square(values: npt.ArrayLike | None, name: str, n: int) -> FloatArray:
 def solve_lines(A: ComplexArray, B: ComplexArray) -> ComplexArray:
     """Return A⁻¹ B at each line.
 
-    With many columns the inverse and one step of refinement do what a solution does, in less time: LAPACK's
+    With many columns the inverse and one step of refinement give the solution in less time: LAPACK's
     triangular solutions of small matrices are slow, and products are not.
     """
     if B.shape[-1] <= _MANY * A.shape[-1]:

@@ -88,7 +88,7 @@ class Stage:
 
     @property
     def sharp(self) -> NDArray[np.bool_]:
-        """Mark the parameters that it knows well if what is left is random, (n,)."""
+        """Mark the parameters with small deviations if the residual is random, (n,)."""
         std = np.sqrt(np.diag(self.fit.independent))
         return ~self.fit.at_bound & (std < SHARP * np.abs(self.fit.values))
 
@@ -133,7 +133,7 @@ class Estimate:
 
     @property
     def measured(self) -> NDArray[np.complex128]:
-        """What it was fitted to, (n_freq, M, L) [m/N, …]."""
+        """FRFs that it was fitted to, (n_freq, M, L) [m/N, …]."""
         return self.stages[-1].measured
 
     def moved(self) -> NDArray[np.float64]:
@@ -196,7 +196,7 @@ def _finite(value: float) -> float | None:
 
 
 def form_of(task: JointTask, terms: Sequence[str] = ("K", "D"), coupled: bool = False) -> JointForm:
-    """Return what the joint may be: stiffness, damping or a law in each direction.
+    """Return the form of the joint: stiffness, damping or a law in each direction.
 
     Parameters
     ----------
@@ -244,15 +244,15 @@ def estimate(
     accuracy: float = 0.05,
     lines: JointIdentification | None = None,
 ) -> Estimate:
-    """Fit a joint to the measured FRFs by output error, with what is uncertain beside it.
+    """Fit a joint to the measured FRFs by output error, with the uncertain parameters of the parts.
 
     The noise of a value is that of the data and, beside it, the accuracy that is asked of the model. Where
-    the fit leaves more, in any of four bands, the error of that band is taken to be what is left; values
+    the fit leaves more, in any of four bands, the error of that band is taken to be the residual; values
     beyond `OUTLYING` times it count less. An error of the model is common to neighbouring lines: these stand
     for 8 independent values for each mode: deviations are those of that many.
 
     The band grows by a quarter of the modes at a time for as long as the wider one agrees with the narrower
-    (`Stage.disagreement`): models are wrong at high frequencies first, and what is wrong there would move the
+    (`Stage.disagreement`): models are wrong at high frequencies first, and their error there would move the
     joint. With accuracy 0 the model is taken for exact, every value for independent, and all lines count.
 
     Parameters
@@ -324,7 +324,7 @@ def _fit_stage(
     count: int,
     before: Sequence[Stage],
 ) -> Stage:
-    """Fit the first of the lines, with error levels of each band estimated from what is left."""
+    """Fit the first of the lines, with error levels of each band estimated from the residual."""
     at, bands = step[:count], bands[:count]
     mask, frequency = problem.data.mask[at], problem.data.frequency[at]
     outputs, inputs, rows = (v.T for v in task.vectors())
@@ -356,7 +356,7 @@ def _fit_stage(
         found = fits[best]
         tried = [(tried[best][0], found.values)]
         if searching:
-            # what is uncertain beside the joint hides a better place from a search, until it is fitted
+            # uncertain parameters of the parts hide a better minimum from a search until they are fitted
             now, _ = parts.evaluate(parts.standard(found.part_values))
             again = searched(task, form, found.values, partial(relative_distance, form, now, H))
             searches += 1

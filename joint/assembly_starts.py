@@ -1,4 +1,4 @@
-"""Where fits of a joint start, and searches beside what was fitted: the cost has many minima."""
+"""Starting points of a joint's fits, and searches beside fitted values: the cost has many minima."""
 
 from collections.abc import Callable, Sequence
 from itertools import product
@@ -30,13 +30,13 @@ HELD = 1e-4
 """Standard deviation of a stiffness that is held while all else is fitted, of itself [-]."""
 
 SEARCHES = 6
-"""Times stiffnesses are searched anew beside what was fitted."""
+"""Number of further searches for stiffnesses beside the fitted values."""
 
 
 def vague_prior(
     task: JointTask, form: JointForm, theta: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what is taken for known of θ: stiffnesses to a factor of 20, damping below the stiffness.
+    """Return the prior of θ: stiffnesses to a factor of 20, damping below the stiffness.
 
     It is next to nothing for a parameter that the data determine, and holds the others.
     """

@@ -35,7 +35,7 @@ class AverageIdentification:
     Attributes
     ----------
     form : JointForm
-        What the joint was allowed to be.
+        Form of the joint.
     values : (n,) array
         θ, in the order of ``form.names`` [their units].
     std : (n,) array
@@ -128,7 +128,7 @@ def identify_average(
     H_nn : (n_freq, M, L) array_like
         Receptances x/f of the assembly at the internal coordinates of the substructures.
     form : JointForm
-        What the joint may be: `full_form` or `relative_form`, linear.
+        Form of the joint: `full_form` or `relative_form`, linear.
     complete : bool
         Says that the joint has no coordinates but those given, though they are not all six of each node.
     length : float, optional

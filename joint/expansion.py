@@ -1,7 +1,7 @@
 """From measured translations to all coordinates of a joint: virtual point, SEREP, SEMM.
 
 Rotations cannot be measured well. They come from rigid motion near the joint (virtual point) or from a model
-(SEREP, SEMM). What was used belongs to the result: `ExpandedFRF.method`, and `SubstructureFRF.expanded_by`.
+(SEREP, SEMM). The result names the method: `ExpandedFRF.method`, and `SubstructureFRF.expanded_by`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from joint.interface import CoordinateSet, coordinates_of
 
 
 class ExpansionError(ValueError):
-    """Measured FRFs that do not determine what is asked; the message says what is lacking."""
+    """Measured FRFs that do not determine the requested coordinates; the message names those lost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,9 +31,9 @@ class ExpandedFRF:
     H : (n_freq, n_out, n_in) complex array
         Receptances x/f [m/N, rad/N, m/(N m), rad/(N m)].
     method : str
-        What it was expanded by.
+        Method of the expansion.
     condition : float
-        Largest 2-norm condition number of what was inverted.
+        Largest 2-norm condition number of the matrices inverted.
     consistency : (n_freq,) array
         ‖H measured as the expansion reproduces it‖ / ‖H measured‖ [-]: below 1 where the expansion's motions
         cannot follow the data.
@@ -53,7 +53,7 @@ class ExpandedFRF:
 
 
 def rigid_rows(places: npt.ArrayLike, directions: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
-    """Return what sensors read of a rigid motion of a point, (n, 6): u = eᵀ (q + θ × r).
+    """Return the readings of sensors for rigid motions of a point, (n, 6): u = eᵀ (q + θ × r).
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def virtual_point(
 def _side(
     rows: npt.ArrayLike | CoordinateSet, weight: npt.ArrayLike | None, what: str, node: str
 ) -> tuple[CoordinateSet, FloatArray, FloatArray, float]:
-    """Return coordinates, what is measured of their motion, the way back, and its condition number."""
+    """Return coordinates, the map to their sensors, its inverse, and the condition number."""
     if isinstance(rows, CoordinateSet):
         unit = np.eye(len(rows))
         return rows, unit, unit, 1.0
@@ -140,7 +140,7 @@ def _side(
 
 
 def _reduction(R: FloatArray, weight: FloatArray, what: str, node: str) -> tuple[FloatArray, float]:
-    # rotations in units of the mean arm, so that the condition says what geometry gives
+    # rotations in units of the mean arm, so that the condition depends on geometry only
     arm = float(np.sqrt((R[:, 3:] ** 2).sum() / max((R[:, :3] ** 2).sum(), 1e-300))) or 1.0
     scale = np.array([1, 1, 1, arm, arm, arm])
     s = np.linalg.svd(R / scale, compute_uv=False)
@@ -167,7 +167,7 @@ def expand_serep(
 
     H_full = Φ_full Φ_out⁺ H (Φ_in⁺)ᵀ Φ_fullᵀ
 
-    O'Callahan, Avitabile & Riemer, Proc. IMAC VII (1989) 29-37. Only what the modes span is kept: take as
+    O'Callahan, Avitabile & Riemer, Proc. IMAC VII (1989) 29-37. Only the span of the modes is kept: take as
     many as the sensors tell apart, and more than lie in the band.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What a joint may be: which parameters its dynamic stiffness has, and how they enter."""
+"""Forms of a joint: the parameters of its dynamic stiffness, and their matrices."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _STEP = 1e-200
 
 
 class FormError(ValueError):
-    """A form that a joint cannot have; the message says which term and what is allowed."""
+    """A form that a joint cannot have; the message names the term and the terms allowed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Term:
         return ((self.name, self.unit), *inner)
 
     def factor(self, omega: FloatArray, theta: Sequence[Any] | FloatArray) -> npt.NDArray[Any]:
-        """Return what multiplies the matrix at ω, (n_freq,)."""
+        """Return the factor of the matrix at ω, (n_freq,)."""
         if self.kind in LAWS:
             storage, loss = LAWS[self.kind](*theta[1:])(omega)
             return np.real(theta[0]) * (np.real(storage) + 1j * np.real(loss))
@@ -191,7 +191,7 @@ class JointForm:
         return out
 
     def coefficients(self, omega: FloatArray, theta: FloatArray) -> ComplexArray:
-        """Return what multiplies each matrix, (n_matrices, n_freq)."""
+        """Return the factor of each matrix, (n_matrices, n_freq)."""
         out = np.zeros((len(self.matrices), omega.size), dtype=complex)
         for term, at in zip(self.terms, self._slices(), strict=True):
             out[term.matrix] += term.factor(omega, theta[at])

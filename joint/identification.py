@@ -39,7 +39,7 @@ class IdentificationError(ValueError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointIdentification:
-    """Hold a joint's dynamic stiffness at each line and what tells how far to trust it.
+    """Hold a joint's dynamic stiffness at each line and the measures of its accuracy.
 
     Attributes
     ----------
@@ -277,7 +277,7 @@ class ScaledProblem:
     H_aa, H_nn : (n_freq, M, L) complex arrays
         As given, not scaled.
     scale_out, scale_in : (M,), (L,) arrays
-        What the rows and columns of C are multiplied by.
+        Factors of the rows and columns of C.
     W : (N, p) array
         Z_j = W z Wᵀ.
     size : (p,) array
@@ -314,9 +314,9 @@ def scaled_problem(
     basis: npt.ArrayLike | None,
     length: float | None,
 ) -> ScaledProblem:
-    """Check, scale and gather what the direct and the average solution start from.
+    """Check, scale and gather the matrices that the direct and the average solution start from.
 
-    See `identify_joint` for the arguments and what is raised.
+    See `identify_joint` for the arguments and the exceptions.
     """
     parts = substructures.interface
     lines = as_frequency(frequency)
@@ -405,7 +405,7 @@ def _rank_and_condition(tall: ComplexArray) -> tuple[IntArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
-    """Hold what the internal outputs say of each line: C = Q_A (F_R + …), with A = Q_A R_A.
+    """Hold the projection of each line's internal outputs: C = Q_A (F_R + …), with A = Q_A R_A.
 
     Attributes
     ----------
@@ -503,7 +503,7 @@ def _solve_lines(
     # B = (Q_B R_B)ᵀ, so that Z B = F gives Z = F Q_B* R_Bᵀ⁻¹, with F = A⁺ C
     inside = QC @ np.conj(Q_B, out=np.empty_like(Q_B))
     z[use] = np.where(good[:, None, None], seen.inverse_A[use] @ inside @ inverse_B.mT, np.nan)
-    # what the columns of A do not span of C, and of what they span the part outside the rows of B
+    # the part of C outside the columns of A, and of the part inside that outside the rows of B
     spanned = _squares(QC)
     outside = spanned - _squares(inside)
     small = outside < _FEW_DIGITS * spanned
@@ -527,7 +527,10 @@ def _deviations(problem: ScaledProblem, z: ComplexArray, noise: npt.ArrayLike) -
             level * np.abs(problem.H_nn) if level.ndim == 0 else np.broadcast_to(level, problem.H_nn.shape)
         )
     except ValueError as error:
-        msg = f"noise has shape {level.shape}; a number or what broadcasts to {problem.H_nn.shape} is needed"
+        msg = (
+            f"noise has shape {level.shape}; a number or an array that broadcasts to "
+            f"{problem.H_nn.shape} is needed"
+        )
         raise ValueError(msg) from error
     known = np.asarray(np.isfinite(z).all(axis=(1, 2)))
     z, Q, unit = z[known], problem.Q[known], np.eye(z.shape[1])

@@ -209,9 +209,9 @@ def partition_frf(
     H : (n_freq, n_out, n_in) array_like
         Receptances x/f between all outputs and all inputs, SI units, e^{+iωt}.
     outputs, inputs : CoordinateSet
-        What the rows and the columns of `H` are. Both must hold the joint coordinates.
+        Coordinates of the rows and the columns of `H`. Both must hold the joint coordinates.
     interface : Interface
-        What to pick, in its order.
+        Coordinates to pick, in this order.
     expanded_by : str
         How coordinates that were not measured came in.
 

@@ -24,9 +24,9 @@ class JointFit:
     values : (n,) array
         θ, in the order of ``form.names`` [their units].
     covariance : (n, n) array
-        Of θ, with the substructures' uncertainty and what is left beyond noise in it
-        (:func:`joint.uncertainty.stated_covariance`); 0 at a bound, infinite variances of what the data do
-        not determine at all.
+        Of θ, with the substructures' uncertainty and the residual beyond noise in it
+        (:func:`joint.uncertainty.stated_covariance`); 0 at a bound, infinite variances of parameters that
+        the data do not determine at all.
     independent : (n, n) array
         The same if all residuals were independent noise.
     at_bound : (n,) array of bool
@@ -52,7 +52,7 @@ class JointFit:
         iteration.
     converged : bool
     message : str
-        How it ended, and what to doubt.
+        How it ended, with doubts about the result.
     """
 
     form: JointForm

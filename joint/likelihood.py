@@ -105,7 +105,7 @@ class Likelihood:
         return self.known[key]
 
     def _logarithmic(self, H: ComplexArray, at: slice) -> tuple[ComplexArray, ComplexArray]:
-        """Return ln(H / measured) over the relative noise, and what makes derivatives of H those of it."""
+        """Return ln(H / measured) over the relative noise, and its derivative by H."""
         measured = self.measured[at]
         use = (self.weight[at] > 0) & (measured != 0) & (H != 0)
         safe, model = np.where(use, measured, 1.0), np.where(use, H, 1.0)
@@ -134,7 +134,7 @@ class Likelihood:
     def of_lines(
         self, theta: FloatArray, x: FloatArray, first: int, end: int, gradient: bool = True
     ) -> LikelihoodPoint:
-        """Evaluate what the lines from one up to another say, without priors."""
+        """Evaluate the likelihood of the lines from one up to another, without priors."""
         frf, slopes = self._parts_at(x)
         count = end - first
         omega = 2 * np.pi * self.lines[first:end]
@@ -232,14 +232,17 @@ def noise_of(measured: ComplexArray, noise: npt.ArrayLike | None, reference: Com
     try:
         return np.broadcast_to(level, measured.shape)
     except ValueError as error:
-        msg = f"noise has shape {level.shape}; a number or what broadcasts to {measured.shape} is needed"
+        msg = (
+            f"noise has shape {level.shape}; a number or an array that broadcasts to "
+            f"{measured.shape} is needed"
+        )
         raise ValueError(msg) from error
 
 
 def checked_prior(
     prior: tuple[npt.ArrayLike, npt.ArrayLike] | None, log: BoolArray, n: int
 ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Check what is known of θ beforehand."""
+    """Check the prior of θ."""
     if prior is None:
         return None
     mean, std = (np.asarray(v, dtype=float) for v in prior)

@@ -70,13 +70,13 @@ def fit_joint(
     residuals of ln H, in which a resonance in the wrong place counts no more than one that lacks, with
     stiffness, mass and damping on the matrices' diagonals positive. The covariance is the inverse of Fisher's
     information (Cramér and Rao's bound), multiplied by chi² where that is above 1, as long as the residual is
-    white. What neighbouring lines share of it is an error of the model, which widens the covariance
+    white. The part that neighbouring lines share is an error of the model, which widens the covariance
     (:func:`joint.uncertainty.stated_covariance`).
 
     Parameters
     ----------
     form : JointForm
-        What the joint may be.
+        Form of the joint.
     substructures : SubstructureFRF or Parts
         Known substructures, or models with uncertain parameters (`ModelParts`).
     frequency : (n_freq,) array_like
@@ -102,7 +102,7 @@ def fit_joint(
         Whether parameters whose matrices are positive semidefinite stay positive to the end; ``"K"`` keeps
         stiffnesses so and leaves the others. They are then biased where noise hides them.
     prior : ((n,) array_like, (n,) array_like), optional
-        What is known of θ before: mean and standard deviation, that of the logarithm for parameters that stay
+        Prior of θ: mean and standard deviation, that of the logarithm for parameters that stay
         positive; infinite where nothing is. A wide one keeps a parameter that the data do not determine from
         drifting away.
     part_start : (m,) array_like, optional
@@ -368,7 +368,7 @@ def _result(
 def _message(
     form: JointForm, known: Identifiability, at_bound: BoolArray, chi2: float, converged: bool
 ) -> str:
-    """Say how a fit ended, and what to doubt."""
+    """Return a sentence on the end of a fit, with doubts about its result."""
     message = "converged" if converged else "not converged: the iterations ran out at the best point so far"
     if chi2 > 2:
         message += (
@@ -394,7 +394,8 @@ def _own_noise(problem: Likelihood) -> FloatArray:
 def _at_zero(problem: Likelihood, state: LikelihoodPoint) -> tuple[LikelihoodPoint, BoolArray]:
     """Put positive parameters that have run towards zero there; return the point and which they are.
 
-    A factor never reaches zero, and its logarithm runs on for ever. At zero is what does no worse there.
+    A factor never reaches zero, and its logarithm runs on for ever. A parameter that fits no worse at zero is
+    put there.
     """
     n = len(state.theta)
     with np.errstate(divide="ignore"):

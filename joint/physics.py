@@ -1,4 +1,4 @@
-"""From a joint's dynamic stiffness over frequency to what it is made of, and to an effect of the model."""
+"""Laws of springs, masses and dampers in a joint's dynamic stiffness, and the model's effect for them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class LawFit:
         Parameters and standard deviations: by kind [N/m, kg, N s/m, N/m or rotational], or ``"stiffness"``
         and the law's own.
     misfit : float
-        Root mean square of what is left over that of the stiffness [-].
+        Root mean square of the residual over that of the stiffness [-].
     criterion : float
         Schwarz's criterion: the smaller the better.
     """
@@ -64,7 +64,7 @@ class LawFit:
 
     @property
     def words(self) -> str:
-        """What it is, in words."""
+        """Names of its parts, in a phrase."""
         return " and ".join(_WORDS[kind] for kind in self.kinds)
 
     def stiffness(self, frequency: npt.ArrayLike) -> ComplexArray:
@@ -79,7 +79,7 @@ class LawFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StiffnessLaw:
-    """What one direction of a joint is made of.
+    """Law of one direction of a joint.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class StiffnessLaw:
 
     @property
     def sentence(self) -> str:
-        """What was found, in a sentence."""
+        """Sentence on the law found."""
         shown = ", ".join(
             f"{name} = {value:.4g} ± {self.best.std[name]:.1g}" for name, value in self.best.values.items()
         )

@@ -109,7 +109,7 @@ def relative_joint(
     Raises
     ------
     ValueError
-        If a matrix is not 6×6 and finite, or what `relative_coordinates` refuses.
+        If a matrix is not 6×6 and finite, or `relative_coordinates` refuses the axes.
     """
     B = relative_coordinates(lever_1, lever_2, axes)
     wide = [B.T @ as_square(matrix, name, 6) @ B for matrix, name in ((K, "K"), (C, "C"), (D, "D"))]

@@ -72,7 +72,7 @@ def inverse_information(A: FloatArray, fixed: BoolArray) -> FloatArray:
     """Return the covariance (2 A)⁻¹ of parameters that are not fixed, (n, n).
 
     The information of real unknowns in circular complex noise of variance σ² is 2 Re JᴴJ / σ². Variances are
-    infinite of what takes part in a direction without information, and 0 of what is fixed.
+    infinite for parameters in a direction without information, and 0 for fixed ones.
     """
     out = np.zeros(A.shape)
     lost = ~fixed & ~(np.diag(A) > 0)
@@ -91,14 +91,14 @@ def inverse_information(A: FloatArray, fixed: BoolArray) -> FloatArray:
 def model_share(residual: ComplexArray, own: FloatArray) -> float:
     """Return the part of the residual's square that is an error of the model [-].
 
-    Two signs of it, of which the stronger counts: what neighbouring lines share, which white noise does not,
-    and what exceeds `NOISE_MARGIN` times the square of the data's own noise, in that tenth of the values
-    where this is least and an error of the model shows best.
+    Two signs of it, of which the stronger counts: the part that neighbouring lines share, which white noise
+    does not, and the excess over `NOISE_MARGIN` times the square of the data's own noise, in that tenth of
+    the values where this noise is least and an error of the model shows best.
 
     Parameters
     ----------
     residual : (n_freq, M, L) complex array
-        Over the standard deviation of what was allowed; 0 where there is no value.
+        Over the standard deviation allowed; 0 where there is no value.
     own : (n_freq, M, L) array
         The data's own noise over the same.
     """
@@ -136,7 +136,7 @@ def jackknife(A: FloatArray, information: Information, edges: IntArray, free: Bo
     edges : (n_groups + 1,) array of int
         First line of each group, and the end.
     free : (n,) array of bool
-        What is unknown; rows and columns of the rest are 0.
+        Unknown parameters; rows and columns of the rest are 0.
     """
     use = np.flatnonzero(free)
     scale = np.sqrt(np.diag(A)[use])
@@ -158,12 +158,12 @@ def stated_covariance(
     H: ComplexArray,
     information: Information,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance with all residuals independent, and with what is left beyond noise, (n, n) each.
+    """Return the covariance with all residuals independent, and with model error beyond noise, (n, n) each.
 
     White residuals scatter as noise does: (2A)⁻¹ max(χ², 1). A part b is an error of the model
-    (`model_share`). It moves estimates in two ways: by what differs from mode to mode, which leaving out
-    lines shows (`jackknife`), and by what all modes have alike, which nothing in the data shows. For the
-    latter the same square of the residual acts on one real number for each mode, its natural frequency:
+    (`model_share`). It moves estimates in two ways: by the part that differs from mode to mode, which leaving
+    out lines shows (`jackknife`), and by the part common to all modes, which nothing in the data shows. For
+    the latter the same square of the residual acts on one real number for each mode, its natural frequency:
 
         C = (1 - b) (2A)⁻¹ max(χ², 1) + b [C_jackknife + (2A)⁻¹ χ² 2n/n_modes]
 
@@ -174,7 +174,7 @@ def stated_covariance(
     A : (n, n) array
         Gauss-Newton matrix.
     fixed : (n,) array of bool
-        What lies at a bound.
+        Parameters at a bound.
     residual : (n_freq, M, L) complex array
         Over the standard deviation of the noise; 0 where there is no value.
     own : (n_freq, M, L) array

@@ -74,3 +74,29 @@ def offscreen() -> None:
     draw = "import pyvista; pyvista.Plotter(off_screen=True).screenshot()"
     if subprocess.run([sys.executable, "-c", draw], capture_output=True, check=False).returncode:
         pytest.skip("needs off-screen OpenGL: on Debian, libegl1 and libgl1-mesa-dri")
+
+
+# The example of a desk, read once -------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def study(root):
+    """Return the study of the cross-beam."""
+    from dovetail import load_study
+
+    return load_study(root / "examples" / "cross-beam" / "study.toml")
+
+
+@pytest.fixture(scope="session")
+def live(study):
+    """Return its model, ready for one hypothesis after the other."""
+    from dovetail.pipeline import fit_problem
+    from updating.live.engine import LiveModel
+
+    return LiveModel(fit_problem(study))
+
+
+@pytest.fixture(scope="session")
+def candidates(study):
+    """Return its candidate effects by name."""
+    return {e.name: e for e in study.candidates()}

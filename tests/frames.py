@@ -282,13 +282,13 @@ held_out = ["K", "sensor P"]
 _MEASURED = '\n[[measurements]]\nfile = "frf.npz"\n'
 
 
-def write_study(folder, mass=0.25, at=0.3):
-    """Write the study and FRFs of it with a mass that it does not know; return the study's path."""
+def write_study(folder, mass=0.25, at=0.3, others=()):
+    """Write the study and FRFs of it with what it does not know, a mass and others; return its path."""
     file = folder / "study.toml"
     file.write_text(STUDY, encoding="utf-8")
     study = load_study(file)
     hidden = PointMass(name="hidden", member="arm", position=at, mass=mass)
-    model = study.model.with_effect(hidden) if mass else study.model
+    model = study.model.with_effect(*([hidden] if mass else []), *others)
     frequency = np.arange(4.0, 400.0, 2.0)
     rows = [sensor_rows(study.model, part) for part in (study.sensors, study.excitations)]
     H = compute_frf(assemble(model), frequency, *rows).H

@@ -185,7 +185,7 @@ def plot_agreement(
         [-].
     rows, columns : sequence of str
     label : str
-        What the colours show, such as ``"SAC [-]"``.
+        Quantity of the colours, such as ``"SAC [-]"``.
     title : str
         Heading.
 
@@ -208,7 +208,7 @@ def plot_orthogonality(
     limit: float = 0.1,
     title: str = "",
 ) -> Figure:
-    """Plot a mass orthogonality (POC) as a matrix; what is off the diagonal and above the limit is framed.
+    """Plot a mass orthogonality (POC) as a matrix; entries off the diagonal and above the limit are framed.
 
     Parameters
     ----------

@@ -32,8 +32,8 @@ def place_labels(
 ) -> Placement:
     """Place labels around their anchors, one after the other, the first being the most important.
 
-    Every label tries places on rings around its anchor and takes the one with the least of what it would
-    cover and the shortest way to its anchor; it never overlaps another label. One that finds no such place
+    Every label tries places on rings around its anchor and takes the one with the least overlap
+    and the shortest way to its anchor; it never overlaps another label. One that finds no such place
     is not shown.
 
     Parameters

@@ -31,7 +31,7 @@ def require_drawing(option: str) -> None:
     Raises
     ------
     DrawingError
-        It says what is missing.
+        Its message names the reason.
     """
     reason = why_not()
     if reason:

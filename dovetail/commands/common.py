@@ -1,4 +1,4 @@
-"""What several commands share: loading a study, printing, and checks of the places to write to."""
+"""Common parts of several commands: loading a study, printing, and checks of the places to write to."""
 
 import argparse
 import sys
@@ -26,7 +26,7 @@ def say(options: Options, *lines: str) -> None:
 
 
 def loaded(options: Options, needs: Collection[str] = NEEDS) -> Study:
-    """Load the study of a command, and say on standard error what is probably wrong in it."""
+    """Load the study of a command, and print its probable faults on standard error."""
     study = load_study(options.study, needs)
     warn(study.warnings)
     return study
@@ -38,7 +38,7 @@ def warn(sentences: Iterable[str]) -> None:
 
 
 def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] = ()) -> None:
-    """Refuse outputs over what a command reads, over one another, or where nothing can be written.
+    """Refuse outputs over a command's inputs, over one another, or where nothing can be written.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] =
     outputs : Output
         All others.
     more : sequence of InputFile
-        What is read besides the study.
+        Inputs besides the study.
     """
     check_outputs((*input_files(options.study), *more), *outputs, Output("--json", options.json))
 
@@ -61,7 +61,7 @@ def write_with_nodes(path: Path, nodes: NodeNumbers, **data: Any) -> None:
 
 
 def notes_of_mesh(study: Study) -> list[str]:
-    """Say what the readers of the mesh file and of the measured files left out or found suspicious."""
+    """Return the notes of the readers of the mesh file and of the measured files."""
     notes = {
         "notes on the mesh file:": study.model.mesh.notes,
         "notes on the measured files:": study.measured_notes,
@@ -72,5 +72,5 @@ def notes_of_mesh(study: Study) -> list[str]:
 
 
 def assumptions(study: Study) -> list[str]:
-    """Return what the study did not say and was assumed, as lines."""
+    """Return the assumptions for missing entries of the study, as lines."""
     return ["", "assumed:", *(f"  - {text}" for text in study.assumptions)] if study.assumptions else []

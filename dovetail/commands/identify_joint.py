@@ -33,7 +33,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--terms",
         metavar="LIST",
         default="K,D",
-        help="what each direction may have: some of K, C, D (stiffness, viscous and structural damping), or "
+        help="terms of each direction: some of K, C, D (stiffness, viscous and structural damping), or "
         "one of zener, fractional_kelvin_voigt, fractional_zener (default K,D)",
     )
     p.add_argument("--coupled", action="store_true", help="let the stiffness couple the directions")
@@ -68,7 +68,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 
 def run(options: Options, progress: Progress) -> None:
-    """Fit a joint by output error; show it line by line beside; write what was found into a study."""
+    """Fit a joint by output error; show it line by line beside; write the joint into a study."""
     from dovetail.identify import read_task
     from dovetail.propose import write_proposal
     from dovetail.report.joint import draw_joint, joint_result, joint_words

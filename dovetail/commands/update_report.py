@@ -1,4 +1,4 @@
-"""The report of an update: one HTML file with what changed, how surely, and what to doubt."""
+"""The report of an update: one HTML file with the changes, their uncertainty, and doubts."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -91,7 +91,7 @@ def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Pa
                 "parameters", plot_parameters(u), "Change from the start, with 95 % intervals and priors."
             ),
         ),
-        page.section("What to doubt", page.bullets(words)) if words else "",
+        page.section("Doubts", page.bullets(words)) if words else "",
         *shown,
         page.section(
             "How it came about",
@@ -116,13 +116,12 @@ def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Pa
 def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
     low, high = p.interval(0.95)
     prior = "-" if p.prior_std is None else f"{100 * p.prior_std:.3g} %" if p.log else f"{p.prior_std:.3g}"
-    change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
     mark = " at its bound" if p.at_bound else "" if p.determined else " not determined"
     prior += " (dropped)" if p.released else ""
     return (
         p.name, p.unit, f"{p.start:.5g}", f"{p.lower:.4g} to {p.upper:.4g}", prior, f"{p.value:.5g}",
         f"{p.std:.2g}" if np.isfinite(p.std) else "-",
-        f"{low:.5g} to {high:.5g}" if np.isfinite(p.std) else "-", change + mark,
+        f"{low:.5g} to {high:.5g}" if np.isfinite(p.std) else "-", p.change + mark,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The page's candidates: a tree by place and kind, their ranking, and what a diagnosis has found."""
+"""The page's candidates: a tree by place and kind, their ranking, and the results of a diagnosis."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from nicegui import ui
 from dovetail.desk.widgets import button, card
 from dovetail.report.words import effect_label, parameters_text, place, ranked_label
 from fem.model import parameter_values
+from fem.summary import percent
 
 if TYPE_CHECKING:
     from dovetail.desk.page import Page
@@ -121,7 +122,9 @@ class CandidateList:
         best = [p for p in desk.ranking if p.effect.name in names][:N_RANKED]
         if not best:
             return
-        ui.label("Residual level that each would leave, without a fit:").classes("desk-note")
+        old = desk.ranked_beside is not desk.now.hypothesis
+        when = " beside an earlier hypothesis; rank again for the present one" if old else ""
+        ui.label(f"Residual level that each would leave, without a fit{when}:").classes("desk-note")
         for promise in best:
             effect = promise.effect
             with ui.element("div").classes("desk-row"):
@@ -145,7 +148,8 @@ class CandidateList:
                 button("Take over", lambda: page.act(desk.take_over), "done_all")
         ui.label(d.reason).classes("desk-note")
         for names, probability in d.posterior[:N_RANKED]:
-            ui.label(f"{probability:.0%}: {' and '.join(names) or 'nothing missing'}").classes("desk-note")
+            hypothesis = " and ".join(names) or "nothing missing"
+            ui.label(f"{percent(probability)}: {hypothesis}").classes("desk-note")
         for ranked in (r for round_ in d.rounds[:1] for r in round_[:N_RANKED]):
             with ui.element("div").classes("desk-row"):
                 ui.label(f"{ranked.fit_db:.2f} dB").style("width: 64px")

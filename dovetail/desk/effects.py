@@ -1,4 +1,4 @@
-"""The page's list of added effects: sliders, fits, and what speaks for and against each."""
+"""The page's list of added effects: sliders, fits, and the evidence for and against each."""
 
 from __future__ import annotations
 
@@ -22,6 +22,13 @@ if TYPE_CHECKING:
 THROTTLE = 0.03
 """Least time between two positions that a slider sends while it is dragged [s]."""
 POSITION = "(e) => emit(e.target.value)"
+DRAGGED = """(e) => {{
+  const field = e.target.closest('.desk-slider').querySelector('.q-field input'), x = +e.target.value;
+  const value = {value};
+  field.value = +Math.min({upper}, Math.max({lower}, value)).toPrecision(4);
+  emit(x);
+}}"""
+"""Writes the value into the field at once: as a property it would have the whole page rendered anew."""
 STEP = """(e) => {
   const steps = {ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -20, PageUp: 20}[e.key];
   if (!steps) return;
@@ -48,15 +55,16 @@ class EffectList:
         self._scales: dict[str, dict[str, Scale]] = {}
         self._shown: list[tuple[str, dict[str, float]]] | None = None
         self._evidences: dict[str, ui.expansion] = {}
+        self._fields: dict[tuple[str, str], Callable[[float], None]] = {}
         with card("Added effects"):
-            word = "Fit what is uncertain after each move"
+            word = "Fit uncertain parameters after each move"
             self._follow = ui.checkbox(word).props("dense")
             self._follow.props["aria-label"] = word
             self._box = ui.element("div").classes("desk-column").style("width: 100%")
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the added effects of the present state; what shows them already keeps its focus."""
+        """Show the added effects of the present state; widgets that show them already keep their focus."""
         desk = self._page.desk
         effects = desk.now.hypothesis.effects
         now = [(e.name, parameter_values(e)) for e in effects]
@@ -64,6 +72,7 @@ class EffectList:
             return
         self._shown = now
         self._evidences.clear()
+        self._fields.clear()
         self._box.clear()
         with self._box:
             if not effects:
@@ -75,12 +84,15 @@ class EffectList:
 
     @property
     def refits(self) -> bool:
-        """Whether what is uncertain is to be fitted after each move of a slider."""
+        """Whether the uncertain parameters are to be fitted after each move of a slider."""
         return bool(self._follow.value)
 
     def moved_by_hand(self, effects: tuple[Effect, ...]) -> None:
         """Say that the sliders stand at these effects' values already."""
         self._shown = [(e.name, parameter_values(e)) for e in effects]
+        for name, values in self._shown:
+            for parameter, value in values.items():
+                self._fields[name, parameter](float(value))
         for name in self._evidences:
             self.show_evidence(name)
 
@@ -128,18 +140,20 @@ class EffectList:
         def value_at(position: Any) -> float:
             return float(np.clip(scale.value(float(position)), p.lower, p.upper))
 
-        def moved(e: Any) -> None:
-            value = value_at(e.args)
+        def left(value: float) -> None:
             typed["by_hand"] = False
             field.set_value(float(f"{value:.4g}"))
             typed["by_hand"] = True
-            page.move(name, p.name, value)
 
         def entered(e: Any) -> None:
             if typed["by_hand"] and e.value is not None:
                 page.act(lambda: desk.set_value(name, p.name, float(e.value)))
 
-        slider.on("input", moved, js_handler=POSITION, throttle=THROTTLE)
+        self._fields[name, p.name] = left
+        slider.on(
+            "input", lambda e: page.move(name, p.name, value_at(e.args)), throttle=THROTTLE,
+            js_handler=DRAGGED.format(value=scale.javascript, lower=_js(p.lower), upper=_js(p.upper)),
+        )  # fmt: skip
         slider.on("change", lambda e: page.release(name, p.name, value_at(e.args)), js_handler=POSITION)
         slider.on("keydown", js_handler=STEP)
         field.on_value_change(entered)
@@ -147,7 +161,7 @@ class EffectList:
     # Evidence -----------------------------------------------------------------------------------------------
 
     def show_evidence(self, name: str) -> None:
-        """Show what is known for and against an effect, where the user wants to see it."""
+        """Show the evidence for and against an effect, where the user wants to see it."""
         evidence = self._evidences.get(name)
         if evidence is None or not evidence.value:
             return
@@ -210,6 +224,11 @@ class EffectList:
                     "Take instead", lambda o=other: page.act(lambda: desk.replace(name, o)), "swap_horiz",
                     label=f"{other.name} in place of {name}",
                 )  # fmt: skip
+
+
+def _js(value: float) -> str:
+    """Return a number of JavaScript."""
+    return repr(float(value)) if np.isfinite(value) else ("Infinity" if value > 0 else "-Infinity")
 
 
 def _range_text(p: Parameter) -> str:

@@ -1,4 +1,4 @@
-"""The desk's figures, and what of them changes while a slider moves."""
+"""The desk's figures, and their changes while a slider moves."""
 
 from itertools import pairwise
 from typing import Any
@@ -13,11 +13,13 @@ from fem.analysis.frf import FRF
 from updating.inference.fit_data import FitData
 from updating.live.engine import Evaluation
 from viz.interactive.error import error_map_figure, staircase_figure
-from viz.interactive.frf import MAGNITUDE, PHASE, frf_figure, without_wraps
+from viz.interactive.frf import MAGNITUDE, PHASE, frf_figure
 from viz.interactive.model import model_figure
 from viz.interactive.solids import Place
 
 HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
+AT_ONCE = {"frame": {"duration": 0, "redraw": False}, "transition": {"duration": 0}, "mode": "immediate"}
+"""Options of plotly's ``animate``: a frame at once, and no other part of the figure drawn anew."""
 SHOWN_DB = 0.005
 """Smallest difference of errors that their numbers show [dB]."""
 
@@ -40,15 +42,14 @@ def model(desk: Desk, chosen: str, height: float) -> Figure:
     for spot in desk.spots.values():
         role = "chosen place" if spot.name == chosen else "candidate"
         marks.append(Place(np.array(spot.point), spot.name, ", ".join(spot.places), role))
-    c = desk.shown.comparison
-    errors = dict(zip(c.outputs, c.by_sensor().tolist(), strict=True))
+    errors = dict(zip(desk.shown.comparison.outputs, desk.shown.by_sensor().tolist(), strict=True))
     measurement = desk.live.problem.data.measurement
     return model_figure(
         desk.study.model,
         measurement.sensors,
         measurement.excitations,
         errors={name: e for name, e in errors.items() if np.isfinite(e)},
-        limits=(0.0, float(np.nanmax(desk.nominal.comparison.by_sensor()))),
+        limits=(0.0, float(np.nanmax(desk.nominal.by_sensor()))),
         places=marks,
         height=height,
     )
@@ -60,8 +61,14 @@ def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
     models = {NOMINAL: desk.nominal.frf, HERE: desk.shown.frf}
     if second is not None:
         models[SECOND] = second.frf
-    bands = held_out_bands(desk.live.problem.data)
+    held = {f"sensor {pair[0]}", f"excitation {pair[1]}"} & desk.now.hypothesis.held_out
+    f = desk.shown.frf.frequency
+    bands = [(float(f[0]), float(f[-1]))] if held else held_out_bands(desk.live.problem.data)
     figure = frf_figure(desk.shown.measured, models, pair, held_out=bands, height=height)
+    for trace in figure.data:  # gaps in place of further points: a slider moves ordinates only
+        if trace.meta and trace.meta["series"] == HERE and trace.meta["quantity"] == PHASE:
+            phase = _cut(_decibels(desk.shown.frf, pair)[1])
+            trace.update(x=desk.shown.frf.frequency.astype(np.float32), y=_sent(phase, 1))
     return figure.update_layout(title=None)  # the fields above name the pair
 
 
@@ -69,8 +76,14 @@ def error_map(desk: Desk) -> Figure:
     """Return the error of each sensor in each band, on the colours of the nominal model."""
     c, edges = desk.shown.comparison, desk.shown.comparison.bands
     bands = [(float(a), float(b)) for a, b in pairwise(edges)]
-    limits = (0.0, float(np.nanmax(desk.nominal.comparison.by_band())))
-    return error_map_figure(c.by_band(), c.outputs, bands, limits=limits)
+    limits = (0.0, float(np.nanmax(desk.nominal.by_band())))
+    held = desk.now.hypothesis.held_out
+    names = [f"{name} (held out)" if f"sensor {name}" in held else name for name in c.outputs]
+    figure = error_map_figure(desk.shown.by_band(), names, bands, limits=limits)
+    for name, cells in zip(c.outputs, figure.data[0].customdata, strict=True):
+        for cell in cells:
+            cell[0] = name  # clicks name the sensor alone
+    return figure
 
 
 def staircase(desk: Desk) -> Figure:
@@ -89,23 +102,30 @@ def held_out_bands(data: FitData) -> list[tuple[float, float]]:
     return [(float(f[a]), float(f[b - 1])) for a, b in edges.reshape(-1, 2)]
 
 
-def moved_curve(figure: Figure, shown: Evaluation, pair: tuple[str, str]) -> tuple[dict[str, Any], list[int]]:
-    """Return what of an FRF's figure follows a slider: new data, and the traces that get them."""
-    magnitude, phase = _decibels(shown.frf, pair)
-    f, wrapped = without_wraps(shown.frf.frequency, phase)
+def moved_curve(
+    figure: Figure, shown: Evaluation, pair: tuple[str, str]
+) -> tuple[list[dict[str, Any]], list[int]]:
+    """Return the changes of an FRF's figure with a slider: new ordinates, and the traces that get them."""
     at = {t.meta["quantity"]: n for n, t in enumerate(figure.data) if t.meta and t.meta["series"] == HERE}
-    x, y = (shown.frf.frequency, f), (magnitude, wrapped)
-    return {"x": [_sent(v) for v in x], "y": [_sent(v) for v in y]}, [at[MAGNITUDE], at[PHASE]]
+    magnitude, phase = _decibels(shown.frf, pair)
+    new = [{"y": _sent(magnitude, 2)}, {"y": _sent(_cut(phase), 1)}]
+    return new, [at[MAGNITUDE], at[PHASE]]
 
 
 def moved_map(shown: Evaluation) -> dict[str, Any]:
-    """Return what of the error map follows a slider."""
-    return {"z": [_sent(shown.comparison.by_band())]}
+    """Return the changes of the error map with a slider."""
+    return {"z": [_sent(shown.by_band(), 3)]}
 
 
-def _sent(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Return values in the form that goes to the page."""
-    return np.ascontiguousarray(values, dtype=np.float32)
+def _sent(values: NDArray[Any], digits: int) -> NDArray[np.float32]:
+    """Return values in the form that goes to the page, with the digits that a picture shows."""
+    return np.ascontiguousarray(np.round(values, digits), dtype=np.float32)
+
+
+def _cut(phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a phase (n_freq,) with a gap at each step from one end of its axis to the other [degrees]."""
+    steps = np.abs(np.diff(phase, prepend=phase[:1])) > 180
+    return np.where(steps, np.nan, phase)
 
 
 def _decibels(frf: FRF, pair: tuple[str, str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -26,7 +26,7 @@ POLICY = "; ".join(
         "frame-ancestors 'none'",
     )
 )
-"""What the page may load: nothing from another host. Its widgets are compiled in the browser, hence eval."""
+"""Sources that the page may load from: no other host. Its widgets are compiled in the browser, hence eval."""
 
 
 class Guard:

@@ -29,6 +29,7 @@ class Job:
         self.result: Any = None
         self.error: Exception | None = None
         self._work, self._stop, self._begun = work, threading.Event(), time.monotonic()
+        self._told = self._begun
         self._thread = threading.Thread(target=self._run, name=title, daemon=True)
 
     def start(self) -> "Job":
@@ -56,10 +57,20 @@ class Job:
         return isinstance(self.error, Cancelled)
 
     @property
+    def ending(self) -> bool:
+        """Whether it was asked to end."""
+        return self._stop.is_set()
+
+    @property
     def remaining(self) -> float | None:
-        """Seconds that are probably left, as if the rest went on like what is done; None at first."""
-        spent = time.monotonic() - self._begun
-        return spent * (1 / self.fraction - 1) if self.fraction > 0.02 else None
+        """Seconds that are probably left, as if the rest went on at the same rate; None while unknown.
+
+        The last report gave them; they run down until the next one.
+        """
+        if self.fraction <= 0.02:
+            return None
+        left = (self._told - self._begun) * (1 / self.fraction - 1) - (time.monotonic() - self._told)
+        return left if left > 0 else None
 
     def _run(self) -> None:
         try:
@@ -70,7 +81,7 @@ class Job:
     def _progress(self, text: str, fraction: float) -> None:
         if self._stop.is_set():
             raise Cancelled
-        self.text, self.fraction = text, max(float(fraction), 0.0)
+        self.text, self.fraction, self._told = text, max(float(fraction), 0.0), time.monotonic()
 
 
 class Newest(Generic[T]):

@@ -103,6 +103,7 @@ def _plain(h: Hypothesis) -> dict[str, Any]:
         "zeta": h.zeta.tolist(),
         "faults": [asdict(f) for f in h.faults],
         "off": sorted(h.off),
+        "held_out": sorted(h.held_out),
     }
 
 
@@ -128,4 +129,5 @@ def _hypothesis(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> Hypot
         np.array(d["zeta"], dtype=float),
         tuple(Fault(**{**f, "direction": tuple(f["direction"])}) for f in d["faults"]),
         frozenset(d["off"]),
+        held_out=frozenset(d.get("held_out", ())),
     )

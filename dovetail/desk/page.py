@@ -1,13 +1,14 @@
-"""The desk's page: header, model, FRFs, errors and what is supposed; nothing is decided here."""
+"""The desk's page: header, model, FRFs, errors and hypothesis; nothing is decided here."""
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from nicegui import background_tasks, run, ui
+from nicegui import background_tasks, json, run, ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
 from dovetail.desk import figures
@@ -16,7 +17,7 @@ from dovetail.desk.effects import EffectList
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.sensors import SensorList
 from dovetail.desk.session import RANKED_UNASKED, Desk
-from dovetail.desk.widgets import button, card, labelled
+from dovetail.desk.widgets import Numbers, button, card
 from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
 from viz.interactive.theme import CONFIG
@@ -26,8 +27,15 @@ PAUSE = 0.35
 """A slider that rests so long is let go of: its value becomes a state [s]."""
 LONGEST = 5.0
 """A figure that takes longer to be drawn is not waited for [s]."""
-MAP_PAUSE = 0.25
-"""Least time between two error maps while a slider moves: its numbers take longer to draw than curves [s]."""
+MAP_SHARE = 0.25
+"""Share of the time that the error map takes while a slider moves: its cells take longer than curves [-]."""
+IN_SIGHT = """((box) => box.bottom > 0 && box.top < innerHeight && {call}.then(
+  () => new Promise((painted) => requestAnimationFrame(() => setTimeout(painted)))))({box})"""
+"""Calls a method of a figure that is in sight; ends when the browser has painted it."""
+NUMBERS = {
+    "fit": "error, lines of the fit", "held": "held-out lines", "all": "all lines", "noise": "noise floor",
+    "left": "left beyond the noise", "apart": "held-out channels",
+}  # fmt: skip
 TICK = 0.2
 """Seconds between two looks at running jobs [s]."""
 Move = tuple[str, str, float]
@@ -52,7 +60,7 @@ class Page:
         self._after: Callable[[Job], None] | None = None
         self._left: Move | None = None
         self._seen = desk.history
-        self._mapped = 0.0
+        self._map_due = 0.0
         self._client = ui.context.client
 
     # Layout -------------------------------------------------------------------------------------------------
@@ -76,7 +84,7 @@ class Page:
         for note in self.desk.notes:
             ui.notify(note, multi_line=True)
         self.desk.notes.clear()
-        self._numbers(self.desk.shown)
+        self._show_numbers(self.desk.shown)
         self.refresh_buttons()
 
     def _header(self) -> None:
@@ -86,19 +94,13 @@ class Page:
                 ui.space()
                 self.undo = button("Undo", self._undo, "undo", hint="Ctrl+Z")
                 self.redo = button("Redo", self._redo, "redo", hint="Ctrl+Y")
-                button("Fit what is uncertain", lambda: self.start_fit(self.desk.fit_uncertain), "tune")
+                button("Fit uncertain parameters", lambda: self.start_fit(self.desk.fit_uncertain), "tune")
                 button("Fit all", lambda: self.start_fit(self.desk.fit_all), "auto_fix_high")
                 button("Diagnose", self._diagnose, "troubleshoot")
                 button("Save study", self._save_dialog, "save", hint="Ctrl+S")
                 button("Export report", self._report_dialog, "description")
             with ui.element("div").classes("desk-row desk-errors"):
-                self._figures = {
-                    key: labelled(name)
-                    for key, name in (
-                        ("fit", "error, lines of the fit"), ("held", "held-out lines"), ("all", "all lines"),
-                        ("noise", "noise floor"), ("left", "left beyond the noise"),
-                    )
-                }  # fmt: skip
+                self._numbers = Numbers(NUMBERS, _texts(self.desk.shown))
                 ui.space()
                 with ui.element("div").classes("desk-row").style("width: auto"):
                     button("Keep for comparison", lambda: self.act(self.desk.keep), "content_copy")
@@ -144,7 +146,7 @@ class Page:
         with card("Staircase"):
             self.stairs = _plot(figures.staircase(self.desk), "Error after each step, and the noise floor")
 
-    # What follows a slider ----------------------------------------------------------------------------------
+    # Changes with a slider ----------------------------------------------------------------------------------
 
     def move(self, name: str, parameter: str, value: float) -> None:
         """Let FRFs, map and errors follow a slider; the newest value wins."""
@@ -180,22 +182,34 @@ class Page:
             await self._follow(shown)
 
     async def _follow(self, shown: Evaluation) -> None:
-        """Show an evaluation, and wait until the browser has drawn it: no more is sent than it can draw."""
-        self._numbers(shown)
-        data, traces = figures.moved_curve(self._frf, shown, self.pair)
+        """Show an evaluation, and wait until the browser has drawn it: no more is sent than it can draw.
+
+        Figures that are scrolled out of sight are drawn when the slider rests.
+        """
+        self._show_numbers(shown)
+        frames, traces = figures.moved_curve(self._frf, shown, self.pair)
+        now = {"data": frames, "traces": traces}
+        # a frame without a redraw draws its curves alone: axes and other curves stay
+        await self._draw(self.frf, "animate", now, figures.AT_ONCE)
+        if time.monotonic() > self._map_due:
+            begun = time.monotonic()
+            await self._draw(self.map, "restyle", figures.moved_map(shown), [0])
+            self._map_due = time.monotonic() + (1 / MAP_SHARE - 1) * (time.monotonic() - begun)
+
+    async def _draw(self, plot: ui.plotly, method: str, *args: Any) -> None:
+        """Call a method of a figure, if it is in sight, and wait until it is painted."""
+        arguments = json.dumps([method, *args])
+        call = f"runMethod({plot.id}, 'run_plot_method', {arguments})"
+        box = f"getHtmlElement({plot.id}).getBoundingClientRect()"
         with suppress(TimeoutError):  # a tab that has gone draws nothing
-            await self.frf.run_plot_method("restyle", data, traces, timeout=LONGEST)
-            if time.monotonic() - self._mapped > MAP_PAUSE:
-                await self.map.run_plot_method("restyle", figures.moved_map(shown), [0], timeout=LONGEST)
-                self._mapped = time.monotonic()
+            await self._client.run_javascript(IN_SIGHT.format(call=call, box=box), timeout=LONGEST)
 
-    def _numbers(self, shown: Evaluation) -> None:
+    def _show_numbers(self, shown: Evaluation) -> None:
         second = self.desk.second()
-        for key, (value, was) in self._figures.items():
-            value.set_text(f"{_number_of(shown, key):.2f} dB")
-            was.set_text("" if second is None else f"second {_number_of(second, key):.2f} dB")
+        was = {} if second is None else {k: f"second {v}" for k, v in _texts(second).items()}
+        self._numbers.show(_texts(shown), was)
 
-    # What follows an action ---------------------------------------------------------------------------------
+    # Changes after an action --------------------------------------------------------------------------------
 
     def refresh(self) -> None:
         """Show the present state."""
@@ -206,14 +220,14 @@ class Page:
         self.map.update_figure(_dict(figures.error_map(desk)))
         self.stairs.update_figure(_dict(figures.staircase(desk)))
         self.model.update_figure(_dict(figures.model(desk, self.spot, 400)))
-        self._numbers(desk.shown)
+        self._show_numbers(desk.shown)
         self.effects.refresh()
         self.sensors.refresh()
         self.candidates.refresh()
         self.refresh_buttons()
 
     def refresh_buttons(self) -> None:
-        """Let only what is possible be pressed."""
+        """Enable the buttons of possible actions only."""
         history, state = self.desk.history, self.desk.now
         for one, label, word in ((self.undo, history.undoes, "Undo"), (self.redo, history.redoes, "Redo")):
             one.set_enabled(bool(label))
@@ -272,7 +286,7 @@ class Page:
         if name in self.desk.shown.measured.outputs:
             self._choices[0].set_value(name)
         else:
-            # a mark lies on its member, which is what the mouse meets beside it
+            # a mark lies on its member, which the mouse meets beside it
             near = self.desk.spot_near([float(point[k]) for k in "xyz"])
             self.choose(near or self.desk.spot_of(str(name)))
 
@@ -361,7 +375,7 @@ class Page:
         self.desk.diagnosis = job.result
         self.candidates.refresh()
 
-    # What leaves the desk -----------------------------------------------------------------------------------
+    # Files and reports --------------------------------------------------------------------------------------
 
     def _save_dialog(self) -> None:
         path = self.desk.study.path
@@ -393,7 +407,7 @@ class JobBar:
     def __init__(self, word: str, cancel: Callable[[], None]) -> None:
         self._row = ui.element("div").classes("desk-row").props(f'role="status" aria-label="{word}"')
         with self._row:
-            self._text = ui.label().classes("desk-note")
+            self._text = ui.label().classes("desk-note desk-job")
             self._bar = ui.linear_progress(0.0, show_value=False).style("flex: 1; min-width: 120px")
             self._bar.props["aria-label"] = f"{word}: progress"
             button("Cancel", cancel, "stop", label=f"Cancel: {word}")
@@ -404,7 +418,8 @@ class JobBar:
         self._row.set_visibility(True)
         left = job.remaining
         rest = "" if left is None else f", about {_duration(left)} left"
-        self._text.set_text(f"{job.title}: {job.text or 'begins'}, {job.fraction:.0%}{rest}")
+        rest = ", cancelled, it ends after this step" if job.ending else rest
+        self._text.set_text(f"{job.title}: {job.fraction:.0%}{rest}: {job.text or 'begins'}")
         self._bar.set_value(round(job.fraction, 3))
 
     def hide(self) -> None:
@@ -441,12 +456,12 @@ def _dict(figure: Any) -> dict[str, Any]:
     return {**plain, "config": CONFIG}
 
 
-def _number_of(shown: Evaluation, key: str) -> float:
+def _texts(shown: Evaluation) -> dict[str, str]:
     r = shown.result
-    return {
-        "fit": r.fit_db, "held": r.held_out_db, "all": shown.comparison.total_db, "noise": shown.noise_db,
-        "left": shown.left_db,
-    }[key]  # fmt: skip
+    apart = math.nan if shown.held_out is None else shown.held_out.total_db
+    values = (r.fit_db, r.held_out_db, shown.comparison.total_db, shown.noise_db, shown.left_db, apart)
+    known = zip(NUMBERS, values, strict=True)
+    return {key: f"{value:.2f} dB" if math.isfinite(value) else "none" for key, value in known}
 
 
 def _duration(seconds: float) -> str:

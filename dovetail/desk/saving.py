@@ -1,6 +1,7 @@
-"""What leaves the desk: a study file with the hypothesis in it, and a report of it."""
+"""Files of the desk: a study file with the hypothesis in it, and a report of it."""
 
 import time
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +10,12 @@ import numpy as np
 from dovetail.disk.output import Output, check_outputs, result_folder
 from dovetail.file.config import Study
 from dovetail.file.paths import input_files
+from dovetail.file.toml import with_values
 from dovetail.found import Reported, reported_text
-from dovetail.pipeline import Progress, analysed, write
+from dovetail.pipeline import Progress, analysed, fit_problem, write
 from dovetail.result import NAMES
 from fem.io.atomic import replacing
-from updating.diagnosis.diagnose import EFFECT, FITTED, N_CHECKED, NOTHING, Diagnosis
+from updating.diagnosis.diagnosis import EFFECT, FITTED, N_CHECKED, NOTHING, Diagnosis
 from updating.diagnosis.findings import Finding, parameters_of, step_added, step_of
 from updating.inference.preparation import basis_error, discretisation_error, fitted_model
 from updating.live.engine import LiveModel
@@ -53,6 +55,8 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
         study, live.problem, result, fitted_model(study.model, result), result.effects, h.faults
     )
     text = reported_text(reported, path.parent, compared.name)
+    if h.held_out != held_out_of(study):
+        text = with_values(text, {("fit", "held_out"): sorted(h.held_out)})
     frf = data.measurement.frf
     with replacing(compared) as scratch, scratch.open("wb") as file:
         np.savez_compressed(
@@ -60,7 +64,7 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
             frequency=frf.frequency,
             outputs=np.array(frf.outputs, dtype=str),
             inputs=np.array(frf.inputs, dtype=str),
-            compared=data.mask,
+            compared=live.compared(h),
         )
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
@@ -87,8 +91,14 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
     """
     begun = time.perf_counter()
     check_outputs(input_files(study.path), Output("folder", folder, NAMES))
+    if h.held_out:  # a report compares held-out channels apart, beside data that do not have them
+        study, h = holding_out(study, h.held_out), replace(h, held_out=frozenset(), fit=None)
+        live = LiveModel(fit_problem(study))
+        have = {*live.problem.measured.outputs, *live.problem.measured.inputs}
+        known = (f for f in h.faults if f.sensor in have and (f.kind != "sensor_swap" or f.other in have))
+        h = replace(h, faults=tuple(known))
     with result_folder(folder) as scratch:
-        say("fitting what is uncertain", 0.05)
+        say("fitting uncertain parameters", 0.05)
         less = fit_uncertain(live, replace(h, effects=(), fit=None), lambda text, done: say(text, 0.4 * done))
         diagnosis = by_hand(study, live, replace(less, faults=h.faults), h, time.perf_counter() - begun)
         result = analysed(study, diagnosis, folder, begun)
@@ -96,8 +106,23 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
     return result.report
 
 
+def held_out_of(study: Study) -> frozenset[str]:
+    """Return the channels that a study keeps from fits, as `[fit] held_out` writes them."""
+    held = (*(f"excitation {n}" for n in study.held_out), *(f"sensor {n}" for n in study.held_out_sensors))
+    return frozenset(held)
+
+
+def holding_out(study: Study, channels: Collection[str]) -> Study:
+    """Return a study that keeps other channels from fits, in the study's own order."""
+    return replace(
+        study,
+        held_out=tuple(c.name for c in study.excitations if f"excitation {c.name}" in channels),
+        held_out_sensors=tuple(c.name for c in study.sensors if f"sensor {c.name}" in channels),
+    )
+
+
 def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, seconds: float) -> Diagnosis:
-    """Return a hypothesis in the form in which reports take what a search has found."""
+    """Return a hypothesis as the diagnosis that reports take."""
     problem = live.problem_of(h)
     before, found = (problem.assessed(x.result()) for x in (without, h))
     steps = [step_of("nominal model", problem.nominal()), step_of(FITTED, before)]

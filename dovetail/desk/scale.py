@@ -77,6 +77,11 @@ class Scale:
         """Return the value at a position."""
         return float(10.0**x) if self.log else float(self.absent + self.size * np.sinh(x))
 
+    @property
+    def javascript(self) -> str:
+        """The value at a position ``x``, as an expression of JavaScript."""
+        return "10 ** x" if self.log else f"{self.absent!r} + {self.size!r} * Math.sinh(x)"
+
 
 def scales_of(effect: Effect, problem: FitProblem) -> dict[str, Scale]:
     """Return the scales of an effect's parameters by name."""

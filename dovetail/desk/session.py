@@ -1,4 +1,4 @@
-"""What the desk does, without a page: every action is a new state, and the journal keeps up with it."""
+"""Actions of the desk, without a page: each makes a new state, which the journal keeps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,14 +9,14 @@ import numpy as np
 
 from dovetail.desk.jobs import Job
 from dovetail.desk.journal import JournalError, journal_of, read_journal, set_aside, write_journal
-from dovetail.desk.saving import save_study, write_desk_report
+from dovetail.desk.saving import held_out_of, holding_out, save_study, write_desk_report
 from dovetail.desk.scale import Scale, scales_of
 from dovetail.desk.state import History, Stair, State
-from dovetail.pipeline import Progress, diagnose_study, fit_problem
+from dovetail.pipeline import Progress, diagnose_study, fit_problem, measured
 from dovetail.study import Study, load_study
 from fem.effects.joint import Spread
 from fem.model import Effect, parameter_values
-from updating.diagnosis.diagnose import Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.places import place_of
 from updating.live.engine import Evaluation, LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
@@ -70,6 +70,7 @@ class Desk:
         self.study, self.live, self.history, self._journal = study, live, history, journal
         self.notes: list[str] = []
         self.ranking: tuple[Promise, ...] = ()
+        self.ranked_beside = self.now.hypothesis
         self.diagnosis: Diagnosis | None = None
         self.weighed: dict[str, Weighed] = {}
         self.shown = live.evaluate(self.now.hypothesis)
@@ -82,8 +83,8 @@ class Desk:
         say("reading the study", 0.1)
         study = load_study(path)
         say("reducing the model", 0.5)
-        live = LiveModel(fit_problem(study))
-        start = Hypothesis.nominal(live.problem)
+        live = LiveModel(fit_problem(holding_out(study, ())))
+        start = replace(Hypothesis.nominal(live.problem), held_out=held_out_of(study))
         first = State("open the study", start, (Stair.of(NOMINAL, live.evaluate(start)),))
         desk = cls(study, live, History((first,)), journal_of(study.path))
         desk._go_on()
@@ -147,7 +148,8 @@ class Desk:
     @cached_property
     def nominal(self) -> Evaluation:
         """The model as the study states it, and the measurement as it was read."""
-        return self.live.evaluate(Hypothesis.nominal(self.live.problem))
+        h = Hypothesis.nominal(self.live.problem)
+        return self.live.evaluate(replace(h, held_out=held_out_of(self.study)))
 
     def spot_near(self, point: Sequence[float]) -> str:
         """Return the spot at a point of the structure; empty if none is near."""
@@ -231,6 +233,18 @@ class Desk:
         other = other if turned else h.with_fault(Fault("sensor_sign", sensor, -1.0, 0.0))
         self.suppose(f"turn the sign of sensor {sensor}", other)
 
+    def hold_out(self, channel: str) -> None:
+        """Keep a channel, such as ``sensor A1``, from the fits and compare it apart, or fit it again.
+
+        Raises
+        ------
+        StudyError
+            If no sensor or no excitation would be left for the fit.
+        """
+        h = self.now.hypothesis.held(channel)
+        measured(holding_out(self.study, h.held_out))
+        self.suppose(f"{'hold out' if channel in h.held_out else 'fit'} {channel}", h)
+
     def set_gain(self, sensor: str, gain: float) -> None:
         """Say that a sensor reads so many times too much; 1 takes the correction away."""
         h = self.now.hypothesis.without_fault("sensor_gain", sensor)
@@ -253,9 +267,9 @@ class Desk:
     # Longer work --------------------------------------------------------------------------------------------
 
     def fit_uncertain(self) -> Job:
-        """Fit what is uncertain, and the damping."""
+        """Fit the uncertain parameters and the damping."""
         h = self.now.hypothesis
-        return Job("Fit what is uncertain", lambda say: fit_uncertain(self.live, h, say)).start()
+        return Job("Fit uncertain parameters", lambda say: fit_uncertain(self.live, h, say)).start()
 
     def fit_this(self, name: str) -> Job:
         """Fit one added effect."""
@@ -268,7 +282,7 @@ class Desk:
         return Job("Fit all", lambda say: fit_all(self.live, h, say)).start()
 
     def take_fit(self, job: Job) -> None:
-        """Make what a fit has found the present state, with a step of the staircase."""
+        """Make the result of a fit the present state, with a step of the staircase."""
         h: Hypothesis = job.result
         names = " and ".join(e.name for e in h.effects)
         stair = Stair.of(f"{names}: {job.title.lower()}" if names else FITTED, self.live.evaluate(h))
@@ -278,10 +292,11 @@ class Desk:
         """Rank candidates beside the present hypothesis, all or some."""
         h, chosen = self.now.hypothesis, names or tuple(self.candidates)
         effects = [self.candidates[name] for name in chosen]
+        self.ranked_beside = h
         return Job("Rank candidates", lambda say: rank(self.live, h, effects, say)).start()
 
     def weigh(self, name: str) -> Weighed:
-        """Return what speaks for and against an added effect, the rest as it is."""
+        """Return the evidence for and against an added effect, the rest as it is."""
         if name not in self.weighed:
             self.weighed[name] = weigh(self.live, self.now.hypothesis, name)
         return self.weighed[name]
@@ -292,8 +307,9 @@ class Desk:
         return Job(f"Fit without {name}", lambda say: weigh(self.live, h, name, say)).start()
 
     def diagnose(self) -> Job:
-        """Search for what the study's model lacks, as `dovetail diagnose` does."""
-        return Job("Diagnose", lambda say: diagnose_study(self.study, say)).start()
+        """Search for effects that the study's model lacks, as `dovetail diagnose` does."""
+        study = holding_out(self.study, self.now.hypothesis.held_out)
+        return Job("Diagnose", lambda say: diagnose_study(study, say)).start()
 
     def save(self, path: Path) -> Path:
         """Write the study with the present hypothesis in it; see :func:`saving.save_study`."""
@@ -306,7 +322,7 @@ class Desk:
         return Job("Export report", work).start()
 
     def take_over(self) -> None:
-        """Add what the diagnosis has found, with its values."""
+        """Add the effects of the diagnosis, with their values."""
         assert self.diagnosis is not None
         last = self.diagnosis.steps[-1].result
         h = self.now.hypothesis
@@ -316,7 +332,7 @@ class Desk:
                 h = h.with_effect(own.with_values(**parameter_values(finding.effect)))
         values = {ref: float(last.values.get(ref, v)) for ref, v in h.values.items()}
         same = len(last.zeta) == len(h.zeta)
-        h = Hypothesis(h.effects, values, last.zeta if same else h.zeta, h.faults, h.off)
+        h = replace(h, values=values, zeta=last.zeta if same else h.zeta, fit=None)
         known = {(f.kind, f.sensor) for f in h.faults}
         for fault in self.diagnosis.faults:
             if (fault.kind, fault.sensor) not in known:

@@ -11,7 +11,7 @@ MOST_STATES = 300
 
 @dataclass(frozen=True, slots=True)
 class Stair:
-    """One step of the staircase: what was done, and the errors after it [dB]."""
+    """One step of the staircase: its action, and the errors after it [dB]."""
 
     label: str
     fit_db: float
@@ -25,14 +25,14 @@ class Stair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """What the desk shows and what can be undone.
+    """A state that the desk shows and can undo.
 
     Attributes
     ----------
     label : str
-        What was done to come here.
+        Action that led here.
     hypothesis : Hypothesis
-        What is worked on.
+        The hypothesis shown.
     stairs : tuple of Stair
         The steps to it, the nominal model first.
     other : Hypothesis or None
@@ -90,7 +90,7 @@ class History:
         return self.states[self.at]
 
     def then(self, state: State) -> "History":
-        """Return the history with a new present state; what was undone is gone."""
+        """Return the history with a new present state; undone states are dropped."""
         states = (*self.states[: self.at + 1], state)[-MOST_STATES:]
         return History(states, len(states) - 1)
 
@@ -104,10 +104,10 @@ class History:
 
     @property
     def undoes(self) -> str:
-        """What undo takes back; empty if nothing."""
+        """Action that undo takes back; empty if none."""
         return self.now.label if self.at else ""
 
     @property
     def redoes(self) -> str:
-        """What redo brings back; empty if nothing."""
+        """Action that redo brings back; empty if none."""
         return self.states[self.at + 1].label if self.at + 1 < len(self.states) else ""

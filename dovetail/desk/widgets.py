@@ -1,6 +1,6 @@
 """Small parts of the page."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -30,13 +30,23 @@ def button(
     return made
 
 
-def labelled(name: str) -> tuple[ui.label, ui.label]:
-    """Return the labels of a number with a name below: the number, and a second one."""
-    with ui.element("div").classes("desk-figure") as box:
-        value = ui.label().classes("value")
-        value.props["data-figure"] = name
-        ui.label(name).classes("name")
-        was = ui.label().classes("was")
-    box.props["role"] = "group"
-    box.props["aria-label"] = name
-    return value, was
+class Numbers(ui.element, component="numbers.js"):
+    """A row of numbers, each with a name below.
+
+    They are shown by a method, as a property of an element makes the browser render the whole page anew.
+
+    Parameters
+    ----------
+    names : mapping of str to str
+        Their names by key.
+    start : mapping of str to str
+        Their texts.
+    """
+
+    def __init__(self, names: Mapping[str, str], start: Mapping[str, str]) -> None:
+        super().__init__()
+        self._props["names"], self._props["start"] = dict(names), dict(start)
+
+    def show(self, now: Mapping[str, str], second: Mapping[str, str]) -> None:
+        """Show other texts, and those of a second hypothesis below; without one no texts."""
+        self.run_method("show", dict(now), dict(second))

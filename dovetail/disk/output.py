@@ -1,4 +1,4 @@
-"""What the commands write: folders whole or not at all, JSON, progress; never over what they read."""
+"""Outputs of the commands: folders whole or not at all, JSON, progress; never over inputs."""
 
 import json
 import os
@@ -23,7 +23,7 @@ MARK = ".dovetail"
 """File that tells a folder of ours from others."""
 
 _OWNER, _NEW, _OLD = "owner", "new", "old"
-"""What the temporary folder beside a result holds: its process's lock, the new result, the former one."""
+"""Names in the temporary folder beside a result: its process's lock, the new result, the former one."""
 
 
 class OutputError(ValueError):
@@ -40,8 +40,8 @@ def result_folder(path: Path, force: bool = False) -> Iterator[Path]:
     A folder that an earlier run made is replaced: where the system can exchange two names, there is a whole
     result under this name at every moment; elsewhere (not Linux, some network drives) there is none for the
     time between two renamings, and the next run puts the former one back if a process ended there. A folder
-    with other files is refused, or with ``force`` kept: what is new goes into it, file by file, and replaces
-    files of the same names. What killed processes have left beside it is removed.
+    with other files is refused, or with ``force`` kept: new files go into it, one by one, and replace
+    files of the same names. Temporary folders of killed processes beside it are removed.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def _owned(scratch: Path) -> Lock | None:
 
 
 def _tidy(target: Path) -> None:
-    """Remove what processes that have ended left beside a result; put a former result back if it is gone."""
+    """Remove temporary folders of ended processes beside a result; put a former result back if it is gone."""
     if not target.parent.is_dir():
         return
     for scratch in target.parent.glob(f".{_escaped(target.name[:LONGEST_NAME])}-*"):
@@ -119,7 +119,7 @@ def _escaped(name: str) -> str:
 
 
 def _remove(scratch: Path, lock: Lock | None) -> None:
-    """Remove a temporary folder, its lock last: what is left of it by a crash is still known as one."""
+    """Remove a temporary folder, its lock last: after a crash the rest is still known as one."""
     for name in (_NEW, _OLD):
         shutil.rmtree(scratch / name, ignore_errors=True)
     if lock is not None:
@@ -134,7 +134,7 @@ def _must_stay(target: Path) -> bool:
 
 
 def _put(new: Path, target: Path, old: Path) -> None:
-    """Give a finished folder its name; what had it is left as ``new`` or ``old``."""
+    """Give a finished folder its name; the former folder stays as ``new`` or ``old``."""
     if not target.exists():
         new.rename(target)
         return
@@ -184,7 +184,7 @@ def _below(folder: Path, name: Any) -> Path | None:
     return file.relative_to(folder) if file.is_relative_to(folder) else None
 
 
-# What must not be written over ------------------------------------------------------------------------------
+# Protection of inputs ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +220,7 @@ def check_outputs(inputs: Iterable[InputFile], *outputs: Output) -> None:
     Raises
     ------
     OutputError
-        For the first of them; it names option, file and what the file is.
+        For the first of them; it names option, file and the file's role.
     """
     given = [o for o in outputs if o.given]
     check_writable(*(o.path for o in given if not o.names))
@@ -328,7 +328,7 @@ def write_json(path: Path | None, data: Any) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Turn arrays, tuples and NumPy numbers into what JSON knows; numbers that are not finite into null."""
+    """Turn arrays, tuples and NumPy numbers into JSON's types; numbers that are not finite into null."""
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
@@ -349,7 +349,7 @@ def _plain(value: Any) -> Any:
 class Progress:
     """A progress bar on a terminal; nothing where the output is piped or quiet is asked for.
 
-    Call it with what is being done, and with how much of how much where that is known.
+    Call it with the step, and with its count and total where these are known.
     """
 
     def __init__(self, quiet: bool = False) -> None:

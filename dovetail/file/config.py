@@ -117,8 +117,8 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> 
     path : path
         A TOML file; see docs/study-file.md. Other files are looked for beside it.
     needs : collection of str
-        What besides the model must be right, some of ``NEEDS``. Anything else that cannot be read is left
-        out, which ``Study.warnings`` says.
+        Parts besides the model that must be right, some of ``NEEDS``. Anything else that cannot be read is
+        left out, which ``Study.warnings`` says.
 
     Raises
     ------
@@ -223,7 +223,7 @@ class _Reader:
 
     @contextmanager
     def _attempt(self, part: str) -> Iterator[None]:
-        """Read a part of the study; what a command can do without is left out with a warning."""
+        """Read a part of the study; a part that the command does not need is left out with a warning."""
         try:
             yield
         except (ValueError, OSError) as reason:
@@ -236,7 +236,7 @@ class _Reader:
 
     @contextmanager
     def _if_all_was_read(self) -> Iterator[None]:
-        """Read what refers to sensors and measurements; it has no meaning where some were left out."""
+        """Read a part that refers to sensors and measurements; skip it where some were left out."""
         try:
             yield
         except ValueError:
@@ -294,7 +294,6 @@ class _Reader:
             exclude=exclude,
             band=settings.band,
             model_error=settings.model_error,
-            n_simulated=settings.n_simulated,
             n_lines=settings.n_lines,
             held_out=held_out,
             held_out_sensors=held_out_sensors,
@@ -313,7 +312,6 @@ class _Reader:
                 for key, group in (("outputs", sensors), ("inputs", excitations))
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
-            evidence=settings.evidence,
         )
 
     def _head(self) -> tuple[str, str]:

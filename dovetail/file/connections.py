@@ -1,4 +1,4 @@
-"""What connects the members of a study: joints, viscoelastic elements, links, equations, foreign parts."""
+"""Connections of a study's members: joints, viscoelastic elements, links, equations, foreign parts."""
 
 import warnings
 from collections.abc import Mapping

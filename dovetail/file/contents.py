@@ -18,7 +18,7 @@ from updating.measurement.measurement import Measurement, Sensor
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """A structure, what was measured on it, and what is uncertain.
+    """A structure, its measurements, and its uncertain parameters.
 
     Attributes
     ----------
@@ -45,10 +45,6 @@ class Study:
         Band of comparison and fit; None for that of the measurements [Hz].
     model_error : float
         Residual level up to which a model of beams counts as right [neper].
-    evidence : bool
-        Whether effects are searched for by evidence.
-    n_simulated : int
-        Measurements to simulate for trying a verdict against chance.
     n_lines : int or None
         Number of frequency lines to fit; None for the program's choice.
     held_out : tuple of str
@@ -58,17 +54,17 @@ class Study:
     frequency : ndarray
         Lines of :command:`dovetail frf` where there is no measurement [Hz].
     max_frequency : float
-        What the mesh is fine enough for [Hz].
+        Highest frequency that the mesh resolves [Hz].
     element_size : (float, float)
         Smallest and largest element size aimed at [m].
     assumptions : tuple of str
-        What the study did not say and was assumed, in sentences.
+        Assumptions for missing entries, in sentences.
     modes : MeasuredModes or None
         Measured modes, where the study gives them.
     plan : UpdatePlan
-        What :command:`dovetail update` does.
+        Plan of :command:`dovetail update`.
     warnings : tuple of str
-        What is probably wrong in the study and its files, and what was left unread, in sentences.
+        Probable faults of the study and its files, and parts left unread, in sentences.
     implausible : tuple of str
         Those of them that are about values of the model, with file, line and key.
     shape_limits : ShapeLimits
@@ -79,7 +75,7 @@ class Study:
         How files call sensors (``"outputs"``) and excitations (``"inputs"``), by their names, where the study
         says it.
     measured_notes : tuple of str
-        What the readers of the measured files left out, converted or found twice, a sentence each.
+        Records that the readers of the measured files left out, converted or found twice, a sentence each.
     """
 
     name: str
@@ -96,7 +92,6 @@ class Study:
     exclude: tuple[str, ...]
     band: tuple[float, float] | None
     model_error: float
-    n_simulated: int
     n_lines: int | None
     held_out: tuple[str, ...]
     held_out_sensors: tuple[str, ...]
@@ -112,7 +107,6 @@ class Study:
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
     measured_notes: tuple[str, ...] = ()
-    evidence: bool = True
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""

@@ -31,7 +31,7 @@ def check_phase(
     excitations: Sequence[Channel],
     suspicions: list[str],
 ) -> list[PhaseEvidence | None]:
-    """Return what phases say of each measurement; None where the study does not want it.
+    """Return the evidence of phases for each measurement; None where the study does not want it.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def check_phase(
     sensors, excitations : sequence of Channel
         Those of the study.
     suspicions : list of str
-        Gets what is not certain.
+        Gets uncertain findings.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _table(f: Misphased) -> str:
 
 
 def _words(m: Measurement, f: Misphased, beside: BesideModel | None) -> str:
-    """Return what is found and what to do."""
+    """Return the finding and its remedy."""
     if f.fault == "conjugate":
         found = (
             f"belong to e^{{-iωt}}: they ring before the impulse, with {float(f'{f.size:.2g}'):g} times the "

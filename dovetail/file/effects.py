@@ -19,9 +19,9 @@ from updating.measurement.measurement import Sensor, sensor_point
 def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Model:
     """Return a model with ``[[effects]]``: each the name of a candidate for it, and values of its parameters.
 
-    A value that is not given stays what the candidate begins with. The effect is called "known" and the
+    A value that is not given stays the candidate's initial one. The effect is called "known" and the
     candidate's name, so that a search may propose the candidate again. Candidates after joints' patches are
-    those of a model with these, the others of one without what is known.
+    those of a model with these, the others of one without the known effects.
     """
     out: list[Effect] = []
     names = {e.name for e in model.effects}
@@ -155,7 +155,7 @@ def _allowed(parameters: Iterable[Parameter]) -> str:
 def candidates_of(
     kind: str, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
 ) -> tuple[Effect, ...]:
-    """Return the candidates of a kind for a model and what was measured on it."""
+    """Return the candidates of a kind for a model and its instruments."""
     return effect_classes()[kind].propose_for_test(model, _instruments(model, sensors, excitations))
 
 

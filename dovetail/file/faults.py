@@ -62,7 +62,7 @@ def _square(t: Table, sensor: Sensor) -> tuple[float, ...]:
 
 
 def fault_table(fault: Fault) -> str:
-    """Return the ``[[faults]]`` entry of a fault that was found."""
+    """Return the ``[[faults]]`` entry of a found fault."""
     what = fault.kind.partition("_")[0]
     values: dict[str, Any] = {"kind": fault.kind, what: fault.sensor}
     if not fault.kind.endswith(("sign", "swap")):

@@ -44,9 +44,9 @@ class TooManyElementsError(MeshError):
     member : str
         The member that asks for the most.
     key : str
-        What asks: ``"elements"``, ``"element_size"``, or ``"waves"`` where their length does.
+        Cause: ``"elements"``, ``"element_size"``, or ``"waves"`` for their length.
     suspicions : tuple of Suspicion
-        What is implausible of the members, where waves ask.
+        Implausible values of the members, where waves are the cause.
     """
 
     def __init__(self, message: str, member: str, key: str, suspicions: tuple[Suspicion, ...] = ()) -> None:
@@ -294,7 +294,7 @@ def _aimed_size(
     own: tuple[float | None, int | None],
     at_least: int,
 ) -> tuple[float, str]:
-    """Return the element size of a member, and what asks for it: a key of the study, or waves."""
+    """Return the element size of a member, and its cause: a key of the study, or waves."""
     own_size, count = own
     if count is not None:
         return total / count, "elements"

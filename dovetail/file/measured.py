@@ -86,7 +86,7 @@ def read_files(
 ) -> tuple[list[RawMeasurement], dict[int, NDArray[np.float64]]]:
     """Read the files of ``[[measurements]]``; return their FRFs and the coordinates of their nodes [m].
 
-    ``notes`` gains what is assumed, ``said`` what the readers have to say about the files.
+    ``notes`` gains the assumptions, ``said`` the readers' notes on the files.
     """
     out: list[RawMeasurement] = []
     nodes: dict[int, NDArray[np.float64]] = {}
@@ -150,7 +150,7 @@ def read_files(
 
 
 def _axis_factor(t: Table, unit: str, labels: Sequence[str]) -> float:
-    """Return what frequencies are multiplied by to be in Hz, after a reader has converted labelled ones.
+    """Return the factor of frequencies to Hz, after a reader has converted labelled ones.
 
     A label of Hz, which programs write by default, gives way to ``frequency_unit``; any other has to agree.
     """
@@ -225,7 +225,7 @@ _TURNS: dict[str, Callable[[Complexes], Complexes]] = {
 
 
 def _turned(again: Complexes, first: Complexes) -> str:
-    """Return what brings repeated FRFs (n_freq, n_out, n_in) nearest to the first ones; empty for nothing.
+    """Return the change that brings repeated FRFs (n_freq, n_out, n_in) nearest to the first; empty for none.
 
     Nearest in the mean over the FRFs of their relative square distance: noise of a repeat makes a
     turned one the nearest only where it is larger than the signal.
@@ -282,7 +282,7 @@ def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64
 
 
 def _array(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
-    """Read ``frequency``, what belongs to FRFs and, where channels differ, ``outputs`` and ``inputs``.
+    """Read ``frequency``, an array at FRFs' values and, where channels differ, ``outputs`` and ``inputs``.
 
     Returns (n_freq, n_out, n_in), NaN for values of which the file says nothing; None where it has none.
     """
@@ -363,7 +363,7 @@ def _read(
         if suffix in UFF_SUFFIXES:
             file = read_quietly(path, kind, unit_labels=not scaled)
             if not file.frfs:
-                file.frf()  # says what the file holds instead
+                file.frf()  # its error names the file's content
             functions = file.functions
             axes = file.frf_axes
             if file.points is not None:
@@ -401,7 +401,7 @@ def _read(
 
 
 def notes_of(file: UffFile) -> list[str]:
-    """Return what there is to say about a universal file, a sentence each, with its name."""
+    """Return the notes on a universal file, a sentence each, with its name."""
     runs = (f"{file.name} [{i}]: {run}" for i, run in enumerate(file.frf_runs, 1) if run)
     return [*(f"{file.name}: {line}" for line in (*file.notes, *file.skipped)), *runs]
 

@@ -22,7 +22,7 @@ from updating.measurement.measurement import Sensor
 from updating.modal.identification import LARGEST_MPD, LEAST_MPC
 
 TARGETS: tuple[str, ...] = ("frf", "modes", "frequencies")
-"""What a model may be updated to: FRFs, natural frequencies with shapes, natural frequencies alone."""
+"""Data that a model may be updated to: FRFs, natural frequencies with shapes, natural frequencies alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,15 +81,15 @@ def read_shape_limits(top: Table) -> ShapeLimits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UpdatePlan:
-    """What to update, and to what.
+    """Parameters to update, and the data for it.
 
     Attributes
     ----------
     to : tuple of str
-        Some of ``TARGETS``; empty for what the study has.
+        Some of ``TARGETS``; empty for all that the study has.
     unknowns : tuple of Unknown
     model_error, amplitude_error : float
-        What even the right parameters miss, relative [-].
+        Error with the right parameters, relative [-].
     damping : bool
         Whether damping ratios are updated to FRFs.
     settings : UpdateSettings
@@ -233,7 +233,7 @@ def read_plan(
     has : mapping of str to bool
         Which of ``TARGETS`` the study has data for.
     default : sequence of Unknown
-        What is updated unless the study says it.
+        Unknowns unless the study gives them.
     candidates : callable
         Return the candidates of a kind of effect.
     """
@@ -308,7 +308,7 @@ def _unknowns(
         t.refuse("name", "with each = true the parameters have the names of their effects; leave name out")
     there = {e.name for e in model.effects}
     new = [e for e in effects if e.name not in there]
-    if start is not None:  # what is rigid or nothing when absent begins elsewhere
+    if start is not None:  # parameters that are rigid or nothing when absent begin elsewhere
         new = [e.with_values(**dict.fromkeys(words, start)) for e in new]
     refs = [tuple((e.name, w) for w in words) for e in effects]
     unknowns = [

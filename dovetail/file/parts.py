@@ -330,7 +330,7 @@ def read_damping(top: Table, folder: Path, notes: list[str]) -> tuple[Damping, t
         own = [inner.vector(key, size=None, unit=unit) for key, unit in (("frequency", "Hz"), ("ratio", "-"))]
         inner.finish()
         with t.at("connections"):
-            Damping.modal(own[1], own[0], powers=True)  # says what is wrong with them
+            Damping.modal(own[1], own[0], powers=True)  # its error names the fault
         others = (ConnectionDamping(frequency=own[0], ratio=own[1]),)
     damping = Damping(
         modal.frequency,

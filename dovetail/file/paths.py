@@ -22,7 +22,7 @@ FILES: dict[tuple[str, ...], str] = {
     ("damping", "file"): "the modes that give the damping",
     ("modes", "file"): "the measured modes",
 }
-"""Keys of a study that name files, without the numbers of tables, and what the files are."""
+"""Keys of a study that name files, without the numbers of tables, and the files' roles."""
 
 INCLUDING = (".inp", ".bdf", ".dat", ".nas")
 """Suffixes of mesh files that may include others."""
@@ -38,7 +38,7 @@ _INCLUDES = (
 
 @dataclass(frozen=True, slots=True)
 class InputFile:
-    """A file that a command reads, and what it is in words, such as "the mesh of the study"."""
+    """A file that a command reads, and its role, such as "the mesh of the study"."""
 
     path: Path
     what: str

@@ -1,4 +1,4 @@
-"""What of a study is implausible, with file, line and key: what `fem.plausibility` finds, and of tests."""
+"""Implausible values of a study with file, line and key: those of `fem.plausibility`, and those of tests."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ Tree = Mapping[str, Any]
 
 
 def implausible(top: Table, model: Model, max_frequency: float) -> tuple[str, ...]:
-    """Return what is implausible of a study and its model, one sentence each with its place.
+    """Return the implausible values of a study and its model, one sentence each with its place.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def implausible(top: Table, model: Model, max_frequency: float) -> tuple[str, ..
 
 @contextmanager
 def beside_implausible(odd: Sequence[str]) -> Iterator[None]:
-    """Add what is implausible of a model to errors of computing with it, for it may be their cause."""
+    """Add the implausible values of a model to errors of computing with it, for they may be the cause."""
     try:
         yield
     except StudyError as reason:
@@ -52,7 +52,7 @@ def _with_remedy(s: Suspicion, tree: Tree) -> str:
 
 
 def path_of(s: Suspicion, tree: Tree, mesh: Mesh) -> Path:
-    """Return where a study says what a suspicion is of."""
+    """Return the place in a study of the value that a suspicion names."""
     what, *names = s.place
     if what == "material":
         return ("materials", *names)

@@ -78,7 +78,7 @@ class Channel:
 
     @property
     def written(self) -> str:
-        """Its label in files that are written: what the study says of it, or nothing."""
+        """Its label in written files: that of the study, or none."""
         axis = np.flatnonzero(np.abs(self.sensor.direction) > 1 - 1e-9)
         if self.label or self.node is None or not axis.size:
             return self.label

@@ -1,7 +1,7 @@
-"""What looks wrong in measured FRFs beside the model's: their unit, their kind, their frequency axis.
+"""Suspicions about measured FRFs beside the model's: their unit, their kind, their frequency axis.
 
 Data and model may each be at fault, and nothing here tells which. So these are warnings that give both
-suspects with the size of their fault. What phase and causality prove is in :mod:`dovetail.file.conventions`.
+suspects with the size of their fault. Proofs by phase and causality are in :mod:`dovetail.file.conventions`.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ SUSPECTS: tuple[tuple[float, str], ...] = (
     (39.3701, "in inches where m is meant"),
     (39.3701 * 4.44822, "in inches per pound-force where m/N is meant"),
 )
-"""Measured over computed, and what may have happened to the data."""
+"""Measured over computed, and possible causes in the data."""
 
 LARGE_FACTOR = 2.5
 """Ratio of measured to computed FRFs beyond which a word is said [-]."""
@@ -100,7 +100,7 @@ class LazyComparison:
     ----------
     model : Model
     system : callable
-        Returns the assembled model; what several measurements share assembles it once.
+        Returns the assembled model; several measurements may share one that assembles it once.
     measurement : Measurement
     """
 
@@ -156,7 +156,7 @@ def _beside(
     frequency: NDArray[np.float64], measured: NDArray[np.complex128], H: NDArray[np.complex128]
 ) -> BesideModel:
     H = np.where(np.isfinite(H), H, 0.0)  # at a resonance without damping there is no ratio
-    # What only rounding moves in the model, as across the plane of a plane frame, has no ratio.
+    # Motions by rounding alone, as across the plane of a plane frame, have no ratio.
     size = np.median(np.abs(H), axis=0)
     there = (H != 0) & (size > _MOVES * size.max())
     ratio = np.where(there, measured / np.where(there, H, 1.0), complex("nan"))
@@ -168,7 +168,7 @@ def suspicions(
     raw: Sequence[RawMeasurement],
     evidence: Sequence[PhaseEvidence | None],
 ) -> list[str]:
-    """Return what looks wrong in the order of magnitude and the frequencies of measured FRFs, in sentences.
+    """Return suspicions about the order of magnitude and the frequencies of measured FRFs, in sentences.
 
     The median over channels of |measured| / |computed|, a line at a time, hardly depends on where resonances
     are. Its size tells another unit, its slope over frequency another kind of FRF.
@@ -229,7 +229,7 @@ def _medians(beside: BesideModel) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 def _size_words(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -> str:
-    """Return what the size of measured over computed FRFs looks like; nothing where it is about 1."""
+    """Return a likely cause of the ratio of measured to computed FRFs; nothing where it is about 1."""
     x, y = _medians(beside)
     if not x.size:
         return ""
@@ -261,7 +261,7 @@ def kind_beside_model(kind: FRFKind, beside: BesideModel, evidence: PhaseEvidenc
     Parameters
     ----------
     kind : FRFKind
-        What they are called.
+        Their name in messages.
     beside : BesideModel
     evidence : PhaseEvidence or None
         A kind whose phase it contradicts is left out.
@@ -276,7 +276,7 @@ def kind_beside_model(kind: FRFKind, beside: BesideModel, evidence: PhaseEvidenc
         power = like.derivatives - kind.derivatives
         if power == 0 or (power % 2 and right):  # iω would turn phases that are right
             continue
-        # (iω)^power lies between what the data are called and what they look like
+        # (iω)^power lies between the stated kind of the data and their apparent one
         other, other_spread = _centre(y - power * np.log10(2 * np.pi * 10**x))
         by_slope = abs(slope - power) < 0.4 and abs(other) < 1.3
         by_size = abs(level) > np.log10(LARGE_FACTOR) and abs(other) < np.log10(1.6)

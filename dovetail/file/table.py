@@ -20,7 +20,7 @@ MISSING: Any = object()
 
 
 class StudyError(ValueError):
-    """A study file that cannot be what the user meant; the message names file, line and key."""
+    """A fault of a study file; the message names file, line and key."""
 
 
 LEAST = 1e-30
@@ -236,7 +236,7 @@ def as_vector(table: Table, key: str, value: Any, size: int | None, unit: str) -
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """Return what is allowed instead of a word, the nearest first."""
+    """Return the allowed words instead of one, the nearest first."""
     known = list(known)
     close = difflib.get_close_matches(word, known, 1, 0.6)
     listed = ", ".join(known[:20]) + (f" and {len(known) - 20} more" if len(known) > 20 else "")

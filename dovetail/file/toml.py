@@ -53,7 +53,7 @@ def toml_table(header: str, values: Mapping[str, Any]) -> str:
 def with_values(text: str, changes: Mapping[Path, Any]) -> str:
     """Return a TOML text with other values at some places.
 
-    What is there is replaced; a key that is not is put first into its table, which is made if need be. Where
+    Present values are replaced; a missing key is put first into its table, which is made if need be. Where
     the text writes the table in a way that has no room for a key (dotted keys), a ValueError says so.
 
     Parameters

@@ -1,7 +1,7 @@
 """A study's text with other values of its model: parameters, damping, found effects, faults, element sizes.
 
 The one way in which a study is written, by ``run``, ``update`` and ``identify-joint``: values are put where
-the text has them, comments and order stay, and what has no place gets a table of its own.
+the text has them, comments and order stay, and a part without a place gets a table of its own.
 """
 
 import tomllib
@@ -83,7 +83,7 @@ def _tables(tree: Tree, key: str) -> list[Any]:
 
 
 def _own_name(kind: str, i: int, one: Mapping[str, Any]) -> str:
-    """Return what a joint, a mass or an element is called."""
+    """Return the name of a joint, a mass or an element."""
     if "name" in one:
         return one["name"]
     if kind != "masses":
@@ -101,7 +101,7 @@ def with_damping(text: str, damping: Damping, connections: tuple[np.ndarray, np.
     damping : Damping
         Its modal ratios are written.
     connections : (ndarray, ndarray) or None
-        Frequencies [Hz] and ratios of connections that are damped otherwise; None leaves what the text says.
+        Frequencies [Hz] and ratios of connections that are damped otherwise; None keeps those of the text.
     """
     modal: dict[str, Any] = {"frequency": damping.frequency, "ratio": damping.ratio}
     modal |= {"between": "powers"} if damping.powers else {}

@@ -1,1 +1,1 @@
-"""What a notebook shows of a study: tables in HTML, labelled arrays, and figures of comparisons."""
+"""Views of a study in a notebook: tables in HTML, labelled arrays, and figures of comparisons."""

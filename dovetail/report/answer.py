@@ -5,7 +5,7 @@ from dovetail.report.page import Markup, bullets, join, paragraph, section, tabl
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 
 CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
 
@@ -53,16 +53,16 @@ def _structure(result: RunResult, shown: Shown) -> Markup:
         alt += f"; marked: {found}"
     caption = (
         "Sensors in the colours of their error once the uncertain parameters are fitted"
-        + ("; the ring marks what was found." if found else ".")
+        + ("; the ring marks the found effect." if found else ".")
         + " A click on a sensor shows its FRFs below."
     )
     return shown.figure("model", f"{alt}.", caption, ["structure"], hint=TURN)
 
 
 def how_sure(result: RunResult) -> Markup:
-    """Return how sure the verdict is, the errors of the steps, and what would help."""
+    """Return how sure the verdict is, the errors of the steps, and advice."""
     advice = (
-        [tag("h3", "What would help"), bullets(words.advice(result))]
+        [tag("h3", "Advice"), bullets(words.advice(result))]
         if result.diagnosis.verdict == UNEXPLAINED
         else []
     )
@@ -95,10 +95,10 @@ def _steps(result: RunResult) -> Markup:
 
 
 def _ranked_by(d: Diagnosis) -> str:
-    """Return by what the search has ranked candidates."""
-    bands = "each of up to four bands having an error level of its own"
-    if d.posterior:
-        return f"Hypotheses are ranked by their evidence, {bands}; held-out lines do not count."
+    """Return by what the search has ranked hypotheses; nothing where none was made."""
+    if not d.posterior:
+        return ""
     return (
-        f"Candidates are ranked by how likely the data are with them, {bands}; held-out lines count as well."
+        "Hypotheses are ranked by their evidence, each of up to four bands having an error level of its own; "
+        "held-out lines do not count."
     )

@@ -1,4 +1,4 @@
-"""What a report says of the measurement: warnings, data, gates."""
+"""The measurement in a report: warnings, data, gates."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from updating.inference.fit_data import TRANSVERSE, FitData
 
 
 def check_first(result: RunResult) -> Markup:
-    """Return what is probably wrong in the study; nothing where nothing is."""
+    """Return the probable faults of the study; nothing without any."""
     warnings = result.study.warnings
     return section("Check first", bullets(warnings)) if warnings else Markup()
 
@@ -38,7 +38,7 @@ def compared(result: RunResult, shown: Shown) -> Markup:
     head = ["data", "kind", "unit", "responses", "forces", "lines", "band [Hz]", "force [N]"]
     mesh = study.model.mesh
     return section(
-        "What was compared",
+        "Compared data",
         table(head, rows, numbers=(3, 4, 5), caption="Measured FRFs"),
         facts(
             [
@@ -62,7 +62,7 @@ def compared(result: RunResult, shown: Shown) -> Markup:
 
 
 def gates(result: RunResult) -> Markup:
-    """Return what was asked of the measurement before the search."""
+    """Return the tests of the measurement before the search."""
     known = result.diagnosis.gates
     if known is None:
         return Markup()
@@ -70,10 +70,10 @@ def gates(result: RunResult) -> Markup:
     return section(
         "Gates first",
         paragraph(
-            "What was asked of the measurement before effects were searched for. What failed is set right, "
-            "counted as noise, or stays a warning beside the verdict."
+            "Tests of the measurement before the search for effects. A failed one is set right, counted as "
+            "noise, or stays a warning beside the verdict."
         ),
-        table(["gate", "outcome", "what was found"], rows),
+        table(["gate", "outcome", "finding"], rows),
     )
 
 
@@ -126,5 +126,5 @@ def _sensor_places(result: RunResult) -> Markup:
                 ]
             )
     return table(
-        ["name", "what", "x [m]", "y [m]", "z [m]", "direction"], rows, numbers=(2, 3, 4), at_most=1000
+        ["name", "kind", "x [m]", "y [m]", "z [m]", "direction"], rows, numbers=(2, 3, 4), at_most=1000
     )

@@ -1,4 +1,4 @@
-"""What an identified joint looks like in words, as JSON and as a picture."""
+"""An identified joint in words, as JSON and as a picture."""
 
 from pathlib import Path
 from typing import Any
@@ -99,7 +99,7 @@ def joint_words(
     summary: list[dict[str, Any]],
     reason: str,
 ) -> list[str]:
-    """Return what is printed: values with their uncertainty, what stays open, and the lines beside.
+    """Return the printed lines: values with their uncertainty, open parameters, and values at lines beside.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def _fitted(found: Estimate) -> list[str]:
         unit = row["unit"].replace("N m/", "N·m/").replace("N m s/", "N·m·s/").replace("N s/", "N·s/")
         std = "" if row["std"] is None else f"{row['std']:.2g}"
         low_high = "" if row["low"] is None else f"{row['low']:.5g} … {row['high']:.5g}"
-        if not row["determined"]:  # a deviation of what the data do not determine reads as if they did
+        if not row["determined"]:  # a deviation would read as if the data determined the parameter
             std = low_high = ""
         out.append(
             f"  {name:12s} {row['value']:15.5g} {std:>11s}   {low_high:30s} {unit:10s} {known}"
@@ -250,7 +250,7 @@ def _middle(values: np.ndarray) -> float:
 def draw_joint(found: Estimate, path: Path, amplification: float = 1e3) -> None:
     """Draw the dynamic stiffness over frequency: line by line, and as fitted with its confidence band.
 
-    Points are those of the structure as fitted: without the joint, but with what is uncertain about it moved.
+    Points are those of the structure as fitted: without the joint, but with its uncertain parameters fitted.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from dovetail.result import RunResult, least_frac
 
 def misfit(result: RunResult, shown: Shown) -> Markup:
     """Return the error by sensor and by band, and places where a small change would help."""
-    after = [shown.picture("misfit-final"), _map(shown, "final", "with what was found")]
+    after = [shown.picture("misfit-final"), _map(shown, "final", "with the found effects")]
     return section(
         "Where it fails",
         paragraph(
@@ -21,7 +21,7 @@ def misfit(result: RunResult, shown: Shown) -> Markup:
         _structure(shown),
         _map(shown, "fitted", "once the uncertain parameters are fitted"),
         *_shares(result),
-        folded("The same with what was found", *after) if any(after) else "",
+        folded("The same with the found effects", *after) if any(after) else "",
         folded("Error of each sensor", _sensor_errors(result)),
     )
 

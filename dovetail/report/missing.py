@@ -1,25 +1,25 @@
-"""What is missing, why it is believed, and how the other candidates did."""
+"""The missing effects, the evidence for them, and the ranking of the other candidates."""
 
 import math
 
 from dovetail.report import cells, words
 from dovetail.report.drawn import ranking_caption
 from dovetail.report.figures import hypotheses
-from dovetail.report.page import Markup, bullets, folded, image, join, paragraph, section, table, tag
+from dovetail.report.page import Markup, bullets, folded, join, paragraph, section, table, tag
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult
+from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import FAULT, NOTHING, UNEXPLAINED
+from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import Finding, Ranked
 from updating.diagnosis.separation import Decisive, Proposal
 
 
 def missing(result: RunResult, shown: Shown) -> Markup:
-    """Return what was found, why, and what would tell it from its rivals."""
+    """Return the found effects, their evidence, and measurements that would tell them from rivals."""
     d = result.diagnosis
     if not d.findings:
-        chance = _chance(shown)
-        return section("What is missing", *_nothing_found(result), *_hypotheses(result, shown), *chance)
+        return section("Missing effects", *_nothing_found(result), *_hypotheses(result, shown))
     rows = [
         [
             words.effect_label(f.effect.kind, f.effect.where),
@@ -36,19 +36,17 @@ def missing(result: RunResult, shown: Shown) -> Markup:
         *_hypotheses(result, shown),
     ]
     for k, finding in enumerate(d.findings):
-        if not finding.without:
-            parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
+        parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
         parts.append(_decided(finding, shown.picture(f"decides-{k + 1}")))
         parts += [_separated(finding, t, p) for t, p in zip(finding.twins, finding.proposals, strict=False)]
     parts.append(
         paragraph(
             "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
-            "parameters vary with it. What is left beyond noise counts in them as an error of the model that "
+            "parameters vary with it. The residual beyond noise counts in them as an error of the model that "
             "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
         )
     )
-    parts += _chance(shown)
-    return section("What is missing", *parts)
+    return section("Missing effects", *parts)
 
 
 def _absent(finding: Finding, name: str) -> str:
@@ -77,7 +75,7 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
             tag("h3", f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
             table(cells.RANKING, rows, numbers=(2, 3, 4, 5), marked=(0,) if own else ()),
             paragraph(
-                f"{twins} Similarity is the correlation of what two effects do to the FRFs; 1 means that "
+                f"{twins} Similarity is the correlation of two effects' changes of the FRFs; 1 means that "
                 "these "
                 "sensors cannot tell them apart."
             ),
@@ -99,7 +97,7 @@ def _decided(finding: Finding, picture: Markup) -> Markup:
     )
     return join(
         [
-            tag("h3", "What decides"),
+            tag("h3", "Deciding evidence"),
             paragraph(lead),
             bullets([_decisive(piece) for piece in finding.decisive]),
             tag("div", picture, class_="off") if picture else "",
@@ -117,11 +115,11 @@ def _decisive(piece: Decisive) -> Markup:
 
 
 def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
-    """Return what is how probable; nothing where the search gives no probabilities."""
+    """Return the probabilities of hypotheses; nothing where the search gives none."""
     known = hypotheses(result)
     if not known:
         return []
-    rows = [[name, words.percent_text(p)] for name, p in known]
+    rows = [[name, percent(p)] for name, p in known]
     return [
         tag("h3", "How probable"),
         shown.figure(
@@ -133,12 +131,8 @@ def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
     ]
 
 
-def _chance(shown: Shown) -> list[Markup]:
-    return [image(p.file, p.alt, p.caption) for p in shown.album.starting("chance-")]
-
-
 def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> Markup:
-    """Say what to measure next to tell the effect from a twin."""
+    """Return the next measurement that would tell the effect from a twin."""
     own = words.effect_label(finding.effect.kind, finding.effect.where)
     rows = [
         [words.proposal_text(p), f"{p.difference_db:.2f}", words.evidence_text(p.evidence)]
@@ -176,12 +170,12 @@ def _nothing_found(result: RunResult) -> list[Markup]:
             "Nothing that these data can show. This does not prove that the model is right where no mode "
             "of the band strains it."
             if not d.more_than_noise
-            else "Nothing that stands out from what beams leave of any structure."
+            else "Nothing that stands out from the error of beam theory."
         ),
         FAULT: "Nothing, once the sensors below are set right.",
         UNEXPLAINED: (
-            "Something, but none of the candidates. The model should not be trusted for what it was made "
-            "for until the cause is known."
+            "Something, but none of the candidates. The model should not be trusted for its purpose "
+            "until the cause is known."
         ),
     }.get(d.verdict, d.reason)
     return [
@@ -194,15 +188,6 @@ def _nothing_found(result: RunResult) -> list[Markup]:
     ]
 
 
-_ACCEPTED = {
-    True: "The most probable hypothesis is kept if its evidence, with the prior odds against each place, is "
-    "larger than that without it.",
-    False: "The best is accepted if the residual level falls enough, on the lines of the fit and on held-out "
-    "lines, or if it is the first and makes the data much more likely, as in a part of the band.",
-}
-"""What an effect must do to be accepted, by evidence or by the older search."""
-
-
 def search(result: RunResult, shown: Shown) -> Markup:
     """Return how the candidates did in each round."""
     d = result.diagnosis
@@ -212,7 +197,8 @@ def search(result: RunResult, shown: Shown) -> Markup:
         paragraph(
             "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
             "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
-            f"best of these fully. {_ACCEPTED[bool(d.posterior)]} Then the search is repeated with it. Those "
+            "best of these fully. The most probable hypothesis is kept if its evidence, with the prior odds "
+            "against each place, is larger than that without it. Then the search is repeated with it. Those "
             "that were fitted fully are listed."
         )
     ]
@@ -248,15 +234,7 @@ def _ranking(ranked: tuple[Ranked, ...], finding: Finding | None, k: int) -> Mar
     accepted = finding.effect.name if finding else None
     rows = []
     for r in ranked:
-        what = (
-            "accepted"
-            if r.name == accepted
-            else "twin"
-            if r.name in twins
-            else ""
-            if r.refined
-            else "quick fit"
-        )
+        what = "accepted" if r.name == accepted else "twin" if r.name in twins else ""
         rows.append(
             [
                 cells.tagged(r, what),

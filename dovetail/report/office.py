@@ -1,10 +1,10 @@
-"""What the writers of Word and PowerPoint files share."""
+"""Common parts of the writers of Word and PowerPoint files."""
 
 import importlib
 from typing import Any
 
 BLUE = "0B5394"
-"""Colour of what stands out."""
+"""Colour of emphasis."""
 
 PACKAGES = {"docx": "python-docx", "pptx": "python-pptx"}
 

@@ -57,7 +57,7 @@ Block = Text | Items | Table | Picture
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of the story: heading, level (1 for a section, 2 below it), and what it says."""
+    """A part of the story: heading, level (1 for a section, 2 below it), and its content."""
 
     heading: str
     level: int
@@ -95,8 +95,8 @@ class Outline:
 def read_outline(folder: Path) -> Outline:
     """Return the story of the report in a folder that ``dovetail run`` has written.
 
-    What the page folds away and what a script draws is left out; pictures come from ``pictures/`` where they
-    are there, else from the page.
+    Folded parts of the page and figures drawn by a script are left out; pictures come from ``pictures/``
+    where they are there, else from the page.
 
     Raises
     ------
@@ -147,7 +147,7 @@ class _Reader(HTMLParser):
         self.caption = ""
 
     def outline(self) -> Outline:
-        """Return what was read."""
+        """Return the parts read so far."""
         first, *parts = self.parts
         told = tuple(Part(p.heading, p.level, tuple(p.blocks)) for p in parts if p.blocks or p.level == 1)
         return Outline(self.name, tuple(first.blocks), told)
@@ -187,7 +187,7 @@ class _Reader(HTMLParser):
             self.words.append(data)
 
     def handle_endtag(self, tag: str) -> None:
-        """Close an element and keep what it says."""
+        """Close an element and keep its content."""
         if not any(t == tag for t, _ in self.stack):
             return
         hidden, known = self._hidden, {}

@@ -26,7 +26,7 @@ class Markup(str):
 
 
 def esc(text: object) -> Markup:
-    """Return text as HTML; what is HTML already stays."""
+    """Return text as HTML; Markup stays as it is."""
     return text if isinstance(text, Markup) else Markup(html.escape(str(text)))
 
 

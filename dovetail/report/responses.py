@@ -72,7 +72,7 @@ def modes(result: RunResult, shown: Shown) -> Markup:
         "damping fitted [%]",
         "MAC [-]",
     ]
-    what = " and what was found" if result.diagnosis.findings else ""
+    what = " and found effects" if result.diagnosis.findings else ""
     grows = (
         " A frequency below zero is that of a motion that grows: members are under more compression than "
         "they bear in the model, where forces keep their direction."
@@ -83,7 +83,7 @@ def modes(result: RunResult, shown: Shown) -> Markup:
         "Natural frequencies and mode shapes",
         paragraph(
             f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, "
-            "paired by their shapes. Damping is the fitted curve and what local dampers take from each "
+            "paired by their shapes. Damping is the fitted curve and the part of local dampers in each "
             f"mode.{grows}"
         ),
         table(head, rows, numbers=range(7), at_most=15),
@@ -121,7 +121,7 @@ def uncertain(result: RunResult) -> Markup:
     rows = [[u.words, *_parameter_row(u)] for u in result.uncertain]
     bound = sum(u.at_bound for u in result.uncertain)
     text = (
-        f" {bound} of them end at the edge of what was allowed, four prior standard deviations from "
+        f" {bound} of them end at the edge of the allowed range, four prior standard deviations from "
         "nominal: doubt the nominal value, or widen it."
         if bound
         else ""
@@ -164,7 +164,7 @@ def faults(result: RunResult) -> Markup:
         return section(
             "Faults of the measurement",
             paragraph(
-                "None was found: what each sensor reads agrees with the motion that the others imply at its "
+                "None was found: each sensor's FRFs agree with the motion that the others imply at its "
                 "place, and signs and levels of the forces agree."
             ),
         )
@@ -172,8 +172,8 @@ def faults(result: RunResult) -> Markup:
     return section(
         "Faults of the measurement",
         paragraph(
-            "These sensors and forces were set right before effects were searched for. A gain is what the "
-            "reading carries: measured = gain × true value."
+            "These sensors and forces were set right before effects were searched for. A gain is the "
+            "factor of the reading: measured = gain × true value."
         ),
         table(["sensor or force", "fault", "value", "remedy"], rows, numbers=(2,)),
     )

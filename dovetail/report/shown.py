@@ -67,7 +67,7 @@ class Shown:
         )
 
     def scripts(self) -> Markup:
-        """Return what draws the figures, plotly.js itself included; nothing where there are none."""
+        """Return the scripts of the figures, plotly.js itself included; nothing where there are none."""
         if not self.figures.known:
             return Markup()
         night = script(as_json(NIGHT), type="application/json", id="night-colours")

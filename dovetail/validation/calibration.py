@@ -19,7 +19,7 @@ from dovetail.validation.evidence import (
     WRONG_FAULT,
 )
 from dovetail.validation.table import interval
-from updating.diagnosis.diagnose import UNEXPLAINED
+from updating.diagnosis.diagnosis import UNEXPLAINED
 
 EDGES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 """Edges of the bins of stated probability; a bin has its lower edge, the last one both [-]."""
@@ -68,7 +68,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What all records say together.
+    """Summary of all records.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Calibration:
     sure_and_wrong : Share
         Of all cases.
     coverage : Share
-        Credible sets that hold the truth; ``stated`` is the mean of what they add up to.
+        Credible sets that hold the truth; ``stated`` is the mean of their total probability.
     attainable : Share
         Right answers of the cases that are right or lost by the search.
     """
@@ -120,7 +120,7 @@ def read_records(path: Path) -> list[Record]:
 
 
 def told(records: Iterable[Record]) -> list[Record]:
-    """Return what the searches by evidence say.
+    """Return the records of searches by evidence.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def told(records: Iterable[Record]) -> list[Record]:
     """
     out = [r["evidence"] for r in records if "evidence" in r]
     if not out:
-        msg = "no record has 'evidence': run dovetail validate, or tests.independent.table with --evidence"
+        msg = "no record has 'evidence': run dovetail validate, or tests.independent.table"
         raise RecordsError(msg)
     return out
 

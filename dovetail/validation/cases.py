@@ -1,4 +1,4 @@
-"""Cases: a model as an analyst has it, a measurement of a truth that differs from it, and what is hidden."""
+"""Cases: an analyst's model, a measurement of a truth that differs from it, and the hidden effects."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -44,7 +44,7 @@ EACH_DB = 0.3
 
 
 FAULT_SEEN = 0.1
-"""Change of what a sensor reads from which its fault can be found, root mean square [nepers]."""
+"""Change of a sensor's FRFs from which its fault can be found, root mean square [nepers]."""
 
 
 class CaseError(ValueError):
@@ -53,7 +53,7 @@ class CaseError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class CaseSettings:
-    """What cases are drawn from.
+    """Distributions of the random cases.
 
     Attributes
     ----------
@@ -69,13 +69,11 @@ class CaseSettings:
     noise_floor : float
         Noise in parts of an excitation's largest FRF value [-].
     visible_db : (float, float)
-        Least and largest change of the FRFs that a hidden effect makes beyond what uncertain parameters can
-        imitate [dB].
+        Least and largest change of the FRFs that a hidden effect makes beyond the reach of uncertain
+        parameters [dB].
     weaker : float
         Factor by which the amplitudes of the set "weak" are smaller.
     version : int
-    evidence : bool
-        Whether the cases are searched by evidence; it draws nothing.
     """
 
     seed: int
@@ -89,12 +87,10 @@ class CaseSettings:
     visible_db: tuple[float, float] = (1.5, 4.0)
     weaker: float = 10.0
     version: int = SETTINGS_VERSION
-    evidence: bool = True
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values for a file; files of the older search say nothing of evidence."""
-        values = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
-        return values if self.evidence else {k: v for k, v in values.items() if k != "evidence"}
+        """Return plain values for a file."""
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +102,7 @@ class Implant:
     hidden : Hidden
     amplitude : float
     visible_db : float
-        Change of the FRFs beyond what uncertain parameters can imitate [dB].
+        Change of the FRFs beyond the reach of uncertain parameters [dB].
     """
 
     hidden: Hidden
@@ -159,7 +155,7 @@ def generator(settings: CaseSettings, set_name: str, *key: int) -> Generator:
 
 
 def kinds_of(settings: CaseSettings, set_name: str, index: int) -> tuple[str, ...]:
-    """Return what a case hides: all kinds come once in each round, in an order that the seed shuffles."""
+    """Return the hidden kinds of a case: each kind comes once a round, in an order that the seed shuffles."""
     out: list[str] = []
     for k, pool in enumerate(SETS[set_name]):
         turn, place = divmod(index, len(pool))
@@ -174,7 +170,7 @@ def draw_case(settings: CaseSettings, set_name: str, index: int) -> Case:
     Raises
     ------
     CaseError
-        If the set does not exist, or no frame can hold what is to be hidden.
+        If the set does not exist, or no frame has a place for the hidden effects.
     """
     if set_name not in SETS:
         msg = f"there is no set '{set_name}'; there are {', '.join(SETS)}"
@@ -232,7 +228,7 @@ def _implants(
 def _drawn_fault(rng: Generator, scale: "_Scale", hidden: Hidden) -> tuple[Implant, ...]:
     """Return a fault with a drawn size; nothing where nobody could find it.
 
-    That is for a sensor that hears nothing, and for a fault that hardly changes what it reads, such as a
+    That is for a sensor that hears nothing, and for a fault that hardly changes its FRFs, such as a
     wrong place along a member that moves lengthways there.
     """
     if not all(scale.hears(name) for name in hidden.place.sensors):
@@ -253,13 +249,13 @@ def _clash(hidden: Hidden, others: Sequence[Implant]) -> bool:
 
 
 class _Scale:
-    """Measures how far an effect changes the FRFs beyond what uncertain parameters can imitate.
+    """Measures an effect's change of the FRFs beyond the reach of uncertain parameters.
 
     Only the exact frame is used. d = ln(H_with / H_without) at some lines, without FRFs near the noise
     floor; the derivatives of ln H with respect to E and ρ of each material, all damping, and each elastic
-    stiffness of the joints are projected out of d; the root mean square of what is left, amplitude and phase
+    stiffness of the joints are projected out of d; the root mean square of the remainder, amplitude and phase
     together, counts in dB. A linear projection does not move resonances back that have gone farther than
-    their width, so that :meth:`slope` gives what a weak effect does, in proportion, as a second estimate.
+    their width, so that :meth:`slope` gives a weak effect's change, in proportion, as a second estimate.
     """
 
     def __init__(self, draft: Draft, truth: TrueFrame, noise_floor: float, n_lines: int = 100) -> None:
@@ -287,7 +283,7 @@ class _Scale:
         return bool((self._heard[:, row].mean(axis=0) > 0.5).any())
 
     def misreads(self, hidden: Hidden, size: float) -> bool:
-        """Whether a fault changes what its sensors read by ``FAULT_SEEN``, root mean square."""
+        """Whether a fault changes its sensors' FRFs by ``FAULT_SEEN``, root mean square."""
         sensors = self._draft.sensors
         wrong = hidden.readings(sensors, size) if hidden.readings is not None else sensors
         H = self._truth.frf(self._f, wrong, self._draft.drives)
@@ -434,7 +430,7 @@ def _measured(
 
 
 def _nuisances(settings: CaseSettings, draft: Draft) -> tuple[Nuisance, ...]:
-    """Return what the analyst calls uncertain; a uniform half width w has the standard deviation w/√3."""
+    """Return the analyst's uncertain parameters; a uniform half width w has the standard deviation w/√3."""
     # The section's width and height scale together: bending sees their square in E/ρ.
     material = float(np.hypot(settings.material, 2 * settings.section) / np.sqrt(3))
     out = [

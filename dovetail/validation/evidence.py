@@ -1,4 +1,4 @@
-"""What the posterior of a search says of a hidden truth: how probable the answer is, and why it is wrong.
+"""The posterior of a search beside the hidden truth: probability of the answer, and causes of errors.
 
 Cases of this package and those of other codes are judged alike.
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import UNEXPLAINED, Diagnosis
+from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
 from updating.diagnosis.evidence.search import Hypothesis, Search
 
@@ -105,7 +105,7 @@ def loss_of(right: bool, faults_right: bool, answer: float, truth: float | None)
 
 
 def credible_set(done: Searched) -> list[tuple[Hypothesis | None, float]]:
-    """Return the fewest hypotheses that have ``CREDIBLE`` together; None is what the library lacks."""
+    """Return the fewest hypotheses with ``CREDIBLE`` together; None is any effect outside the library."""
     every: list[tuple[Hypothesis | None, float]] = [
         (h, done.probability(h)) for h in done.search.known.values()
     ]
@@ -135,7 +135,7 @@ def assess(
     faults_right : bool
         Whether the faults that it names are those that are hidden.
     ways : sequence of sequence of Stated
-        What is hidden, but for faults, in each way in which the library may state it.
+        Hidden effects, but no faults, in each way in which the library may state them.
     is_right : callable
         Whether effects are those that are hidden.
 
@@ -145,7 +145,7 @@ def assess(
         ``probability`` is that of the answer, ``place_probability`` that of its places; ``place_right`` says
         whether the truth is at these places, None where the library does not have it. ``credible`` is the
         credible set, and ``in_three`` whether it has at most three members of which one is right. ``truth``
-        is how much better the truth scores than the answer [nats], and ``loss`` what that means.
+        is how much better the truth scores than the answer [nats], and ``loss`` its meaning.
     """
     best = done.best
     unexplained = diagnosis.verdict == UNEXPLAINED

@@ -316,7 +316,7 @@ def sensors_of(frame: TrueFrame, readings: tuple[Reading, ...]) -> tuple[Sensor,
 
 
 def n_elements(frame: TrueFrame) -> int:
-    """Return elements for each member: what a user takes, fewer where there are many members."""
+    """Return elements for each member: a user's usual number, fewer where there are many members."""
     return 40 if len(frame.members) <= 4 else 24
 
 

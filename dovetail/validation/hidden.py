@@ -1,7 +1,7 @@
-"""The kinds of effects and faults that may be hidden in a truth, and what a diagnosis should call them.
+"""The kinds of effects and faults that may be hidden in a truth, and their names in a diagnosis.
 
 `KINDS` is the table of all of them. Each kind draws a place on a frame and says how an amplitude changes
-the truth; the amplitude is proportional to what the effect does as long as it is weak.
+the truth; the effect's change is proportional to the amplitude as long as it is weak.
 """
 
 from dataclasses import replace
@@ -19,7 +19,7 @@ from dovetail.validation.truth import TrueFrame
 _SINGLE = (*AT_JOINTS, *IN_MEMBERS, *AT_POINTS)
 
 KINDS: dict[str, Kind] = {kind.name: kind for kind in (*_SINGLE, *IN_RECORDS, *CONNECTIONS, *MOUNTINGS)}
-"""Every kind that may be hidden, by name, with what a diagnosis should call it."""
+"""Every kind that may be hidden, by name, with its name in a diagnosis."""
 
 EFFECTS = tuple(kind.name for kind in _SINGLE)
 """Kinds of the sets with any effect. Seeds draw from them by number: further kinds have sets of their own."""

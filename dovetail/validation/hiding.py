@@ -20,7 +20,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """Where something is hidden; what is None or empty need not agree.
+    """Where something is hidden; fields that are None or empty need not agree.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Hidden:
     readings : callable or None
         From the sensors to the places and directions where they really are.
     data : callable or None
-        From frequencies (n_freq,), exact FRFs (n_freq, n_out, n_in) and the amplitude to what is recorded.
+        From frequencies (n_freq,), exact FRFs (n_freq, n_out, n_in) and the amplitude to the recorded data.
     parts : tuple of Hidden
         Effects at one place that are hidden together, each with a strength of its own. Nothing but they is
         hidden then.

@@ -1,4 +1,4 @@
-"""Whether a diagnosis is right: what was hidden against what was said."""
+"""Whether a diagnosis is right: hidden effects against reported ones."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,7 +13,8 @@ from dovetail.validation.hiding import Place
 from fem.effects import candidate_kinds
 from fem.model import Effect, Model
 from updating.correlation import log_ratio, rms_db
-from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, Diagnosis, propose
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, Diagnosis
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding
 from updating.quality.corrections import Fault
@@ -22,7 +23,7 @@ FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""
 
 FAULT_KINDS = ("sensor_gain", "sensor_sign", "sensor_delay", "sensor_swap", "sensor_tilt", "sensor_position")
-"""What faults a diagnosis is asked for."""
+"""Kinds of faults that a diagnosis is asked for."""
 
 Record = dict[str, Any]
 
@@ -97,7 +98,7 @@ def is_hidden(case: Case, effects: Sequence[Effect]) -> bool:
 
 
 def judge_evidence(case: Case, diagnosis: Diagnosis, searched: Searched, record: Record) -> Record:
-    """Return what the posterior of a search says, beside the record of its diagnosis."""
+    """Return the record of a search's posterior, beside that of its diagnosis."""
     right = record["outcome"] == "right" or (case.set, record["outcome"]) == ("withheld", "twin")
     faults_right = record["outcome"] in ("right", "beside") if case.set == "faults" else not diagnosis.faults
     return assess(
@@ -126,11 +127,11 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         - twin: another effect came first, with the right one among its twins; for a withheld kind,
           another effect that explains the data down to ``FLOOR`` times the floor
         - wrong: an effect that was not hidden (a false alarm where nothing was)
-        - unexplained, not noticed, fault: what the verdict said instead
+        - unexplained, not noticed, fault: the verdict instead
 
         ``first`` and ``in_three`` tell whether the right effect and place lead the first round's ranking,
-        or are among its first three, accepted or not. ``nearest`` is the candidate of the last round that
-        came nearest to being accepted, with the level that it had to reach over the one it reached.
+        or are among its first three, accepted or not. ``nearest`` is the most probable candidate beside
+        what was found, with how much less probable that is than the answer [nats].
     """
     model = diagnosis.model
     proposed = {e.name: e for e in propose(case.model, test=case.measurement)}
@@ -201,11 +202,10 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
 
 
 def _nearest(d: Diagnosis) -> Record | None:
-    refined = [r for r in (d.rounds[-1] if d.rounds else ()) if r.refined]
-    if not refined:
+    if d.searched is None or len(d.rounds) <= len(d.findings):
         return None
-    best = max(refined, key=lambda r: r.asked / r.level)
-    return {"kind": best.kind, "where": best.where, "reached": best.asked / best.level}
+    best = d.rounds[-1][0]
+    return {"kind": best.kind, "where": best.where, "behind": d.searched.best.score - best.score}
 
 
 def _outcome(
@@ -265,7 +265,7 @@ def _paired(
 ) -> list[tuple[Finding, Implant]]:
     """Return each finding with the implant that it is compared with, so that all errors together are least.
 
-    Two implants of one kind may both be what a finding names, where they are near each other.
+    A finding may name two implants of one kind, where they are near each other.
     """
     cost = np.full((len(findings), len(case.implants)), np.inf)
     for k, (f, matched) in enumerate(zip(findings, hit, strict=True)):

@@ -1,6 +1,6 @@
 """Exact FRFs of frames: the dynamic stiffness of uniform members in closed form, line by line.
 
-Nothing of :mod:`fem` is used here, so that a search can be tested against what its own elements do not know.
+Nothing of :mod:`fem` is used here, so that a search can be tested against effects outside its own elements.
 The differential equations of a Timoshenko beam, a rod and a shaft are solved exactly; there is no mesh, and
 nothing but rounding to converge. The method is that of Howson & Williams, J. Sound and Vibration 26 (1973)
 503-515, and Doyle, Wave Propagation in Structures, 1997; the form used here is derived in :func:`beam`.
@@ -73,7 +73,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Connection:
-    """What joins a second node to a first one, or to the ground, at a place.
+    """Connection of a second node to a first one, or to the ground, at a place.
 
     The second node's motion relative to the first, both carried to ``location``, is zero in the directions
     of ``rigid`` and resisted by law(ω) K + iωC in the others, exactly.

@@ -1,4 +1,4 @@
-"""Rates with confidence intervals, and the list of what went wrong."""
+"""Rates with confidence intervals, and the list of failures."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Frames as the truth has them: members and what sits on them, cut into exact pieces."""
+"""Frames as the truth has them: members and attached parts, cut into exact pieces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -1,6 +1,6 @@
 """Responses to a prescribed motion of the base: of all supports as one rigid body, or of single ones.
 
-With the motion r of the structure that follows a slow motion w of the base, u = r w + Q q. What remains, q,
+With the motion r of the structure that follows a slow motion w of the base, u = r w + Q q. The remainder q
 answers to the forces that r leaves: Z q = -Qᵀ (Z r - f_g), f_g those of elastic elements whose ground moves.
 Stiffness gives none, K r = f_g; inertia gives ω² M r, and local dampers that r strains give theirs.
 """
@@ -25,12 +25,12 @@ Motion = str | tuple[str, str]
 """A direction of the whole base such as ``"z"``, or a support or grounded element and its direction."""
 
 _ROUNDING = 1e-9
-"""Forces below this of what their entries would give one by one are rounding."""
+"""Forces below this part of the sum of their entries' absolute values are rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Forces:
-    """Vectors (n_dof,) of Z r - f_g by what they are multiplied with."""
+    """Vectors (n_dof,) of Z r - f_g, each with its own factor in ω."""
 
     K: NDArray[np.float64]
     M: NDArray[np.float64]
@@ -74,8 +74,8 @@ def compute_base_frf(
     about : array_like (3,), optional
         Point about which the base turns, the origin unless given [m].
     mass_damping : str
-        What Rayleigh's αM resists: ``"relative"`` motion, as modal damping and most codes have it, or
-        ``"absolute"`` motion, as dashpots between the masses and a ground that rests.
+        Motion that Rayleigh's αM resists: ``"relative"``, as modal damping and most codes have it, or
+        ``"absolute"``, as dashpots between the masses and a ground that rests.
     kind : FRFKind or str
     method, tolerance
         As for :func:`fem.analysis.frf_solver.compute_frf`, which is asked for the responses to the forces

@@ -81,7 +81,7 @@ def reduced_basis(
     """Build a basis for responses up to a frequency.
 
     Modes up to ``margin · max_frequency`` and, for each force, the first vectors of the Krylov sequence
-    (K - σM)⁻¹ b, (K - σM)⁻¹ M (K - σM)⁻¹ b, …, which carry what the modes left out leave behind. A releasable
+    (K - σM)⁻¹ b, (K - σM)⁻¹ M (K - σM)⁻¹ b, …, which carry the part of the modes left out. A releasable
     constraint gets the static response to a unit violation (Craig & Bampton's constraint modes), and the
     forces of that response's inertia join the others.
 
@@ -111,7 +111,7 @@ def reduced_basis(
     columns = [pairs.vectors]
     load = np.asarray(system.Q.T @ np.hstack([forces, inertia]))
     for _ in range(n_krylov):
-        # Without the modes: each step amplifies the lowest, which would drown what they leave behind.
+        # Without the modes: each step amplifies the lowest, which would drown the remainder.
         response = pairs.factor.solve(without_modes(system, pairs.vectors, load))
         response = _without(system, pairs.vectors, response)
         if not response.shape[1]:
@@ -129,7 +129,7 @@ def without_modes(
 ) -> NDArray[np.float64]:
     """Return loads (n_free, k) without the part that moves the modes.
 
-    What they do then has no part in the modes either. Taken away from a response instead, that part would
+    Their response then has no part in the modes either. Taken away from a response instead, that part would
     leave its rounding behind: on soft cords a structure as a whole moves 1e8 times as far as it is bent.
     """
     return loads - system.M @ (modes @ (modes.T @ loads))
@@ -206,7 +206,7 @@ def _constraint_modes(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Complement:
-    """What forces do beyond the modes: block-Krylov vectors, and what an approximation in them leaves behind.
+    """Responses to forces beyond the modes: block-Krylov vectors, and the error of an approximation in them.
 
     With A = K - σM and forces b without their part in the modes, the vectors Q span A⁻¹b, A⁻¹M A⁻¹b, … and
     are A-orthonormal.
@@ -297,7 +297,7 @@ def _clear(system: System, pairs: Eigenpairs, X: NDArray[np.float64]) -> NDArray
 def _new_block(
     system: System, pairs: Eigenpairs, old: Complement
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return A-orthonormal vectors for what the last response has outside the vectors so far.
+    """Return A-orthonormal vectors for the part of the last response outside the vectors so far.
 
     And coordinates of the part of it that they leave out.
     """

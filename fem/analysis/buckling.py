@@ -70,7 +70,7 @@ def solve_buckling(
     Parameters
     ----------
     model : Model or System
-    loads : StaticSolution, or what `solve_static` takes
+    loads : StaticSolution, or loads as of `solve_static`
         The load that grows.
     n : int
         Number of factors.

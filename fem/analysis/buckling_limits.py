@@ -1,4 +1,4 @@
-"""What linear buckling with these elements leaves out, where it may change a load factor noticeably."""
+"""Influences on a load factor that linear buckling with these elements neglects."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -82,7 +82,7 @@ def limits(
 def _line_work(
     model: Model, parts: tuple[Contribution, ...], shape: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return what each line's stiffness does on a shape, (n_lines,)."""
+    """Return xᵀ K x of each line on a shape x, (n_lines,)."""
     out = np.zeros(model.mesh.n_lines)
     for c in parts:
         if c.lines is not None and c.K is not None:

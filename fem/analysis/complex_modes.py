@@ -1,6 +1,6 @@
 """Complex modes of systems whose damping is not proportional: (K̂ + sĈ + s²M) x = 0, time dependence e^{st}.
 
-K̂ = K (1 + iη) + iD with the structure's loss factor η, Ĉ = C + αM + βK and what gives modal ratios. The
+K̂ = K (1 + iη) + iD with the structure's loss factor η, Ĉ = C + αM + βK + the modal ratios' matrix. The
 problem is projected on a basis of real modes, solved there, and its residual in the whole system, brought
 back by the shifted stiffness, makes the basis larger until every pole's residual is small (Davidson's
 method). Elements that depend on frequency have their stiffness at each mode's own damped frequency.
@@ -160,7 +160,7 @@ class ComplexModes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """The quadratic problem on the independent coordinates, and what measures its residuals."""
+    """The quadratic problem on the independent coordinates, and the norms of its residuals."""
 
     system: System
     K: Any

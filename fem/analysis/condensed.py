@@ -325,7 +325,7 @@ def _chains(ends: NDArray[np.int64], free: NDArray[np.bool_]) -> Iterator[_Chain
     through = {p for p, lines in at.items() if free[p] and len(lines) == 2}
     left = dict.fromkeys(range(len(ends)))
     first = [k for p, lines in at.items() if p not in through for k in lines]
-    for start in (*first, *left):  # what is left in the end are rings, which may begin anywhere
+    for start in (*first, *left):  # lines left in the end are rings, which may begin anywhere
         if start not in left:
             continue
         a, b = ends[start].tolist()

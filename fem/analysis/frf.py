@@ -16,7 +16,7 @@ WITHOUT_PHASE = (
     "amplitudes without phase are not used as FRFs; a model can be updated to the frequencies of their "
     "peaks, given as frequency = [...] (in a study: under [modes])"
 )
-"""Why amplitudes are no FRFs, and what they can be used for; every reader says it."""
+"""Reason why amplitudes are no FRFs, and their use; every reader gives it."""
 
 
 class FRFKind(StrEnum):
@@ -38,7 +38,7 @@ class FRFKind(StrEnum):
 
 
 class FRFError(ValueError):
-    """Frequency response data that cannot be used; the message says what was found and what is allowed."""
+    """Frequency response data that cannot be used; the message gives the value found and those allowed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +58,7 @@ class Accuracy:
         The largest bound of an FRF relative to its peak over all lines of the computation [-]; NaN if
         unknown.
     tolerance : float
-        What was asked for [-].
+        Requested relative error [-].
     """
 
     method: str

@@ -33,7 +33,7 @@ from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.system import System, refuse_motionless
 
 METHODS = ("auto", "modal", "reduced", "direct")
-"""What ``compute_frf`` may be asked for."""
+"""Methods of ``compute_frf``."""
 
 MARGIN = 1.25
 """Modes are taken up to this multiple of the highest frequency."""
@@ -48,7 +48,7 @@ _WIDE_STEPS = 6
 """Blocks of Krylov vectors where no bound is known."""
 
 _SMALL_LEVEL = 1e-3
-"""FRFs smaller than this part of what their places could give (zero by symmetry) are judged against it."""
+"""Part of the level that an FRF's places could give: smaller FRFs (zero by symmetry) are judged by it."""
 
 
 def compute_frf(
@@ -73,7 +73,7 @@ def compute_frf(
     - ``"auto"`` is ``"reduced"``, or ``"direct"`` for one or two lines of a large system and for a small
       system of which the bound does not meet the tolerance.
 
-    What was done and the bound are in ``accuracy`` of the result.
+    ``accuracy`` of the result has the method used and the bound.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def frf_blocks(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
-    """What is to be computed: forces and responses as sparse columns on the independent coordinates."""
+    """Forces and responses to compute, as sparse columns on the independent coordinates."""
 
     system: System
     frequency: NDArray[np.float64]
@@ -277,7 +277,7 @@ def _task(
     kind: FRFKind | str,
     tolerance: float,
 ) -> tuple[_Task, tuple[str, ...], tuple[str, ...]]:
-    """Return what is asked for, checked, and the labels of outputs and inputs."""
+    """Return the checked task, and the labels of outputs and inputs."""
     refuse_motionless(system)
     out, out_labels = dof_columns(system.model, outputs)
     inn, in_labels = dof_columns(system.model, inputs)

@@ -22,7 +22,7 @@ DENSE_LIMIT = 300
 """Systems of at most this many coordinates are solved densely."""
 
 _ROUNDING = 1e-14
-"""Negative stiffness of a motion up to this part of what its elements have is rounding [-]."""
+"""Negative stiffness of a motion up to this part of its elements' stiffness is rounding [-]."""
 
 _LOWEST = 1e3
 """The shift goes no deeper than this multiple of the order of the highest eigenvalues [-]."""
@@ -44,7 +44,7 @@ class MechanismError(ModelError):
 
 
 class UnstableError(ModelError):
-    """What was asked for exists only for structures in stable equilibrium."""
+    """The requested result exists only for structures in stable equilibrium."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,7 +229,7 @@ def _eigenpairs(
     order = np.concatenate([first, np.setdiff1d(np.arange(len(size)), first)])
     eigenvalues, vectors = eigenvalues[order], vectors[:, order]
     eigenvalues[:n_rigid] = 0.0
-    # what is negative by rounding of K is 0
+    # eigenvalues that are negative by rounding of K become 0
     below = eigenvalues < 0
     slack = _ROUNDING * np.einsum("ij,ij,i->j", vectors[:, below], vectors[:, below], system.K.diagonal())
     eigenvalues[below] = np.where(eigenvalues[below] < -slack, eigenvalues[below], 0.0)
@@ -312,7 +312,7 @@ def _counted(
     """Return the pairs with those that were missed, if the inertia of K - μM counts more of them below μ."""
     last = float(pairs.eigenvalues[-1])
     lam = np.append(pairs.eigenvalues, min(pairs.following, last + abs(last)))
-    # μ lies just above the highest pair that is not one of a set with the next: what follows is not exact.
+    # μ lies just above the highest pair that is not one of a set with the next: later pairs are not exact.
     k = int(np.flatnonzero(lam[1:] > lam[:-1] + 1e-6 * np.abs(lam[:-1])).max(initial=-1)) + 1
     if k == 0:
         return pairs
@@ -329,7 +329,7 @@ def _counted(
         top = np.sign(mu) * np.sqrt(abs(mu)) / (2 * np.pi)
         msg = (
             f"{found + n_rigid} modes were found below {top:.6g} Hz, but K - ω²M has "
-            f"{count + n_rigid} negative eigenvalues there; rounding hides what is below "
+            f"{count + n_rigid} negative eigenvalues there; rounding hides modes below "
             f"{np.sqrt(1e-16 * _highest(system)) / (2 * np.pi):.2g} Hz"
         )
         raise ModelError(msg)
@@ -451,7 +451,7 @@ def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArra
     motions = np.asarray(system.Q @ vectors)
     reach = np.abs(motions[: 6 * system.model.mesh.n_points]).reshape(-1, 6, vectors.shape[1]).max(axis=0)
     vectors = vectors / np.maximum(reach[:3].max(axis=0), size * reach[3:].max(axis=0))
-    # An element of a member that bends with wave number k opposes (kh)³ of what its entries give.
+    # An element of a member that bends with wave number k opposes (kh)³ of its entries' sum.
     loose = unopposed(
         resistance(system.model.contributions(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10
     )

@@ -1,4 +1,4 @@
-"""What moves modes, and where they live: participation, effective masses, energies and damping by part."""
+"""Participation of modes in motions of the base, effective masses, and energies and damping by part."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +26,7 @@ class Participation:
     effective_masses : ndarray (n_modes, 6)
         Γ², as modes have φᵀ M φ = 1 [kg, kg m²].
     moving : ndarray (6,)
-        Sum of the effective masses of all modes: what the supports do not carry at once [kg, kg m²].
+        Sum of the effective masses of all modes: the mass not carried directly by supports [kg, kg m²].
     total : ndarray (6,)
         rᵀ M r of the whole structure [kg, kg m²].
     about : ndarray (3,)
@@ -110,10 +110,10 @@ class Energies:
         Names of members, then of the effects beside the frame.
     strain, kinetic : ndarray (n_parts, n_modes)
         Shares of the mode's largest strain and kinetic energy [-]. Each column adds up to 1, or to 0 for the
-        strain of a rigid-body mode; what softens, as a pressure, has a negative share (of motions that grow,
-        whose energy is negative, what stiffens).
+        strain of a rigid-body mode; parts that soften, as a pressure, have a negative share (of motions that
+        grow, whose energy is negative, parts that stiffen).
     damping : ndarray (n_parts + 1, n_modes)
-        What each part adds to the modal damping ratio, last the damping of the structure as a whole [-].
+        Contribution of each part to the modal damping ratio; the last is the structure's as a whole [-].
     """
 
     parts: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Receptances by superposition, with a bound of what the vectors left out would add.
+"""Receptances by superposition, with a bound of the contribution of the vectors left out.
 
 The structure's own damping (structural, Rayleigh, modal ratios) keeps the modes apart; local dampers and
 elements that depend on frequency enter by Woodbury's identity. docs/theory-fem.md derives the bound.
@@ -48,7 +48,7 @@ class Locals:
     laws : tuple of (Law, ndarray (n, n))
         Their dependence on frequency.
     wide : tuple
-        What acts on many DOFs: of each ("C", "D" or its Law) the sparse (n_free, n_free) matrix.
+        Terms on many DOFs: of each ("C", "D" or its Law) the sparse (n_free, n_free) matrix.
     loss : float
         Loss factor of K as a whole that is taken out of ``D`` and ``wide`` [-]: that of the members'
         material, which joints and springs then lack.
@@ -62,7 +62,7 @@ class Locals:
     loss: float = 0.0
 
     def stiffness(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return what the local part adds to Z, (n_freq, n, n)."""
+        """Return the local part of Z, (n_freq, n, n)."""
         s: NDArray[Any] = 1j * (omega[:, None, None] * self.C + self.D)
         for law, K in self.laws:
             s = s + law_change(law, omega)[:, None, None] * K
@@ -180,7 +180,7 @@ class Superposition:
     residual : tuple of ndarray (n_out, n_in + n_local), (n_local, n_in + n_local) or None
         Static flexibility of the modes left out (method "modal").
     outside : ndarray (q, n_in + n_local), (q, r - n_modes) or None
-        Coordinates of what a force and a vector leave outside the vectors.
+        Coordinates of the remainders of a force and of a vector outside the vectors.
     shift, cut : float
         σ, and the lowest eigenvalue that the modes may lack (infinite if they lack none) [rad²/s²].
     beyond : ndarray (q, n_in + n_local)
@@ -277,7 +277,7 @@ def receptance_blocks(
 
     Each overwrites the former unless there is an array ``out`` (n_freq, n_out, n_in) for all. Of modes that
     nothing couples, H is one real product for each line: Φₒ times the real and imaginary columns of Φᵢ/z side
-    by side. ``symmetric`` says that outputs are inputs: then what lies below the diagonal is copied.
+    by side. ``symmetric`` says that outputs are inputs: then entries below the diagonal are copied.
     """
     n_out, n_in = s.responses.shape[1], s.n_in
     step = max(1, _CHUNK // max(n_out * n_in, 1))
@@ -375,8 +375,8 @@ def _bound(
 ) -> NDArray[np.float64]:
     """Return a bound of the error at each line; see the section "FRFs" of docs/theory-fem.md.
 
-    ‖r_b‖ · min(‖c‖ + ‖G W H_c‖, ‖r_c‖) / (1 - ‖G W Gᵀ‖), in coordinates in which the flexibility of what
-    is left out is at most 1.
+    ‖r_b‖ · min(‖c‖ + ‖G W H_c‖, ‖r_c‖) / (1 - ‖G W Gᵀ‖), in coordinates in which the flexibility
+    left out is at most 1.
     """
     n_in = s.n_in
     total = np.zeros(H.shape)
@@ -394,7 +394,7 @@ def _bound(
         kappa = np.where(s.cut > square, kappa, np.inf)
         size, G = np.sqrt(kappa), np.sqrt(kappa)[:, None, None] * G
         if ratio and s.residual is None:
-            # What ratios change of all that lies above the cut, in the system and in the vectors for it.
+            # Change by the damping ratios above the cut, in the system and in its vectors.
             change = 4 * root * (s.cut - s.shift) / (s.cut - square) ** 2
             G = np.concatenate([G, np.sqrt(change)[:, None, None] * s.beyond], axis=1)
             size = np.sqrt(kappa + change)

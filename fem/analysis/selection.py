@@ -26,7 +26,7 @@ def dof_vectors(model: Model, selection: Selection) -> tuple[NDArray[np.float64]
 
 
 def dof_columns(model: Model, selection: Selection) -> tuple[Any, tuple[str, ...]]:
-    """Return what :func:`dof_vectors` does, as sparse columns (n_dof, n)."""
+    """Return the vectors of :func:`dof_vectors` as sparse columns (n_dof, n)."""
     if isinstance(selection, np.ndarray) and selection.ndim == 2:
         if selection.shape[1] != model.n_dof:
             msg = f"the selection has {selection.shape[1]} columns; the model has {model.n_dof} DOFs"

@@ -47,7 +47,7 @@ class Crack(OnMember):
         Length / (E I), which sets the scale [rad/(N·m)].
     nearest : float
         Least distance from the member's ends [m]. Within half its depth from an end a member does not bend
-        as a beam, and what gives way there is its connection.
+        as a beam, and the flexibility there belongs to its connection.
     """
 
     kind: ClassVar[str] = "crack"

@@ -60,7 +60,7 @@ class GroundSpring(OnPoint):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Return translations of members' ends and of joints within members, and what supports leave free.
+        """Return translations of members' ends and of inner joints, and directions that supports leave free.
 
         Not in directions that are held, nor where a joint leads to the ground: its own stiffness is a
         candidate there. Of the two sides of a rigid joint one is enough where they lie at the same place:
@@ -95,7 +95,7 @@ class GroundSpring(OnPoint):
 
     @classmethod
     def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
-        """As :meth:`propose`, but for what a ``stinger`` does at the excitations."""
+        """As :meth:`propose`, but without the springs at excitations that a ``stinger`` stands for."""
         driven = {
             (int(p), DIRECTIONS[int(np.argmax(np.abs(d)))])
             for p, d in zip(test.drivers, test.driver_directions, strict=True)

@@ -136,14 +136,14 @@ class Stinger(AtPoint):
     """The stiffness that a stinger adds where it is attached, along it or alike across it.
 
     K = k d dᵀ along the excitation's direction d, k (I - d dᵀ) across. Across acts whatever the force cell
-    measures; along only what is attached between cell and structure, or beside the cell. It is there whatever
+    measures; along, only parts between cell and structure or beside the cell act. It is there whatever
     is driven. At a member's end along an axis, ``ground_spring`` is the same and is not proposed beside it; a
     suspension nearby is a twin.
 
     Attributes
     ----------
     place : str
-        What is there, in words.
+        Name of the place.
     axis : tuple of float
         Direction of the excitation, a unit vector.
     across : bool

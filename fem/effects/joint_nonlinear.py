@@ -3,9 +3,9 @@
 In harmonic motion δ = a sin ωt a force f(δ) has the fundamental component k(a) δ with the complex stiffness
 k(a) = (1/πa) ∫₀^2π f(a sin τ) (sin τ + i cos τ) dτ (Krylov & Bogoliubov; Worden & Tomlinson, Nonlinearity in
 Structural Dynamics, ch. 3). Each of these effects has the matrices of one amplitude; `stiffness_at` gives k
-at any, for :mod:`fem.analysis.harmonic_balance`. What tells them from one another, and from linear ones, is
-how they change with the amplitude: a search takes them up where measurements at two or more force levels
-differ.
+at any, for :mod:`fem.analysis.harmonic_balance`. Their change with the amplitude
+tells them from one another and from linear ones: a search takes them up where measurements at two or more
+force levels differ.
 """
 
 from collections.abc import Callable, Mapping

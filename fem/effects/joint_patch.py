@@ -43,7 +43,7 @@ class JointPatch(Spread):
     """Joints between members that lie on each other act on the mean motion of a stretch of each.
 
     The stretch is as long as the other member is broad there, times ``size``. Its motion is that rigid one
-    which leaves the least squares of what its cross-sections move besides, ∫∫ |u - u₀ - θ × r|² dA dx: as an
+    which leaves the least squares of its cross-sections' other motions, ∫∫ |u - u₀ - θ × r|² dA dx: as an
     interpolating (RBE3) element in programs for solids. A member that ends in a joint is as if shorter
     by up to a third of half the stretch, in bending and in torsion.
 
@@ -61,7 +61,7 @@ class JointPatch(Spread):
     size : float
         Length of the stretches over the breadth of the other member [-].
     twist : float
-        Stiffness about the normal over what discs as broad as the members have [-]; 0 stands for rigid.
+        Stiffness about the normal over that of discs as broad as the members [-]; 0 stands for rigid.
     motions : Recent
         Mean motions of sides, which each joint asks for in every direction and derivative. Copies with other
         values share it.
@@ -78,12 +78,9 @@ class JointPatch(Spread):
             "joints that act on the mean motion of a stretch of each member, `size` times as long as "
             "the other one is broad; where `twist` is not 0, joints that are rigid otherwise turn "
             "about the normal of the flats, with `twist` times the stiffness of discs as broad as the "
-            "members. Chosen before the search, named in `notes` and written to `found.toml`, and "
-            "none of `effects`"
+            "members. A study states it; no search proposes it"
         ),
-        places=(
-            "all joints between members that lie on each other and cross, together; chosen before the search"
-        ),
+        places="all joints between members that lie on each other and cross, together",
     )
     sides: tuple[tuple[_Side, _Side], ...]
     joints: tuple[str, ...]
@@ -253,7 +250,7 @@ def _member_at(model: Model, point: int) -> tuple[str, float, int] | None:
     """Return the only member that has a point, the arc length there, and a line of it that ends there.
 
     None of bars, of members that taper, of such with a hinge or a spring at an end, which a patch would reach
-    over, and of such with rigid end zones, which stand for what patches do.
+    over, and of such with rigid end zones, which have the same effect.
     """
     found = []
     for name, lines in model.mesh.members.items():

@@ -30,7 +30,8 @@ class JointStiffness(Effect):
     assumed : float
         The model's; ``inf`` where they are rigid [N/m or N·m/rad].
     known : tuple of str
-        Effects of this kind that the model has for these joints: the last of them gives what is assumed.
+        Effects of this kind that the model has for these joints: the last of them gives the assumed
+        stiffness.
     bounds : (float, float)
         Of the stiffness [N/m or N·m/rad].
     """

@@ -19,7 +19,7 @@ _REFERENCE = 100.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _JointViscoelastic(OnJoint):
-    """What is common: a direction, elastic or rigid in the model, and the law's part beside the spring."""
+    """Common part: a direction, elastic or rigid in the model, and the law's part beside the spring."""
 
     direction: str
     assumed: float

@@ -185,7 +185,7 @@ class MemberTorsion(OnMember):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MemberShear(OnMember):
-    """Shear flexibility of a member in multiples of what its section has by Timoshenko's theory.
+    """Shear flexibility of a member in multiples of its section's by Timoshenko's theory.
 
     A member of the Euler-Bernoulli theory has none, and gets rotary inertia in the same measure: share 1
     makes it a Timoshenko beam. One of the Timoshenko theory has share 1 already: sandwiches, lattices and
@@ -204,7 +204,7 @@ class MemberShear(OnMember):
     role: ClassVar[Role] = Role.STIFFNESS | Role.MASS
     entry: ClassVar[Entry | None] = Entry(
         quantities="`share` [-]",
-        meaning="shear flexibility of a member in multiples of what its section has by Timoshenko's theory",
+        meaning="shear flexibility of a member in multiples of its section's by Timoshenko's theory",
         places="each member whose section has shear coefficients",
     )
     euler: bool

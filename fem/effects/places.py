@@ -149,7 +149,7 @@ class OnPoint(AtPoint):
     Attributes
     ----------
     place : str
-        What is there, in words.
+        Name of the place.
     direction : str
         One of x, y, z, rx, ry, rz.
     """

@@ -42,7 +42,7 @@ class LeverForces:
     arms : ndarray (n, 3)
         From the points to the ends of the arms [m].
     forces : ndarray (n, 3)
-        What the points exert there, global [N].
+        Forces of the points there, global [N].
     """
 
     points: NDArray[np.int64]

@@ -38,7 +38,7 @@ class Rotor(AtPoint):
     momentum : float
         Polar inertia times speed, positive for right-handed rotation about the axis [kg·m²/s].
     place : str
-        What is at the point and the axis, in words.
+        Name of the point and the axis.
     reference : float
         A typical member's m L² over a second, which sets the scale [kg·m²/s].
     """
@@ -47,7 +47,7 @@ class Rotor(AtPoint):
     role: ClassVar[Role] = Role.GYROSCOPIC
     entry: ClassVar[Entry | None] = Entry(
         quantities="`momentum` [kg·m²/s]",
-        meaning="the angular momentum of what spins at a member's end, a joint or a body",
+        meaning="the angular momentum of a rotor at a member's end, a joint or a body",
         places="the local axes at ends, joints and bodies",
     )
     reciprocal: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""Corners of finite size: what lies inside of two welded members is one body, and nearly rigid."""
+"""Corners of finite size: the common volume of two welded members is one body, and nearly rigid."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 _FLEXIBILITY = 0.01
 """Part of its flexibility that a stretch inside of a corner keeps [-]."""
 _PANEL = 0.5
-"""Share of the rigid-zone factor that holds for a member that goes through: what meets it holds it on one
-side [-]."""
+"""Share of the rigid-zone factor that holds for a member that goes through: the others hold it on one
+side only [-]."""
 _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such corners are left out."""
 _COLLINEAR = 0.05
@@ -35,7 +35,7 @@ class _Arm(NamedTuple):
 
 
 class _Zone(NamedTuple):
-    """A stretch inside of a corner: member, where it begins, which way, half the depth of what it is in.
+    """A stretch inside of a corner: member, where it begins, which way, half the depth around it.
 
     ``factor`` is the share of the rigid-zone factor that holds for it, ``overlap`` that of its mass which
     another member has, too, ``longest`` how long it may become.
@@ -58,8 +58,8 @@ class SolidCorner(Effect):
     as half the other's depth d, its mass is counted twice, and it bends less than a bar by itself. Of the
     length ``size`` d the mass is taken away; ``rigid_zone_factor`` of it is nearly rigid (as end offsets in
     programs for buildings: CSI Analysis Reference Manual, The Frame Element, where it is called rigid-end
-    factor), and of a member that goes through half of that on both sides, by the depth of what meets it.
-    Zones that the model has already count: only what goes beyond them is added.
+    factor), and of a member that goes through half of that on both sides, by the depth of the others.
+    Zones that the model has already count: only the part beyond them is added.
 
     Where nothing goes through, n members that end in one point fill n / 2 blocks of one: each stretch has
     1 - 2 / n of its mass too much, and two have none.
@@ -69,7 +69,7 @@ class SolidCorner(Effect):
     zones : tuple of _Zone
     n_corners : int
     size : float
-        Size of the corners beside what centre lines and sections say [-].
+        Size of the corners relative to that of centre lines and sections [-].
     rigid_zone_factor : float
         Part of it that is nearly rigid [-].
     """
@@ -83,7 +83,7 @@ class SolidCorner(Effect):
         quantities="`size` [-], `rigid_zone_factor` [-]",
         meaning=(
             "welded corners of finite size: as many times as large as the sections say, and which "
-            "part of that is nearly rigid; it may stand beside other effects where nothing else is"
+            "part of that is nearly rigid. A study states it; no search proposes it"
         ),
         places="all points where members with an outline are welded, together",
     )
@@ -125,13 +125,13 @@ class SolidCorner(Effect):
         return tuple(dict.fromkeys(ref for m in members for ref in elements_of(model, m, "E", "rho")))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """From a tenth to one and a half of what the sections say."""
+        """From a tenth to one and a half of the size by the sections."""
         factor = float(np.real(self.rigid_zone_factor))
         return tuple({"size": s, "rigid_zone_factor": factor} for s in (0.1, 0.25, 0.5, 1.0, 1.5))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """All corners alike, if the sections of what meets there have outlines and none have a size yet."""
+        """All corners alike, if the sections of their members have outlines and none have a size yet."""
         if not model.of_kind(Frame) or model.of_kind(cls):
             return ()
         corners = [zones for arms in _corners(model) if (zones := _zones(model, arms))]
@@ -191,7 +191,7 @@ def _goes_on(a: _Arm, b: _Arm) -> bool:
 
 
 def _zones(model: Model, arms: list[_Arm]) -> list[_Zone]:
-    """Return what of the arms of a corner lies inside of others; nothing where a section has no outline."""
+    """Return the parts of a corner's arms inside of others; nothing where a section has no outline."""
     through = [any(_goes_on(a, b) for b in arms) for a in arms]
     areas = [frame_of(model).members[a.member].section.A for a in arms]
     first = max((k for k, yes in enumerate(through) if yes), key=lambda k: areas[k], default=None)

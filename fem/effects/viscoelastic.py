@@ -26,7 +26,7 @@ class Viscoelastic(PointPair):
     K : ndarray (6, 6)
         Static stiffness in the element's axes [N/m, N·m/rad].
     law : Zener, FractionalKelvinVoigt or FractionalZener
-        What multiplies K.
+        Factor of K over frequency.
     """
 
     kind: ClassVar[str] = "viscoelastic"

@@ -17,7 +17,7 @@ from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 STIFFEST = 3.5
 """Logarithm of the factor by which a zone is stiffer, at most [-]: more is rigid."""
 SOFTEST = -0.2
-"""The same at least: connections of finite size are stiffer than what centre lines draw."""
+"""The same at least: connections of finite size are stiffer than centre lines."""
 _ALONG = 0.94
 """Cosine of the angle up to which two members lie along each other."""
 
@@ -39,12 +39,11 @@ class ZoneForm(Effect):
     """
 
     kind: ClassVar[str] = "zone_form"
-    evidence_only: ClassVar[bool] = True
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     entry: ClassVar[Entry | None] = Entry(
         quantities="`u` [-], `mass` [-]",
-        meaning="stiffness e^u and mass of what lies inside of a connection of finite size",
+        meaning="stiffness e^u and mass of the inside of a connection of finite size",
         places="each corner and each joint of members",
     )
     zones: tuple[tuple[str, float, float, int], ...]

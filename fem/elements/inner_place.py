@@ -92,7 +92,7 @@ class InnerPlace:
         )
 
     def clamp(self) -> Contribution:
-        """Return what a clamp of the place adds: it gives way by 1/``RIGIDITY`` of the element's end."""
+        """Return the contribution of a clamp there, 1/``RIGIDITY`` as flexible as the element's end."""
         force = np.linalg.solve(self.F + self.end / RIGIDITY, self.N)
         K = energy(self.F + self.end / RIGIDITY, force)
         return Contribution(self.dofs[None], _batch(K), _batch(self.mass(force)), None, _batch(self.eta * K))

@@ -212,7 +212,7 @@ def warn_of_units(matrices: Matrices, mesh: Mesh, attachments: Sequence[Attachme
     mass = float(moved @ (matrices.M @ moved))
     size = matrices.size
     sides = np.maximum(np.ptp(matrices.points, axis=0), 1e-3 * size)
-    # a line of nodes has no volume: what is too heavy is judged by a cube, what is too light by the box
+    # a line of nodes has no volume: the upper limit is that of a cube, the lower that of the box
     light, heavy = mass / max(float(np.prod(sides)), 1e-300), mass / max(size, 1e-300) ** 3
     if len(matrices.points) > 1 and (light < PLAUSIBLE_DENSITY[0] or heavy > PLAUSIBLE_DENSITY[1]):
         odd = light if light < PLAUSIBLE_DENSITY[0] else heavy

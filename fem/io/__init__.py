@@ -58,7 +58,7 @@ def read_frf(path: str | os.PathLike[str], kind: FRFKind | str | None = None, **
     Raises
     ------
     UffError, TableError
-        If the file cannot be read as what its suffix says, or a universal file has no FRFs or several groups
+        If the content of the file does not fit its suffix, or a universal file has no FRFs or several groups
         of them.
     """
     suffix = Path(path).suffix.lower()

@@ -3,7 +3,7 @@
 meshio 5.3.5 reads them too, but keeps the last of several ``*NODE`` blocks, mixes up element sets when
 several ``*ELEMENT`` blocks share a name or some have none, takes B33 for a three-node element, refuses a file
 for one element type that it does not know (MASS, for instance), and knows no parts and instances. So these
-are read here. :mod:`fem.io.abaqus_keywords` has the tables of what is read, refused, named and harmless.
+are read here. :mod:`fem.io.abaqus_keywords` lists the keywords that are read, refused, named and harmless.
 """
 
 import os
@@ -75,7 +75,7 @@ class _Reader:
 
     def read(self) -> Assembly:
         """Read the deck and return its parts and instances."""
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named by the mesh
+        with np.errstate(over="ignore", invalid="ignore"):  # Mesh names values that are not finite
             for block in self.deck.blocks():
                 self._block(block)
         if self.deck.loose:
@@ -114,7 +114,7 @@ class _Reader:
         self.named.setdefault(remedy, {}).setdefault(what, []).append(_short(place, self.path.name))
 
     def _refuse_short(self, block: Block) -> None:
-        """Refuse what may be a keyword that is read, written short."""
+        """Refuse a keyword that may be the short form of one that is read."""
         found = [word for word in READ if len(block.keyword) > 2 and word.startswith(block.keyword)]
         if found:
             msg = f"{block.place}: *{block.name} may be *{' or *'.join(found)}; write the keyword in full"

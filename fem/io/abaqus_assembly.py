@@ -54,14 +54,14 @@ class _Rows:
 
 @dataclass(slots=True)
 class Assembly:
-    """What a deck holds.
+    """Parts, instances and sets of a deck.
 
     Attributes
     ----------
     file : name for messages
-    outside : what is outside of parts, or in the assembly
+    outside : nodes, elements and sets outside of parts, or in the assembly
     parts, instances : by name
-    notes : what was left out so far
+    notes : sentences on the data left out so far
     """
 
     file: str
@@ -109,7 +109,7 @@ class Assembly:
         return raw
 
     def node_sets(self) -> tuple[dict[str, NDArray[np.int64]], list[str]]:
-        """Return the node numbers of the sets outside of parts, and what they name that is not there."""
+        """Return the node numbers of the sets outside of parts, and notes on missing nodes that they name."""
         numbers, _ = self.outside.nodes.unique([])
         owners = {"": (Instance("", ""), [self.outside])}
         self._rows["NSET"][""] = _Rows(numbers, 0, [])
@@ -127,7 +127,7 @@ class Assembly:
         return sets, _unknown(found.unknown)
 
     def _owners(self) -> dict[str, tuple[Instance, list[Part]]]:
-        """Return the instances, or the parts where there are none, with what they consist of."""
+        """Return the instances, or the parts where there are none, each with its parts."""
         owners: dict[str, tuple[Instance, list[Part]]] = {}
         for name, instance in self.instances.items():
             part = self.parts.get(instance.part)

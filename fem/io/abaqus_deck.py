@@ -30,7 +30,7 @@ class Rows:
 
 @dataclass(slots=True)
 class Block:
-    """A keyword with what belongs to it.
+    """A keyword with its parameters and data lines.
 
     Attributes
     ----------
@@ -252,7 +252,7 @@ def check_options(block: Block) -> None:
 def table_of(texts: list[str], dtype: type, least: int, most: int) -> NDArray[Any] | None:
     """Return data lines of equally many numbers as an array, None if they are anything else.
 
-    This is the fast way for plain blocks; whoever gets None reads line by line, and names what is wrong.
+    This is the fast way for plain blocks; a caller that gets None reads line by line and names the fault.
     """
     if len(texts) < 8:
         return None

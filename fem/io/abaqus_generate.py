@@ -1,7 +1,8 @@
 """Abaqus' generators of nodes and elements, and its coordinate systems.
 
 ``*NGEN``, ``*NFILL``, ``*NCOPY``, ``*ELGEN``, ``*ELCOPY``, ``*SYSTEM`` and ``*NODE, SYSTEM=``, as the
-keywords manual describes them (Abaqus 2017). Generators use what is defined before them, as Abaqus does.
+keywords manual describes them (Abaqus 2017). Generators use the nodes and elements defined before them, as
+in Abaqus.
 """
 
 import numpy as np

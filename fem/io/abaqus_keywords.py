@@ -1,4 +1,4 @@
-"""Tables of Abaqus' and CalculiX' keywords: what is read, refused, named or harmless.
+"""Tables of Abaqus' and CalculiX' keywords that are read, refused, named or harmless.
 
 Keywords and parameters are without blanks, as Abaqus takes them. A keyword that is in no table is counted by
 name in a note; a parameter of a keyword that is read, but is not in its list, is an error.
@@ -79,11 +79,11 @@ NAMED: Final[dict[str, str]] = {
         _CONNECTION,
     ),
 }
-"""Keywords that are left out, with what to do about it; a note counts them."""
+"""Keywords that are left out, each with its remedy; a note counts them."""
 
 SECTIONS: Final = frozenset({"BEAMSECTION", "BEAMGENERALSECTION", "FRAMESECTION"})
-"""Keywords whose section, orientation and material come from the study file, but not without a word what they
-say of the place of the axis."""
+"""Keywords whose section, orientation and material come from the study file. A note says where they move the
+axis off the nodes."""
 
 CENTRED: Final = frozenset(
     {"RECT", "BOX", "CIRC", "PIPE", "THICKPIPE", "ELLIPTICAL", "HEX", "GENERAL", "MESHED"}
@@ -131,7 +131,7 @@ HARMLESS: Final = words(
     VISCO VISCOELASTIC VISCOSITY VISCOUS WAVE WIND
     """
 )
-"""Materials, properties, loads, steps and output: the study file says what is needed of them."""
+"""Materials, properties, loads, steps and output: the study file gives those that are needed."""
 
 _TWO_NODES = re.compile(r"(B2[13]|B3[13]|T[23]D2|PIPE[23]1|FRAME[23]D|ELBOW31|BEAM|TRUSS)(OS)?[HRTEBC]{0,2}")
 _THREE_NODES = re.compile(r"(B[23]2|T[23]D3|PIPE[23]2|ELBOW32)(OS)?[HRTEBC]{0,2}")
@@ -139,7 +139,7 @@ _NO_ORIENTATION = re.compile(r"T[23]D|TRUSS")
 
 
 def nodes_of(kind: str) -> tuple[int, int]:
-    """Return how many nodes an element type has as a line, 0 for what is none, and how many more may follow.
+    """Return the number of nodes of a line's element type, 0 for other types, and of those that may follow.
 
     A further node of a beam gives the orientation of its section.
     """

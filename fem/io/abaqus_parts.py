@@ -138,11 +138,11 @@ class Skipped:
 
 @dataclass(slots=True)
 class Part:
-    """What a part, an instance or the deck outside of parts defines.
+    """Nodes, elements and sets of a part, an instance or the deck outside of parts.
 
     Attributes
     ----------
-    name : as in the deck, empty for what is outside of parts
+    name : as in the deck, empty outside of parts
     place : where it begins
     nodes, elements : tables by number
     skipped : elements that are no lines

@@ -17,7 +17,7 @@ MOST_MEMBERS = 50_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Entry:
-    """What one line or block adds to a set.
+    """Members that one line or block adds to a set.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class NamedSet:
 
 @dataclass(slots=True)
 class Sets:
-    """Element or node sets by name; a set that takes in another has what that one has by then."""
+    """Element or node sets by name; a set that takes in another gets the members that it has by then."""
 
     word: str
     named: dict[str, NamedSet] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Sets:
         self.open(name).entries[id(entry)] = entry
 
     def take_in(self, name: str, other: str, place: str) -> bool:
-        """Add what another set has; return False if that set is not known yet."""
+        """Add the members of another set; return False if that set is not known yet."""
         found = self.get(other)
         if found is None:
             return False
@@ -85,7 +85,7 @@ class Resolver:
 
     Attributes
     ----------
-    file, word : the deck, and what its sets have, for messages
+    file, word : the deck, and the kind of the sets' members, for messages
     sets : the sets of a part with those of its instance, nearest first, by owner
     rows : rows of the mesh of some numbers of an owner, -1 where the element or node is none
     known : the numbers of an owner, ascending, those of elements that are no lines included

@@ -134,7 +134,7 @@ _VALUES = {
     "any": ("fiuc", "numbers"),
     "text": ("US", "texts"),
 }
-"""What an array of an archive may have to hold: NumPy's kinds of types, and the words for it."""
+"""Contents that an array of an archive may need: NumPy's kinds of types, and the words for them."""
 
 
 def typed(
@@ -145,7 +145,7 @@ def typed(
     n_axes: int,
     error: type[ValueError] = TableError,
 ) -> NDArray[Any]:
-    """Return an array of an archive as what it must be.
+    """Return an array of an archive with the type and the number of axes that are required.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def typed(
         Number of axes. A single value is taken for an array of one where one axis is needed, and an array of
         one value for the value.
     error : type
-        What is raised.
+        Type of the exception.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def read_csv(
     header : bool, optional
         Whether the first line holds names; found from it unless given.
     form : {"auto", "complex", "re-im", "magnitude-degrees"}
-        What the columns of an FRF are: one complex number such as ``1.2-3.4j``, real and imaginary part, or
+        Columns of an FRF: one complex number such as ``1.2-3.4j``, real and imaginary part, or
         magnitude and phase. ``"auto"`` takes complex numbers where there is a ``j`` or ``i``, else real and
         imaginary parts.
 

@@ -35,8 +35,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary file beside ``path``, which takes its name when the block ends without an error.
 
     The temporary name keeps the suffix, for libraries that choose the format by it. A link is followed; a
-    file that is there keeps its permissions. What is no regular file, such as a device or a pipe, and what
-    standard output goes to, is written to and not replaced.
+    file that is there keeps its permissions. A target that is no regular file, such as a device or a pipe,
+    and the target of standard output are written to and not replaced.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def flushed(path: Path) -> None:
 
 
 def goes_to_stdout(path: str | os.PathLike[str]) -> bool:
-    """Whether a path leads to what standard output goes to."""
+    """Whether a path leads to the target of standard output."""
     there = _status(Path(path))
     return there is not None and _same(there, 1)
 
@@ -122,7 +122,7 @@ def _same(there: os.stat_result, stream: int) -> bool:
 
 
 def _status(path: Path) -> os.stat_result | None:
-    """Return the status of what a path leads to; None where there is nothing."""
+    """Return the status of the target of a path; None where there is nothing."""
     try:
         return path.stat()
     except (FileNotFoundError, NotADirectoryError):

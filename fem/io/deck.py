@@ -40,7 +40,7 @@ class Budget:
     left: int = MOST_GENERATED
 
     def take(self, count: int, place: str, what: str) -> None:
-        """Count what a line generates.
+        """Count the nodes or elements that a line generates.
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """The sections of a Gmsh file, and the numbers in them, as text or in binary form.
 
-Nothing is allocated by what a header announces: counts are compared with the bytes or words that follow.
+The count in a header never sets a size in memory: it is compared first with the bytes or words that follow.
 """
 
 import re
@@ -89,7 +89,7 @@ class MshFile:
 
 
 def sections_of(name: str, data: bytes) -> MshFile:
-    """Find the sections of a file and read what its header says about format and numbers.
+    """Find the sections of a file and read the format and the type of numbers from its header.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""K, M, C and D for and from other programs: Matrix Market, ``.npz``, and what CalculiX writes.
+"""K, M, C and D for and from other programs: Matrix Market, ``.npz``, and CalculiX's files.
 
 A set of Matrix Market files is named after one path: ``frame.mtx`` stands for ``frame.K.mtx``,
 ``frame.M.mtx``, ``frame.C.mtx``, ``frame.D.mtx``, ``frame.Q.mtx`` and the table ``frame.dofs.csv``, which has
@@ -39,7 +39,7 @@ def matrices_of(system: System, *, constrained: bool = True) -> Matrices:
     Damping of the whole structure is included as far as matrices can say it: C = local + αM + βK,
     D = local + ηK. Nodes are the points of the mesh, counted from 0. A coordinate that is no motion of one
     point (constraints have tied several, or an element has coordinates of its own) has the label ``q…``; Q
-    then says what it is.
+    then defines it.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def read_matrices(
 ) -> Matrices:
     """Read matrices of a structure: ``.npz``, ``.mtx`` as :func:`write_matrices` names them, or ``.sti``.
 
-    ``.sti`` is what CalculiX writes; see :func:`read_calculix`.
+    CalculiX writes ``.sti``; see :func:`read_calculix`.
 
     Parameters
     ----------
@@ -385,7 +385,7 @@ def read_calculix(
     nodes: ArrayLike | None = None,
     points: ArrayLike | None = None,
 ) -> Matrices:
-    """Read what CalculiX writes with ``*FREQUENCY, SOLVER=MATRIXSTORAGE``: ``.sti``, ``.mas`` and ``.dof``.
+    """Read the files of CalculiX's ``*FREQUENCY, SOLVER=MATRIXSTORAGE``: ``.sti``, ``.mas`` and ``.dof``.
 
     Each line of ``.sti`` and ``.mas`` has row, column (from 1) and value, of one triangle; each line of
     ``.dof`` says the degree of freedom of a row as ``node.direction``. Directions that supports hold have no

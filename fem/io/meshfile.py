@@ -38,15 +38,16 @@ def read_mesh(
     and become groups. A three-node line becomes two lines. Sets of points name points: ``base`` for one
     point, ``base.1``, ``base.2``, … for up to 50.
 
-    One :class:`~fem.mesh.MeshWarning` says what was left out or looks wrong: cells that are not lines, points
-    on no line (the others are renumbered in their order), how many points coincide without being connected,
-    sections, cards and datasets that are not read. The mesh keeps its sentences as ``notes``.
+    One :class:`~fem.mesh.MeshWarning` lists data that were left out or look wrong: cells that are not lines,
+    points on no line (the others are renumbered in their order), the number of points that coincide without
+    being connected, sections, cards and datasets that are not read. The mesh keeps its sentences as
+    ``notes``.
 
     Parameters
     ----------
     path : path
     scale : float
-        What coordinates are multiplied by to be metres: 0.001 for a file in mm. The units that a universal
+        Factor that converts coordinates to metres: 0.001 for a file in mm. The units that a universal
         file states are applied besides.
     merge_tolerance : float, optional
         Distance within which points become one [m]. Nothing is merged unless it is given.
@@ -97,7 +98,7 @@ def write_mesh(
     """Write a mesh; the suffix says the format, and the file is replaced whole or not at all.
 
     Members, groups and named points are kept in ``.inp``, members and named points in ``.msh`` (format 2.2),
-    members in ``.uff``, and in ``.vtu`` and what else meshio writes: there as an integer array ``member`` and
+    members in ``.uff``, and in ``.vtu`` and meshio's other formats: there as an integer array ``member`` and
     one array of 0 and 1 for each, ``set:name``.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Meshes that meshio reads: ``.vtu``, ``.vtk``, ``.xdmf``, ``.med`` and others, and what it drops of them."""
+"""Meshes that meshio reads: ``.vtu``, ``.vtk``, ``.xdmf``, ``.med`` and others, with notes on lost cells."""
 
 import contextlib
 import io
@@ -39,7 +39,7 @@ _Sets = list[tuple[str, NDArray[np.int64]]]
 
 @contextlib.contextmanager
 def quiet() -> Iterator[io.StringIO]:
-    """Catch what meshio prints."""
+    """Catch meshio's printed lines."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         yield said
@@ -51,7 +51,7 @@ def read_by_meshio(file: Path, sets: str | None) -> RawMesh:
     Raises
     ------
     MeshError
-        If meshio cannot read the file, or what it reads is no mesh.
+        If meshio cannot read the file, or the file holds no mesh.
     """
     with quiet() as said:
         import meshio
@@ -78,7 +78,7 @@ def _why(file: Path, reason: BaseException, said: io.StringIO) -> str:
 
 
 def _in_plain_words(said: str) -> Iterator[str]:
-    """Give what meshio printed; the cells that it cannot read by their names."""
+    """Yield meshio's printed lines, with names for the cells that it cannot read."""
     lost = re.compile(r"(Warning: )?File contains cells that meshio cannot handle \(types? ([\d, ]+)\)\.?")
     for found in lost.finditer(said):
         kinds = [int(k) for k in re.findall(r"\d{1,4}", found.group(2))]

@@ -2,7 +2,7 @@
 
 meshio 5.3.5 reads them too, but wants ``BEGIN BULK`` and ``ENDDATA``, leaves elements in large-field format
 out without a word, stops at elements without a property and takes coordinates in local systems for global
-ones. So these are read here. :mod:`fem.io.nastran_names` has the tables of what is read, refused, named and
+ones. So these are read here. :mod:`fem.io.nastran_names` lists the cards that are read, refused, named and
 harmless.
 """
 
@@ -100,7 +100,7 @@ class _Reader:
         """Return points, lines and sets."""
         for run in runs_of(self.bulk):
             self._run(run)
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named by the mesh
+        with np.errstate(over="ignore", invalid="ignore"):  # Mesh names values that are not finite
             numbers, points = self._points()
         raw = RawMesh(points, notes=[*self.bulk.notes], point_numbers=numbers)
         self._lines(raw, numbers)
@@ -140,7 +140,7 @@ class _Reader:
             self._one(run.first + k * run.length, run.length)
 
     def _one(self, first: int, length: int) -> None:
-        """Read one card, or what it repeats."""
+        """Read one card, or the cards that it repeats."""
         name, fields = fields_of(self.bulk, first, length)
         for one, values in self.replicator.cards(name, fields, length, lambda: self.bulk.place(first)):
             self._card(one, values, first)
@@ -233,7 +233,7 @@ class _Reader:
     # Many cards of one form at once -------------------------------------------------------------------------
 
     def _in_bulk(self, run: Run) -> bool:
-        """Read all but the last card of a run; return False for what should be read card by card."""
+        """Read all but the last card of a run; return False if the run needs reading card by card."""
         if run.count < 8 or run.name not in ("GRID", *_BARS, "CROD", "CTUBE", "CONROD"):
             return False
         columns = columns_of(self.bulk, run, range(8) if run.name == "GRID" else (*range(4), *range(8, 16)))
@@ -244,7 +244,7 @@ class _Reader:
         try:
             read = self._grids_in_bulk if run.name == "GRID" else self._bars_in_bulk
             return read(run.name, columns, rows)
-        except (ValueError, OverflowError):  # whoever reads card by card names what is wrong
+        except (ValueError, OverflowError):  # reading card by card names the fault
             return False
 
     def _grids_in_bulk(self, _: str, columns: dict[int, list[str]], rows: NDArray[np.int64]) -> bool:
@@ -392,10 +392,10 @@ class _Reader:
             name = without.get(-1 - int(keys[k])) or f"property {keys[k]}"
             raw.sets[name] = rows[k]
 
-    # What else there is -------------------------------------------------------------------------------------
+    # Other cards --------------------------------------------------------------------------------------------
 
     def _name_others(self, raw: RawMesh) -> None:
-        """Count what was left out: elements by type, cards that matter with a remedy, and unknown ones."""
+        """Count the cards left out: elements by type, cards that matter with a remedy, and unknown ones."""
         found: dict[str, list[str]] = {}
         for name, (count, row) in self.others.items():
             if name in HARMLESS or name == "=":

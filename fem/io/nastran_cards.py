@@ -30,7 +30,7 @@ class BulkData:
     Attributes
     ----------
     lines : texts, without tabs
-    notes : what is said of the rest
+    notes : sentences on the lines left out
     """
 
     lines: list[str] = field(default_factory=list)
@@ -147,8 +147,8 @@ class Run:
 
     Attributes
     ----------
-    key : what their first lines begin with, see :func:`_key`
-    name : of the card, in capitals; empty for what is no card
+    key : beginning of their first lines, see :func:`_key`
+    name : of the card, in capitals; empty for other lines
     first, count : row of the first line, and number of cards
     length : lines of each card
     """
@@ -213,7 +213,7 @@ def _tail(line: str) -> str:
 
 
 def _codes(lines: list[str]) -> tuple[NDArray[np.int64], list[str]]:
-    """Return a number for what each line begins with, and what the numbers stand for."""
+    """Return the number of each line's key, and the keys by number."""
     table: dict[str, int] = {}
     known: dict[str, int] = {}
     codes = []
@@ -234,7 +234,7 @@ def _codes(lines: list[str]) -> tuple[NDArray[np.int64], list[str]]:
 
 
 def _key(line: str) -> str:
-    """Return what says name and form of a line.
+    """Return the key of a line: its name and its form.
 
     ``+``, ``*`` and a blank for continuation lines in small, large and either field; else the name with a
     comma in free field, with a blank if blanks separate, or the first eight columns.
@@ -271,7 +271,7 @@ def _name_of(key: str) -> str:
 def columns_of(bulk: BulkData, run: Run, wanted: Sequence[int]) -> dict[int, list[str]] | None:
     """Return some fields of all cards of a run, counted from 0, an empty list for those that no line has.
 
-    None for what should be read card by card: blanks between fields, labels, replication.
+    None for a run that needs reading card by card: blanks between fields, labels, replication.
     """
     free, wide = run.key.endswith(","), run.key.rstrip(" ,").endswith("*")
     if (run.key.endswith(" ") and len(run.key) < 8) or run.name == "=" or (free and wide):
@@ -413,7 +413,7 @@ class Replicator:
         Raises
         ------
         MeshError
-            For repetitions of nothing, of cards of several lines, or steps of what is no number.
+            For repetitions of nothing, of cards of several lines, or steps from a field that is no number.
         """
         if not name.startswith("=") and not any(f[:1] in "=*" for f in fields if f):
             self.before = (name, fields) if length == 1 else None

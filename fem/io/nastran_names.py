@@ -1,4 +1,4 @@
-"""Tables of Nastran's bulk data cards: what is read, refused, named or harmless.
+"""Tables of Nastran's bulk data cards that are read, refused, named or harmless.
 
 A card that is in no table is counted by name.
 """
@@ -78,7 +78,7 @@ NAMED: Final[dict[str, str]] = {
         "give [[joints]] in the study file",
     ),
 }
-"""Cards that are left out, with what to do about it."""
+"""Cards that are left out, each with its remedy."""
 
 HARMLESS: Final = words(
     """
@@ -97,5 +97,5 @@ HARMLESS: Final = words(
     TABRND1 TABRNDG TEMP TEMPD TEMPP1 TEMPRB TIC TLOAD1 TLOAD2 TRIM TSTEP TSTEPNL USET USET1
     """
 )
-"""Materials, properties, loads, sets for results and what steers an analysis: the study file says what is
-needed of them."""
+"""Materials, properties, loads, sets for results and controls of an analysis: the study file gives those
+that are needed."""

@@ -45,7 +45,7 @@ class Systems:
     _frames: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=dict)
 
     def add(self, name: str, fields: list[str], place: str) -> None:
-        """Add what a card defines.
+        """Add the coordinate system that a card defines.
 
         Raises
         ------

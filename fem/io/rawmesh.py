@@ -1,4 +1,4 @@
-"""What mesh readers hand over, and how it becomes a :class:`fem.mesh.Mesh`.
+"""The common result of the mesh readers, and its conversion to a :class:`fem.mesh.Mesh`.
 
 A reader gives points, lines and sets as the file has them. Joined here, for all formats alike: quadratic
 lines, overlapping sets, points that nothing uses or that coincide. A mesh has up to millions of lines, so
@@ -40,8 +40,8 @@ class RawMesh:
         list of two or three each
     sets, point_sets : name to indices of lines, of points
     point_names : name to the index of a point
-    left_out : count of what was not read, by type
-    notes : what else there is to say
+    left_out : count of elements that were not read, by type
+    notes : further sentences for the warning
     point_numbers, line_numbers : numbers of nodes and elements in the file, for messages
     """
 
@@ -56,16 +56,16 @@ class RawMesh:
     line_numbers: Sequence[int] | NDArray[np.int64] | None = None
 
     def point(self, row: int) -> str:
-        """Return what a message calls a point."""
+        """Return the name of a point in messages."""
         return f"point {row + 1}" if self.point_numbers is None else f"node {int(self.point_numbers[row])}"
 
     def line(self, row: int) -> str:
-        """Return what a message calls a line."""
+        """Return the name of a line in messages."""
         return f"line {row + 1}" if self.line_numbers is None else f"element {int(self.line_numbers[row])}"
 
 
 def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None) -> Mesh:
-    """Make a mesh of what a file holds, and say in one warning what was left out or looks wrong.
+    """Make a mesh of a file's content; one warning lists data that were left out or look wrong.
 
     The sentences of the warning are the mesh's ``notes``.
 

@@ -53,7 +53,7 @@ class LineSets:
 
         Returns the parts, the names of the parts of each set that is not a part itself, and the names of
         the parts that several sets share without one of them being the part. A part has the name of the set
-        that it equals; ``A.rest`` is what only A has beside smaller sets, and ``A & B`` is what both have.
+        that it equals; ``A.rest`` are the lines in A and in no smaller set, ``A & B`` those in both.
         """
         if not self.line.size:
             return {}, {}, []

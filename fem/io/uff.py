@@ -1,8 +1,8 @@
-"""Universal files (UFF, ``.uff`` and ``.unv``): which datasets are read, and what becomes of them.
+"""Universal files (UFF, ``.uff`` and ``.unv``): the datasets that are read, and their results.
 
-Datasets that say what others mean (units 164, coordinate systems 18 and 2420, nodes) act on the whole file,
-wherever they stand. Lengths and forces are in SI, positions and directions along the global axes. A dataset
-of another type is in ``skipped``, unless it says nothing about geometry or measured values.
+Datasets that define the meaning of others (units 164, coordinate systems 18 and 2420, nodes) act on the
+whole file, whatever their place. Lengths and forces are in SI, positions and directions along the global
+axes. A dataset of another type is in ``skipped``, unless it says nothing about geometry or measured values.
 """
 
 import os
@@ -40,7 +40,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class UffFile:
-    """What a universal file holds.
+    """Content of a universal file.
 
     Attributes
     ----------
@@ -61,18 +61,18 @@ class UffFile:
     header : Header or None
     units : Units or None
     skipped : tuple of str
-        What was not read or not used: the first such dataset's place, why, and how many there are.
+        Datasets that were not read or not used: place of the first, reason, and count.
     frf_runs : tuple of str
-        What tells each FRF matrix from others, such as ``"load case 2"``; empty where nothing does.
+        Label that tells each FRF matrix from others, such as ``"load case 2"``; empty where nothing does.
     frf_axes : tuple of tuple of str
         Unit labels of the frequencies of each FRF matrix as the file has them, such as ``("rad/s",)``; the
         FRFs themselves are in Hz.
     groups : tuple of Group
         Permanent groups; :meth:`mesh` makes sets of lines and of points of them.
     notes : tuple of str
-        What was converted, turned or came twice: the lines of the warning that :func:`read_uff` gives.
+        Records that were converted, turned or came twice: the lines of :func:`read_uff`'s warning.
     mesh_notes : tuple of str
-        Those of the notes and of what was skipped that concern a mesh.
+        Those of the notes and of ``skipped`` that concern a mesh.
     geometry_fault : str
         Why the file cannot give a mesh, although its measured values can be read; empty if it can.
     """
@@ -147,7 +147,7 @@ class UffFile:
 
     @cached_property
     def contents(self) -> str:
-        """What the file holds, in a line."""
+        """Content of the file in one line."""
         parts = [
             f"{len(self.frfs)} FRF matrices" if self.frfs else "",
             *(
@@ -169,7 +169,7 @@ class UffFile:
 
         Trace lines and permanent groups of elements make sets of lines by their names; elements in none of
         them make a set by their property table, ``"property 3"``. Points are named by their node numbers and
-        by permanent groups of nodes; those on no line are left out. What else was is in ``mesh_notes``, and
+        by permanent groups of nodes; those on no line are left out. Other notes are in ``mesh_notes``, and
         in the warning of :func:`fem.io.read_mesh`.
 
         Raises
@@ -202,7 +202,7 @@ def _few(labels: tuple[str, ...]) -> str:
 def read_uff(
     path: str | os.PathLike[str], kind: FRFKind | str | None = None, unit_labels: bool = True
 ) -> UffFile:
-    """Read a universal file; one warning says what was converted, turned or came twice.
+    """Read a universal file; one warning lists records that were converted, turned or came twice.
 
     Single records of dataset 58 are put together to FRF matrices, those with the same kind, frequencies, load
     case and unit labels. A matrix with holes is split into complete ones, and a warning names the holes.

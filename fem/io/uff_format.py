@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MARK = b"    -1"
-"""What stands, alone on its line, before and after each dataset."""
+"""Mark, alone on its line, before and after each dataset."""
 
 MOST_STRAY = 3
 """Lines outside any dataset that are named one by one; of more there is the number."""
@@ -86,7 +86,7 @@ class Block:
     head : str
         The line with its type.
     body : bytes
-        What follows that line, without the closing mark; of a binary dataset the header only.
+        Bytes after that line, without the closing mark; of a binary dataset the header only.
     values : ndarray or None
         Values of a binary dataset, a structured array with ``y`` (n, 1 or 2) and ``x`` (n,) where it is
         stored.
@@ -212,7 +212,7 @@ def _take_block(cursor: _Cursor, line: int, offset: int) -> Block:
 
 
 def _take_text(cursor: _Cursor, what: str, offset: int) -> bytes:
-    """Take what is before the closing mark, and the mark."""
+    """Take the bytes up to and with the closing mark."""
     start = cursor.at
     if start <= len(cursor.data):
         found = cursor.data.find(b"\n" + MARK, start - 1)
@@ -279,7 +279,7 @@ def _refused(cursor: _Cursor, block: Block) -> Block:
 
 
 def _layouts(header: tuple[str, ...]) -> list[np.dtype[Any]]:
-    """Return the possible layouts of one value: what the header says, then what other programs write instead.
+    """Return the possible layouts of one value: that of the header first, then those of other programs.
 
     Where the abscissa is stored, some programs write it in single precision beside ordinates in double
     precision; some write double precision under a header that says single, or the reverse.

@@ -38,7 +38,7 @@ class _End:
 
 
 def function_of(block: Block) -> tuple[Function, list[str]]:
-    """Return the record of a dataset 58, abscissa in Hz or s, and what to say about it.
+    """Return the record of a dataset 58, abscissa in Hz or s, and notes on it.
 
     Raises
     ------
@@ -190,7 +190,7 @@ Record = tuple[Function, FRFKind]
 
 
 def turned_records(records: Sequence[Record], nodes: Nodes) -> tuple[list[Record], list[str], int]:
-    """Return FRFs along the global axes; what cannot be given so, a line each; and how many were turned.
+    """Return FRFs along the global axes, a line for each that cannot be turned, and the number turned.
 
     Directions of a node are those of its displacement system. Along a global axis a record has another label;
     records along all slanted axes of a node, two or three, make as many along the global ones. Others have no
@@ -296,7 +296,7 @@ class FRFGroups:
     axes : list of tuple of str
         Unit labels of the abscissa.
     runs : list of str
-        What tells a matrix from others, such as ``"load case 2"``; empty where nothing does.
+        Label that tells a matrix from others, such as ``"load case 2"``; empty where nothing does.
     notes : list of str
         Records that came twice with other values, holes, and load cases.
     left_out : list of str
@@ -351,7 +351,7 @@ class _Twice:
     other: list[tuple[Function, Function]] = field(default_factory=list)
 
     def with_the_same(self) -> Iterator[str]:
-        """Yield what to say about records that come again as they were."""
+        """Yield a note on records that come again with the same values."""
         if self.equal:
             f = self.equal[0]
             more = f", and {len(self.equal) - 1} more" if len(self.equal) > 1 else ""
@@ -361,7 +361,7 @@ class _Twice:
             )
 
     def with_other_values(self) -> Iterator[str]:
-        """Yield what to say about records that come again with other values."""
+        """Yield notes on records that come again with other values."""
         if not self.other:
             return
         was, now = self.other[0]

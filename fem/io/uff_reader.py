@@ -17,7 +17,7 @@ from fem.io.uff_types import Function, Header, TraceLine, Units
 from fem.io.uff_units import response_and_force, units_of
 
 HARMLESS: dict[int, str] = {1858: "qualifiers of functions", 2400: "model header"}
-"""Datasets that change nothing of what is read."""
+"""Datasets without influence on the data that are read."""
 
 GEOMETRY: dict[int, str] = {71: "elements of an old form"}
 """Datasets that change the lines of a mesh and are not read: a mesh is refused where there is one."""
@@ -31,7 +31,7 @@ LEFT_OUT: dict[int, str] = {
 """Words for some of the datasets that are left out and named."""
 
 _RESULTS = ("FRF", "55", "57", "58", "2414")
-"""Beginnings of keys of what was skipped that do not concern a mesh."""
+"""Beginnings of keys of skipped datasets that do not concern a mesh."""
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -49,7 +49,7 @@ class _Said:
 
 
 class _Sentences:
-    """Sentences, each once, by what they are about."""
+    """Sentences, one for each subject."""
 
     def __init__(self) -> None:
         self._said: dict[str, _Said] = {}
@@ -166,7 +166,7 @@ class FileReader:
         ends = f"{function.response}/{function.reference}"
         self.skipped.add(f"FRF {reason}", f"{function.place}: FRF {ends}: {reason}")
 
-    # What follows needs all datasets ------------------------------------------------------------------------
+    # The rest needs all datasets ----------------------------------------------------------------------------
 
     def result(self) -> dict[str, Any]:
         """Return the attributes of :class:`fem.io.uff.UffFile` but its name."""

@@ -40,7 +40,7 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """What the headers of datasets 55 and 2414 have in common."""
+    """Common entries of the headers of datasets 55 and 2414."""
 
     analysis: int
     characteristic: int
@@ -203,7 +203,7 @@ def shape_in_si(shape: Shape, units: Units) -> Shape:
 
 
 def modes_of(shapes: Sequence[Shape], file: str) -> tuple[tuple[Modes, ...], list[str]]:
-    """Put shapes together by their nodes; return also what there is to say about it.
+    """Put shapes together by their nodes; return notes on them, too.
 
     A node that one of them lacks is a gap of that one: NaN. Shapes are of one test, and make one group, where
     each shares half of its nodes or more with another of them.

@@ -15,7 +15,7 @@ GLOBAL_NUMBERS = (0, 1)
 """Systems that are the global one unless the file defines them: 0 always, 1 by the habit of most programs."""
 
 _ORTHONORMAL_WITHIN = 1e-3
-"""What products of axes may differ by from those of unit vectors: four digits are written at least."""
+"""Allowed deviation of products of axes from those of unit vectors: four digits are written at least."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +106,7 @@ class _Definition:
 
 @dataclass(slots=True, eq=False)
 class Systems:
-    """The coordinate systems of a file, by number; what is wrong with one is said when it is used."""
+    """The coordinate systems of a file, by number; a faulty one raises only when it is used."""
 
     _found: dict[int, _Definition] = field(default_factory=dict)
     _other: dict[int, _Definition] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""What a universal file holds: one record type for each of its datasets."""
+"""Records of a universal file: one type for each of its datasets."""
 
 from dataclasses import dataclass
 from typing import Any

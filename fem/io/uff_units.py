@@ -1,6 +1,6 @@
 """Labels of units in dataset 58, and the factors of dataset 164.
 
-A label is what the writing program has shown its user; where it is known, it goes before dataset 164.
+The writing program has shown the label to its user; a known label takes precedence over dataset 164.
 """
 
 import re
@@ -89,7 +89,7 @@ def powers_of(label: str) -> dict[str, int] | None:
 
 
 def abscissa_factor(x_type: int, label: str) -> tuple[float, str, str]:
-    """Return what an abscissa is multiplied by to be in Hz or s, what to say about it, and why it is neither.
+    """Return the factor of an abscissa to Hz or s, a note on it, and the reason if it is neither.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def _force_in(label: str, moment: bool) -> float | None:
 
 
 def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -> tuple[float, float, str]:
-    """Return what an FRF is multiplied by to be in SI.
+    """Return the factor of an FRF to SI by its labels and by dataset 164, and its unknown labels.
 
     Parameters
     ----------

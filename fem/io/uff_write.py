@@ -53,10 +53,10 @@ def write_uff(
 
     The file is replaced whole or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412
     elements, 82 trace lines (one a member), 2467 permanent groups (of a mesh's groups and named points),
-    55 mode shapes, 58 or 58b FRFs. What the format keeps: FRF values
-    exactly in binary double precision, to 6e-8 in binary single, 5e-13 in text double and 5e-6 in text single
-    precision; frequencies to 1e-12 or exactly in binary double precision, else to 6e-8 (binary) and 5e-7
-    (text); mode shapes, their frequencies and damping, and points in dataset 15 to 5e-6, all relative.
+    55 mode shapes, 58 or 58b FRFs. The format keeps FRF values exactly in binary double precision, to 6e-8 in
+    binary single, 5e-13 in text double and 5e-6 in text single precision; frequencies to 1e-12 or exactly in
+    binary double precision, else to 6e-8 (binary) and 5e-7 (text); mode shapes, their frequencies and
+    damping, and points in dataset 15 to 5e-6, all relative.
 
     Parameters
     ----------

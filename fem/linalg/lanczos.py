@@ -150,7 +150,7 @@ def _search(
         if ended or (len(nu) >= want and bool((residual[:want] < TOLERANCE).all())):
             break
     want = min(want, len(nu))
-    # The part outside the basis sharpens the vectors and takes out what has no mass (Ericsson and Ruhe).
+    # The part outside the basis sharpens the vectors and removes massless motions (Ericsson and Ruhe).
     vectors = basis[:, r:size] @ S[:, :want] + current.X @ (carried[:, :want] / nu[:want])
     vectors /= _norms(M, vectors)
     following = float(eigenvalues[want]) if len(nu) > want else np.inf

@@ -2,9 +2,9 @@
 
 A separator of few coordinates cuts the graph of the matrix into two halves, these are cut again, and so on
 (George, *SIAM J. Numer. Anal.* 10, 1973, 345-363). The leaves of this tree are eliminated first, each as a
-dense *front* of its own coordinates and of those in separators that they touch; what the elimination leaves
-on the separators is handed to the parent (Duff and Reid, *ACM Trans. Math. Softw.* 9, 1983, 302-325). All
-arithmetic is in dense kernels of BLAS and LAPACK.
+dense *front* of its own coordinates and of those in separators that they touch; the elimination's Schur
+complement on the separators is handed to the parent (Duff and Reid, *ACM Trans. Math. Softw.* 9, 1983,
+302-325). All arithmetic is in dense kernels of BLAS and LAPACK.
 
 Separators are found by level sets: the distances in the graph from a few points far from each other serve as
 coordinates, and of the cuts at the median of each the smallest is taken. All parts of one depth are cut
@@ -160,7 +160,7 @@ def _dissect(
     Returns
     -------
     parts : list of ndarray
-        Nodes of the separators and of the leaves, each separator before what it separates.
+        Nodes of the separators and of the leaves, each separator before its two parts.
     parent : list of int
         The separator above each; -1 for the first.
     """

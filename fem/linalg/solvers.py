@@ -58,7 +58,7 @@ def one_thread() -> AbstractContextManager[Any]:
     """Keep BLAS to one thread within a with-block.
 
     The blocks of frames are so small that threads wait for each other rather than work: on two cores with
-    other work, two threads took five to ten times as long as one. What called it gets its number back.
+    other work, two threads took five to ten times as long as one. The caller gets its number back.
     """
     return _pools().limit(limits=1, user_api="blas")
 
@@ -78,8 +78,8 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
     like : Factor, optional
         Of a matrix with the same pattern of entries, whose order of elimination is used again.
     backend : str, optional
-        One of `BACKENDS`, whatever the size; otherwise what the environment variable ``DOVETAIL_SOLVER``
-        names, if it is set.
+        One of `BACKENDS`, whatever the size; otherwise the one that the environment variable
+        ``DOVETAIL_SOLVER`` names, if it is set.
 
     Raises
     ------

@@ -26,8 +26,8 @@ _HELD = 1e-12
 """Entries of Q below this are rounding: the DOF does not move with the coordinate."""
 
 _NEGATIVE = 1e-13
-"""Eigenvalues of a static condensation, over the diagonal of what is condensed, above minus this may be
-rounding [-]."""
+"""Eigenvalues of a static condensation above minus this may be rounding, relative to the diagonal of the
+condensed matrix [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,7 @@ Measured shapes are good to three digits at best, so that even a hundredth of it
 """
 
 _TIED = 1e-10
-"""Relative size below which a sensor's row, or what others leave of it, is rounding."""
+"""Relative size below which a sensor's row, or its part independent of others, is rounding."""
 
 _HELD = 1e9
 """Condition number above which a frequency counts as one of the structure held at its sensors."""
@@ -43,7 +43,7 @@ class Expansion:
     misfit : ndarray (n_shapes,)
         Norm of the residual relative to that of the measured shape [-].
     condition : float
-        Condition number of what was solved [-]: errors of the sensors may reach the amplitudes of the
+        Condition number of the system solved [-]: errors of the sensors may reach the amplitudes of the
         shapes larger by this factor.
     sensors : tuple of str
         Labels of the sensors.
@@ -66,7 +66,7 @@ def expand_serep(system: System, modes: Modes, sensors: Selection, shapes: Array
     """Expand by modes: u = Φ c with c of least squares at the sensors.
 
     SEREP (O'Callahan, Avitabile & Riemer, IMAC VII, 1989, 29-37). Noise is smoothed as far as there are more
-    sensors than modes, and what the modes do not contain is lost.
+    sensors than modes, and motions outside the modes' span are lost.
 
     Parameters
     ----------
@@ -91,10 +91,10 @@ def expand_serep(system: System, modes: Modes, sensors: Selection, shapes: Array
 
 
 def expand_hybrid(system: System, modes: Modes, sensors: Selection, shapes: ArrayLike) -> Expansion:
-    """Expand by modes, and statically what they leave at the sensors: u = Φ c + T_s (ψ - S Φ c).
+    """Expand by modes, and their residual at the sensors statically: u = Φ c + T_s (ψ - S Φ c).
 
     The hybrid of Kammer, *J. Vib. Acoust.* 113 (1991) 325-332. It meets the measured values exactly, noise
-    included; what the modes do not contain follows the statics.
+    included; motions outside the modes' span follow the statics.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from fem.system import System
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrequencyErrors:
-    """What the natural frequencies of a reduced system are off, without the full system's modes.
+    """Errors of the natural frequencies of a reduced system, without the full system's modes.
 
     Attributes
     ----------

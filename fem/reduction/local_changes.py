@@ -1,6 +1,6 @@
 """Changes at few DOFs of a solved state, by low-rank updates.
 
-A candidate effect costs what its own few DOFs cost.
+The cost of a candidate effect depends on its own few DOFs only.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ _PLACES = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Place:
-    """Motions at a few DOFs, and what forces along them do.
+    """Motions at a few DOFs, and responses to forces along them.
 
     A matrix X on the DOFs is S x Sᵀ with S = ``motions`` (m, k) and x = ``inverse`` X ``inverse``ᵀ; ``scale``
     (m,) makes metres and radians alike. ``outputs`` (n_freq, n_out, k) are Hₒ, ``both`` (k, k + n_in, n_freq)
@@ -57,7 +57,7 @@ class Fields:
     omega : ndarray (n_freq,)
         Angular frequencies [rad/s].
     factors : dict
-        What K, that of connections, M, C and D are multiplied by in Z, each (n_freq,).
+        Factors of K, of that of connections, of M, C and D in Z, each (n_freq,).
     """
 
     outputs: NDArray[np.complex128]
@@ -110,7 +110,7 @@ class LocalChanges:
     zeta : ndarray (n_freq,) or (2, n_freq)
         Damping ratio at each line, and that of connections if it is another [-].
     damped : ndarray (r, k) or None
-        What local damping acts on, if that is known beforehand.
+        Basis of the motions that local damping acts on, if known beforehand.
     """
 
     engine: ParametricFRF

@@ -71,8 +71,8 @@ class ModalResponses:
     def slopes(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return dH by the parameters, (n_par, …), and by ζ at each line, as :meth:`ParametricFRF.evaluate`.
 
-        That the modes' shapes follow the parameters is left out of what the errors add: it is as small beside
-        the derivative as the errors are beside 1.
+        The errors' part neglects the change of the mode shapes with the parameters. That change is as small
+        beside the derivative as the errors are beside 1.
         """
         damped = self.state.lam * self.errors.damping_factor(len(self.state.lam))
         return self.engine.derivatives(self.values, self.zeta, self.state, self.Xi, self.alone, damped)

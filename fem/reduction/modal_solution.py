@@ -133,7 +133,7 @@ class ModalSolution:
         return self._correct
 
     def resisted(self, motions: NDArray[np.complex128]) -> NDArray[Any]:
-        """Return the forces (n_freq, k, n) of what damps locally, from the motions without it."""
+        """Return the forces (n_freq, k, n) of local dampers, from the motions without them."""
         if _FEW * motions.shape[2] < motions.shape[1] and self._correct is None:
             return np.linalg.solve(self.yielding, self.resisting @ motions)
         return self.correct @ motions
@@ -143,8 +143,8 @@ class ModalSolution:
     ) -> tuple[NDArray[np.complex128], list[NDArray[np.complex128]]]:
         """Return Bᵀ Z⁻¹ F and, for the motions P of each of some places, Bᵀ Z⁻¹ P, each (n_freq, n, m).
 
-        B is (r, n); F (r, m, n_freq) and P (r, m) are in modal coordinates. All coordinates' responses are
-        never formed, as what is read of them is less.
+        B is (r, n); F (r, m, n_freq) and P (r, m) are in modal coordinates. The responses of all
+        coordinates are never formed, as fewer are read.
         """
         R, X = self.V.T @ B, F * self.inverse
         if self.U is None:
@@ -190,11 +190,11 @@ def lines_first(X: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def range_of(matrices: list[NDArray[np.float64]]) -> NDArray[np.float64] | None:
-    """Return an orthonormal basis of what local damping and laws act on, None without any."""
+    """Return an orthonormal basis of the range of local damping and laws, None without any."""
     sizes = [float(np.abs(X).max()) for X in matrices]
     if max(sizes) == 0:
         return None
-    # Not of squares, which lose a soft damper beside a stiff one: what dissipates is semidefinite, so that
+    # Not of squares, which lose a soft damper beside a stiff one: dissipation is semidefinite, so that
     # the range of the sum is that of all. Gyroscopic forces are skew, and squared; there are few.
     both = np.zeros_like(matrices[0])
     for X, size in zip(matrices, sizes, strict=True):

@@ -52,7 +52,7 @@ class _Scaled:
         return tuple(i for i, _ in self.own)
 
     def factors(self, values: NDArray[np.float64]) -> dict[str, float]:
-        """Return what K, M, C and D are multiplied by."""
+        """Return the factors of K, M, C and D."""
         return scale_factors(
             (float(values[i]) / nominal, exponents) for i, nominal, exponents in self.foreign
         )
@@ -148,7 +148,7 @@ class ParametricFRF:
     def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[Term]]]:
         """Return the rows, nominal values and slopes of linear parameters, those at one place together.
 
-        What they add there is summed over few DOFs before it is spread over the basis.
+        Their terms there are summed over few DOFs before they are spread over the basis.
         """
         groups: dict[Any, list[tuple[int, float, Term]]] = {}
         for i, start, term in self._linear:
@@ -177,9 +177,9 @@ class ParametricFRF:
         return _Scaled(effect, own, tuple(known), start, slopes)
 
     def damped_range(self, zeta: NDArray[np.float64], now: Sequence[Term]) -> NDArray[np.float64] | None:
-        """Return an orthonormal basis (r, k) of what local damping and laws act on at any values.
+        """Return an orthonormal basis (r, k) of the range of local damping and laws at any values.
 
-        None where it depends on the values; ``now`` is what :meth:`_matrices` gave there.
+        None where it depends on the values; ``now`` are the terms of :meth:`_matrices` there.
         """
         own = zeta.ndim > 1
         moving = [t for s, t in zip(self._scaled, now, strict=False) if s.start is None]
@@ -227,7 +227,7 @@ class ParametricFRF:
     def _following(
         self, values: NDArray[np.float64]
     ) -> tuple[Model, list[tuple[Effect, list[int], list[int]]]]:
-        """Return the model with what the effects of ``_nonlinear`` refer to, and these as they are now."""
+        """Return the model that the effects of ``_nonlinear`` refer to, and these effects, at some values."""
         foreign = {i for _, _, others in self._nonlinear for i in others}
         model = self.reduced.model
         if foreign:
@@ -256,13 +256,13 @@ class ParametricFRF:
     def solve(
         self, values: NDArray[np.float64], zeta: NDArray[np.float64], errors: ModeErrors | None = None
     ) -> tuple[ModalSolution, dict[str, Any], list[Term]]:
-        """Return the state at some values, and what :meth:`_matrices` gives there."""
+        """Return the state at some values, and the results of :meth:`_matrices` there."""
         total, alone = self._matrices(values)
         damped = self.damped_range(zeta, alone)
         return ModalSolution.of(self.reduced, total, self.omega, zeta, damped, errors), total, alone
 
     def _slopes(self, values: NDArray[np.float64], alone: Sequence[Term]) -> list[tuple[int, Term]]:
-        """Return the derivatives of the matrices; ``alone`` is what :meth:`_matrices` gave there."""
+        """Return the derivatives of the matrices; ``alone`` are the terms of :meth:`_matrices` there."""
         slopes = [(i, term) for i, _, term in self._linear]
         for scaled, term in zip(self._scaled, alone, strict=False):
             factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
@@ -353,7 +353,7 @@ class ParametricFRF:
         return dH, by_zeta
 
     def factors(self, state: ModalSolution) -> dict[str, NDArray[Any]]:
-        """Return what K, M, C and D are multiplied by in Z, each (n_freq,)."""
+        """Return the factors of K, M, C and D in Z, each (n_freq,)."""
         omega = self.omega
         return {
             "K": state.stiffness, "connections": state.connections, "M": state.mass, "C": 1j * omega,

@@ -14,9 +14,9 @@ from fem.model import Effect, Model, Parameter, ParameterRef
 
 
 def scale_factors(changes: Iterable[tuple[float, Mapping[str, int]]]) -> dict[str, float]:
-    """Return what K, M, C and D of an effect are multiplied by if parameters of others change by factors.
+    """Return the factors of K, M, C and D of an effect when parameters of others change by factors.
 
-    With each factor stands which of the matrices go in proportion (:meth:`ReducedModel.scaling_of`).
+    Each factor comes with the exponents of the matrices (:meth:`ReducedModel.scaling_of`).
     """
     out = dict.fromkeys("KMCD", 1.0)
     for factor, exponents in changes:

@@ -21,9 +21,9 @@ _EQUAL = 1e-8
 """Relative difference of ω² that is rounding: such modes count as repeated."""
 
 _LOST = 1e-12
-"""Square of the relative size below which what is new in a block is left out: soon it would be rounding.
+"""Square of the relative size below which new directions of a block are left out: soon they are rounding.
 
-Vectors of rounding spoil what they are added to: with 10⁻¹⁶ digits were lost that 10⁻¹² keeps.
+Vectors of rounding spoil the sums: with 10⁻¹⁶ digits were lost that 10⁻¹² keeps.
 """
 
 _PATIENCE = 8
@@ -83,8 +83,9 @@ class ModeSensitivity:
         Sets of two and more close or repeated modes. Their shapes' derivatives are those of a basis of the
         space that turns as little as possible: Φᵀ M dΦ = -½ Φᵀ dM Φ. They stay finite.
     error : float
-        What iterations left of the contribution of modes not computed to the shapes' derivatives, relative
-        to the largest such contribution to any mode, in the norm of the mass: estimated, from above [-].
+        Residual of the iterations for the contribution of modes not computed to the shapes' derivatives,
+        relative to the largest such contribution to any mode, in the norm of the mass: estimated, from
+        above [-].
     """
 
     refs: tuple[ParameterRef, ...]
@@ -122,12 +123,11 @@ def differentiate_modes(
 
         dλ = -φᵀf,      dφ = -½ (φᵀ dM φ) φ + Σ φ_k φ_kᵀf / (λ_k - λ) + z
 
-    The sum runs over the modes computed, and z, what all others contribute, solves (K - λM) z = f in their
-    space: the same vector as Nelson's bordered equations have (*AIAA J.* 14, 1976, 1201). It is found by
-    Galerkin's method on a block-Krylov sequence of the factor of K - σM at hand, started from the outputs,
+    The sum runs over the modes computed, and z, the contribution of all others, solves (K - λM) z = f in
+    their space: the same vector as Nelson's bordered equations have (*AIAA J.* 14, 1976, 1201). It is found
+    by Galerkin's method on a block-Krylov sequence of the factor of K - σM at hand, started from the outputs,
     which serves all modes and all parameters, or from f, where all DOFs are outputs. The modes being taken
-    out, K - λM is definite; the sequence goes on until its error is below ``tolerance`` or rounding
-    stops it.
+    out, K - λM is definite; the sequence goes on until its error is below ``tolerance`` or rounding stops it.
 
     Modes whose ω² differ by less than ``close`` form a set, of which the space's derivative is given (see
     :class:`ModeSensitivity`). Derivatives of the individual shapes of repeated modes need second derivatives
@@ -223,7 +223,7 @@ def differentiate_modes(
         dshapes[i] = shapes @ factors + system.Q @ rest
     modes = Modes(np.sqrt(lam[:n]) / (2 * np.pi), shapes[:, :n], n_rigid=min(n, pairs.n_rigid))
     sets = tuple(ModeSet(g, lam[g], X) for g, X in zip(small, matrices, strict=True))
-    # What is there only by rounding has no error worth reporting.
+    # Contributions by rounding alone have no error worth reporting.
     error = float(errors[sizes >= 1e-9 * sizes.max()].max())
     return ModeSensitivity(refs, modes, slopes, dshapes, sets, error)
 

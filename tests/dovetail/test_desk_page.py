@@ -43,7 +43,7 @@ PROJECTED = """(name) => {
 
 MOVED = """(slider, x) => new Promise((done) => {
   const gd = document.querySelector('[aria-label^="Amplitude and phase"]'), begun = performance.now();
-  gd.once('plotly_afterplot', () => requestAnimationFrame(() => done(performance.now() - begun)));
+  gd.once('plotly_animated', () => requestAnimationFrame(() => done(performance.now() - begun)));
   slider.value = x;
   slider.dispatchEvent(new Event('input'));
 })"""
@@ -192,10 +192,10 @@ def chromium(browser):
 class Tab:
     """A tab with the desk, which notes what must not happen."""
 
-    def __init__(self, chromium, address):
+    def __init__(self, chromium, address, patience=60_000):
         self.faults = []
         self.page = page = chromium.new_page(viewport={"width": 1280, "height": 900})
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(patience)
         page.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda e: self.faults.append(str(e)))
         page.on("request", lambda r: self._asked(r.url))
@@ -269,12 +269,12 @@ def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
         assert tab.page.get_by_role("heading", level=1).inner_text() == NAME
         assert tab.page.get_by_text(f"{SENSOR}z", exact=True).count()
         assert tab.page.locator("img, b:has-text('D9')").count() == 0
-        tab.press("Fit what is uncertain")
+        tab.press("Fit uncertain parameters")
         fitted = tab.until(0, 4)
         tab.pick("joint J")
         tab.press(f"Add {TURNING}")
         tab.until(fitted + 0.01, 9)  # the stiffness is the nominal one again
-        tab.page.get_by_role("checkbox", name="Fit what is uncertain after each move").click()
+        tab.page.get_by_role("checkbox", name="Fit uncertain parameters after each move").click()
         tab.drag(f"stiffness of {TURNING}", 200.0)
         found = tab.until(0, 1)
         field = tab.page.get_by_label(f"stiffness of {TURNING}, N·m/rad")

@@ -23,7 +23,7 @@ from dovetail.report.report import report_html
 from fem.analysis.frf import FRF
 from tests.frames import beam, write_study
 from updating.correlation import rms_db
-from updating.diagnosis.diagnose import FAULT
+from updating.diagnosis.diagnosis import FAULT
 from updating.diagnosis.fitted_modes import modes_of
 from updating.quality.corrections import Fault
 from viz.interactive import frf, model, solids
@@ -120,7 +120,8 @@ def test_of_very_many_lines_every_second_is_kept(monkeypatch):
 
 def test_every_figure_is_made(live):
     assert live.failures == []
-    names = "model staircase map-fitted map-final misfit frf frf-error modes ranking-1 probability"
+    names = "model staircase map-fitted map-final misfit frf frf-error modes probability"
+    names += " ranking-1 ranking-2"  # of the effect, and beside it
     assert set(live.known) == set(names.split())
 
 
@@ -179,9 +180,9 @@ def test_a_figure_that_cannot_be_made_is_named():
 
 
 def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
-    older = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
-    assert words.probability_text(older.diagnosis) == ""
-    assert "How probable" not in report_html(older, Album(tmp_path), figures.make_all(older))
+    by_hand = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
+    assert words.probability_text(by_hand.diagnosis) == ""
+    assert "How probable" not in report_html(by_hand, Album(tmp_path), figures.make_all(by_hand))
     (finding,) = found.diagnosis.findings
     posterior = (((finding.effect.name,), 0.93), ((), 0.05), (("unknown",), 0.02))
     sure = replace(found, diagnosis=replace(found.diagnosis, posterior=posterior))
@@ -363,7 +364,7 @@ def test_the_outline_tells_the_page(folder, found):
     assert outline.texts("kind") == ("Verdict: effect",)
     assert outline.texts("sentence") == (words.headline(found),)
     headings = [p.heading for p in outline.parts if p.level == 1]
-    assert headings[:4] == ["How sure", "What was compared", "Gates first", "Where it fails"]
+    assert headings[:4] == ["How sure", "Compared data", "Gates first", "Where it fails"]
     steps = next(b for b in outline.blocks() if isinstance(b, Table) and b.head[0] == "step")
     assert [row[1] for row in steps.rows] == [f"{s.fit_db:.2f}" for s in found.diagnosis.steps]
     assert 1 in steps.numbers
@@ -390,7 +391,7 @@ def test_word_tells_the_same_story(folder, found, tmp_path, capsys):
     assert texts[0] == "bent <bar>"
     assert words.headline(found) in texts
     headings = [p.text for p in document.paragraphs if p.style.name.startswith("Heading")]
-    assert "What is missing" in headings
+    assert "Missing effects" in headings
     cells = [[c.text for c in row.cells] for row in document.tables[0].rows]
     assert cells[0][0] == "step"
     assert cells[-1][1] == f"{found.diagnosis.steps[-1].fit_db:.2f}"

@@ -193,7 +193,8 @@ def test_deviations_are_what_noise_scatters_to():
 
 
 @pytest.mark.parametrize(
-    ("noise", "message"), [(-0.1, "positive and finite"), (np.ones(7), "a number or what broadcasts")]
+    ("noise", "message"),
+    [(-0.1, "positive and finite"), (np.ones(7), "a number or an array that broadcasts")],
 )
 def test_noise_that_cannot_be_is_refused(noise, message):
     frf = structure(6, 5, TWO)

@@ -18,7 +18,6 @@ KIND = re.compile(rf"(?<![\w.])({'|'.join(candidate_kinds())})(?=[:.]|$)")
 """A kind as a whole string, or before the place in the name of a candidate."""
 
 BUILDS = "makes what a study file states"
-OLD_SEARCH = "part of the search that the search by evidence replaces"
 ANSWERS = "the right answers of hidden cases"
 
 ALLOWED = {
@@ -32,12 +31,10 @@ ALLOWED = {
     "fem/analysis/initial_stress.py": ("makes the prestress of a static state", {"Prestress"}),
     "fem/analysis/buckling_limits.py": ("takes that prestress apart", {"Prestress"}),
     "updating/measurement/measurement.py": ("makes the masses that sensors state", {"AddedMass"}),
-    "updating/diagnosis/corners.py": (OLD_SEARCH, {"SolidCorner"}),
-    "updating/diagnosis/diagnose.py": (OLD_SEARCH, {"JointPatch", "SolidCorner"}),
-    "updating/diagnosis/patches.py": (OLD_SEARCH, {"Joint", "JointPatch"}),
+    "updating/diagnosis/patches.py": ("makes elements short on patches of joints", {"JointPatch"}),
     "updating/diagnosis/evidence/form.py": ("lets the form of every model vary", {"SectionForm", "ZoneForm"}),
     "updating/diagnosis/evidence/search.py": (
-        "springs of one connection that are searched together; the search is being written",
+        "springs of one connection that are searched together",
         {"end_release", "joint_stiffness", "support_flexibility"},
     ),
     "joint/assembly.py": ("identifies a joint", {"Joint"}),

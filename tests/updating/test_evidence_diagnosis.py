@@ -6,8 +6,11 @@ from dovetail import load_study
 from dovetail.pipeline import measured, without_held_out
 from fem.model import parameter_values
 from tests.frames import write_study
-from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED
-from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence, search_by_evidence
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnose import diagnose
+from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
+from updating.diagnosis.evidence.diagnosis import search_by_evidence
+from updating.diagnosis.evidence.priors import TWIN_NATS
 
 
 def asked(folder, mass):
@@ -18,7 +21,7 @@ def asked(folder, mass):
 def diagnosed(folder, *, mass, kinds):
     study, measurements = asked(folder, mass)
     said = []
-    found = diagnose_by_evidence(
+    found = diagnose(
         study.model, measurements, study.nuisances,
         damping_std=study.damping_std, kinds=kinds, model_error=0.1,
         progress=lambda text, done: said.append((text, done)),
@@ -78,3 +81,47 @@ def test_the_best_so_far_is_named_where_nothing_explains_the_data(tmp_path):
     assert found.findings == ()
     assert "best so far, not explained: member stiffness at member arm" in found.reason
     assert len(found.steps) == 2
+
+
+def with_hidden(folder, mass, name, **values):
+    """Return a study of the bent frame in which a candidate is hidden beside a mass, and its measurement."""
+    known = {e.name: e for e in propose(load_study(write_study(folder, 0.0)).model)}
+    study = load_study(write_study(folder, mass, others=[known[name].with_values(**values)]))
+    return study.model, [without_held_out(study, m) for m in measured(study)], study.nuisances
+
+
+def test_of_two_hidden_effects_both_are_named(tmp_path):
+    told = with_hidden(tmp_path, 0.25, "member_stiffness:post", change=-0.2)
+    found = diagnose(*told, kinds=["point_mass", "member_stiffness"], model_error=0.1)
+    assert found.verdict == EFFECT
+    values = {f.effect.name: {p.name: p for p in f.parameters} for f in found.findings}
+    assert set(values) == {"point_mass:arm", "member_stiffness:post"}
+    assert values["point_mass:arm"]["mass"].value == pytest.approx(0.25, rel=0.05)
+    change = values["member_stiffness:post"]["change"]
+    assert abs(change.value + 0.2) < 2 * change.std
+
+
+def test_a_law_that_does_the_same_is_named_as_a_twin(tmp_path):
+    """A foundation without loss is a soft support: it has a parameter more, and is less probable."""
+    told = with_hidden(tmp_path, 0.0, "support_flexibility:foot.ry", stiffness=3e4)
+    found = diagnose(*told, kinds=["support_flexibility", "foundation"], model_error=0.1)
+    (finding,) = found.findings
+    assert finding.effect.name == "support_flexibility:foot.ry"
+    (twin,) = finding.twins
+    assert twin.name == "foundation:foot.ry"
+    assert found.searched.best.score - TWIN_NATS < twin.score < found.searched.best.score
+    assert len(finding.proposals) == 1  # measurements that would separate them
+    probability = dict(found.posterior)
+    assert probability[finding.effect.name,] > probability[twin.name,] > 0.05
+
+
+def test_a_weak_effect_is_found_where_the_form_is_right(tmp_path):
+    study, measurements = asked(tmp_path, 0.01)
+    found = diagnose(
+        study.model, measurements, study.nuisances, kinds=["point_mass", "member_stiffness"], model_error=0.0
+    )
+    assert found.verdict == EFFECT
+    (finding,) = found.findings
+    mass, position = finding.parameters
+    assert mass.value == pytest.approx(0.01, rel=0.15)
+    assert position.value == pytest.approx(0.3, abs=0.01)

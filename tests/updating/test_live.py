@@ -1,12 +1,12 @@
 """Hypotheses changed by hand: numbers are those of the commands; fits hold what they must, and can end."""
 
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dovetail import load_study
 from dovetail.pipeline import fit_problem
 from fem.model import ModelError
 from updating.correlation import compare
@@ -28,21 +28,6 @@ class EndedError(Exception):
 
 def quiet(text, done):
     pass
-
-
-@pytest.fixture(scope="module")
-def study():
-    return load_study(STUDY)
-
-
-@pytest.fixture(scope="module")
-def live(study):
-    return LiveModel(fit_problem(study))
-
-
-@pytest.fixture(scope="module")
-def candidates(study):
-    return {e.name: e for e in study.candidates()}
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +95,23 @@ def test_a_sensor_that_is_off_counts_nowhere(live, fitted):
     assert not found.mask[:, k].any()
     back = live.evaluate(fitted.switched("D3z").switched("D3z"))
     assert back.result.fit_db == live.evaluate(fitted).result.fit_db
+
+
+def test_a_held_out_channel_is_compared_apart(study, live):
+    h = Hypothesis.nominal(live.problem).held("sensor D3z").held("excitation U1z")
+    found = live.evaluate(h)
+    # a study that holds them out has data without them
+    without = LiveModel(fit_problem(replace(study, held_out=("U1z",), held_out_sensors=("D3z",))))
+    alone = without.evaluate(Hypothesis.nominal(without.problem))
+    assert found.result.fit_db == pytest.approx(alone.result.fit_db, rel=1e-9)
+    assert found.comparison.total_db == pytest.approx(alone.comparison.total_db, rel=1e-9)
+    at = found.comparison.outputs.index("D3z")
+    assert np.isnan(found.comparison.by_sensor()[at])
+    assert found.by_sensor()[at] == found.held_out.by_sensor()[at]
+    assert np.isfinite(found.by_band()[at]).all()
+    ratio = found.held_out.log_ratio
+    assert np.isnan(ratio[:, at, found.comparison.inputs.index("U1z")]).all()  # seen by neither end
+    assert live.evaluate(h.held("sensor D3z").held("excitation U1z")).held_out is None
 
 
 def test_a_corrected_sensor_is_read_otherwise(live, fitted):

@@ -57,9 +57,9 @@ def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
 def auto_mac(phi: ArrayLike) -> NDArray[np.float64]:
     """Compute the MAC of a set of shapes with itself.
 
-    What is off the diagonal is what these DOFs cannot tell apart: of a model's modes at the sensors it is
-    spatial aliasing, to be judged before the test; of measured modes it is that, or one mode identified
-    twice.
+    Large entries off the diagonal are pairs that these DOFs cannot tell apart: of a model's modes at the
+    sensors it is spatial aliasing, to be judged before the test; of measured modes it is that, or one mode
+    identified twice.
 
     Parameters
     ----------
@@ -172,8 +172,8 @@ def ecomac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
 def mac_without(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     """Compute the MAC that each pair of modes has without one of the DOFs.
 
-    The first step of MACCo: where it exceeds the MAC with all DOFs, the DOF lowers it. It finds what matters
-    to MAC, so large motions; several wrong DOFs may hide each other, see :func:`eliminate_coordinates`.
+    The first step of MACCo: where it exceeds the MAC with all DOFs, the DOF lowers it. It finds the DOFs that
+    dominate MAC, so large motions; several wrong DOFs may hide each other, see :func:`eliminate_coordinates`.
 
     Parameters
     ----------
@@ -221,8 +221,8 @@ def eliminate_coordinates(
     """Leave out one DOF after another, each time the one that raises the mean MAC most (MACCo).
 
     Brughmans, Leuridan and Blauwkamp, IMAC XI, 1993. A steep start
-    names the DOFs to look at. MAC tends to rise anyway, as shapes of few DOFs agree easily: what is left
-    out is not thereby wrong, and a MAC reported without the worst DOFs is no evidence for a model.
+    names the DOFs to look at. MAC tends to rise anyway, as shapes of few DOFs agree easily: the DOFs
+    left out are not thereby wrong, and a MAC reported without the worst DOFs is no evidence for a model.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def principal_angles(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     """Compute the principal angles between the spaces that two sets of shapes span.
 
     Björck and Golub, Math. Comp. 27, 1973, 579-594, with sines for small angles. For close or repeated modes
-    any combination is as good a shape: the spaces are what can be compared. For single shapes cos² is MAC.
+    any combination is as good a shape: only the spaces can be compared. For single shapes cos² is MAC.
 
     Parameters
     ----------
@@ -424,7 +424,7 @@ def refuse_gaps(axes: Sequence[str], **data: NDArray[Any]) -> None:
     Parameters
     ----------
     axes : sequence of str
-        What the axes are, for the message.
+        Names of the axes, for the message.
     **data : ndarray
         By name.
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SEEN = 1e-3
-"""What a change of an unknown by what it may be wrong by must do to the data [standard deviations]."""
+"""Least change of the data that counts, for a change of an unknown by its width [standard deviations]."""
 
 ROUNDING = 1e-13
 """Eigenvalue of the information, over the largest, that rounding may be [-]."""
@@ -23,7 +23,7 @@ def blind_directions(A: NDArray[np.float64], width: NDArray[np.float64]) -> NDAr
     A : ndarray (n, n)
         Gauss and Newton's matrix of the merit, priors included.
     width : ndarray (n,)
-        What each unknown may be wrong by.
+        Possible error of each unknown.
     """
     if not len(A):
         return np.zeros((0, 0))
@@ -40,9 +40,9 @@ def held(A: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float
 def split_covariance(
     A: NDArray[np.float64], width: NDArray[np.float64], fixed: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the covariance of what is not fixed (n, n), and the directions without information (n, k).
+    """Return the covariance (n, n) of the free unknowns, and the directions without information (n, k).
 
-    Along the latter there is no variance in the former; rows of what is fixed are 0.
+    Along the latter there is no variance in the former; rows of fixed ones are 0.
     """
     out, blind = np.zeros(A.shape), np.zeros((len(A), 0))
     use = np.flatnonzero(~fixed)
@@ -66,7 +66,7 @@ def taking_part(blind: NDArray[np.float64]) -> NDArray[np.bool_]:
 def blind_words(
     blind: NDArray[np.float64], names: Sequence[str], what: str, moved: NDArray[np.bool_]
 ) -> list[str]:
-    """Return sentences about what data do not determine: alone, or of which only a combination is known.
+    """Return sentences on unknowns that data do not determine: alone, or but for a combination of several.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def blind_words(
     names : sequence of str
         Of the n unknowns.
     what : str
-        What was measured, such as ``"measured mode"``, in the singular.
+        Kind of data, such as ``"measured mode"``, in the singular.
     moved : ndarray of bool (n,)
         Which of them left their start before nothing changed with them any more.
     """

@@ -61,7 +61,7 @@ class FitData:
     mask : ndarray of bool (n_freq, n_out, n_in)
         Values that count: not those of FRFs that are zero by symmetry, nor those with noise above
         ``NOISE_LIMIT``, nor those that are exactly 0, which nothing was measured at, nor those of sensors
-        that may have read as much of what moves square to them.
+        that may have read as much of transverse motion.
     weight : ndarray (n_freq, n_out, n_in)
         Weight of each residual, 1 where noise and that are small beside ``MODEL_ERROR``.
     noise : ndarray (n_freq, n_out, n_in)
@@ -82,7 +82,7 @@ class FitData:
 
     @property
     def uncertain(self) -> NDArray[np.float64]:
-        """Relative uncertainty of each reading: noise, and what moves square to the sensor [-]."""
+        """Relative uncertainty of each reading: noise, and motion transverse to the sensor [-]."""
         weight = np.where(self.mask & (self.weight > 0), self.weight, 1.0)
         return np.maximum(MODEL_ERROR * np.sqrt(np.maximum(weight**-2 - 1, 0.0)), self.noise)
 
@@ -108,8 +108,8 @@ def prepare(
 
     Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and
     measured, lies more than 60 dB (measured: 50 dB) under the median level of all, or if it is noise at most
-    lines, or no more there than ``TRANSVERSE`` of the motion across its sensor. What the measurement says of
-    the values that count goes before that.
+    lines, or no more there than ``TRANSVERSE`` of the motion across its sensor. A mask of the
+    measurement takes precedence.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def counted_values(
 def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
     """Return the relative noise that is known from coherence or repeats, or else that of the data.
 
-    What is known is kept between a millionth and 10, and what is infinite, as where H is 0, is 10, so that
+    Known values are kept between a millionth and 10, and infinite ones, as where H is 0, become 10, so that
     weights and ratios stay finite.
     """
     noise, known = relative_noise(measurement.frf.H), measurement.noise

@@ -136,7 +136,7 @@ class FitFunction:
         return np.array([*(not v.log for v in self.variables), *[False] * others])
 
     def prior(self) -> Prior:
-        """Return what is known of x beforehand."""
+        """Return the prior of x."""
         damping = self.problem.damping
         start = np.log(damping.start)
         scatter = np.zeros(0) if self.scatter is None else np.zeros(len(self.scatter.std))
@@ -175,7 +175,7 @@ class FitFunction:
         return np.bincount(member, each) / np.bincount(member)
 
     def levels(self, stage: float = np.inf) -> Levels:
-        """Return what the error levels of the groups cost, for lines up to a frequency [Hz]."""
+        """Return the error levels of the groups, for lines up to a frequency [Hz]."""
         sizes = np.unique(self.groups, return_counts=True)[1]
         return Levels.above_floor(self.problem.n_independent(stage), LEVEL_FLOOR, sizes)
 
@@ -232,7 +232,7 @@ class FitFunction:
 
 
 def widened(noise: NDArray[np.float64], counted: float, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return by what factors variances grow where residuals are not noise, (n_groups,).
+    """Return the factors by which variances grow where residuals are not noise, (n_groups,).
 
     Parameters
     ----------

@@ -33,13 +33,10 @@ class FitResult:
         Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
     covariance : ndarray (n, n)
         Of the values, in their order, and the damping curve's unknowns: of ln θ for positive parameters and
-        these unknowns, and of θ for others. Empty for what was not fitted.
+        these unknowns, and of θ for others. Empty without a fit.
     unseen : float
         Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
         it was assessed.
-    audible_db : float
-        ``fit_db``, where what is computed to be less than the noise of the measured value counts as that
-        noise [dB]; NaN unless it was assessed.
     """
 
     solution: Solution
@@ -53,7 +50,6 @@ class FitResult:
     held_out_level: float = np.nan
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
-    audible_db: float = np.nan
 
     def __repr__(self) -> str:
         """Return the errors and the added effects on one line."""

@@ -99,9 +99,9 @@ def frf_data(
         [-].
     form_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself: 0 if
-        readings have nothing of what moves square to their sensors. For measurements only [nepers].
+        readings have nothing of motion transverse to their sensors. For measurements only [nepers].
     model_error, amplitude_error : float
-        What even the right parameters miss: natural frequencies, and amplitudes with their calibration,
+        Error with the right parameters: of natural frequencies, and of amplitudes with their calibration,
         relative [-].
 
     Raises

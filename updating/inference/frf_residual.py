@@ -63,7 +63,7 @@ class FRFResidual:
 
     r = ln(g_i g_j H_computed(f (1 + δ(f))) / H_measured(f)): the real part is the amplitude's, the imaginary
     part the phase's, both with the standard deviation of the relative noise. δ, linear between the modes'
-    frequencies, and g, one for each output and input, are what even the right parameters miss: a shifted
+    frequencies, and g, one for each output and input, are errors with the right parameters: a shifted
     resonance moves all lines beside it at once, which no error of single lines could stand for.
 
     Parameters

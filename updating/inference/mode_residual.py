@@ -79,9 +79,10 @@ def mode_residual(
 
     Frequencies have W ln(f_computed / f_measured), W whitening their noise and the model's errors, half of
     whose variance is common to all. A shape ψ of length 1 has (1 - ΦΦ⁺) ψ √n_out/σ, with Φ the
-    shape of its partner or those of the close modes that the partner is one of: what of ψ is not in their
-    space, whose square is 1 - MAC for a single one. Nothing depends on how shapes are scaled, or on which
-    basis of a space came out. Outputs at which a mode was not measured have no part in its sum and its n_out.
+    shape of its partner or those of the close modes that the partner is one of: the part of ψ outside
+    their space, whose square is 1 - MAC for a single one. Nothing depends on how shapes are scaled, or on
+    which basis of a space came out. Outputs at which a mode was not measured have no part in its sum and its
+    n_out.
 
     Partners are chosen so that the sum of MAC less |ln f ratio| is largest, with a little more for the mode
     that a partner has become since ``before``. A mode without any partner counts with the largest residual
@@ -94,7 +95,7 @@ def mode_residual(
     before : ModePairs, optional
         Pairs at the last point.
     near : System, optional
-        Matrices of a model that differs in some values: what is the same is not formed again.
+        Matrices of a model that differs in some values: equal parts are not formed again.
     """
     system = assemble(model) if near is None else reassemble(near, model)
     top = float(data.frequency[-1]) * np.exp(FAR / 2)
@@ -133,7 +134,7 @@ def _space(pairs: ModePairs, i: int) -> list[int]:
 
 
 def _beside(Phi: NDArray[np.float64], psi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what of ψ is not in the space of Φ, over the outputs that ψ has; 0 at others."""
+    """Return the part of ψ outside the space of Φ, over the outputs that ψ has; 0 at others."""
     known = np.isfinite(psi)
     out = np.zeros(len(psi))
     out[known] = psi[known] - Phi[known] @ np.linalg.lstsq(Phi[known], psi[known], rcond=1e-9)[0]

@@ -38,9 +38,9 @@ class DampingCurve:
     ζ(f) = exp(Σ z_k B_k(f)), B_k the hat functions of the knots over ln f; constant outside. Damping in
     proportion to mass or stiffness is a power of f, 1/f or f, and so followed exactly.
 
-    Connections may be damped otherwise than members: ζ_c(f) = r ζ̄ (f/f̄)^b, with ζ̄ and f̄ the geometric means
-    of ζ and f at the knots. Then r and b are two more unknowns, behind the ratios at the knots, as r and
-    exp(b).
+    Connections may be damped otherwise than members: ζ_c(f) = r ζ̄ (f/f̄)^b, with ζ̄ and f̄ the geometric
+    means of ζ and f at the knots. Then r and b are two more unknowns, behind the ratios at the knots, as r
+    and exp(b).
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class DampingCurve:
         return np.exp(self.hats(frequency) @ np.log(unknowns) + self.offset(frequency))
 
     def offset(self, frequency: NDArray[np.float64]) -> Any:
-        """Return what ln ζ has besides B ln(unknowns), as :meth:`ratio` has its shape; 0 without a base."""
+        """Return ln ζ less B ln(unknowns), shaped as of :meth:`ratio`; 0 without a base."""
         if self.base is None:
             return 0.0
         return np.log(self.base(frequency)) - self.hats(frequency) @ np.log(self.start)
@@ -113,7 +113,7 @@ def refuse_constraining(model: Model, ref: ParameterRef) -> None:
     effect, parameter = ref
     if isinstance(model.effect(effect), Spread):
         msg = (
-            f"'{parameter}' of effect '{effect}' changes what constrains the model, and cannot vary in a "
+            f"'{parameter}' of effect '{effect}' changes a constraint of the model, and cannot vary in a "
             "fit; state it, or let a diagnosis choose it"
         )
         raise ModelError(msg)

@@ -1,4 +1,4 @@
-"""What a diagnosis begins with: a reduced model, the data to compare it with, and how exact both are."""
+"""Preparation of a diagnosis: a reduced model, the data to compare it with, and the accuracy of both."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -104,8 +104,8 @@ def build_problem(
         Whether connections may be damped otherwise than members.
     model_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself
-        [nepers]; 0 if nothing but noise and the mesh may be left, and readings have nothing of what moves
-        square to their sensors.
+        [nepers]; 0 if nothing but noise and the mesh may be left, and readings have nothing of motion
+        transverse to their sensors.
 
     Raises
     ------
@@ -224,7 +224,7 @@ def prepared_like(
 ) -> FitData:
     """Prepare other channels, such as those that were kept from a fit, as a problem's own were.
 
-    By what its model computes; beside corners that came later than its data these have their nominal size.
+    By its own model's results; beside corners that came later than its data these have their nominal size.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def _prepared(
     band: tuple[float, float] | None,
     model_error: float,
 ) -> FitData:
-    """Prepare FRFs by what a model computes of them and, if it may err, of the motion across the sensors."""
+    """Prepare FRFs by a model's FRFs and, if it may err, its motion across the sensors."""
     f = measurement.frf.select(band=band).frequency if band else measurement.frf.frequency
     f, n = f[f > 0], len(measurement.sensors)
     square = [
@@ -280,7 +280,7 @@ def _across(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArra
 def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:
     """Estimate the error of the mesh by halving every element: root mean square [dB], and level [nepers].
 
-    What is left falls at least with the square of their size, so that the difference is 3/4 of the error.
+    The error falls at least with the square of their size, so that the difference is 3/4 of the error.
     """
     lines = problem.lines_up_to(np.inf, n_lines)
     nominal = problem.nominal()
@@ -310,7 +310,7 @@ def build_fine(
     int
         Into so many.
     (float, float)
-        What the mesh leaves: root mean square [dB] and level [nepers].
+        Error of the mesh: root mean square [dB] and level [nepers].
     float
         Root mean square before elements were cut [dB].
     """
@@ -327,7 +327,7 @@ def build_fine(
 def finer_receptances(
     problem: FitProblem, result: FitResult, lines: NDArray[np.int64]
 ) -> NDArray[np.complex128]:
-    """Return what sensors would read of a fitted model with every element halved, (n_lines, n_out, n_in)."""
+    """Return the sensors' FRFs of a fitted model with every element halved, (n_lines, n_out, n_in)."""
     model, m = fitted_model(problem.reduced.model, result), problem.data.measurement
     model = model.with_mesh(model.mesh.split(2))
     f, highest = problem.data.frequency[lines], float(problem.data.frequency[-1])

@@ -145,7 +145,7 @@ def l_curve(A: ArrayLike, b: ArrayLike, L: ArrayLike | None = None, n: int = 200
     G = gsvd(A, np.eye(A.shape[1]) if L is None else L)
     gamma = G.c[G.s > 1e-12] / G.s[G.s > 1e-12]
     if not gamma.size or gamma.max() == 0:
-        msg = "the data say nothing of what L weighs; there is nothing to regularise"
+        msg = "the data do not depend on the unknowns that L weighs; there is nothing to regularise"
         raise ValueError(msg)
     low = max(gamma[gamma > 0].min(), 1e-10 * gamma.max())
     parameter = np.geomspace(0.1 * low, 10 * gamma.max(), n)
@@ -194,7 +194,8 @@ class LeftOut:
     index : int
         Of its column.
     signal : float
-        What it does to the data that the kept ones cannot, in standard deviations, for a change by its unit.
+        Its change of the data beyond those of the kept ones, in standard deviations, for a change by its
+        unit.
     reason : str
     """
 
@@ -221,8 +222,8 @@ class Selection:
 def select_by_pivoting(A: ArrayLike, names: Sequence[str] = (), least: float = 3.0) -> Selection:
     """Choose columns one by one, always the one with the largest part that the chosen ones do not have.
 
-    A QR decomposition with column pivoting (Golub, *Numer. Math.* 7, 1965, 206). Columns are scaled so that a
-    unit is what a parameter may be wrong by and 1 is one standard deviation of the data: |R_kk| is then how
+    A QR decomposition with column pivoting (Golub, *Numer. Math.* 7, 1965, 206). Columns are scaled so that
+    the unit is a parameter's possible error and 1 is one standard deviation of the data: |R_kk| is then how
     clearly the data see the k-th, whatever the others are.
 
     Parameters

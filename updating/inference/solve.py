@@ -41,8 +41,8 @@ class Solution:
     misfit : float
         Robust mean square of the weighted residuals.
     covariance : ndarray (n, n)
-        Linearised covariance of x; the bounds count as uniform densities, and what is systematic in the
-        residuals for fewer data than they are fitted with.
+        Linearised covariance of x; the bounds count as uniform densities, and systematic residuals
+        count for fewer data than they are fitted with.
     n_iterations : int
     converged : bool
         False if the iterations ran out first.
@@ -78,9 +78,9 @@ def solve_robust(
     The levels' cost of ⟨ρ(|r|)⟩_g, such as Σ n_g/2 · ln(s² + ⟨ρ(|r|)⟩_g), and ½ Σ ((x - mean)/std)², with
     ρ = 2c² (√(1 + |r|²/c²) - 1), pseudo-Huber.
 
-    The error level of each group g of residuals is estimated with the unknowns, which is what the logarithm
-    says: while the misfit is large the priors hold, and when it is small the data speak; groups that a model
-    cannot reach, such as high frequencies, count less.
+    The error level of each group g of residuals is estimated with the unknowns, hence the
+    logarithm: while the misfit is large the priors hold, and when it is small the data speak; groups that a
+    model cannot reach, such as high frequencies, count less.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def solve_robust(
     levels : Levels
         Cost of the groups' mean squares, in the order of the groups' numbers.
     widened : callable, optional
-        Gives by what factor each group's data count less in the covariance, from the mean squares.
+        Gives the factor by which each group's data count less in the covariance, from the mean squares.
     groups : ndarray of int (m,), optional
         Group of each residual; all in one unless given. Groups count by their size.
     robust : float
@@ -127,8 +127,8 @@ def solve_robust(
     if widened is not None:
         worth = worth / widened(misfit)
     _, A = posterior.normal(found.linearisation.r, found.linearisation.J, worth)
-    # What the data leave open is as uncertain as its bounds are wide, those of a uniform density; an inverse
-    # that leaves such directions out would call them certain.
+    # Directions without data are as uncertain as their bounds are wide, those of a uniform density; an
+    # inverse that leaves such directions out would call them certain.
     wide = np.isfinite(hi - lo) & (hi > lo) & (posterior.prior_weight == 0)
     A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
     covariance: Any = np.linalg.pinv(A, hermitian=True)
@@ -218,7 +218,7 @@ def inflation(
     systematic: float,
     counted: float = 1.0,
 ) -> Any:
-    """Return by what variances grow if noise stands for other than n data, and the rest for still others.
+    """Return the growth of variances if noise stands for other than n data, and the rest for still others.
 
     q/counted + (1 - q)/systematic with q = min(1, (s² + noise)/(s² + misfit)), s the floor.
 

@@ -26,12 +26,12 @@ class Unknown:
     Attributes
     ----------
     refs : tuple of (effect, parameter)
-        What it moves.
+        Parameters that it moves.
     std : float or None
         Standard deviation of the prior: relative for a log-normal one [-], in the parameter's unit for a
         normal one. None for no prior.
     prior : str
-        ``"log-normal"``, ``"normal"``, or empty for what suits the parameter.
+        ``"log-normal"``, ``"normal"``, or empty for the parameter's usual one.
     mean : float or None
         Median of the prior; the model's value unless given.
     start : float or None
@@ -58,14 +58,14 @@ Parameters = Sequence[ParameterRef | Unknown] | Mapping[ParameterRef, float | No
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScaledUnknown:
-    """An unknown on its own scale, x = ln θ or θ/scale: what least squares and sampling vary.
+    """An unknown on its own scale, x = ln θ or θ/scale, which least squares and sampling vary.
 
     Attributes
     ----------
     name, unit : str
         For tables.
     refs : tuple of (effect, parameter)
-        What it moves; empty where it is no parameter of the model, such as a damping ratio.
+        Parameters that it moves; empty where it is none of the model, such as a damping ratio.
     values : ndarray (n_refs,)
         The model's values of them [unit].
     nominal : float
@@ -111,7 +111,7 @@ class ScaledUnknown:
         start = mean if unknown.start is None else unknown.start
         lower = p.lower if unknown.lower is None else unknown.lower
         upper = p.upper if unknown.upper is None else unknown.upper
-        # A parameter that is 0 has no size of its own: its bounds say what is much of it.
+        # A parameter that is 0 has no size of its own: its bounds give one.
         reach = [abs(b) for b in (lower, upper) if np.isfinite(b) and b != 0]
         scale = 1.0 if log else abs(p.value) or (0.1 * max(reach) if reach else unknown.std or 1.0)
         std = np.inf if unknown.std is None else unknown.std / scale
@@ -131,7 +131,7 @@ class ScaledUnknown:
 
     @property
     def ref(self) -> ParameterRef:
-        """The first of what it moves."""
+        """The first of the parameters that it moves."""
         return self.refs[0]
 
     @property
@@ -171,12 +171,12 @@ class ScaledUnknown:
         return self.low, self.high
 
     def moved(self, x: float) -> NDArray[np.float64]:
-        """Return the values of what it moves: by the same factor, or by the same amount."""
+        """Return the values of its parameters, moved by the same factor or by the same amount."""
         value = self.to_value(x)
         return self.values * (value / self.nominal) if self.log else self.values + (value - self.nominal)
 
     def slopes(self, x: float) -> NDArray[np.float64]:
-        """Return the derivatives by x of what it moves."""
+        """Return the derivatives by x of its parameters."""
         return self.moved(x) if self.log else np.full(len(self.values), self.scale)
 
 

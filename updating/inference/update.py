@@ -70,8 +70,8 @@ def update(
     model : Model
         At the values to start from.
     parameters : sequence of (effect, parameter) or Unknown, or mapping
-        What to update; a mapping gives prior standard deviations, relative for positive parameters [-] and
-        in their units for others.
+        Parameters to update; a mapping gives prior standard deviations, relative for positive parameters [-]
+        and in their units for others.
     frequency, shapes : array_like (n,), (n_out, n), optional
         Measured natural frequencies without rigid-body modes [Hz], and shapes at the outputs.
     modes : Modes or IdentifiedModes, optional
@@ -94,7 +94,7 @@ def update(
     noise : float or array_like, optional
         Of the FRFs, relative, of real and imaginary part each; estimated unless given [-].
     model_error, amplitude_error : float
-        What even the right parameters miss in natural frequencies and in amplitudes, relative [-].
+        Error of natural frequencies and of amplitudes with the right parameters, relative [-].
     damping : bool or array_like, optional
         Whether modal damping ratios are updated too, which add to the model's other damping; an array gives
         the frequencies between which they are linear [Hz]. With FRFs it is so unless declined. Without, the

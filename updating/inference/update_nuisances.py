@@ -1,4 +1,4 @@
-"""What an update varies besides parameters: damping ratios, and errors that any model has."""
+"""Further unknowns of an update: damping ratios, and errors that any model has."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,7 +28,7 @@ def damping_knots(model: Model, data: FRFData, given: ArrayLike | None) -> NDArr
 
 
 def nuisances_of(knots: NDArray[np.float64], data: FRFData) -> list[ScaledUnknown]:
-    """Return what the model misses though its parameters are right: shifts of frequencies, and gains.
+    """Return errors of the model with the right parameters: shifts of frequencies, and gains.
 
     Part of the shifts' variance is common to all: models tend to be too stiff, or too soft, throughout.
     """

@@ -162,7 +162,7 @@ class UpdateProblem:
 
     @property
     def refs(self) -> tuple[ParameterRef, ...]:
-        """What the unknowns move, in their order."""
+        """Parameters that the unknowns move, in their order."""
         return tuple(ref for u in self.unknowns for ref in u.refs)
 
     @property
@@ -326,7 +326,7 @@ class UpdateProblem:
         return A, g
 
     def reduced(self, state: UpdatePoint, stated: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the linearised problem A d ≈ -r of the parameters: what else is unknown is projected out.
+        """Return the linearised problem A d ≈ -r of the parameters: other unknowns are projected out.
 
         Parameters
         ----------

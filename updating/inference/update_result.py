@@ -187,7 +187,7 @@ def _messages(
 
 
 def _measured_words(problem: UpdateProblem) -> str:
-    """Return what was measured, in the singular."""
+    """Return the kind of data, in the singular."""
     parts = []
     if problem.modes is not None:
         parts.append("measured mode")

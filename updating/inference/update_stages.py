@@ -54,7 +54,7 @@ _BETTER_RATIO = 0.9
 """The model's own damping between resonances is taken if it lowers the misfit to this part [-]."""
 
 BETTER_NATS = 1.0
-"""Log posterior by which another model is better than what was found [nats]."""
+"""Log posterior by which another model is better than the fitted one [nats]."""
 
 _ENDINGS = {
     Stop.CONVERGED: Ending.CONVERGED,
@@ -159,7 +159,7 @@ def _no_worse(
     """Return a fit that is no worse than the model it began with, with or without the effects in question.
 
     Stages, starts and far minima may lead away from a start that was better in the whole band. Where one of
-    these simple models beats what was found, the fit goes on from there.
+    these simple models beats the fitted one, the fit goes on from there.
     """
     began, names = len(path), [u.name for u in problem.unknowns]
     simple: list[tuple[str, NDArray[np.float64]]] = [("the start", _filled(problem, problem.start))]
@@ -222,7 +222,7 @@ def run_and_release(base: UpdateProblem) -> Updated:
     """Run; where the data contradict a prior beyond doubt, let it go and run again from the value found.
 
     A wrong prior pulls at all that is correlated with its parameter, which ends wrong with it. The worst goes
-    first, as it may be what moved the others.
+    first, as it may have moved the others.
     """
     problem, result, kept = base, _run(base), ""
     gone: dict[int, str] = {}
@@ -283,7 +283,7 @@ def _best_start(
     width = np.array([min(u.width, 0.5) for u in problem.unknowns])
     compare = problem.based(problem.start, 1.0, settings.n_lines)
     A = compare.normal(compare.state(problem.start, True))[0]
-    # what no data tell stays where it is
+    # directions without data stay where they are
     width[taking_part(blind_directions(A, np.array([u.width for u in problem.unknowns])))] = 0.0
     low_x, high_x = np.maximum(low, problem.start - 3 * width), np.minimum(high, problem.start + 3 * width)
     found: list[tuple[NDArray[np.float64], float]] = []

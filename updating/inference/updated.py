@@ -16,7 +16,7 @@ from updating.inference.sampling import Samples
 
 
 class Ending(Enum):
-    """How an updating ended: its cause, and what to do."""
+    """Ending of an updating, with its cause and a remedy."""
 
     CONVERGED = ("converged", "the last step is small beside the standard deviations", "")
     OUT_OF_ITERATIONS = (
@@ -47,17 +47,17 @@ class Ending(Enum):
     AT_BOUNDS = (
         "at bounds",
         "every parameter has run to a bound",
-        "the model lacks what the data show, or the bounds are too narrow: look for a missing effect",
+        "the model lacks an effect, or the bounds are too narrow: look for a missing effect",
     )
 
     @property
     def cause(self) -> str:
-        """What happened."""
+        """Cause of the ending."""
         return self.value[1]
 
     @property
     def remedy(self) -> str:
-        """What to do about it; empty where nothing need be done."""
+        """Advice to the user; empty where nothing need be done."""
         return self.value[2]
 
 
@@ -69,7 +69,7 @@ class UpdatedParameter:
     ----------
     name, unit : str
     refs : tuple of (effect, parameter)
-        What it moves; empty for a damping ratio.
+        Parameters that it moves; empty for a damping ratio.
     start, lower, upper : float
         [unit]
     prior_std : float or None
@@ -77,10 +77,10 @@ class UpdatedParameter:
     value, std : float
         [unit]; the deviation is infinite where the data say nothing, and NaN at a bound.
     log : bool
-        Whether the logarithm is what is normally distributed.
+        Whether the logarithm is normally distributed.
     at_bound : bool
     determined : bool
-        Whether the data, and not the prior, say what it is.
+        Whether the data, and not the prior, determine it.
     from_prior : float
         How far the value is from the prior's mean, in its standard deviations; NaN without a prior [-].
     released : bool
@@ -101,6 +101,11 @@ class UpdatedParameter:
     determined: bool
     from_prior: float = np.nan
     released: bool = False
+
+    @property
+    def change(self) -> str:
+        """Change of the value from its start as text; a dash where it starts at 0."""
+        return f"{100 * (self.value / self.start - 1):+.2f} %" if self.start else "-"
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the interval that holds the truth with a probability; symmetric in ln θ where ``log``."""
@@ -166,8 +171,8 @@ class Updated:
     frequency : ndarray (n,)
         Measured natural frequencies, in the order of the pairs [Hz].
     shifts : ndarray (k, 3)
-        Of FRFs, what the model misses of natural frequencies though its parameters are right: frequency [Hz],
-        relative shift and its standard deviation [-].
+        Of FRFs, errors of natural frequencies with the right parameters: frequency [Hz], relative shift and
+        its standard deviation [-].
     gains : ndarray (n_out + n_in, 2)
         The same of the amplitudes of outputs, then inputs: factor and its standard deviation [-].
     left_out : tuple of (name, reason)
@@ -180,7 +185,7 @@ class Updated:
         Where several starts led.
     ending : Ending
     messages : tuple of str
-        What to doubt.
+        Doubts about the result.
     """
 
     model: Model
@@ -230,16 +235,15 @@ class Updated:
         raise KeyError(msg)
 
     def table(self) -> str:
-        """Return start, value and standard deviation of each parameter as text, then what to doubt."""
+        """Return start, value and standard deviation of each parameter as text, then the doubts."""
         width = max([len("parameter"), *(len(p.name) for p in self.parameters)])
         lines = [f"{'parameter':{width}}  {'start':>11}  {'value':>11}  {'std':>9}  {'change':>8}  unit"]
         for p in self.parameters:
-            change = f"{100 * (p.value / p.start - 1):+.2f} %" if p.start else "-"
             mark = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
             mark += " (prior dropped)" if p.released else ""
             std = f"{p.std:9.2g}" if np.isfinite(p.std) else f"{'-':>9}"
             lines.append(
-                f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {std}  {change:>8}  {p.unit}{mark}"
+                f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {std}  {p.change:>8}  {p.unit}{mark}"
             )
         lines += [f"{name}: left at its start, as {reason}" for name, reason in self.left_out]
         return "\n".join([*lines, *self.messages])

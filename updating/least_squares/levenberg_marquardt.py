@@ -133,7 +133,7 @@ class Control:
     raised_by, lowered_by : float
         Factors on the damping after a trial that fails and after one that succeeds [-].
     trusted_damping : float
-        Most damping with which a small promised gain ends the iteration: more may be what makes it small.
+        Most damping with which a small promised gain ends the iteration: more may itself make it small.
     """
 
     reach: Callable[[Floats], Floats]
@@ -303,8 +303,8 @@ def step_within(
     """Return a step towards the minimum of ½ pᵀ H p + gᵀ p that stays within limits.
 
     From 0 towards the minimum up to the first limit; the unknown that has met it stays there, and the others
-    go on towards what is then their minimum. So one with a long way to go does not hold the others up, as it
-    would if the whole step were shortened, and the quadratic falls all the way.
+    go on towards their minimum under this constraint. So one with a long way to go does not hold the others
+    up, as it would if the whole step were shortened, and the quadratic falls all the way.
 
     Parameters
     ----------

@@ -37,9 +37,12 @@ class Evaluation:
     frf, measured : FRF
         Computed, and measured as it is believed; both in the kind of the measurement.
     comparison : Comparison
-        On all lines.
+        On all lines, of the channels that are fitted.
+    held_out : Comparison or None
+        Of the channels that no fit sees: a sensor for the fitted excitations, an excitation at the fitted
+        sensors.
     mask : ndarray of bool (n_freq, n_out, n_in)
-        Values that count.
+        Values that count, but for those of held-out channels.
     noise_db : float
         Noise of the FRFs that count [dB].
     """
@@ -49,6 +52,7 @@ class Evaluation:
     frf: FRF
     measured: FRF
     comparison: Comparison
+    held_out: Comparison | None
     mask: NDArray[np.bool_]
     noise_db: float
 
@@ -56,6 +60,16 @@ class Evaluation:
     def left_db(self) -> float:
         """Error on the lines of the fit beyond the noise, by the difference of squares [dB]."""
         return float(np.sqrt(max(self.result.fit_db**2 - self.noise_db**2, 0.0)))
+
+    def by_sensor(self) -> NDArray[np.float64]:
+        """Return the error of each sensor, those of held-out ones too, (n_out,) [dB]."""
+        known = self.comparison.by_sensor()
+        return known if self.held_out is None else np.where(np.isnan(known), self.held_out.by_sensor(), known)
+
+    def by_band(self) -> NDArray[np.float64]:
+        """Return the error of each sensor in each band, those of held-out ones too, (n_out, n_bands) [dB]."""
+        known = self.comparison.by_band()
+        return known if self.held_out is None else np.where(np.isnan(known), self.held_out.by_band(), known)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,12 +107,23 @@ class LiveModel:
         return self.problem.measured.outputs
 
     def data_of(self, h: Hypothesis) -> FitData:
-        """Return the data as a hypothesis believes them: corrected, and without sensors that are off."""
+        """Return the data of a hypothesis: corrected, without sensors that are off and held-out channels."""
         data = corrected(self.problem.data, h.faults)
-        if not h.off:
-            return data
-        on = np.array([name not in h.off for name in data.measurement.frf.outputs])
-        return replace(data, mask=data.mask & on[None, :, None])
+        on, fitted = self._counted(h), self._held_out(h) == 0
+        return data if (on & fitted).all() else replace(data, mask=data.mask & on & fitted)
+
+    def compared(self, h: Hypothesis) -> NDArray[np.bool_]:
+        """Return which values are compared, those of held-out channels too, (n_freq, n_out, n_in)."""
+        return corrected(self.problem.data, h.faults).mask & self._counted(h)
+
+    def _counted(self, h: Hypothesis) -> NDArray[np.bool_]:
+        return np.array([name not in h.off for name in self.sensors])[:, None]
+
+    def _held_out(self, h: Hypothesis) -> NDArray[np.int64]:
+        """Return how many ends of each FRF are held out, (n_out, n_in)."""
+        frf = self.problem.data.measurement.frf
+        out = np.array([f"sensor {name}" in h.held_out for name in frf.outputs], dtype=int)
+        return out[:, None] + np.array([f"excitation {name}" in h.held_out for name in frf.inputs], dtype=int)
 
     def problem_of(self, h: Hypothesis) -> FitProblem:
         """Return the problem of a hypothesis, for a fit in another thread: it shares no cache."""
@@ -109,16 +134,19 @@ class LiveModel:
         """Return the FRFs of a hypothesis and their errors."""
         with self._lock:
             given = h.result()
-            data, measured = self._data.get((h.faults, h.off), lambda: self._believed(h))
+            believed = (h.faults, h.off, h.held_out)
+            data, measured, apart = self._data.get(believed, lambda: self._believed(h))
             problem = self._known(data, self._receptances(given))
             result = problem.assessed(given)
             frf = problem.frf(result)
             comparison = compare(measured, frf, mask=data.mask)
-            return Evaluation(h, result, frf, measured, comparison, data.mask, data.noise_db)
+            unseen = None if apart is None else compare(measured, frf, mask=apart)
+            return Evaluation(h, result, frf, measured, comparison, unseen, data.mask, data.noise_db)
 
-    def _believed(self, h: Hypothesis) -> tuple[FitData, FRF]:
+    def _believed(self, h: Hypothesis) -> tuple[FitData, FRF, NDArray[np.bool_] | None]:
         data = self.data_of(h)
-        return data, replace(self.problem, data=data).measured
+        apart = self.compared(h) & (self._held_out(h) == 1)
+        return data, replace(self.problem, data=data).measured, apart if apart.any() else None
 
     def _known(self, data: FitData, H: NDArray[np.complex128]) -> _Known:
         same: dict[str, Any] = {f.name: getattr(self.problem, f.name) for f in fields(FitProblem)}
@@ -140,7 +168,7 @@ class LiveModel:
 
     @staticmethod
     def _key(result: FitResult) -> Hashable:
-        """Return what engines differ by: which effects there are, and where."""
+        """Return the key of an engine: its effects and their places."""
         at: list[Any] = []
         for e in result.effects:
             values = parameter_values(e)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
-from updating.diagnosis.diagnose import begin_fitted
+from updating.diagnosis.begin import begin_fitted
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
@@ -28,7 +28,7 @@ class Watch:
     Parameters
     ----------
     progress : callable
-        Called with a text and the fraction done; what it raises ends the fit.
+        Called with a text and the fraction done; an exception from it ends the fit.
     text : str
     stages : int
         Stages to be expected.
@@ -84,9 +84,9 @@ class _WatchedFunction(FitFunction):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _WatchedProblem(FitProblem):
-    """A problem whose fits report what they do.
+    """A problem whose fits report their progress.
 
-    ``free`` holds the names of the effects that vary, and ``""`` for what is uncertain and for damping; None
+    ``free`` holds the names of the effects that vary, and ``""`` for uncertain parameters and damping; None
     lets all vary.
     """
 
@@ -101,7 +101,7 @@ class _WatchedProblem(FitProblem):
 
 
 def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
-    """Fit what is uncertain and the damping; added effects keep their values.
+    """Fit the uncertain parameters and the damping; added effects keep their values.
 
     Without effects it is the fit of `dovetail compare --fitted`, which also sets sensors right that are
     plainly at fault.
@@ -109,11 +109,11 @@ def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothe
     problem = live.problem_of(h)
     if not h.effects:
         watch = Watch(
-            progress, "fitting what is uncertain", len(problem.stages) + len(problem.fine_stages) + 1
+            progress, "fitting uncertain parameters", len(problem.stages) + len(problem.fine_stages) + 1
         )
         _, result, faults = begin_fitted(_watched(problem, watch))
         return replace(h, faults=(*h.faults, *faults)).at(result)
-    watch = Watch(progress, "fitting what is uncertain", 2)
+    watch = Watch(progress, "fitting uncertain parameters", 2)
     held = _watched(problem, watch, frozenset({""}))
     return h.at(held.assessed(_better(held, h)))
 
@@ -135,7 +135,7 @@ def fit_effect(live: LiveModel, h: Hypothesis, name: str, progress: Progress) ->
 
 
 def fit_all(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
-    """Fit the added effects, what is uncertain and the damping: from where they are, and from starts."""
+    """Fit the added effects, the uncertain parameters and the damping: from their values, and from starts."""
     if not h.effects:
         return fit_uncertain(live, h, progress)
     problem = live.problem_of(h)

@@ -1,4 +1,4 @@
-"""What a user supposes: added effects, values of what is uncertain, and corrections of the measurement."""
+"""A user's hypothesis: added effects, values of uncertain parameters, and corrections of the measurement."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -29,6 +29,8 @@ class Hypothesis:
         Corrections of sensors and excitations, in the order in which they are applied.
     off : frozenset of str
         Sensors that are left out of comparison and fit.
+    held_out : frozenset of str
+        Channels that are compared and not fitted: ``"sensor A1"``, ``"excitation E1"``.
     fit : FitResult or None
         The fit that gave these values; None as soon as one of them is changed by hand.
     """
@@ -39,6 +41,7 @@ class Hypothesis:
     faults: tuple[Fault, ...] = ()
     off: frozenset[str] = field(default_factory=frozenset)
     fit: FitResult | None = None
+    held_out: frozenset[str] = field(default_factory=frozenset)
 
     @classmethod
     def nominal(cls, problem: FitProblem) -> "Hypothesis":
@@ -106,6 +109,10 @@ class Hypothesis:
     def switched(self, sensor: str) -> "Hypothesis":
         """Return the hypothesis with a sensor left out that was counted, or the other way round."""
         return replace(self, off=self.off ^ {sensor}, fit=None)
+
+    def held(self, channel: str) -> "Hypothesis":
+        """Return the hypothesis with a channel held out that was fitted, or the other way round."""
+        return replace(self, held_out=self.held_out ^ {channel}, fit=None)
 
     def result(self) -> FitResult:
         """Return the hypothesis as a fit, whose errors are not assessed unless it was fitted."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.local_changes import LocalChanges
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.diagnosis.search import similarity_of
+from updating.diagnosis.changes import similarity_of
 from updating.inference.fit import FitProblem
 from updating.live.engine import LiveModel
 from updating.live.fitting import Progress
@@ -57,7 +57,7 @@ def rank(
     h : Hypothesis
     candidates : sequence of Effect
     progress : callable
-        Called with a text and the fraction done; what it raises ends the ranking.
+        Called with a text and the fraction done; an exception from it ends the ranking.
     """
     trial = _Trial(live.problem_of(h), h)
     added = {e.name for e in h.effects}

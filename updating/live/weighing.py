@@ -1,4 +1,4 @@
-"""What speaks for an added effect, and what against it."""
+"""Evidence for and against an added effect."""
 
 from dataclasses import dataclass
 
@@ -33,7 +33,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighed:
-    """What speaks for and against an added effect.
+    """Evidence for and against an added effect.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ N_CHANNELS = 2
 
 
 def weigh(live: LiveModel, h: Hypothesis, name: str, progress: Progress | None = None) -> Weighed:
-    """Return what speaks for and against an added effect.
+    """Return the evidence for and against an added effect.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class EstimatedFRF:
     effective_averages : ndarray (n_in,)
         Independent blocks that are worth as much: overlapping blocks share samples [-].
     added_decay : float
-        By what an exponential window raises the decay -Re λ of all poles [1/s];
+        Increase by an exponential window of the decay -Re λ of all poles [1/s];
         ``identify_modes(…, added_decay=…)`` takes it off again.
     messages : tuple of str
         Omissions, with the reason.

@@ -84,7 +84,7 @@ class Measurement:
     compared: NDArray[np.float64] | None = None
 
     def __repr__(self) -> str:
-        """Return the file, the FRFs and what is known of their noise on one line."""
+        """Return the file, the FRFs and their noise, as far as it is known, on one line."""
         frf, name = self.frf, f"'{self.name}' " if self.name else ""
         known = [w for w in ("coherence", "scatter") if getattr(self, w) is not None]
         noise = f"; with {' and '.join(known)}" if known else ""
@@ -165,7 +165,7 @@ class Measurement:
 
 
 def at_values_of(values: NDArray[np.float64], have: FRF, want: FRF) -> NDArray[np.float64]:
-    """Return what belongs to the values of some FRFs for those of others, NaN where there is none.
+    """Return an array of some FRFs' values at the values of others, NaN where there is none.
 
     Parameters
     ----------

@@ -20,9 +20,9 @@ _STENCILS = {4: (1.0, -4.0, 6.0, -4.0, 1.0), 6: (1.0, -6.0, 15.0, -20.0, 15.0, -
 def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.float64]:
     """Estimate the relative noise of the amplitude at each line.
 
-    Two kinds of noise are told apart. What is in proportion to the response: an FRF is smooth between its
+    Two kinds of noise are told apart. One is proportional to the response: an FRF is smooth between its
     resonances, so fourth differences of ln H over neighbouring lines are noise; their median size over a
-    window does not see the few lines at resonances and antiresonances. And what is added to it, the same at
+    window does not see the few lines at resonances and antiresonances. The other is added to it, the same at
     all lines of an FRF: it shows where the response is small, in fourth and sixth differences of H itself,
     which crosses zero smoothly at an antiresonance.
 
@@ -54,22 +54,23 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
         return np.stack([np.interp(lines, centres, column) for column in flat.T], axis=1).reshape(H.shape)
 
     seen = smoothed(np.abs(_difference(logarithm, 4)) ** 2) / MEDIAN_OF_SQUARE
-    # Where all of a window is small, what is seen there is the added noise: what is in proportion is taken
-    # to be no more than it usually is.
+    # Where all of a window is small, the scatter there is the added noise: the proportional one is taken to
+    # be no more than usual.
     excess = _added(H, np.minimum(seen, np.median(seen, axis=0)) * size**2)
     excess = np.broadcast_to(excess, H.shape)
     added = np.divide(excess, size**2, out=np.where(excess > 0, np.inf, 0.0), where=size > 0)
-    # At the lines where the window's median lies, the two together are what was seen there.
+    # At the lines where the window's median lies, the two together are the scatter there.
     return np.sqrt(np.maximum(seen - smoothed(added), 0.0) + added)
 
 
 def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the variance (n_out, n_in) of the noise that is added, beside what is in proportion.
+    """Return the variance (n_out, n_in) of the added noise, beside the proportional one.
 
     It is that of the smallest lines, if they are white: differences of both orders of white noise have the
-    same size, not so of what is sampled coarsely. They are made fewer until they have more of it than of the
-    other. Where they are not white it is what the other sensors show of the same excitation, if most of them
-    do, but no more than the lines allow that differ least from their neighbours, as it is the same at all.
+    same size, but not differences of a coarsely sampled FRF. They are made fewer until they have more of it
+    than of the other. Where they are not white it is the added noise of the other sensors at the same
+    excitation, if most of them show it, but no more than the lines allow that differ least from their
+    neighbours, as it is the same at all.
     """
     size = np.abs(H)
     # Where it is exactly 0, nothing was measured.

@@ -280,7 +280,7 @@ def assess_sensors(
     chosen : array_like of int
         Rows where the sensors are.
     least_seen : float
-        Modes below this part of what could be seen are named [-].
+        Modes below this part of the most visible motion are named [-].
     most_alike : float
         Pairs above this MAC are named [-].
 
@@ -330,7 +330,7 @@ class PretestPlan:
     frequency : ndarray (n_modes,)
         Natural frequencies of the modes [Hz].
     observability : Observability
-        What the sensors see.
+        Of the modes by the sensors.
     driven : ndarray (n_modes,)
         Sum of the exciters' driving-point residues, relative to the largest that any candidate has [-].
     """

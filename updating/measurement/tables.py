@@ -27,8 +27,8 @@ def sensors_from_table(table: Any, scale: float = 1.0) -> tuple[Sensor, ...]:
     """Return the sensors or exciters of a table of channels, impacts, or triaxial sensors.
 
     A row of a table of channels or impacts has ``Name``, ``Position_1`` to ``Position_3`` and ``Direction_1``
-    to ``Direction_3``. A row of a table of triaxial sensors has ``Orientation_1`` to ``Orientation_3``: by
-    what angles [degrees] the sensor is turned about the fixed axes x, then y, then z, as pyFBS 1.0.7 has it
+    to ``Direction_3``. A row of a table of triaxial sensors has ``Orientation_1`` to ``Orientation_3``: the
+    angles [degrees] of the sensor's rotation about the fixed axes x, then y, then z, as pyFBS 1.0.7 has it
     (``generate_channels_from_sensors``). Its axes are the columns of R = Rz Ry Rx; each gives a channel,
     with ``x``, ``y``, ``z`` after the sensor's name.
 

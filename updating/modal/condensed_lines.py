@@ -41,9 +41,9 @@ class CondensedLines:
     omega : ndarray (n_nodes,)
         Single lines, then the nodes of one segment after another [rad/s].
     weight : ndarray (n_in, n_single)
-        What values at single lines are multiplied by [-].
+        Factors of values at single lines [-].
     triangles : ndarray (n_in, n_segments, N_NODES, N_NODES)
-        R: what values at the nodes of a segment are multiplied by [-].
+        R: factors of values at the nodes of a segment [-].
     target : ndarray (2 n_in n_nodes, n_out)
         Weighted FRFs in the layout of :meth:`columns` [-].
     left : float

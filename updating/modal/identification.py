@@ -1,7 +1,7 @@
 """Modes from measured FRFs, without a choice by hand.
 
-    FRF ─ identify_modes → IdentifiedModes: modes with uncertainty, complex shapes, synthesised FRFs, what was
-                           tried and why it was taken or left
+    FRF ─ identify_modes → IdentifiedModes: modes with uncertainty, complex shapes, synthesised FRFs, the
+                           modes tried, and why each was taken or left
 
 `docs/modal-identification.md` gives the criteria.
 """
@@ -99,7 +99,7 @@ def identify_modes(
     lower, upper : bool
         Whether modes below and above the band are allowed for.
     added_decay : float, optional
-        What an exponential window added to the decay of all modes, which is taken off exactly [1/s]; that of
+        Addition of an exponential window to the decay of all modes, which is taken off exactly [1/s]; that of
         an ``EstimatedFRF``, or none, unless given. ``synthesised`` keeps it, as the data do.
     least_mpc : float
         Smallest modal phase collinearity of a mode [-]; 0 for structures with complex modes.

@@ -92,11 +92,11 @@ class ModalFitData:
     scale : ndarray (n_out,)
         Standard deviation of each output [unit of the FRF].
     spread : ndarray (n_freq, n_in)
-        By what that is multiplied at each line and input [-].
+        Its factor at each line and input [-].
     lower, upper : bool
         Whether there are residuals of modes below and above the band.
     added_decay : float
-        What an exponential window added to the decay of all motions: the FRFs are those at s = iω + this
+        Addition of an exponential window to the decay of all motions: the FRFs are those at s = iω + this
         [1/s].
     """
 

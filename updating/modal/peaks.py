@@ -89,7 +89,7 @@ def unexplained_peaks(
     """Return the peaks of measured FRFs that synthesised ones lack, the highest first.
 
     A peak of the mode indicator has half-power points to either side. It is explained if the synthesised FRFs
-    have most of its power and a peak between these points, or if what they leave may be noise.
+    have most of its power and a peak between these points, or if the residual may be noise.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ def fit_orders(frf: FRF, orders: NDArray[np.int64], scale: Floats, weight: Float
     orders : ndarray of int (n_orders,)
         Orders of A, rising.
     scale : ndarray (n_out,)
-        What each output is divided by [unit of the FRF].
+        Scale of each output [unit of the FRF].
     weight : ndarray (n_freq,)
         Weights of the lines [-].
     """

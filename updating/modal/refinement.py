@@ -4,7 +4,7 @@
 
 with d = 0, 1, 2 for receptance, mobility, accelerance; s in place of iω after an exponential window. Given
 poles λ and participations L, the shapes ψ and the real residuals are a linear least squares problem, with the
-same matrix B for each output. What is left depends on λ and L alone (variable projection: Golub and Pereyra,
+same matrix B for each output. The residual depends on λ and L alone (variable projection: Golub and Pereyra,
 *SIAM J. Numer. Anal.* 10, 1973, 413, in Kaufman's form, *BIT* 15, 1975, 49), and its derivatives for all
 outputs follow from one Gram matrix. Steps and covariances are computed at few nodes in place of the lines,
 which lose nothing (:mod:`updating.modal.condensed_lines`).
@@ -75,8 +75,8 @@ def fit_modes(
 ) -> ModalFit:
     """Find the poles and participations nearest to given ones that fit FRFs best.
 
-    Variable projection gives gradient and Gauss-Newton matrix of what the linear unknowns leave, and no
-    Jacobian that ``scipy.optimize.least_squares`` could take: the steps are those of
+    Variable projection gives gradient and Gauss-Newton matrix of the residual after the linear unknowns, and
+    no Jacobian that ``scipy.optimize.least_squares`` could take: the steps are those of
     :mod:`updating.least_squares.levenberg_marquardt`. The covariance has all linear unknowns free, and in
     each FRF the noise that the fit leaves.
     """
@@ -380,8 +380,8 @@ def _covariance(
 ) -> Scatter:
     """Return (JᵀJ)⁻¹ JᵀVJ (JᵀJ)⁻¹ with V the mean square that ``misfit`` has in each FRF, and the shapes'.
 
-    The weights may suit an FRF better or worse: its noise is what it is. Shapes follow the other unknowns by
-    dx = -B⁺ dB x (Kaufman), and have (BᵀB)⁻¹ = ``inverse`` · ``inverse``ᵀ of their own.
+    The weights may suit an FRF better or worse: its noise does not follow them. Shapes follow the other
+    unknowns by dx = -B⁺ dB x (Kaufman), and have (BᵀB)⁻¹ = ``inverse`` · ``inverse``ᵀ of their own.
     """
     n, (n_freq, n_in), n_out = poles.size, data.spread.shape, misfit.shape[1]
     rows, cols = _free(L.shape, pivot)
@@ -463,7 +463,7 @@ def _synthesised(
     omega, n_out, n_in = data.frf.omega, len(shapes), L.shape[1]
     residues = (shapes.T[:, :, None] * L[:, None, :]).reshape(poles.size, n_out * n_in)
     out = np.empty((omega.size, n_out * n_in), dtype=complex)
-    for first in range(0, omega.size, _BLOCK):  # large temporary arrays cost more than what is computed
+    for first in range(0, omega.size, _BLOCK):  # large temporary arrays cost more than the arithmetic
         part = omega[first : first + _BLOCK]
         p, q = _fractions(data, part, poles)
         here = p @ residues + q @ residues.conj()
@@ -480,7 +480,7 @@ def _regular(R: Floats) -> bool:
 
 
 def scatter_near(fit: ModalFit, data: ModalFitData) -> Floats:
-    """Return by what the noise near each pole exceeds the assumed one, shape (n_modes,) [-].
+    """Return the ratio of the noise near each pole to the assumed one, shape (n_modes,) [-].
 
     The root mean square of ``misfit`` over the lines within three half-power half-widths, nine lines at
     least, over that of all lines, times the root of 1 + 2 Σ ρ_j: ρ_j is the correlation of the misfit j lines

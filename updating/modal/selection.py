@@ -29,7 +29,7 @@ LARGEST_DEVIATION = 0.15
 
 SIGNIFICANCE = 8.0
 """A mode must lower the weighted sum of squares by its number of parameters n and this times √(2n), which is
-the standard deviation of what n parameters gain by fitting noise [-]."""
+the standard deviation of the gain of n parameters by fitting noise [-]."""
 
 TWIN_MAC, TWIN_DISTANCE = 0.9, 1.0
 """Of two modes with a higher MAC of shapes and of participations, |λ₁ - λ₂| being less than this times the
@@ -170,9 +170,9 @@ def _reweighted(data: ModalFitData, fit: ModalFit) -> ModalFitData:
     """Return data with weights from the residual of the fit: σ² = (s_o)² (a_ki² + ε_i² h_ki²).
 
     a is the level of noise over the lines, a running median over a sixteenth of them, which resonances do not
-    raise. h_ki² is the mean over the outputs of |H_oi|²/s_o², and ε_i what errors in proportion to the
-    response (gains, places, masses of sensors, lines too far apart for a peak) leave on the twentieth of the
-    lines with the largest h.
+    raise. h_ki² is the mean over the outputs of |H_oi|²/s_o², and ε_i the part that errors in proportion to
+    the response (gains, places, masses of sensors, lines too far apart for a peak) leave on the twentieth of
+    the lines with the largest h.
     """
     error = np.abs(data.frf.H - fit.H) ** 2 / 2
     n_freq, _, n_in = error.shape

@@ -1,4 +1,4 @@
-"""What each sensor should read, predicted from all the others, whatever the physics that a model lacks.
+"""Predictions of each sensor's FRFs from all the others, whatever the physics that a model lacks.
 
 A missing effect acts on the model by forces that nobody knows, and changes the field of motion smoothly along
 the structure; a fault changes one sensor's readings alone. So the field at each line is taken as that of the
@@ -235,7 +235,7 @@ def rival_predictions(problem: FitProblem, X: CrossPrediction, sensor: int) -> l
     """Return predictions where something acts on the structure near a sensor.
 
     An unknown force and moments of any size, at the sensor, at the four next to it, or half way to them,
-    explain what a local effect does there, such as a mass or a loss of stiffness.
+    explain the forces of a local effect there, such as a mass or a loss of stiffness.
     """
     mesh, m = problem.reduced.model.mesh, problem.data.measurement.sensors
     own = m[sensor].point

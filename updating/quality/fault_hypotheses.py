@@ -11,10 +11,6 @@ from updating.correlation import complex_log
 from updating.least_squares.loss import pseudo_huber
 from updating.quality.corrections import Fault
 
-EXCITATION_GAIN_LEAST = 0.07
-"""Smallest deviation of an excitation's gain from 1 that is called a fault, as a logarithm [-]. It is larger
-than that of a sensor, as a factor that all excitations share may also be a wrong mass of the model."""
-
 DELAY_LEAST = 0.12
 """Smallest delay that is called a fault, as the phase at the highest frequency [rad]."""
 
@@ -184,23 +180,37 @@ def judge(
     )
 
 
-def factor_hypotheses(series: Series, name: str) -> list[Hypothesis]:
-    """Return the sign, gain and delay of an excitation that make the series' two sides agree."""
+def factor_hypotheses(
+    series: Series, of: str, name: str, gains: NDArray[np.float64], least: float
+) -> list[Hypothesis]:
+    """Return the sign, gain and delay of a channel that make the series' two sides agree.
+
+    Parameters
+    ----------
+    series : Series
+    of : {"sensor", "excitation"}
+    name : str
+    gains : ndarray (n,)
+        Logarithms of gains to try [-].
+    least : float
+        Smallest deviation of a gain from 1 that is called a fault, as a logarithm [-].
+    """
     count = int(series.seen.sum())
     if count < 20:
         return []
     before, top = series.losses(series.predicted), float(series.frequency[-1])
     if before.sum() < LEAST_MISFIT * count:
         return []
-    turned = Fault("excitation_sign", name, -1.0, 0.0)
+    turned = Fault(f"{of}_sign", name, -1.0, 0.0)
     out = [judge(turned, 1.0, 0.0, before, series.losses(-series.predicted), count)]
-    x, std, after = valued(np.linspace(-8, 8, 321), series.gain_losses)
+    x, std, after = valued(gains, series.gain_losses)
     gain = float(np.exp(x))
-    fault = Fault("excitation_gain", name, gain, gain * std)
-    out.append(judge(fault, x, EXCITATION_GAIN_LEAST, before, after, count))
+    fault = Fault(f"{of}_gain", name, gain, gain * std)
+    out.append(judge(fault, x, least, before, after, count, abs(x)))
     x, std, after = valued(np.linspace(-0.8, 0.8, 129) / top, series.delay_losses)
-    fault = Fault("excitation_delay", name, x, std, "s")
-    return [*out, judge(fault, 2 * np.pi * top * x, DELAY_LEAST, before, after, count)]
+    fault = Fault(f"{of}_delay", name, x, std, "s")
+    change = float(np.median(2 * np.pi * series.frequency * abs(x)))
+    return [*out, judge(fault, 2 * np.pi * top * x, DELAY_LEAST, before, after, count, change)]
 
 
 def _lowest(grid: NDArray[np.float64], table: NDArray[np.float64]) -> float:

@@ -26,6 +26,10 @@ from updating.quality.cross_prediction import (
 from updating.quality.fault_hypotheses import Hypothesis, Series, factor_hypotheses
 from updating.quality.sensor_faults import sensor_hypotheses, swap_hypotheses
 
+EXCITATION_GAIN_LEAST = 0.07
+"""Smallest deviation of an excitation's gain from 1 that is called a fault, as a logarithm [-]. It is larger
+than that of a sensor, as a factor that all excitations share may also be a wrong mass of the model."""
+
 LEAST_RATIO_BESIDE_FORCES = 1.5
 """A fault must lower the misfit by this factor also where an unknown force may act near the sensor."""
 
@@ -51,9 +55,7 @@ _SIMPLER = ("sensor_sign", "sensor_gain", "sensor_delay", "sensor_swap", "sensor
 """Of faults that explain a sensor's readings equally well, the first in this list is reported."""
 
 
-def find_faults(
-    problem: FitProblem, null: FitResult, *, doubtful: bool = False
-) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
     """Correct the data for faults of sensors and excitations, and fit again.
 
     The most convincing fault is corrected first, then the model is fitted and the sensors are compared again:
@@ -64,8 +66,6 @@ def find_faults(
     problem : FitProblem
     null : FitResult
         Its fit; effects in it are fitted again with the rest.
-    doubtful : bool
-        Whether to accept also faults that a force near the sensor or a flexible support may resemble.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def find_faults(
     faults: list[Fault] = []
     start = problem.data
     while len(faults) < _MOST:
-        more = _turned_excitations(problem, null) or _most_convincing(problem, null, doubtful)
+        more = _turned_excitations(problem, null) or _most_convincing(problem, null)
         same = {(f.kind, f.sensor) for f in faults}
         if not more or any((f.kind, f.sensor) in same for f in more):
             break
@@ -168,14 +168,14 @@ def settle_faults(
     return *best, tuple(left)
 
 
-def _most_convincing(problem: FitProblem, result: FitResult, doubtful: bool) -> tuple[Fault, ...]:
+def _most_convincing(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
     """Return the faults to correct next, which may be none.
 
     A fault of an excitation can resemble one of a sensor beside it, and the other way round. The one whose
     correction brings the FRFs nearer to the model's is returned.
     """
     X = cross_predict(problem, Field.of(problem, result))
-    best = _best(problem, result, X, doubtful)
+    best = _best(problem, result, X)
     options = [_excitation_faults(problem, result, X)]
     if best is not None and best.believed:
         options.append((best.fault,))
@@ -183,7 +183,7 @@ def _most_convincing(problem: FitProblem, result: FitResult, doubtful: bool) -> 
     return _likeliest(problem, result, options) if options else ()
 
 
-def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: bool) -> Hypothesis | None:
+def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> Hypothesis | None:
     """Return the most convincing fault of a sensor, believed or not."""
     n = len(problem.data.measurement.sensors)
     if n < 3:
@@ -212,7 +212,7 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: 
         swaps = [h for h in found if h.believed and h.fault.kind == "sensor_swap"]
         both = [h for h in swaps if best.fault.sensor in (h.fault.sensor, h.fault.other)]
         best = max(both, key=lambda h: h.gain, default=best)
-    sure = doubtful or best.fault.kind in _UNLIKE_EFFECTS
+    sure = best.fault.kind in _UNLIKE_EFFECTS
     if best.believed and not sure and not _needed(problem, X, best):
         return replace(best, better=0.0)
     alike = [
@@ -286,7 +286,7 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
             sigma = np.sqrt(sigma**2 + 2 * error**2)
             heard: Any = X.seen.any(axis=1)
             series = Series.of(field.frequency, y, p, sigma, heard[:, j] & heard[:, k])
-            for h in factor_hypotheses(series, ""):
+            for h in _of_excitation(series):
                 other = _inverse(replace(h.fault, sensor=excitations[j].name))
                 options = (replace(h.fault, sensor=excitations[k].name),), (other,)
                 found.append((h, options))
@@ -295,12 +295,17 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
         y, p = problem.data.H[lines], problem.receptance(result, lines)
         # The model's FRFs are 1/F of those that the data would have.
         series = Series.of(field.frequency, p, y, np.full(p.shape, MODEL_SIGMA), problem.data.mask[lines])
-        for h in factor_hypotheses(series, "")[1:]:
+        for h in _of_excitation(series)[1:]:
             found.append((h, (tuple(replace(h.fault, sensor=e.name) for e in excitations),)))
     believed = [(h, options) for h, options in found if h.believed]
     if not believed:
         return ()
     return _likeliest(problem, result, max(believed, key=lambda pair: pair[0].gain)[1])
+
+
+def _of_excitation(series: Series) -> list[Hypothesis]:
+    """Return the faults of an excitation, still without a name, that make a series' two sides agree."""
+    return factor_hypotheses(series, "excitation", "", np.linspace(-8, 8, 321), EXCITATION_GAIN_LEAST)
 
 
 def _inverse(fault: Fault) -> Fault:

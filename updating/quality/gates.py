@@ -38,7 +38,7 @@ class Reciprocity:
     first, second : str
         The two excitations.
     error_db, noise_db : float
-        Median difference of the amplitudes as a standard deviation, and what their noise explains [dB].
+        Median difference of the amplitudes as a standard deviation, and the part of their noise [dB].
     """
 
     first: str
@@ -62,7 +62,7 @@ class Homogeneity:
     ratio : float
         Median difference in multiples of the noise [-]; NaN where lines or channels differ.
     somewhere : float
-        The same of the tenth of the values that differ most, in means over seven lines: what changes with
+        The same of the tenth of the values that differ most, in means over seven lines: dependence on
         amplitude shows at few resonances, but there on many lines [-].
     largest_db : float
         Their difference [dB].
@@ -110,7 +110,7 @@ class Gates:
     misfit : ndarray (n_out,)
         Robust level of ln(computed / measured) of each sensor [nepers].
     cross_misfit : ndarray (n_out,)
-        Median distance of each sensor from what the others predict for it, in standard deviations: about 0.8
+        Median distance of each sensor from the others' prediction for it, in standard deviations: about 0.8
         without faults and with a right model [-].
     reciprocity : tuple of Reciprocity
         Of each pair of excitations that both have a sensor at their place and in their direction.

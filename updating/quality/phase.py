@@ -10,8 +10,8 @@ Three properties of a passive structure are asked of each FRF, with e^{+iωt}:
   resonance Im receptance < 0, Re mobility > 0, Im accelerance > 0.
 
 The impulse response of a band is the inverse transform of the FRF under a Hann window. Only times beyond the
-window's own width count. What is smooth over frequency (antiresonances, residual terms, delays far shorter
-than the window) has decayed there; what rings at resonances has not.
+window's own width count. Terms that are smooth over frequency (antiresonances, residual terms, delays far
+shorter than the window) have decayed there; resonances still ring.
 """
 
 from collections.abc import Sequence
@@ -120,7 +120,7 @@ class Misphased:
 
 
 def phase_evidence(frf: FRF) -> PhaseEvidence:
-    """Return how far each FRF is causal and in phase with what its kind says.
+    """Return how far each FRF is causal and in phase with its kind.
 
     Parameters
     ----------
@@ -206,9 +206,9 @@ def _energy(h: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.
 def _residues(
     ringing: NDArray[np.complex128], noise: NDArray[np.float64], n: int, expected: complex
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Return the mean cosine of twice the residues' angle from what is expected, and their mean direction.
+    """Return the mean cosine of twice the residues' angle from the expected one, and their mean direction.
 
-    A resonance that begins to ring at the gate has its peak in the transform of what follows, with the phase
+    A resonance that begins to ring at the gate has its peak in the transform of later times, with the phase
     of its residue; the residual terms of other resonances are smooth, and the gate has removed them.
     """
     columns = ringing.shape[1]
@@ -278,7 +278,7 @@ def misphased(evidence: PhaseEvidence, driven: Sequence[tuple[int, int, float]] 
 def _explained(
     state: NDArray[np.float64], evidence: PhaseEvidence
 ) -> list[tuple[str, tuple[str, ...], NDArray[np.bool_]]]:
-    """Return by what FRFs of state -1 are told from those of state 1: name of the group, members, which."""
+    """Return groups that contain the FRFs of state -1 and none of state 1: name, members, which."""
     bad, good = state < 0, state > 0
     if not bad.any():
         return []

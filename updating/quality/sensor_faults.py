@@ -13,7 +13,7 @@ from updating.inference.fit import FitProblem
 from updating.measurement.measurement import Sensor
 from updating.quality.corrections import Fault
 from updating.quality.cross_prediction import CrossPrediction
-from updating.quality.fault_hypotheses import DELAY_LEAST, LEAST_MISFIT, Hypothesis, Series, judge, valued
+from updating.quality.fault_hypotheses import Hypothesis, Series, factor_hypotheses, judge, valued
 
 GAIN_LEAST = 0.06
 """Smallest deviation of a gain from 1 that is called a fault, as a logarithm [-]."""
@@ -27,24 +27,11 @@ SHIFT_LEAST = 0.02
 
 def sensor_hypotheses(problem: FitProblem, X: CrossPrediction, i: int) -> list[Hypothesis]:
     """Return the faults that sensor i alone may have."""
-    name, top = problem.data.measurement.sensors[i].name, float(X.field.frequency[-1])
-    series = _series(X, i)
-    count = int(series.seen.sum())
-    if count < 20:
+    name, series = problem.data.measurement.sensors[i].name, _series(X, i)
+    out = factor_hypotheses(series, "sensor", name, np.linspace(-3, 3, 121), GAIN_LEAST)
+    if not out:
         return []
     before = series.losses(series.predicted)
-    if before.sum() < LEAST_MISFIT * count:
-        return []
-    turned = Fault("sensor_sign", name, -1.0, 0.0)
-    out = [judge(turned, 1.0, 0.0, before, series.losses(-series.predicted), count)]
-    x, std, after = valued(np.linspace(-3, 3, 121), series.gain_losses)
-    gain = float(np.exp(x))
-    fault = Fault("sensor_gain", name, gain, gain * std)
-    out.append(judge(fault, x, GAIN_LEAST, before, after, count, abs(x)))
-    x, std, after = valued(np.linspace(-0.8, 0.8, 129) / top, series.delay_losses)
-    fault = Fault("sensor_delay", name, x, std, "s")
-    change = float(np.median(2 * np.pi * X.field.frequency * abs(x)))
-    out.append(judge(fault, 2 * np.pi * top * x, DELAY_LEAST, before, after, count, change))
     out += _tilt_hypotheses(problem, X, i, series, before)
     return out + _position_hypotheses(problem, X, i, series, before)
 

@@ -50,7 +50,7 @@ def model_figure(
 ) -> Figure:
     """Return a structure to turn and zoom, with its members' sections extruded.
 
-    What one clicks has its name in ``customdata``: members, sensors, excitations and places. The traces'
+    ``customdata`` has the names of members, sensors, excitations and places for clicks. The traces'
     ``meta["role"]`` is ``member``, ``sensor``, ``excitation``, ``effect``, or the role of a place.
 
     Parameters

@@ -116,7 +116,7 @@ def points_trace(
 def place_traces(places: Sequence[Place]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return traces of marked places, and the texts beside findings and faults."""
     looks = {
-        "finding": ("what was found", style.HIGHLIGHT, "circle-open", 16),
+        "finding": ("found effect", style.HIGHLIGHT, "circle-open", 16),
         "fault": ("fault of the measurement", style.VERMILION, "x", 9),
         "candidate": ("candidates", style.ORANGE, "diamond-open", 8),
     }

@@ -326,10 +326,10 @@ class Search:
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
         if len(grids) > MOST_GRIDS:
-            listed, _ = shortlist(quick, (now, quick.at_nominal(now)), grids, lambda text, done: None)
+            listed = shortlist(quick, (now, quick.at_nominal(now)), grids)
             there = set[str]().union(*held)
             grids = [g for i, g in enumerate(grids) if i in listed or g.effect.name in there]
-        screened = screen(quick, now, grids, False, lambda text, done: None)
+        screened = screen(quick, now, grids)
         chosen = list(screened[:N_SINGLES])
         for names in held:
             best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in names}
