@@ -38,8 +38,8 @@ LARGE_MOTION = 0.9
 class LevelSearch(Search):
     """A search whose hypotheses are fitted to several levels of force together."""
 
-    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis as it is: slopes of members' damping are those of linear structures."""
+    def scattered(self, problem: FitProblem, h: Hypothesis, base: Hypothesis | None = None) -> Hypothesis:
+        """Return a hypothesis as it is: slopes of modes' errors are those of linear structures."""
         return h
 
 
@@ -58,7 +58,7 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     one = done.search
     problem = LevelProblem.of(one.problem, levels)
     candidates = (*one.candidates, *laws)
-    search = LevelSearch(problem, one.form, candidates, one.mesh, one.say, scanned=one.scanned)
+    search = LevelSearch(problem, one.form, candidates, one.say, scanned=one.scanned)
     first = one.known[frozenset()]
     nothing = search.full((), (), first.fitted, first)
     bases = [nothing]

@@ -73,6 +73,8 @@ class FitProblem:
         [nepers]; 0 if nothing but noise and the mesh may be left.
     scatter : Scatter, optional
         Small deviations, by their slopes, that are uncertain in every fit.
+    mesh_level : float
+        Residual level that the elements leave of exact members [nepers].
     """
 
     reduced: ReducedModel
@@ -85,6 +87,7 @@ class FitProblem:
     fine_stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     model_error: float = EXPLAINED_LEVEL
     scatter: Scatter | None = None
+    mesh_level: float = 0.0
 
     def __repr__(self) -> str:
         """Return the data, the unknowns and the size of the basis on one line."""

@@ -6,6 +6,7 @@ and neighbours mix. A few effects could say so as well, and thousands of lines s
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +48,9 @@ class Scatter:
     slopes_at: Callable[[NDArray[np.int64]], Complexes]
     known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
 
-    def larger(self, factors: Sequence[float]) -> "Scatter":
-        """Return the scatter with the standard deviations of each group multiplied."""
-        return replace(self, std=self.std * np.asarray(factors)[self.group])
+    def larger(self, factors: Floats) -> "Scatter":
+        """Return the scatter with the standard deviations of each group multiplied, (n_groups,)."""
+        return replace(self, std=self.std * factors[self.group])
 
     def slopes(self, lines: NDArray[np.int64]) -> Complexes:
         """Return the slopes at some lines (computed once)."""
@@ -129,8 +130,8 @@ class _Modes:
 
     outputs: Complexes
     inputs: Complexes
-    factors: tuple[Complexes, Complexes]
-    of_connections: tuple[Complexes, Complexes]
+    factors: tuple[NDArray[Any], NDArray[Any]]
+    of_connections: tuple[NDArray[Any], NDArray[Any]]
     H: Complexes
 
     @classmethod
@@ -182,7 +183,7 @@ class _Modes:
 
 
 def _principal(rows: Complexes, least: float) -> Floats:
-    """Return the principal directions (k, n) of n changes (n, m); those left out stay together below a level."""
+    """Return the principal directions (k, n) of n changes (n, m); all others together stay below a level."""
     both = np.hstack([rows.real, rows.imag])
     size, vectors = np.linalg.eigh(both @ both.T / rows.shape[1])
     return vectors[:, np.cumsum(np.maximum(size, 0.0)) > least**2].T
@@ -213,9 +214,7 @@ def _joints_of(problem: FitProblem, result: FitResult) -> list[tuple[NDArray[np.
     return out
 
 
-def _joint_slopes(
-    changes: LocalChanges, joints: Sequence[tuple[NDArray[np.int64], Floats]]
-) -> Complexes:
+def _joint_slopes(changes: LocalChanges, joints: Sequence[tuple[NDArray[np.int64], Floats]]) -> Complexes:
     """Return the changes of the receptances by the elements of g of each connection, as many as there are."""
     fields, out = changes.fields(), []
     for dofs, L in joints:

@@ -145,13 +145,14 @@ def begin_search(
     form, own = form_of(model) if model_error > 0 else ((), ())
     formed = model.with_effect(*form)
     every = (*problem.nuisances, *own)
-    whole = replace(problem, reduced=build(formed, every).reduced, nuisances=every)
+    reduced = build(formed, every).reduced
+    whole = replace(problem, reduced=reduced, nuisances=every, mesh_level=left[1])
     progress("fitting the uncertain parameters", 0.05)
     null = fit(whole, n_lines=FULL_LINES)
     whole, result, faults = find_faults(whole, whole.assessed(null.result))
     whole = with_seen_noise(whole, null.result)
     candidates = _candidates(model, measurement, kinds, exclude)
-    search = Search(whole, own, candidates, left[1], partial(_told, progress))
+    search = Search(whole, own, candidates, partial(_told, progress))
     nothing = search.scattered(whole, Hypothesis(replace(null, result=result), 0.0))
     search.known[frozenset()] = nothing
     notes = ()

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import log_ratio
-from updating.diagnosis.evidence.marginal import Found, log_evidence
+from updating.diagnosis.evidence.marginal import Posterior, log_evidence
 from updating.diagnosis.evidence.priors import DATA_PER_MODE, FORM_LEAST, EffectPrior, prior_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, widened
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import N_GROUPS, Scatter
+from updating.inference.scatter import N_GROUPS
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
@@ -36,15 +36,15 @@ class Fitted:
         How probable error levels are.
     misfit : ndarray (n_groups,)
         Robust mean square of the residuals of each group [nepers²].
-    found : tuple of Found
-        What each group of its scatter was found to be.
+    scattered : Posterior, optional
+        With the sizes of scatter uncertain.
     """
 
     result: FitResult
     log_evidence: float
     levels: Levels
     misfit: Floats
-    found: tuple[Found, ...] = ()
+    scattered: Posterior | None = None
 
     @property
     def log_likelihood(self) -> float:
@@ -82,12 +82,13 @@ def n_data(problem: FitProblem, stage: float = np.inf) -> float:
 
 
 def levels_of(function: FitFunction, stage: float = np.inf) -> Levels:
-    """Return how probable error levels are: noise, and what the form of beams leaves beside it."""
+    """Return how probable error levels are: noise, and what beams and the mesh leave beside it."""
     problem = function.problem
     sizes = np.unique(function.groups, return_counts=True)[1]
     noise = function.mean_by_group(noise_squares(problem.data, function.lines))
     n = n_data(problem, stage) * sizes / sizes.sum()
-    return Levels(n, noise * n / (2 * sizes) + (FORM_LEAST * problem.model_error) ** 2, noise)
+    least = (FORM_LEAST * problem.model_error) ** 2 + problem.mesh_level**2
+    return Levels(n, noise * n / (2 * sizes) + least, noise)
 
 
 def priors_of(function: FitFunction) -> Prior:
@@ -166,25 +167,17 @@ def _assessed(function: FitFunction, solution: Solution) -> Fitted:
     huber = pseudo_huber_weight(r, ROBUST)
     A = _curvature(J, (levels.weight(v) / size)[member] * huber, std)
     evidence = log_evidence(-levels.cost(v), off, std, A)
-    found = _found(problem.scatter, x, A)
+    scattered = None
+    if problem.scatter is not None:
+        first = len(x) - len(problem.scatter.std)
+        groups = tuple(first + np.flatnonzero(problem.scatter.group == k) for k in range(N_GROUPS))
+        scattered = Posterior(off, A, groups)
     if not problem.form_right:
         # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
         apart = levels.n / size / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
         A = _curvature(J, apart[member] * huber, std)
     result = function.result(replace(solution, covariance=np.linalg.inv(A)))
-    return Fitted(result, evidence, levels, v, found)
-
-
-def _found(scatter: Scatter | None, x: Floats, A: Floats) -> tuple[Found, ...]:
-    """Return what data say of the size of each group of scatter, the last of the unknowns."""
-    if scatter is None:
-        return ()
-    n, variance = len(scatter.std), np.diag(np.linalg.inv(A))
-    out = []
-    for k in range(N_GROUPS):
-        rows = len(x) - n + np.flatnonzero(scatter.group == k)
-        out.append(Found(float(len(rows) - variance[rows].sum()), float((x[rows] ** 2).sum())))
-    return tuple(out)
+    return Fitted(result, evidence, levels, v, scattered)
 
 
 def _curvature(J: NDArray[np.complex128], weight: Floats, std: Floats) -> Floats:

@@ -15,8 +15,8 @@ FORM_SECTION = {"Iy": 0.02, "Iz": 0.02, "J": 0.05}
 FORM_ZONE = {"u": 1.0, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, and of its mass, relative [-]."""
 FORM_MODES, FORM_DAMPING, FORM_CONNECTIONS = 0.001, 0.1, (0.03, 0.5)
-"""Medians of the relative errors of modes' eigenvalues, of their damping beside the curve, and of the stiffness
-and damping of elastic connections [-]."""
+"""Medians of the relative errors of modes' eigenvalues, of their damping beside the curve, and of elastic
+connections' stiffness and damping [-]."""
 FORM_SPREAD = 1.0
 """Standard deviation of the logarithms of these errors' sizes from structure to structure [-]."""
 PLACE_ODDS = np.log(10.0)

@@ -17,7 +17,16 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import FORM_CONNECTIONS, FORM_DAMPING, FORM_LEFT, FORM_MODES, FORM_SPREAD, PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.priors import (
+    FORM_CONNECTIONS,
+    FORM_DAMPING,
+    FORM_LEFT,
+    FORM_MODES,
+    FORM_SPREAD,
+    PLACE_ODDS,
+    TWIN_NATS,
+    UNKNOWN_ODDS,
+)
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
@@ -183,8 +192,6 @@ class Search:
     form : tuple of Nuisance
         Those of them that are the form's.
     candidates : tuple of Effect
-    mesh : float
-        Level that the mesh leaves [nepers].
     floor : float
         Level that noise and the mesh leave [nepers].
     """
@@ -192,7 +199,6 @@ class Search:
     problem: FitProblem
     form: tuple[Nuisance, ...]
     candidates: tuple[Effect, ...]
-    mesh: float
     say: Say = lambda text: None
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     places: tuple[Place, ...] = ()
@@ -204,7 +210,7 @@ class Search:
     _n_places: Counter[str] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.floor = float(np.hypot(self.problem.data.noise_level, self.mesh))
+        self.floor = float(np.hypot(self.problem.data.noise_level, self.problem.mesh_level))
         self.places = places_of(self.problem, self.candidates)
         where = [place_of(c) for c in self.candidates]
         self._n_candidates = Counter(name for _, name in where)
@@ -253,7 +259,8 @@ class Search:
         ]
         tried.sort(key=lambda h: -h.score)
         now = self.quickly(quick, base, base.effects, kept).score
-        tried = [h for h in tried if h.score > now - TWIN_NATS][:N_FULL]
+        least = 1 if base.effects else N_FINAL
+        tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][:N_FULL]
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
         out = []
@@ -275,7 +282,7 @@ class Search:
             now = self.quickly(quick, h, h.effects, values_of(h.effects))
             if best.score < now.score - TWIN_NATS:
                 return h
-            less = self.full(best.effects, values_of(best.effects), best.fitted, h)
+            less = self.full(best.effects, values_of(best.effects), best.fitted, h, anew=True)
             if less.score <= h.score:
                 return h
             h = less
@@ -451,14 +458,16 @@ class Search:
         values: Values,
         near: Fitted | None = None,
         base: Hypothesis | None = None,
+        *,
+        anew: bool = False,
     ) -> Hypothesis:
         """Return a hypothesis fitted on all lines with the form free, once from the same values.
 
-        From others it is fitted again, and the better one stays.
+        From others, and ``anew``, it is fitted again, and the better one stays.
         """
         key = frozenset(e.name for e in effects)
         known = self.known.get(key)
-        again = near is not None and known is not None and _moved(near, known.fitted)
+        again = anew or (near is not None and known is not None and _moved(near, known.fitted))
         if known is None or (again and self._n_fits[key] < MOST_FITS):
             self._n_fits[key] += 1
             fitted = self.fitted(effects, values, near, base)
@@ -486,7 +495,7 @@ class Search:
         return self.scattered(problem, Hypothesis(fitted, self.prior(effects)), base)
 
     def scattered(self, problem: FitProblem, h: Hypothesis, base: Hypothesis | None = None) -> Hypothesis:
-        """Return a hypothesis fitted on with errors of modes of their most probable sizes, by slopes there."""
+        """Return a hypothesis fitted on with errors of modes of their most probable sizes, by slopes."""
         form = 0.0 if problem.model_error == 0 else 1.0
         sizes = np.array([form * FORM_MODES, FORM_DAMPING, *(form * np.array(FORM_CONNECTIONS))])
         fitted, values, whole = h.fitted, values_of(h.effects), problem.stages[-1:]
@@ -496,16 +505,15 @@ class Search:
         for k in range(SIZE_FITS + 1):
             way: dict[str, Any] = {"stages": whole, "x_from": fitted.result, "n_lines": FULL_LINES}
             fitted = fit(replace(problem, scatter=scatter), h.effects, values, **way)
-            if scatter is None or k == SIZE_FITS:
+            if scatter is None or fitted.scattered is None or k == SIZE_FITS:
                 break
-            step = np.array([f.log_factor(o, FORM_SPREAD) for f, o in zip(fitted.found, off, strict=True)])
+            step = fitted.scattered.log_factors(off, FORM_SPREAD)
             if np.abs(step).max() < SAME_SIZE:
                 break
             scatter, off = scatter.larger(np.exp(step)), off + step
-        more = sum(f.log_evidence(o, FORM_SPREAD) for f, o in zip(fitted.found, off, strict=False))
-        return replace(
-            h, fitted=replace(fitted, log_evidence=fitted.log_evidence + more), scatter=scatter, off=off
-        )
+        more = 0.0 if fitted.scattered is None else fitted.scattered.log_evidence(off, FORM_SPREAD)
+        fitted = replace(fitted, log_evidence=fitted.log_evidence + more)
+        return replace(h, fitted=fitted, scatter=scatter, off=off)
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
@@ -595,5 +603,5 @@ class Search:
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        left = np.hypot(FORM_LEFT * self.problem.model_error, self.mesh)
+        left = np.hypot(FORM_LEFT * self.problem.model_error, self.problem.mesh_level)
         return best.score + best.fitted.gain_to(left) - UNKNOWN_ODDS
