@@ -38,7 +38,7 @@ LARGE_MOTION = 0.9
 class LevelSearch(Search):
     """A search whose hypotheses are fitted to several levels of force together."""
 
-    def scattered(self, problem: FitProblem, h: Hypothesis, base: Hypothesis | None = None) -> Hypothesis:
+    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis as it is: slopes of modes' errors are those of linear structures."""
         return h
 

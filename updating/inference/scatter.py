@@ -5,7 +5,7 @@ and neighbours mix. A few effects could say so as well, and thousands of lines s
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,6 @@ COMMON_LINES = 20
 LEFT_OUT = 0.1
 """Changes that stay together below this share of the noise are left out [-]."""
 
-N_GROUPS = 4
-"""Groups of errors: of the stiffness and damping of modes, and of connections."""
-
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
@@ -37,33 +34,26 @@ class Scatter:
     ----------
     std : ndarray (n,)
         Their standard deviations.
-    group : ndarray of int (n,)
-        Those of one group have a common size, which is uncertain.
     slopes_at : callable
         Gives the slopes (n, n_lines, n_out, n_in) of ln H at some lines.
     """
 
     std: Floats
-    group: NDArray[np.int64]
     slopes_at: Callable[[NDArray[np.int64]], Complexes]
-    known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
-
-    def larger(self, factors: Floats) -> "Scatter":
-        """Return the scatter with the standard deviations of each group multiplied, (n_groups,)."""
-        return replace(self, std=self.std * factors[self.group])
+    _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
 
     def slopes(self, lines: NDArray[np.int64]) -> Complexes:
         """Return the slopes at some lines (computed once)."""
         key = lines.tobytes()
-        if key not in self.known:
-            self.known[key] = self.slopes_at(lines)
-        return self.known[key]
+        if key not in self._known:
+            self._known[key] = self.slopes_at(lines)
+        return self._known[key]
 
 
 def scatter_of(
-    problem: FitProblem, result: FitResult, modes: tuple[float, float], connections: tuple[float, float]
+    problem: FitProblem, result: FitResult, modes: Sequence[float], connections: Sequence[float]
 ) -> Scatter | None:
-    """Return errors of the stiffness and damping of modes and of connections, as groups 0 to 3.
+    """Return errors of the stiffness and damping of modes and of connections, at a fitted model.
 
     The stiffness of modes is a random matrix, with λ the eigenvalues: √(λ_r λ_s) (δ_rs + g_rs) with g
     symmetric, its elements of standard deviation ε on the diagonal and ε/√2 beside it (the first order of
@@ -98,8 +88,8 @@ def scatter_of(
         for size, factor in zip(connections, at_first.of_connections, strict=True):
             least = LEFT_OUT * _noise(problem, lines)
             mixed.append(size * _principal(size * (rows * factor)[:, keep], least) if size > 0 else [])
-    group = np.repeat(np.arange(len(main) + len(mixed)), [len(each) for each in (*main, *mixed)])
-    if not len(group):
+    n = sum(map(len, (*main, *mixed)))
+    if not n:
         return None
 
     def slopes(lines: NDArray[np.int64]) -> Complexes:
@@ -111,7 +101,7 @@ def scatter_of(
             out += [np.tensordot(v, rows, axes=1) * factor for v in each]
         return np.asarray(np.stack(out) / np.where(modes.H != 0, modes.H, np.inf), dtype=complex)
 
-    return Scatter(np.ones(len(group)), group, slopes)
+    return Scatter(np.ones(n), slopes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,7 +200,8 @@ def _joints_of(problem: FitProblem, result: FitResult) -> list[tuple[NDArray[np.
     for dofs, K in total.values():
         size, vectors = np.linalg.eigh(K)
         there = size > 1e-12 * size.max()
-        out.append((dofs, vectors[:, there] * np.sqrt(size[there])))
+        if there.any():
+            out.append((dofs, vectors[:, there] * np.sqrt(size[there])))
     return out
 
 

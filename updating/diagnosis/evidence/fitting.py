@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import log_ratio
-from updating.diagnosis.evidence.marginal import Posterior, log_evidence
+from updating.diagnosis.evidence.marginal import log_evidence
 from updating.diagnosis.evidence.priors import DATA_PER_MODE, FORM_LEAST, EffectPrior, prior_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, widened
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import N_GROUPS
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
@@ -36,15 +35,12 @@ class Fitted:
         How probable error levels are.
     misfit : ndarray (n_groups,)
         Robust mean square of the residuals of each group [nepers²].
-    scattered : Posterior, optional
-        With the sizes of scatter uncertain.
     """
 
     result: FitResult
     log_evidence: float
     levels: Levels
     misfit: Floats
-    scattered: Posterior | None = None
 
     @property
     def log_likelihood(self) -> float:
@@ -167,17 +163,12 @@ def _assessed(function: FitFunction, solution: Solution) -> Fitted:
     huber = pseudo_huber_weight(r, ROBUST)
     A = _curvature(J, (levels.weight(v) / size)[member] * huber, std)
     evidence = log_evidence(-levels.cost(v), off, std, A)
-    scattered = None
-    if problem.scatter is not None:
-        first = len(x) - len(problem.scatter.std)
-        groups = tuple(first + np.flatnonzero(problem.scatter.group == k) for k in range(N_GROUPS))
-        scattered = Posterior(off, A, groups)
     if not problem.form_right:
         # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
         apart = levels.n / size / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
         A = _curvature(J, apart[member] * huber, std)
     result = function.result(replace(solution, covariance=np.linalg.inv(A)))
-    return Fitted(result, evidence, levels, v, scattered)
+    return Fitted(result, evidence, levels, v)
 
 
 def _curvature(J: NDArray[np.complex128], weight: Floats, std: Floats) -> Floats:

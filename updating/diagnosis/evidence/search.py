@@ -18,11 +18,11 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.priors import (
-    FORM_CONNECTIONS,
     FORM_DAMPING,
     FORM_LEFT,
+    FORM_LOSS,
     FORM_MODES,
-    FORM_SPREAD,
+    FORM_STIFFNESS,
     PLACE_ODDS,
     TWIN_NATS,
     UNKNOWN_ODDS,
@@ -50,8 +50,6 @@ BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 MOST_FITS = 3
 """A hypothesis is fitted fully from at most so many values."""
-SIZE_FITS, SAME_SIZE = 2, 0.2
-"""At most so many fits find the size of scatter; it is found where its logarithm moves by less [-]."""
 N_RIVALS = 6
 """Number of rival candidates at the place of a found effect that are fitted."""
 MOST_EFFECTS = 6
@@ -85,14 +83,11 @@ class Hypothesis:
         Logarithm of its prior probability, up to a constant.
     scatter : Scatter, optional
         Errors of modes around it.
-    off : ndarray (n,)
-        Logarithms of their sizes over the medians of the priors.
     """
 
     fitted: Fitted
     prior: float
     scatter: Scatter | None = None
-    off: NDArray[np.float64] | None = None
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -492,28 +487,18 @@ class Search:
             from_near = replace(near.result, values={**self.form_of(base), **near.result.values})
             way = {"stages": problem.stages[-1:], "x_from": from_near}
         fitted = fit(problem, effects, values, n_lines=FULL_LINES, **way)
-        return self.scattered(problem, Hypothesis(fitted, self.prior(effects)), base)
+        return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
 
-    def scattered(self, problem: FitProblem, h: Hypothesis, base: Hypothesis | None = None) -> Hypothesis:
-        """Return a hypothesis fitted on with errors of modes of their most probable sizes, by slopes."""
+    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis fitted on with errors of modes and connections, by their slopes there."""
         form = 0.0 if problem.model_error == 0 else 1.0
-        sizes = np.array([form * FORM_MODES, FORM_DAMPING, *(form * np.array(FORM_CONNECTIONS))])
-        fitted, values, whole = h.fitted, values_of(h.effects), problem.stages[-1:]
-        off = np.zeros(len(sizes)) if base is None or base.off is None else base.off
-        first = np.exp(off) * sizes
-        scatter = scatter_of(problem, fitted.result, tuple(first[:2]), tuple(first[2:]))
-        for k in range(SIZE_FITS + 1):
-            way: dict[str, Any] = {"stages": whole, "x_from": fitted.result, "n_lines": FULL_LINES}
-            fitted = fit(replace(problem, scatter=scatter), h.effects, values, **way)
-            if scatter is None or fitted.scattered is None or k == SIZE_FITS:
-                break
-            step = fitted.scattered.log_factors(off, FORM_SPREAD)
-            if np.abs(step).max() < SAME_SIZE:
-                break
-            scatter, off = scatter.larger(np.exp(step)), off + step
-        more = 0.0 if fitted.scattered is None else fitted.scattered.log_evidence(off, FORM_SPREAD)
-        fitted = replace(fitted, log_evidence=fitted.log_evidence + more)
-        return replace(h, fitted=fitted, scatter=scatter, off=off)
+        sizes = (form * FORM_MODES, FORM_DAMPING), (form * FORM_STIFFNESS, form * FORM_LOSS)
+        scatter = scatter_of(problem, h.fitted.result, *sizes)
+        whole: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
+        problem, values = replace(problem, scatter=scatter), values_of(h.effects)
+        return replace(
+            h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, **whole), scatter=scatter
+        )
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
