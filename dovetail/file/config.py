@@ -157,6 +157,9 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
     """Return the values of a TOML text and where its keys stand."""
     try:
         values = tomllib.loads(text)
+        for key in ("sensors", "excitations"):
+            if isinstance(values.get(key), str):  # a table in a file of its own
+                values[key] = [{"file": values[key]}]
         return values, Source(name, key_lines(text))
     except tomllib.TOMLDecodeError as reason:
         msg = f"{name}: {reason}"
@@ -471,7 +474,7 @@ class _Reader:
             return self._attempt("sensors")
 
         with attempt():
-            sensors = read_sensors(top, geometry, nodes, notes, attempt)
+            sensors = read_sensors(top, geometry, nodes, notes, attempt, self.path.parent)
             responses = labels_of(raw, "outputs") or ([] if raw_modes is None else raw_modes.modes.labels)
             if responses and not sensors:
                 sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes)
@@ -480,7 +483,7 @@ class _Reader:
                     "taken, at their nodes"
                 )
         with attempt():
-            excitations = read_excitations(top, geometry, sensors, nodes, notes, attempt)
+            excitations = read_excitations(top, geometry, sensors, nodes, notes, attempt, self.path.parent)
             if raw and not excitations:
                 excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
         return sensors, excitations
