@@ -1,7 +1,5 @@
 """Named arrays of MATLAB files and HDF5 files, with the labels of their axes where they have some."""
 
-import io
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,10 +9,9 @@ from numpy.typing import NDArray
 
 from fem.io.arrays import TableError
 from fem.io.frf_reading import optional
+from fem.io.mat5 import read_mat5
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
-_MOST_NESTED = 8
-"""Levels of structures and groups that are looked into."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,35 +43,7 @@ def read_mat(path: Path) -> dict[str, Named]:
     TableError
         If it cannot be read.
     """
-    from scipy.io import loadmat  # a second to import
-
-    try:
-        found = loadmat(io.BytesIO(path.read_bytes()), struct_as_record=True)
-    except Exception as reason:  # damaged files raise whatever SciPy and zlib come upon
-        msg = f"{path.name}: it cannot be read as a MATLAB file ({_short(reason)})"
-        raise TableError(msg) from reason
-    out: dict[str, Named] = {}
-    for name, value in found.items():
-        if not name.startswith("__"):
-            out |= {key: Named(array) for key, array in _members(name, value, 0)}
-    return out
-
-
-def _members(name: str, value: Any, depth: int) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the arrays in a value of a MATLAB file: of one structure its members, of texts a list."""
-    array = np.asarray(value)
-    if array.dtype.names:
-        if array.size == 1 and depth < _MOST_NESTED:
-            for member in array.dtype.names:
-                yield from _members(f"{name}/{member}", array.reshape(-1)[0][member], depth + 1)
-    elif array.dtype == object:
-        cells = [np.asarray(cell) for cell in array.reshape(-1)]
-        if cells and all(cell.dtype.kind == "U" and cell.size <= 1 for cell in cells):
-            yield name, np.array(["".join(cell.reshape(-1)[:1]).strip() for cell in cells], dtype=str)
-    elif array.dtype.kind == "U":
-        yield name, np.char.strip(array.reshape(-1))
-    elif array.dtype.kind in "fiucb":
-        yield name, array
+    return {name: Named(values) for name, values in read_mat5(path).items()}
 
 
 def read_hdf5(path: Path) -> dict[str, Named]:

@@ -1,5 +1,6 @@
 """Time data of files: a table of readers that give channels, their units and one sample rate."""
 
+import logging
 import os
 import re
 import warnings
@@ -196,6 +197,11 @@ def _wav(path: Path, sample_rate: float | None) -> TimeData:
 
 def _tdms(path: Path, sample_rate: float | None) -> TimeData:
     nptdms = optional("nptdms", "tdms", path.name)
+    # it writes about damaged files to standard error, which are refused below
+    logs = [logging.getLogger(f"nptdms.{part}") for part in ("reader", "types", "tdms_segment", "tdms")]
+    levels = [log.level for log in logs]
+    for log in logs:
+        log.setLevel(logging.CRITICAL)
     try:
         file = nptdms.TdmsFile.read(path)
         found = [
@@ -206,6 +212,9 @@ def _tdms(path: Path, sample_rate: float | None) -> TimeData:
     except Exception as reason:  # damaged files raise whatever the library comes upon
         msg = f"{path.name}: it cannot be read as TDMS ({' '.join(str(reason).split())[:100]})"
         raise TableError(msg) from reason
+    finally:
+        for log, level in zip(logs, levels, strict=True):
+            log.setLevel(level)
     if file.file_status.incomplete_final_segment:
         _refuse(path, "it is cut short: its last segment is not complete")
     found = [f for f in found if f[3].dtype.kind in "fiu" and f[3].ndim == 1 and f[3].size]

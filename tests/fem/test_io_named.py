@@ -179,6 +179,22 @@ def test_files_that_were_cut_short_are_refused(tmp_path, write, part):
         read(path, outputs=OUT)
 
 
+def test_no_damage_to_a_matlab_file_ends_otherwise_than_by_a_message(tmp_path):
+    """Sizes that a damaged file states reach beyond its end; SciPy's reader ends the process on some."""
+    raw = mat(tmp_path, f=F, H=H, outputs=np.array(OUT, dtype=object), s={"note": "x"}).read_bytes()
+    rng, refused = np.random.default_rng(1), 0
+    for _ in range(100):
+        damaged = bytearray(raw)
+        for at in rng.integers(128, len(raw), 3):
+            damaged[at] = rng.integers(256)
+        (tmp_path / "m.mat").write_bytes(bytes(damaged))
+        try:
+            read(tmp_path / "m.mat", outputs=OUT)
+        except TableError:
+            refused += 1
+    assert refused > 5
+
+
 def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):
     path = mat73(tmp_path, f=F, H=H)
     monkeypatch.setitem(sys.modules, "h5py", None)
