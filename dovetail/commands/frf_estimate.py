@@ -183,7 +183,7 @@ def _channels(options: Options, data: "TimeData") -> _Chosen:
 def _estimate(
     options: Options, records: "list[TimeData]", chosen: list[_Chosen]
 ) -> "tuple[EstimatedFRF, list[str]]":
-    """Return the estimated FRFs, and what to say about the blocks."""
+    """Return the estimated FRFs, and notes on the blocks."""
     from updating.measurement.frf_estimation import estimate_frf, split_hits
 
     first = chosen[0]

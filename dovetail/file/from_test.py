@@ -52,7 +52,7 @@ class Placing:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """Texts of a study and its tables of sensors, and what to say about them.
+    """Texts of a study and its tables of sensors, and notes on them.
 
     Attributes
     ----------

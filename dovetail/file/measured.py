@@ -285,7 +285,7 @@ def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64
 
 
 def array_for(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
-    """Read ``frequency``, what belongs to FRFs and, where channels differ, ``outputs`` and ``inputs``.
+    """Read ``frequency``, an array at FRFs' values and, where channels differ, ``outputs`` and ``inputs``.
 
     Returns (n_freq, n_out, n_in), NaN for values of which the file says nothing; None where it has none.
     """
@@ -331,7 +331,7 @@ def _read(
 ) -> Reading:
     """Read the FRFs of one file, or of several as one matrix.
 
-    ``said`` are what is assumed, and what the readers have to say.
+    ``said`` are the assumptions, and the readers' notes.
     """
     assumed, notes = said
     asked, keys = _asked(t, kind)
@@ -367,7 +367,7 @@ def _read(
 
 
 def _asked(t: Table, kind: str | None) -> tuple[Asked, list[str]]:
-    """Return what the study says of a file, and which keys of it only some readers use."""
+    """Return the study's statements about a file, and those of its keys that only some readers use."""
     pairs: tuple[str, ...] | dict[str, str] | None = None
     if isinstance(t.get("pairs", None), dict):
         named = t.table("pairs")

@@ -1,4 +1,4 @@
-"""FRFs in columns of text: what each column is, by its header or by its place."""
+"""FRFs in columns of text, each identified by its header or by its place."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,7 +23,7 @@ _PARTS: dict[str, str] = {
     "coherence": r"coh|coherence|kohärenz|koh|gamma2|γ²",
     "frequency": r"(?:freq|frequency|frequencies|frequenz|fréquence)(?!\s+resp)",
 }
-"""Words of a header that say what a column is."""
+"""Words of a header that identify a column."""
 _WHOLE = {
     "f": "frequency", "x-axis": "frequency", "index": "index", "no": "index", "nr": "index", "line": "index",
     "#": "index",
@@ -158,7 +158,7 @@ class _Curve:
 
 
 class _Table:
-    """Columns of one file and what the user says of them."""
+    """Columns of one file, with the user's statements about them."""
 
     def __init__(self, table: Columns, asked: Asked) -> None:
         self.table, self.asked = table, asked
@@ -199,7 +199,7 @@ class _Table:
     # What the header says ----------------------------------------------------------------------------------
 
     def _columns(self) -> list[_Column]:
-        """Return what the header says of each column."""
+        """Return each column as the header describes it."""
         rows = self.table.heads
         of_units = [
             any(frequency_factor(cell) is not None for cell in row[:2])
@@ -215,7 +215,7 @@ class _Table:
         return out
 
     def _with_cell(self, column: _Column, cell: str, unit_row: bool) -> _Column:
-        """Return a column with what one cell above it says; cells nearer to the data go before."""
+        """Return a column with the statements of one cell above it; cells nearer to the data go before."""
         if not cell or len(cell) > _LONGEST_CELL:
             return column
         if unit_row or self._is_unit(cell):

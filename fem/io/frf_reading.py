@@ -1,4 +1,4 @@
-"""What readers of FRFs are told, and what they return."""
+"""Input and result of readers of FRFs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -89,7 +89,7 @@ class Reading:
         Other functions of a universal file.
     points : Points or None
     notes : tuple of str
-        What was converted, left out or assumed.
+        Conversions, omissions and assumptions.
     stated : bool
         Whether file or user say what the values are; else columns are taken for real and imaginary parts.
     """

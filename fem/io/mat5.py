@@ -73,7 +73,7 @@ class _Bytes:
         raise TableError(msg)
 
     def inflated(self) -> "_Bytes":
-        """Return what was compressed."""
+        """Return the decompressed content."""
         try:
             tool = zlib.decompressobj()
             data = tool.decompress(self.data, _MOST_BYTES)

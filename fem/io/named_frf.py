@@ -132,7 +132,7 @@ class _Order:
 
 
 class _File:
-    """Named arrays of one file, with what the user says of them."""
+    """Named arrays of one file, with the user's statements about them."""
 
     def __init__(self, arrays: Mapping[str, Named], name: str, asked: Asked) -> None:
         self.arrays, self.name, self.asked = arrays, name, asked
@@ -384,7 +384,7 @@ class _File:
         )
 
     def kind(self, main: _Found) -> tuple[FRFKind, float, tuple[str, ...]]:
-        """Return the kind, the factor to its SI unit, and what to say of them."""
+        """Return the kind, the factor to its SI unit, and notes on them."""
         unit = self._unit(main) if self.asked.unit_labels else None
         asked = self.asked.known_kind(self.name)
         if unit is not None:
