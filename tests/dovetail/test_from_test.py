@@ -60,6 +60,7 @@ def test_a_test_in_other_axes_and_millimetres(tmp_path, cross, lying, capsys):
         np.testing.assert_allclose(sensor.direction, turn[:, letter], atol=0.02)
 
 
+@pytest.mark.slow  # the placements of a portal are searched twice
 def test_of_several_placements_the_most_upright_is_taken(tmp_path, portal, capsys):
     """A portal looks the same from behind; on its head or lying it would be no better."""
     half = np.diag([-1.0, -1.0, 1.0])
