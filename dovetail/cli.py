@@ -17,6 +17,7 @@ from dovetail.commands import (
     compare,
     diagnose,
     frf,
+    frf_estimate,
     identify_joint,
     identify_modes,
     locate,
@@ -33,12 +34,12 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, frf, open_desk, run, report, compare, candidates, locate, diagnose, identify_modes,
-    match, update, identify_joint, validate,
+    new, check, modes, frf, frf_estimate, open_desk, run, report, compare, candidates, locate, diagnose,
+    identify_modes, match, update, identify_joint, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 
-WITHOUT_STUDY = (new, report, validate)
+WITHOUT_STUDY = (new, frf_estimate, report, validate)
 
 OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE, None)
 """Errors of files that the user's input has not caused: a full disk, a reader that has gone."""

@@ -82,7 +82,7 @@ def _with_known(study: Study, name: str) -> Model:
 def _measurement(study: Study, name: str | None) -> Measurement:
     by_name = {m.name: m for m in study.measurements}
     if not by_name:
-        msg = f"{study.path}: it has no [[measurements]]; the identification needs the measured assembly"
+        msg = f"{study.path}: it has {study.lack_of_frfs}; the identification needs the measured assembly"
         raise StudyError(msg)
     if name is not None and name not in by_name:
         msg = f"{study.path}: there is no measurement '{name}'; {suggest(name, by_name)}"

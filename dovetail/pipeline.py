@@ -170,7 +170,7 @@ def measured(study: Study) -> tuple[Measurement, ...]:
         If it has none, or holds all of its excitations or sensors out.
     """
     if not study.measurements:
-        msg = f"{study.path}: it has no [[measurements]]; there is nothing to compare the model with"
+        msg = f"{study.path}: it has {study.lack_of_frfs}; there is nothing to compare the model with"
         raise StudyError(msg)
     frf = study.measurements[0].frf
     for what, names, every in (

@@ -129,7 +129,8 @@ def update_study(study: Study) -> StudyUpdate:
     plan = study.plan
     if study.modes is None and not study.measurements:
         msg = (
-            f"{study.path}: it has no [[measurements]] and no [modes]; an update needs measured FRFs or modes"
+            f"{study.path}: it has {study.lack_of_frfs} and no [modes]; an update needs measured FRFs or "
+            "modes"
         )
         raise StudyError(msg)
     if not plan.unknowns:

@@ -1,6 +1,10 @@
 """``dovetail compare``: the model's FRFs beside the measured ones."""
 
 import argparse
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from dovetail.commands.argument_types import AddEffect, SetValues, values_by_name, whole_up_to
 from dovetail.commands.common import (
@@ -11,6 +15,11 @@ from dovetail.commands.common import (
 )
 from dovetail.commands.tables import band_names, cell, width_of
 from dovetail.disk.output import Progress, write_json
+from dovetail.file.table import StudyError
+
+if TYPE_CHECKING:
+    from dovetail.study import Study
+    from updating.correlation.frf_correlation import Comparison
 
 HELP = "compare the model's FRFs with the measured ones"
 EXAMPLE = "dovetail compare study.toml --add point_mass:beam --set mass=0.45,position=0.12 --fitted"
@@ -58,6 +67,9 @@ def run(options: Options, progress: Progress) -> None:
     study = loaded(options)
     for name, values in options.added:
         study = study.add(name, **values)
+    if study.amplitudes and not study.measurements:
+        _compare_amplitudes(options, study, progress)
+        return
     if options.added and options.fitted:
         progress("fitting the uncertain parameters and the added effects", 0.1)
         study = study.fit(faults=True)
@@ -87,21 +99,74 @@ def run(options: Options, progress: Progress) -> None:
             "warnings": study.warnings,
         },
     )
-    head = "  ".join(f"{word:>11}" for word in band_names(c.bands))
-    width = width_of(c.outputs)
     say(
         options,
         f"{study.name}, {what}: error of the amplitude {found.fit_db:.2f} dB on the lines of the fit, "
         f"{cell(found.held_out_db, 0)} on those held out and {c.total_db:.2f} on all; noise of the "
         f"measurement {problem.data.noise_db:.2f} dB",
+        *_rows(c),
+        *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
+        *(f"set right: {words.fault_text(f)}" for f in faults),
+        *(f"note: {note}" for note in study.measured_notes),
+    )
+
+
+def _rows(c: "Comparison") -> list[str]:
+    """Return the error of each sensor over all lines and in each band, as rows of a table."""
+    from dovetail.result import least_frac
+
+    head = "  ".join(f"{word:>11}" for word in band_names(c.bands))
+    width = width_of(c.outputs)
+    rows = zip(c.outputs, c.by_sensor(), c.by_band(), least_frac(c), strict=True)
+    return [
         f"{'sensor':{width}}  {'all dB':>7}  {head}  {'least FRAC':>10}",
         *(
             f"{name:{width}}  {cell(total, 7)}  {'  '.join(cell(db, 11) for db in row)}  {cell(frac, 10, 3)}"
-            for name, total, row, frac in zip(
-                c.outputs, c.by_sensor(), c.by_band(), result.least_frac(c), strict=True
-            )
+            for name, total, row, frac in rows
         ),
-        *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
-        *(f"set right: {words.fault_text(f)}" for f in faults),
+    ]
+
+
+def _compare_amplitudes(options: Options, study: "Study", progress: Progress) -> None:
+    """Print how far the model's amplitudes are from measured ones, which have no phase.
+
+    Nothing is fitted to them, no line is held out, and FRAC, which needs phases, is left out.
+    """
+    from dovetail import result
+    from fem.analysis.frf_solver import compute_frf
+    from fem.system import assemble
+    from updating.correlation.frf_correlation import compare as compare_frfs
+    from updating.measurement.measurement import sensor_rows
+
+    if options.fitted:
+        msg = f"{study.path}: it has {study.lack_of_frfs}; nothing is fitted to them, so leave --fitted out"
+        raise StudyError(msg)
+    progress("computing the model's FRFs")
+    m = study.amplitudes[0]
+    frf = m.frf.select(band=study.band)
+    rows, columns = (sensor_rows(study.model, part) for part in (m.sensors, m.excitations))
+    system = assemble(study.model, reciprocal=False)
+    H = compute_frf(system, frf.frequency, rows, columns, frf.kind).H
+    c = compare_frfs(frf, replace(frf, H=np.abs(H).astype(complex)), options.bands)
+    c = replace(c, phase_deg=np.full(c.phase_deg.shape, np.nan), frac=np.full(c.frac.shape, np.nan))
+    progress.close()
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "model": "nominal",
+            **result.comparison_dict(c),
+            "all_lines_db": c.total_db,
+            "phase": False,
+            "added": [result.effect_dict(e, study.fitted) for e in study.added],
+            "measured_notes": study.measured_notes,
+            "warnings": study.warnings,
+        },
+    )
+    say(
+        options,
+        f"{study.name}, nominal: error of the amplitude {c.total_db:.2f} dB on all lines of {m.name}, whose "
+        "FRFs have no phase",
+        *_rows(c),
         *(f"note: {note}" for note in study.measured_notes),
     )

@@ -30,14 +30,8 @@ from dovetail.file.geometry import (
     refine,
 )
 from dovetail.file.lines import key_lines
-from dovetail.file.measured import (
-    RawMeasurement,
-    labels_of,
-    match,
-    read_files,
-    read_held_out,
-    top_frequency,
-)
+from dovetail.file.measured import RawMeasurement, read_files
+from dovetail.file.measured_match import labels_of, match, read_held_out, top_frequency
 from dovetail.file.measured_modes import (
     MeasuredModes,
     RawModes,
@@ -62,6 +56,7 @@ from dovetail.file.settings import read_candidates, read_fit, read_frequency
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import Source, StudyError, Table
 from dovetail.file.uncertain import read_uncertain, shear_std
+from fem.analysis.frf import WITHOUT_PHASE
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
@@ -162,6 +157,9 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
     """Return the values of a TOML text and where its keys stand."""
     try:
         values = tomllib.loads(text)
+        for key in ("sensors", "excitations"):
+            if isinstance(values.get(key), str):  # a table in a file of its own
+                values[key] = [{"file": values[key]}]
         return values, Source(name, key_lines(text))
     except tomllib.TOMLDecodeError as reason:
         msg = f"{name}: {reason}"
@@ -268,16 +266,20 @@ class _Reader:
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping)
         model = self._model(mesh, (*parts.frame, *more), damping, groups)
 
-        measurements, modes, faults = self._measured(raw, raw_modes, sensors, excitations, notes)
+        every, modes, faults = self._measured(raw, raw_modes, sensors, excitations, notes)
+        phased = [r.phase for r in raw] if every else []
+        measurements = tuple(m for m, phase in zip(every, phased, strict=True) if phase)
+        amplitudes = tuple(m for m, phase in zip(every, phased, strict=True) if not phase)
+        self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
         nuisances, damping_std = read_uncertain(top, model, parts.joints, notes)
         kinds, exclude = read_candidates(top)
-        plan = self._plan(model, groups, nuisances, bool(raw), modes)
+        plan = self._plan(model, groups, nuisances, any(r.phase for r in raw), modes)
         odd = implausible(top, model, highest)
-        if "measurements" in self.needs and measurements:
+        if "measurements" in self.needs and every:
             with beside_implausible(odd), top.at():
-                comparisons = LazyComparison.of(model, measurements)
-                evidence = check_phase(comparisons, raw, sensors, excitations, self.warnings)
-                self.warnings += suspicions(comparisons, raw, evidence)
+                self.warnings += self._suspicions(
+                    model, raw, (measurements, amplitudes), sensors, excitations
+                )
         parts.note_free(notes)
         return Study(
             name=name,
@@ -286,6 +288,7 @@ class _Reader:
             text=self.text,
             model=model,
             measurements=measurements,
+            amplitudes=amplitudes,
             sensors=tilted(groups[0], faults),
             excitations=tuple(groups[1]),
             nuisances=nuisances,
@@ -313,6 +316,23 @@ class _Reader:
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
         )
+
+    def _suspicions(
+        self,
+        model: Model,
+        raw: Sequence[RawMeasurement],
+        measured: tuple[Sequence[Measurement], Sequence[Measurement]],
+        sensors: list[Channel],
+        excitations: list[Channel],
+    ) -> list[str]:
+        """Judge FRFs, and amplitudes without phase, which are asked for their size alone."""
+        out: list[str] = []
+        comparisons = LazyComparison.of(model, measured[0])
+        own = [r for r in raw if r.phase]
+        evidence = check_phase(comparisons, own, sensors, excitations, out)
+        out += suspicions(comparisons, own, evidence)
+        bare = [r for r in raw if not r.phase]
+        return out + suspicions(LazyComparison.of(model, measured[1]), bare, [None] * len(bare))
 
     def _head(self) -> tuple[str, str]:
         """Read ``[study]``; a study without a name has that of its file or folder."""
@@ -454,7 +474,7 @@ class _Reader:
             return self._attempt("sensors")
 
         with attempt():
-            sensors = read_sensors(top, geometry, nodes, notes, attempt)
+            sensors = read_sensors(top, geometry, nodes, notes, attempt, self.path.parent)
             responses = labels_of(raw, "outputs") or ([] if raw_modes is None else raw_modes.modes.labels)
             if responses and not sensors:
                 sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes)
@@ -463,7 +483,7 @@ class _Reader:
                     "taken, at their nodes"
                 )
         with attempt():
-            excitations = read_excitations(top, geometry, sensors, nodes, notes, attempt)
+            excitations = read_excitations(top, geometry, sensors, nodes, notes, attempt, self.path.parent)
             if raw and not excitations:
                 excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
         return sensors, excitations

@@ -11,6 +11,7 @@ from dovetail.file.measured_modes import (
     ShapeLimits,
     UpdatePlan,
 )
+from fem.analysis.frf import WITHOUT_PHASE
 from fem.model import Model
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement, Sensor
@@ -31,6 +32,8 @@ class Study:
         With the mesh refined and points where sensors, supports, joints and masses are.
     measurements : tuple of Measurement
         By the names of the study's sensors and excitations; empty where none are given.
+    amplitudes : tuple of Measurement
+        Those without phase, whose FRFs are amplitudes.
     sensors, excitations : tuple of Sensor
         All of the study.
     nuisances : tuple of Nuisance
@@ -107,6 +110,13 @@ class Study:
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
     measured_notes: tuple[str, ...] = ()
+    amplitudes: tuple[Measurement, ...] = ()
+
+    @property
+    def lack_of_frfs(self) -> str:
+        """Why it has no FRFs, in words after "it has"."""
+        names = ", ".join(m.name for m in self.amplitudes)
+        return f"in {names} {WITHOUT_PHASE}" if names else "no [[measurements]]"
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""

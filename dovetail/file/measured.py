@@ -1,7 +1,6 @@
 """The measured files of a study: reading, and matching with sensors."""
 
 import os
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,17 +8,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.sensors import Channel, read_convention
-from dovetail.file.table import Table, suggest
+from dovetail.file.sensors import read_convention
+from dovetail.file.table import Table
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
-from fem.io import UFF_SUFFIXES, read_csv, read_npz
+from fem.io import UFF_SUFFIXES
 from fem.io.arrays import named_arrays
+from fem.io.frf_files import read_frfs, reader_of
+from fem.io.frf_join import joined
+from fem.io.frf_reading import FORMS, Asked, Reading
 from fem.io.uff import UffFile, read_quietly
 from fem.io.uff_types import Function
 from fem.io.uff_units import FREQUENCY, abscissa_factor
-from updating.measurement.measurement import Measurement, at_values_of
+from updating.measurement.measurement import at_values_of
 from updating.measurement.noise import noise_from_repeats
-from updating.quality.corrections import Fault, set_right
 from updating.quality.phase import phase_evidence
 
 COHERENCE_TYPE = 6
@@ -57,6 +58,8 @@ class RawMeasurement:
         File that says which values count.
     axis_unit : str
         ``frequency_unit``, the unit of the file's frequencies, one of ``FREQUENCY_UNITS``.
+    phase : bool
+        Whether its values have a phase; without it they are amplitudes.
     """
 
     table: Table
@@ -70,15 +73,7 @@ class RawMeasurement:
     scatter: NDArray[np.float64] | None = None
     compared: Path | None = None
     axis_unit: str = "Hz"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _ReadFile:
-    """FRFs of a file, its other functions, and the unit labels of each FRF's frequencies."""
-
-    frfs: list[FRF]
-    functions: Sequence[Function]
-    axes: Sequence[tuple[str, ...]]
+    phase: bool = True
 
 
 def read_files(
@@ -91,11 +86,8 @@ def read_files(
     out: list[RawMeasurement] = []
     nodes: dict[int, NDArray[np.float64]] = {}
     for t in top.tables("measurements"):
-        file = t.text("file")
-        path = folder / file
-        if not path.is_file():
-            t.refuse("file", f"there is no file '{os.fspath(path)}'")
-        name = t.text("name", Path(file).name)
+        files = _files(t, folder)
+        name = t.text("name", Path(files[0]).name)
         kind = t.text("kind", None, [str(k) for k in FRFKind])
         level = t.number("force_level", None, above=0, unit="N")
         check, check_phase = t.flag("check_units", True), t.flag("check_phase", True)
@@ -106,14 +98,15 @@ def read_files(
         if scale == 0:
             t.refuse("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
         with t.at("file"):
-            read = _read(t, path, kind, nodes, (notes, said), "scale" in t)
-            frfs = read.frfs
-            for frf in frfs:
-                _refuse_without_phase(frf, path.name)
+            read = _read(t, folder, files, kind, (notes, said))
+            frfs = list(read.frfs)
+            if read.points is not None:
+                points = zip(read.points.labels, read.points.coordinates, strict=True)
+                nodes.update({int(k): xyz for k, xyz in points})
         axis_factors = [_axis_factor(t, axis_unit, labels) for labels in read.axes]
         again = _repeats(t, folder, kind, (notes, said), frfs)
-        averages = t.number("averages", None, least=1)
-        coherent = _coherence(t, folder, frfs, read.functions, said)
+        averages = t.number("averages", read.averages, least=1)
+        coherent = _coherence(t, folder, read, said)
         chosen = t.text("compared", None)
         compared = None if chosen is None else _existing(t, "compared", folder, chosen)
         if averages is not None and averages != int(averages):
@@ -143,7 +136,18 @@ def read_files(
             number = None if averages is None else int(averages)
             out.append(
                 RawMeasurement(
-                    t, cut, label, level, check, check_phase, known[0], number, known[1], compared, axis_unit
+                    t,
+                    cut,
+                    label,
+                    level,
+                    check,
+                    check_phase,
+                    known[0],
+                    number,
+                    known[1],
+                    compared,
+                    axis_unit,
+                    read.phase,
                 )
             )
     return out, nodes
@@ -183,9 +187,9 @@ def _repeats(
     """Read ``repeats``: files with the same FRFs, measured again."""
     out = []
     for file in t.texts("repeats", ()):
-        path = _existing(t, "repeats", folder, file)
+        _existing(t, "repeats", folder, file)
         with t.at("repeats"):
-            frfs = _read(t, path, kind, {}, notes, "scale" in t).frfs
+            frfs = list(_read(t, folder, [file], kind, notes).frfs)
         alike = len(frfs) == len(first) and all(
             a.kind == b.kind
             and a.outputs == b.outputs
@@ -240,13 +244,12 @@ def _turned(again: Complexes, first: Complexes) -> str:
     return min(_TURNS, key=distance)
 
 
-def _coherence(
-    t: Table, folder: Path, frfs: list[FRF], functions: Sequence[Function], said: list[str]
-) -> list[NDArray[np.float64] | None]:
+def _coherence(t: Table, folder: Path, read: Reading, said: list[str]) -> list[NDArray[np.float64] | None]:
     """Return the coherence of each matrix of FRFs: of the file ``coherence``, or of the FRFs' own file."""
-    file = t.text("coherence", None)
+    file, frfs = t.text("coherence", None), read.frfs
     if file is None:
-        return [_coherence_in(functions, frf) for frf in frfs]
+        own = [_coherence_in(read.functions, frf) for frf in frfs]
+        return own if read.coherence is None else [read.coherence, *own[1:]]
     path = _existing(t, "coherence", folder, file)
     if path.suffix.lower() in UFF_SUFFIXES:
         with t.at("coherence"):
@@ -255,7 +258,7 @@ def _coherence(
         found = [_coherence_in(other.functions, frf) for frf in frfs]
     elif path.suffix.lower() == ".npz":
         with t.at("coherence"):
-            found = [_array(path, frf, "coherence") for frf in frfs]
+            found = [array_for(path, frf, "coherence") for frf in frfs]
     else:
         t.refuse("coherence", f"{file} is not allowed; a universal file or .npz is needed")
     if all(c is None for c in found):
@@ -281,7 +284,7 @@ def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64
     return out if np.isfinite(out).any() else None
 
 
-def _array(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
+def array_for(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
     """Read ``frequency``, an array at FRFs' values and, where channels differ, ``outputs`` and ``inputs``.
 
     Returns (n_freq, n_out, n_in), NaN for values of which the file says nothing; None where it has none.
@@ -313,28 +316,6 @@ def _array(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
     return out if np.isfinite(out).any() else None
 
 
-def read_held_out(
-    fit: Table, sensors: Sequence[Channel], excitations: Sequence[Channel]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the excitations and the sensors that are kept from the fit.
-
-    A name that both have is the excitation's; ``sensor NAME`` and ``excitation NAME`` say which is meant.
-    """
-    have = {"excitation": [c.sensor.name for c in excitations], "sensor": [c.sensor.name for c in sensors]}
-    out: dict[str, list[str]] = {"excitation": [], "sensor": []}
-    for word in fit.texts("held_out", ()):
-        first, _, rest = word.partition(" ")
-        options = [(first, rest)] if first in have else [(role, word) for role in have]
-        found = [(role, name) for role, name in options if name in have[role]]
-        if not found:
-            known = [name for role, _ in options for name in have[role]]
-            what = " or ".join(role for role, _ in options)
-            fit.refuse("held_out", f"there is no {what} '{options[0][1]}'; {suggest(options[0][1], known)}")
-        role, name = found[0]
-        out[role].append(name)
-    return tuple(out["excitation"]), tuple(out["sensor"])
-
-
 def read_band(t: Table) -> tuple[float, float] | None:
     """Read ``band = [lowest, highest]`` [Hz]."""
     band = t.vector("band", None, 2, "Hz")
@@ -346,71 +327,86 @@ def read_band(t: Table) -> tuple[float, float] | None:
 
 
 def _read(
-    t: Table,
-    path: Path,
-    kind: str | None,
-    nodes: dict[int, NDArray[np.float64]],
-    notes: tuple[list[str], list[str]],
-    scaled: bool,
-) -> _ReadFile:
-    suffix = path.suffix.lower()
-    assumed, said = notes
-    functions: Sequence[Function] = ()
-    axes: tuple[tuple[str, ...], ...] = ()
-    outputs, inputs = t.texts("outputs", None), t.texts("inputs", None)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        if suffix in UFF_SUFFIXES:
-            file = read_quietly(path, kind, unit_labels=not scaled)
-            if not file.frfs:
-                file.frf()  # its error names the file's content
-            functions = file.functions
-            axes = file.frf_axes
-            if file.points is not None:
-                nodes.update(
-                    {int(k): xyz for k, xyz in zip(file.points.labels, file.points.coordinates, strict=True)}
-                )
-            said.extend(notes_of(file))
-            frfs = list(file.frfs)
-        elif suffix == ".npz":
-            frfs = [read_npz(path, kind)]
-        else:
-            form = t.text("form", "auto")
-            frfs = [
-                read_csv(
-                    path,
-                    kind,
-                    outputs=outputs,
-                    inputs=inputs,
-                    delimiter=t.text("delimiter", None),
-                    header=t.flag("header", True) if "header" in t else None,
-                    form=form,
-                )
-            ]
-            if form == "auto":
-                _refuse_other_form(frfs[0], path.name)
-            outputs = inputs = None
-    said.extend(str(w.message) for w in caught)
-    out = [_renamed(t, frf, outputs, inputs) for frf in frfs]
-    if kind is not None and any(frf.kind != kind for frf in out):
+    t: Table, folder: Path, files: Sequence[str], kind: str | None, said: tuple[list[str], list[str]]
+) -> Reading:
+    """Read the FRFs of one file, or of several as one matrix.
+
+    ``said`` are the assumptions, and the readers' notes.
+    """
+    assumed, notes = said
+    asked, keys = _asked(t, kind)
+    readings = []
+    for k, file in enumerate(files):
+        path = folder / file
+        reader = reader_of(path)
+        for key in keys:
+            if key not in reader.options:
+                t.refuse(key, f"it is not used for {path.name}, which is read as a {reader.words}")
+        pairs = asked.pairs
+        if len(files) > 1 and isinstance(pairs, tuple):
+            if len(pairs) != len(files):
+                t.refuse("pairs", f"{len(pairs)} pairs are given for {len(files)} files; one each is needed")
+            pairs = pairs[k : k + 1]
+        reading = read_frfs(path, replace(asked, pairs=pairs))
+        readings.append(reading)
+        if len(files) == 1:
+            notes.extend(f"{path.name}: {line}" for line in reading.notes)
+            if not reading.stated and reading.phase:
+                _refuse_other_form(reading.frfs[0], path.name)
+    reading = readings[0]
+    if len(files) > 1:
+        reading = joined(readings, [Path(file).name for file in files])
+        notes.extend(reading.notes)
+    frfs = [_renamed(t, frf, asked.outputs, asked.inputs) for frf in reading.frfs]
+    if kind is not None and any(frf.kind != kind for frf in frfs):
         assumed.append(
-            f"{path.name} calls its FRFs {out[0].kind}; the study's kind, {kind}, takes precedence"
+            f"{Path(files[0]).name} calls its FRFs {frfs[0].kind}; the study's kind, {kind}, takes precedence"
         )
-        out = [replace(frf, kind=FRFKind(kind)) for frf in out]
-    return _ReadFile(out, functions, axes or ((),) * len(out))
+        frfs = [replace(frf, kind=FRFKind(kind)) for frf in frfs]
+    return replace(reading, frfs=tuple(frfs), axes=reading.axes or ((),) * len(frfs))
+
+
+def _asked(t: Table, kind: str | None) -> tuple[Asked, list[str]]:
+    """Return the study's statements about a file, and those of its keys that only some readers use."""
+    pairs: tuple[str, ...] | dict[str, str] | None = None
+    if isinstance(t.get("pairs", None), dict):
+        named = t.table("pairs")
+        pairs = {key: named.text(key) for key in named.values}
+    elif "pairs" in t:
+        pairs = t.texts("pairs")
+    arrays = t.table("arrays")
+    asked = Asked(
+        kind,
+        t.texts("outputs", None),
+        t.texts("inputs", None),
+        unit_labels="scale" not in t,
+        form=t.text("form", "auto", FORMS),
+        delimiter=t.text("delimiter", None)
+        if t.get("delimiter", None) not in ("\t", " ")
+        else t.get("delimiter"),
+        header=t.flag("header", True) if "header" in t else None,
+        pairs=pairs,
+        arrays={key: arrays.text(key) for key in arrays.values},
+        axes=t.texts("axes", ()),
+    )
+    return asked, [key for key in ("form", "delimiter", "header", "pairs", "arrays", "axes") if key in t]
+
+
+def _files(t: Table, folder: Path) -> list[str]:
+    """Return ``file``: one name, or a list of names."""
+    value = t.get("file")
+    names = value if isinstance(value, list) else [value]
+    if not names or not all(isinstance(name, str) and name.strip() for name in names):
+        t.refuse("file", f"{value!r} is not allowed; a file name, or a list of file names, is needed")
+    for name in names:
+        _existing(t, "file", folder, name)
+    return names
 
 
 def notes_of(file: UffFile) -> list[str]:
     """Return the notes on a universal file, a sentence each, with its name."""
     runs = (f"{file.name} [{i}]: {run}" for i, run in enumerate(file.frf_runs, 1) if run)
     return [*(f"{file.name}: {line}" for line in (*file.notes, *file.skipped)), *runs]
-
-
-def _refuse_without_phase(frf: FRF, name: str) -> None:
-    """Refuse amplitudes that pass for FRFs: values that are real and never negative."""
-    if frf.n_freq > 1 and frf.H.any() and not frf.H.imag.any() and (frf.H.real >= 0).all():
-        msg = f"{name}: its FRFs are real and never negative: {WITHOUT_PHASE}"
-        raise FRFError(msg)
 
 
 def _refuse_other_form(frf: FRF, name: str) -> None:
@@ -454,144 +450,3 @@ def _renamed(t: Table, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence
                 f"({', '.join(have[:6])} …)",
             )
     return FRF.from_arrays(frf.frequency, frf.H, frf.kind, outputs or frf.outputs, inputs or frf.inputs)
-
-
-def match(
-    raw: Sequence[RawMeasurement],
-    sensors: Sequence[Channel],
-    excitations: Sequence[Channel],
-    faults: Sequence[Fault],
-    notes: list[str],
-) -> tuple[Measurement, ...]:
-    """Return the measurements by the names of their sensors and excitations, without known faults.
-
-    Raises
-    ------
-    StudyError
-        If a sensor or excitation is in no file, two share a channel, a file has none, or an FRF is zero.
-    """
-    out = []
-    used: set[str] = set()
-    for r in raw:
-        rows = _pick(r, sensors, r.frf.outputs, "responses")
-        columns = _pick(r, excitations, r.frf.inputs, "forces")
-        used |= {f"s:{c.sensor.name}" for c, _, _ in rows} | {f"e:{c.sensor.name}" for c, _, _ in columns}
-        for word, have, got in (("responses", r.frf.outputs, rows), ("forces", r.frf.inputs, columns)):
-            rest = [x for x in have if x not in {label for _, label, _ in got}]
-            if rest:
-                notes.append(
-                    f"{r.name}: the {word} {', '.join(rest[:8])}{' …' if len(rest) > 8 else ''} "
-                    "match no sensor or excitation of the study and are not used"
-                )
-        frf = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
-        sign = np.outer([s for _, _, s in rows], [s for _, _, s in columns])
-        for c, label, s in (*rows, *columns):
-            if s < 0:
-                notes.append(
-                    f"{r.name}: channel {label} is multiplied by -1, because {c.sensor.name} has the "
-                    "opposite direction"
-                )
-        names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
-        H = _in_convention(frf, [c for c, _, _ in rows], [c for c, _, _ in columns])
-        frf = FRF.from_arrays(frf.frequency, H * sign, frf.kind, *names)
-        _refuse_zero(r, frf)
-        picked = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
-        chosen = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
-        known = [None if x is None else at_values_of(x, r.frf, chosen) for x in (r.coherence, r.scatter)]
-        with r.table.at("coherence"):
-            measurement = Measurement(
-                frf, picked[0], picked[1], r.force_level, r.name, known[0], r.averages, known[1]
-            )
-        with r.table.at():
-            measurement = set_right(measurement, faults) if faults else measurement
-        if r.compared is not None:
-            with r.table.at("compared"):
-                measurement = replace(measurement, compared=_array(r.compared, measurement.frf, "compared"))
-        out.append(measurement)
-    for mark, channels in (("s", sensors), ("e", excitations)):
-        for c in channels:
-            if raw and f"{mark}:{c.sensor.name}" not in used:
-                have = dict.fromkeys(x for r in raw for x in (r.frf.outputs if mark == "s" else r.frf.inputs))
-                word = "sensor" if mark == "s" else "excitation"
-                asked = f"channel '{c.label}'" if c.label else "channel"
-                c.table.refuse(
-                    "",
-                    f"{word} '{c.sensor.name}' has no {asked} in the measured files; they have "
-                    f"{', '.join(list(have)[:20])}{' …' if len(have) > 20 else ''}; give label",
-                )
-    return tuple(out)
-
-
-def _in_convention(frf: FRF, rows: Sequence[Channel], columns: Sequence[Channel]) -> NDArray[np.complex128]:
-    """Return FRFs with each sensor's and force's own convention set right."""
-    flip = np.logical_xor.outer(*([c.convention.conjugate for c in part] for part in (rows, columns)))
-    angle = np.add.outer(*([c.convention.phase for c in part] for part in (rows, columns)))
-    H = np.where(flip, np.conj(frf.H), frf.H) * np.exp(1j * np.deg2rad(angle))
-    for i, c in enumerate(rows):
-        own = c.convention.kind
-        power = 0 if own is None else frf.kind.derivatives - own.derivatives
-        if power < 0 and frf.frequency[0] == 0:
-            c.table.refuse(
-                "kind", f"the line at 0 Hz cannot be converted from {own} to {frf.kind}; exclude it with band"
-            )
-        if power:
-            H[:, i] *= ((1j * frf.omega) ** power)[:, None]
-    return H
-
-
-def _near(channels: Sequence[Channel], labels: Sequence[str]) -> str:
-    """Return which nodes of a file lie at sensors' places, as a hint; nothing if none does."""
-    nodes = {label.rstrip("XYZR+-S") for label in labels}
-    found = [f"node {n} is at '{c.sensor.name}'" for c in channels for n in c.near if str(n) in nodes]
-    return f" ({', '.join(found[:4])}{' …' if len(found) > 4 else ''})" if found else ""
-
-
-def _pick(
-    r: RawMeasurement, channels: Sequence[Channel], labels: Sequence[str], word: str
-) -> list[tuple[Channel, str, float]]:
-    out: list[tuple[Channel, str, float]] = []
-    owner: dict[str, str] = {}
-    for c in channels:
-        found = c.find(labels)
-        if found is None:
-            continue
-        if found[0] in owner:
-            c.table.refuse(
-                "", f"'{c.sensor.name}' and '{owner[found[0]]}' are both channel {found[0]} of {r.name}"
-            )
-        owner[found[0]] = c.sensor.name
-        out.append((c, *found))
-    if not out:
-        r.table.refuse(
-            "file",
-            f"none of its {word} ({', '.join(labels[:8])}{' …' if len(labels) > 8 else ''}) "
-            "belongs to a sensor or excitation of the study; give them a label or a node"
-            f"{_near(channels, labels)}",
-        )
-    return out
-
-
-def _refuse_zero(r: RawMeasurement, frf: FRF) -> None:
-    zero = ~np.any(frf.H, axis=0)
-    if zero.all():
-        r.table.refuse("file", "all its FRFs are zero; the file holds no measurement")
-    if zero.any():
-        i, j = np.argwhere(zero)[0]
-        r.table.refuse(
-            "file",
-            f"{zero.sum()} of its FRFs are zero at all frequencies, the first "
-            f"'{frf.outputs[i]}' to a force at '{frf.inputs[j]}'; leave dead channels out",
-        )
-
-
-def labels_of(raw: Sequence[RawMeasurement], which: str) -> list[str]:
-    """Return the labels of all responses or forces of the files, each once."""
-    return list(dict.fromkeys(x for r in raw for x in getattr(r.frf, which)))
-
-
-def top_frequency(raw: Sequence[RawMeasurement], band: tuple[float, float] | None) -> float | None:
-    """Return the highest frequency that is compared [Hz]."""
-    if not raw:
-        return None
-    highest = max(float(r.frf.frequency[-1]) for r in raw)
-    return highest if band is None else min(highest, band[1])

@@ -21,6 +21,10 @@ FILES: dict[tuple[str, ...], str] = {
     ("superelements", "node_sets"): "the node sets of a part",
     ("damping", "file"): "the modes that give the damping",
     ("modes", "file"): "the measured modes",
+    ("sensors",): "the table of sensors",
+    ("sensors", "file"): "the table of sensors",
+    ("excitations",): "the table of excitations",
+    ("excitations", "file"): "the table of excitations",
 }
 """Keys of a study that name files, without the numbers of tables, and the files' roles."""
 
@@ -48,13 +52,11 @@ def named_files(values: Any) -> Iterator[tuple[tuple[str | int, ...], tuple[str,
     """Yield place, kind of key and name of each file in the values of a study."""
 
     def walk(value: Any, place: tuple[str | int, ...], keys: tuple[str, ...]) -> Any:
-        if keys in FILES:
-            if isinstance(value, str):
-                yield place, keys, value
-            elif isinstance(value, list):
-                for i, item in enumerate(value):
-                    if isinstance(item, str):
-                        yield (*place, i), keys, item
+        if keys in FILES and isinstance(value, str):
+            yield place, keys, value
+        elif keys in FILES and isinstance(value, list) and all(isinstance(item, str) for item in value):
+            for i, item in enumerate(value):
+                yield (*place, i), keys, item
         elif isinstance(value, dict) and len(keys) < 2:
             for key, inner in value.items():
                 yield from walk(inner, (*place, key), (*keys, key))

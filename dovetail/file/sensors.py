@@ -3,11 +3,13 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.geometry import TOUCH, Geometry
+from dovetail.file.sensor_table import sensor_tables
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
@@ -106,13 +108,22 @@ class Channel:
         return found[0] if found and (self.node is not None or len(found) == 1) else None
 
 
+def _tables(top: Table, key: str, folder: Path, notes: list[str], attempt: Attempt) -> Iterator[Table]:
+    """Yield the tables of a kind, and the rows of the files that some of them name."""
+    for t in top.tables(key):
+        rows: list[Table] = []
+        with attempt():
+            rows = list(sensor_tables(t, folder, notes))
+        yield from rows
+
+
 def read_sensors(
-    top: Table, geometry: Geometry, nodes: Nodes, notes: list[str], attempt: Attempt
+    top: Table, geometry: Geometry, nodes: Nodes, notes: list[str], attempt: Attempt, folder: Path
 ) -> list[Channel]:
-    """Read ``[[sensors]]``, putting points of the mesh where they sit."""
+    """Read ``[[sensors]]``, putting points of the mesh where they sit; ``folder`` is the study's."""
     out: list[Channel] = []
     seen: set[str] = set()
-    for t in top.tables("sensors"):
+    for t in _tables(top, "sensors", folder, notes, attempt):
         with attempt():
             found = list(_sensors_of(t, geometry, nodes, notes, own_kind=True))
             t.finish()
@@ -231,11 +242,12 @@ def read_excitations(
     nodes: Nodes,
     notes: list[str],
     attempt: Attempt,
+    folder: Path,
 ) -> list[Channel]:
-    """Read ``[[excitations]]``."""
+    """Read ``[[excitations]]``; ``folder`` is the study's."""
     by_name = {c.sensor.name: c for c in sensors}
     out: list[Channel] = []
-    for t in top.tables("excitations"):
+    for t in _tables(top, "excitations", folder, notes, attempt):
         with attempt():
             if "sensor" in t:
                 name = t.text("sensor")

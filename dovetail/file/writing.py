@@ -79,7 +79,8 @@ def _spots(effect: str, name: str, tree: Tree, places: Places) -> list[Path]:
 
 
 def _tables(tree: Tree, key: str) -> list[Any]:
-    return tree.get(key, [])
+    found = tree.get(key, [])
+    return found if isinstance(found, list) else []  # sensors may be in a file of their own
 
 
 def _own_name(kind: str, i: int, one: Mapping[str, Any]) -> str:

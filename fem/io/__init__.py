@@ -4,11 +4,14 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.abaqus import read_node_sets
-from fem.io.arrays import TableError, read_csv, read_npz, read_npz_modes, write_csv, write_npz
+from fem.io.arrays import TableError, read_npz, read_npz_modes, write_csv, write_npz
+from fem.io.column_frf import read_csv
 from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
+from fem.io.frf_files import READERS, read_frfs, reader_of
+from fem.io.frf_reading import Asked
 from fem.io.matrices import matrices_of, read_calculix, read_matrices, write_matrices
 from fem.io.meshfile import read_mesh, write_mesh
 from fem.io.uff import UffFile, read_uff, write_uff
@@ -16,6 +19,7 @@ from fem.io.uff_format import UffError, label_of, parse_label
 from fem.matrices import Matrices, MatricesError
 
 __all__ = [
+    "Asked",
     "Matrices",
     "MatricesError",
     "TableError",
@@ -29,6 +33,7 @@ __all__ = [
     "read_calculix",
     "read_csv",
     "read_frf",
+    "read_frfs",
     "read_matrices",
     "read_mesh",
     "read_modes",
@@ -50,29 +55,35 @@ UFF_SUFFIXES = (".uff", ".unv", ".uf", ".ufb")
 
 
 def read_frf(path: str | os.PathLike[str], kind: FRFKind | str | None = None, **options: Any) -> FRF:
-    """Read the FRFs of a file; the suffix says how.
+    """Read the FRFs of a file; its content, or else its ending, says how.
 
-    ``.uff``, ``.unv`` (one FRF matrix in the file), ``.npz``, ``.csv`` and ``.txt`` (see
-    :func:`fem.io.arrays.read_csv` for the options).
+    Universal files, ``.npz``, text in columns, MATLAB files and HDF5: the table ``READERS`` of
+    :mod:`fem.io.frf_files`. Options are the fields of :class:`fem.io.frf_reading.Asked`, such as
+    ``outputs``, ``inputs``, ``form``, ``arrays`` and ``axes``.
 
     Raises
     ------
     UffError, TableError
-        If the content of the file does not fit its suffix, or a universal file has no FRFs or several groups
-        of them.
+        If the file cannot be read as what it is, has amplitudes without phase, or has no FRFs or several
+        groups of them.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix in (".csv", ".txt", ".tsv", ".dat"):
-        return read_csv(path, kind=kind, **options)
-    if options:
-        msg = f"{Path(path).name}: the options {', '.join(options)} are for .csv and .txt files"
+    file = Path(path)
+    reader = reader_of(file)
+    allowed = ("outputs", "inputs", "unit_labels", *reader.options)
+    if reader.words in ("universal file", "NumPy archive"):
+        allowed = ("unit_labels",) if reader.words == "universal file" else ()
+    wrong = [key for key in options if key not in allowed]
+    if wrong:
+        other = "; ".join(f"{', '.join(r.options)} for {r.words}" for r in READERS if r.options)
+        msg = f"{file.name}: the options {', '.join(wrong)} are not for a {reader.words}; there are {other}"
         raise TypeError(msg)
-    if suffix in UFF_SUFFIXES:
-        return read_uff(path, kind=kind).frf()
-    if suffix == ".npz":
-        return read_npz(path, kind=kind)
-    msg = f"{Path(path).name}: FRFs are read from .uff, .unv, .npz, .csv and .txt files, not '{suffix}'"
-    raise TableError(msg)
+    if reader.words == "universal file":
+        return read_uff(path, kind=kind, **options).frf()
+    reading = read_frfs(file, Asked(kind, **options))
+    if not reading.phase:
+        msg = f"{file.name}: {WITHOUT_PHASE}"
+        raise TableError(msg)
+    return reading.frfs[0]
 
 
 def read_modes(path: str | os.PathLike[str]) -> Modes:

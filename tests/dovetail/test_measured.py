@@ -220,17 +220,40 @@ def test_a_unit_is_a_warning_that_the_report_of_compare_repeats(load, computed, 
     assert load(0.34 * computed.H, "check_units = false\n").warnings == ()
 
 
-def test_amplitudes_without_phase_are_refused_alike(load, computed, tmp_path):
+def test_amplitudes_without_phase_are_compared_and_nothing_else(load, computed, tmp_path, capsys):
+    """Values that are real and never negative are amplitudes, whoever wrote them and whatever their type."""
     size = np.abs(computed.H)
     path = tmp_path / "study.toml"
-    with pytest.raises(StudyError, match=r"without phase are not used as FRFs.*as frequency = "):
-        load(size.astype(complex))
+    load(size.astype(complex))
     np.savez(
-        tmp_path / "m.npz", frequency=computed.frequency, H=size, kind="accelerance",
+        tmp_path / "n.npz", frequency=computed.frequency, H=size, kind="accelerance",
         outputs=computed.outputs, inputs=computed.inputs,
     )  # fmt: skip
-    with pytest.raises(StudyError, match="without phase"):
-        load_study(path)
+    for name in ("m", "n"):
+        path.write_text(STUDY + FILE.replace("m.npz", f"{name}.npz"), encoding="utf-8")
+        study = load_study(path)
+        assert study.measurements == ()
+        np.testing.assert_allclose(study.amplitudes[0].frf.H, size)
+        assert any(w == f"{name}.npz has {WITHOUT_PHASE}" for w in study.warnings)
+    assert main(["compare", str(path), "--json", str(tmp_path / "c.json")]) == 0
+    found = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+    # the noise of 2 % in each part is one of 2 % in amplitude, 0.17 dB, and more in antiresonances
+    assert 0.15 < found["error_db"] < 0.5
+    assert found["sensors"][0]["frac"] == [None]
+    for command in (
+        ["diagnose"],
+        ["locate"],
+        ["update", "--out", str(tmp_path / "u")],
+        ["compare", "--fitted"],
+    ):
+        capsys.readouterr()
+        assert main([command[0], str(path), *command[1:]]) == 2
+        assert "in n.npz amplitudes without phase, which are not used as FRFs" in capsys.readouterr().err
+
+
+def test_amplitudes_that_could_be_parts_are_refused(computed, tmp_path):
+    size = np.abs(computed.H)
+    path = tmp_path / "study.toml"
     path.write_text(
         STUDY + '[[measurements]]\nfile = "m.csv"\nkind = "accelerance"\noutputs = "low"\ninputs = "top"\n',
         encoding="utf-8",
@@ -242,6 +265,10 @@ def test_amplitudes_without_phase_are_refused_alike(load, computed, tmp_path):
     np.savetxt(tmp_path / "m.csv", table[:, :2], delimiter=",")
     with pytest.raises(StudyError, match=re.escape(WITHOUT_PHASE)):
         load_study(path)
+    every = path.read_text(encoding="utf-8").replace('outputs = "low"', 'outputs = "low mid top"')
+    path.write_text(every + 'form = "magnitude"\n', encoding="utf-8")
+    np.savetxt(tmp_path / "m.csv", np.column_stack([computed.frequency, size[:, :, 0]]), delimiter=",")
+    np.testing.assert_allclose(load_study(path).amplitudes[0].frf.H, size)
     records = [
         Function(
             4, f"{node}X+", "3X+", "", "", computed.frequency, size[:, k, 0], 18, 12, 13, "Hz", "m/s^2", "N",
@@ -303,7 +330,7 @@ def test_notes_of_a_measured_file_reach_the_commands(tmp_path, computed, capsys)
         "m.uff: FRFs of 2 load cases (0, 7) are matrices of their own",
         "FRF 1X+/3X+: it comes again with the same values and counts once",
         "datasets of type 9999 are not read",
-        "m.uff [2]: load case 7",
+        "m.uff: matrix 2: load case 7",
     ):
         assert sum(words in note for note in said) == 1
     assert not set(said) & set(load_study(path).assumptions)

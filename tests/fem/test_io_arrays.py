@@ -102,7 +102,7 @@ def test_unknown_suffix_form_and_options(tmp_path):
         read_modes(path)
     with pytest.raises(TableError, match="the form is 'polar'"):
         read_frf(path, kind="mobility", form="polar")
-    with pytest.raises(TypeError, match="the options header are for"):
+    with pytest.raises(TypeError, match="the options header are not for a universal file"):
         read_frf(write(tmp_path / "a.uff", ""), header=True)
 
 

@@ -286,3 +286,10 @@ element_size = 0.1
 band = [5.0, 90.0]
 """,
 ]
+
+COLUMNS = [
+    "Freq [Hz];s1/s5 Real [g/N];s1/s5 Imag [g/N]\n1;2;3\n2;3;4\n3;4;5\n",
+    "Project\tx\n\tH1,2\t\tH1,3\t\nFrequency\tReal\tImag\tReal\tImag\nUnits:\nHz\tg/N\t\tg/N\t\n1\t2\t3\t4\t5\n2\t3\t4\t5\t6\n",
+    "f,Mag a/b [dB],Phase a/b [deg],Coh a/b\n1,2,3,1\n2,3,4,.9\n",
+    "1 2+3j 4-5j\n2 3+4j 1j\n",
+]

@@ -6,12 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from scipy.io import savemat, wavfile
 
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
 from fem.io import (
+    Asked,
     read_calculix,
     read_csv,
+    read_frfs,
     read_matrices,
     read_mesh,
     read_npz,
@@ -21,6 +24,7 @@ from fem.io import (
     write_npz,
     write_uff,
 )
+from fem.io.time_data import read_time_data
 from fem.mesh import Mesh
 from tests.fuzz import decks
 from tests.fuzz.worker import Target
@@ -212,6 +216,40 @@ def _gmsh_binary(folder: Path) -> list[bytes]:
     )
 
 
+def _mat_seeds(folder: Path) -> list[bytes]:
+    frf = _frf()
+    arrays = {"f": frf.frequency, "H": frf.H, "outputs": np.array(frf.outputs, dtype=object), "s": {"a": 1.0}}
+    return [
+        *_written(folder, ".mat", lambda p: savemat(p, arrays)),
+        *_written(folder, ".mat", lambda p: savemat(p, arrays, do_compression=True)),
+    ]
+
+
+def _hdf5_seeds(folder: Path) -> list[bytes]:
+    def write(path: Path) -> None:
+        import h5py
+
+        frf = _frf()
+        with h5py.File(path, "w") as file:
+            file["f"], file["H"] = frf.frequency, frf.H
+            file["H"].attrs["units"] = "g/N"
+
+    return _written(folder, ".h5", write)
+
+
+def _wav_seeds(folder: Path) -> list[bytes]:
+    values = np.random.default_rng(2).integers(-3000, 3000, (40, 2)).astype("int16")
+    return _written(folder, ".wav", lambda p: wavfile.write(p, 512, values))
+
+
+def _read_named(path: Path) -> None:
+    read_frfs(path, Asked("accelerance", ("1Z+", "2X-")))
+
+
+def _read_columns(path: Path) -> None:
+    read_frfs(path, Asked("accelerance"))
+
+
 TARGETS: dict[str, Target] = {
     t.name: t
     for t in (
@@ -225,6 +263,10 @@ TARGETS: dict[str, Target] = {
         Target("vtk", "f.vtk", _vtk_seeds, read_mesh),
         Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), read_mesh),
         Target("npz", "f.npz", _npz_seeds, _read_npz, _draw_npz),
+        Target("mat", "f.mat", _mat_seeds, _read_named),
+        Target("h5", "f.h5", _hdf5_seeds, _read_named),
+        Target("wav", "f.wav", _wav_seeds, read_time_data),
+        Target("columns", "f.txt", _texts(decks.COLUMNS), _read_columns),
         Target("csv", "f.csv", _texts(decks.CSV), lambda path: read_csv(path)),
         Target("toml", "f.toml", _study_seeds, _study),
         Target("mtx", "f.K.mtx", _texts(decks.MATRIX_MARKET), _read_matrix_market),

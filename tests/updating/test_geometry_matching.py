@@ -92,6 +92,8 @@ def test_a_symmetric_structure_is_refused_with_its_alternatives():
     with pytest.raises(GeometryMatchError, match="in 4 ways") as caught:
         match_geometry(mesh, mesh, 0.01)
     kinds = caught.value.alternatives
+    upright = [(-round(m.R[2, 2], 6), round(m.turn[0], 3)) for m in kinds]
+    assert upright == sorted(upright)  # upright ones first, and of these the one that turns least
     assert len(kinds) == 4
     np.testing.assert_allclose([m.turn[0] for m in kinds if m.turn[0] > 1], 180, atol=1e-5)
     for name in ("turned 180.0° about", "not turned, moved by (0, 0, 0) m, 20 of 20 points"):

@@ -91,6 +91,7 @@ def estimate_frf(
     inputs: Sequence[str] | None = None,
     band: tuple[float, float] | None = None,
     full_scale: float | None = None,
+    hits: bool | None = None,
 ) -> EstimatedFRF:
     """Estimate FRFs from forces and responses over time.
 
@@ -141,8 +142,10 @@ def estimate_frf(
         Lines to keep [Hz].
     full_scale : float, optional
         Samples of this size are overloads. Unless given, several equal samples in a row at the largest value
-        are. Overloads lead to a warning, and with blocks that are cut already to leaving such a block out, as
-        do double hits with the exponential window.
+        are. Overloads lead to a warning, and with blocks that are cut already to leaving such a block out.
+    hits : bool, optional
+        Whether blocks that are cut already begin with a hit, so that those with a double hit are left out;
+        with the exponential window unless given.
 
     Raises
     ------
@@ -166,7 +169,7 @@ def estimate_frf(
     cut = x.shape[0] > 1 or np.ndim(force) == 3
     messages: tuple[str, ...] = ()
     if cut:
-        good, messages = _good_hits(x, y, full_scale, hits=window == "exponential")
+        good, messages = _good_hits(x, y, full_scale, window == "exponential" if hits is None else hits)
         x, y = x[good], y[good]
         step, n = x.shape[1], x.shape[1]
     else:

@@ -37,7 +37,7 @@ class GeometryMatchError(ValueError):
     Attributes
     ----------
     alternatives : tuple of GeometryMatch
-        The placements that are as good as one another.
+        The placements that are as good as one another, upright ones and those that turn least first.
     """
 
     def __init__(self, message: str, alternatives: "tuple[GeometryMatch, ...]" = ()) -> None:
@@ -367,7 +367,8 @@ def _chosen(
         raise GeometryMatchError(msg)
     best = found[0]
     limit = AS_GOOD * max(best.rms, tolerance / 10)
-    same = tuple(m for m in found if len(m.pairs) == len(best.pairs) and m.rms <= limit)
+    alike = [m for m in found if len(m.pairs) == len(best.pairs) and m.rms <= limit]
+    same = tuple(sorted(alike, key=_uprightness))
     if alternative is not None:
         if not 0 <= alternative < len(same):
             msg = f"alternative {alternative} is asked for; there are {len(same)}, counted from 0"
@@ -383,6 +384,15 @@ def _chosen(
         )
         raise GeometryMatchError(msg, same)
     return best
+
+
+def _uprightness(match: GeometryMatch) -> tuple[float, float, float]:
+    """Return by what angles a placement tilts the vertical and turns [degrees], and how far it moves [m].
+
+    Tests are mostly drawn with z upwards, as models are, and often in the model's axes.
+    """
+    tilt = float(np.rad2deg(np.arccos(np.clip(match.R[2, 2], -1.0, 1.0))))
+    return round(tilt, 1), round(match.turn[0], 1), float(np.linalg.norm(match.translation))
 
 
 def _points(word: str, points: ArrayLike) -> Floats:

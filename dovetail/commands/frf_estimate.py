@@ -1,0 +1,298 @@
+"""``dovetail frf-estimate``: FRFs from time data, with coherence and standard deviations."""
+
+import argparse
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.commands.argument_types import number_up_to, positive, values_by_name, whole_up_to
+from dovetail.commands.common import Options, say, warn
+from dovetail.disk.output import Output, OutputError, Progress, check_outputs
+from dovetail.file.paths import InputFile
+from fem.io.atomic import replacing
+
+if TYPE_CHECKING:
+    from fem.io.time_data import TimeData
+    from updating.measurement.frf_estimation import EstimatedFRF
+
+HELP = "estimate FRFs from time data, with coherence"
+EXAMPLE = "dovetail frf-estimate hits.wav --force ch1 --scale ch1=230,ch2=98.1 --hits 0.8 --out frf.npz"
+
+Floats = NDArray[np.float64]
+STILL_RINGING = 0.05
+"""A response whose level at the end of a block is above this part of its peak has not died away [-]."""
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "records", type=Path, nargs="+", metavar="FILE",
+        help="time data: .wav, .tdms, .csv, .txt, .npz, .mat, .h5 or .uff; records of hits are joined",
+    )  # fmt: skip
+    p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .npz or .uff")
+    p.add_argument(
+        "--force", nargs="+", metavar="CHANNEL", help="channels of forces (default: those in a unit of force)"
+    )
+    p.add_argument(
+        "--response", nargs="+", metavar="CHANNEL", help="channels of responses (default: the rest)"
+    )
+    p.add_argument(
+        "--scale", type=values_by_name, default={}, metavar="CHANNEL=FACTOR,...",
+        help="factors to SI units, such as N/V; they go before the units that the file says",
+    )  # fmt: skip
+    p.add_argument(
+        "--rename", type=labels_by_name, default={}, metavar="CHANNEL=LABEL,...",
+        help="labels of channels in the FRFs, such as ch1=12Z+",
+    )  # fmt: skip
+    p.add_argument("--sample-rate", type=positive, metavar="HZ", help="of files that do not say it")
+    p.add_argument(
+        "--kind", choices=["receptance", "mobility", "accelerance"],
+        help="kind of FRF (default: that of the responses' units, else accelerance)",
+    )  # fmt: skip
+    p.add_argument(
+        "--hits",
+        type=positive,
+        metavar="S",
+        help="cut blocks of so many seconds after each hit of one hammer",
+    )
+    p.add_argument(
+        "--block", type=whole_up_to(1 << 26, 8), metavar="N", help="samples of a block (default: an eighth)"
+    )
+    p.add_argument(
+        "--overlap", type=number_up_to(0.99), default=0.5, help="of blocks, 0 to 0.99 (default 0.5)"
+    )
+    p.add_argument(
+        "--window", choices=["hann", "rectangular", "flattop", "exponential"],
+        help="of the blocks (default: hann, of hits rectangular)",
+    )  # fmt: skip
+    p.add_argument(
+        "--force-length", type=positive, metavar="S", help="set forces to zero so long after a hit begins"
+    )
+    p.add_argument("--estimator", choices=["H1", "H2", "Hv"], default="H1", help="default H1")
+    p.add_argument("--band", type=positive, nargs=2, metavar="HZ", help="lines to keep")
+    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw FRFs and coherences (.png)")
+
+
+def labels_by_name(text: str) -> dict[str, str]:
+    """Read labels of channels, ``ch1=12Z+,ch2=5X+``."""
+    out: dict[str, str] = {}
+    for part in text.split(","):
+        name, mark, label = (word.strip() for word in part.partition("="))
+        if not (name and mark and label) or name in out:
+            msg = f"'{part.strip()}' is not allowed; CHANNEL=LABEL is needed, each once, separated by commas"
+            raise argparse.ArgumentTypeError(msg)
+        out[name] = label
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chosen:
+    """Channels of forces and responses in SI units."""
+
+    force: Floats
+    response: Floats
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    kind: str
+    notes: tuple[str, ...]
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Estimate FRFs and write them."""
+    from fem.io.time_data import read_time_data
+
+    suffix = options.out.suffix.lower()
+    if suffix not in (".npz", ".uff", ".unv"):
+        msg = f"{options.out}: estimated FRFs are written as .npz or .uff, not '{suffix}'"
+        raise OutputError(msg)
+    if options.picture is not None and options.picture.suffix.lower() != ".png":
+        msg = f"{options.picture}: the picture is written as .png"
+        raise OutputError(msg)
+    inputs = [InputFile(path, "a record of time data") for path in options.records]
+    check_outputs(inputs, Output("--out", options.out), Output("--picture", options.picture))
+    if len(options.records) > 1 and options.hits is None:
+        msg = "several records are joined where --hits cuts blocks of them; give one record, or --hits"
+        raise OutputError(msg)
+    progress("reading")
+    records = [read_time_data(path, options.sample_rate) for path in options.records]
+    chosen = [_channels(options, record) for record in records]
+    progress("estimating", 0.3)
+    estimate, notes = _estimate(options, records, chosen)
+    _write(options.out, estimate)
+    if options.picture is not None:
+        from viz.estimation import plot_estimate
+        from viz.style import save
+
+        with replacing(options.picture) as scratch:
+            save(plot_estimate(estimate, title=options.out.stem), scratch)
+    progress.close()
+    _report(options, estimate, [*dict.fromkeys(n for c in chosen for n in c.notes), *notes])
+
+
+def _channels(options: Options, data: "TimeData") -> _Chosen:
+    """Return the forces and responses of a record in SI units."""
+    from fem.io.time_data import force_unit, motion_unit
+
+    for name in (*options.scale, *options.rename):
+        data.channel(name)
+    by_unit = [c for c, u in zip(data.channels, data.units, strict=True) if force_unit(u) is not None]
+    forces = options.force or by_unit
+    if not forces:
+        listed = ", ".join(f"{c} [{u or '-'}]" for c, u in zip(data.channels, data.units, strict=True))
+        msg = f"{data.name}: no channel is in a unit of force; give --force, of {listed}"
+        raise OutputError(msg)
+    responses = options.response or [c for c in data.channels if c not in forces]
+    if not responses or set(forces) & set(responses):
+        msg = (
+            f"{data.name}: the forces are {', '.join(forces)}, the responses {', '.join(responses) or 'none'}"
+        )
+        raise OutputError(msg)
+    notes: list[str] = []
+    kinds: dict[str, str] = {}
+    columns: dict[str, Floats] = {}
+    for name in (*forces, *responses):
+        at = data.channel(name)
+        unit, is_force = data.units[at], name in forces
+        motion = motion_unit(unit)
+        known = force_unit(unit) if is_force else None if motion is None else motion[1]
+        if not is_force and motion is not None:
+            kinds[name] = str(motion[0])
+        if name not in options.scale and known is None:
+            notes.append(
+                f"channel {name} of {data.name} has {f'the unit {unit!r}' if unit else 'no unit'} and is "
+                "taken to "
+                f"be in {'N' if is_force else 'SI units'}; --scale {name}=FACTOR corrects that"
+            )
+        if data.full_scale is not None and (np.abs(data.values[:, at]) >= 0.999 * data.full_scale).any():
+            notes.append(f"channel {name} of {data.name} reaches the end of its range: it may be clipped")
+        columns[name] = options.scale.get(name, known or 1.0) * data.values[:, at]
+    if len(set(kinds.values())) > 1 and options.kind is None:
+        listed = ", ".join(f"{c} of {k}" for c, k in kinds.items())
+        msg = f"{data.name}: the responses are of several kinds ({listed}); give --response of one kind"
+        raise OutputError(msg)
+    kind = options.kind or next(iter(kinds.values()), "accelerance")
+    labels = [tuple(options.rename.get(n, n) for n in part) for part in (forces, responses)]
+    parts = [np.column_stack([columns[n] for n in part]) for part in (forces, responses)]
+    return _Chosen(parts[0], parts[1], labels[0], labels[1], kind, tuple(notes))
+
+
+def _estimate(
+    options: Options, records: "list[TimeData]", chosen: list[_Chosen]
+) -> "tuple[EstimatedFRF, list[str]]":
+    """Return the estimated FRFs, and notes on the blocks."""
+    from updating.measurement.frf_estimation import estimate_frf, split_hits
+
+    first = chosen[0]
+    for record, c in zip(records, chosen, strict=True):
+        same = (c.inputs, c.outputs, c.kind) == (first.inputs, first.outputs, first.kind)
+        if not same or not np.isclose(record.sample_rate, records[0].sample_rate, rtol=1e-6):
+            msg = f"{record.name}: it has other channels or another sample rate than {records[0].name}"
+            raise OutputError(msg)
+    rate, notes = records[0].sample_rate, []
+    force, response = first.force, first.response
+    if options.hits is not None:
+        if force.shape[1] != 1:
+            msg = f"--hits is for one hammer; the forces are {', '.join(first.inputs)}"
+            raise OutputError(msg)
+        parts = [split_hits(c.force[:, 0], c.response, rate, options.hits) for c in chosen]
+        force, response = (np.concatenate([p[k] for p in parts]) for k in (0, 1))
+        notes += _ringing(response, first.outputs, options.window)
+    window = options.window or ("hann" if options.hits is None else "rectangular")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # its messages say the same
+        estimate = estimate_frf(
+            force, response, rate, block=options.block, overlap=options.overlap, window=window,
+            force_length=options.force_length, estimator=options.estimator, kind=first.kind,
+            outputs=first.outputs, inputs=first.inputs,
+            band=None if options.band is None else tuple(options.band), hits=options.hits is not None,
+        )  # fmt: skip
+    warn(estimate.messages)
+    if estimate.added_decay:
+        notes.append(
+            f"the exponential window adds {estimate.added_decay:.4g} 1/s to the decay of every mode, "
+            f"{estimate.added_decay / (2 * np.pi):.3g} Hz of frequency times damping ratio: the damping of "
+            "these "
+            "FRFs is too large by that"
+        )
+    return estimate, notes
+
+
+def _ringing(blocks: Floats, outputs: tuple[str, ...], window: str | None) -> list[str]:
+    """Say of which responses the blocks end before they have died away."""
+    if window == "exponential":
+        return []
+    tail = max(1, blocks.shape[1] // 20)
+    peak = np.abs(blocks).max(axis=1)
+    last = np.sqrt((blocks[:, -tail:] ** 2).mean(axis=1)) * np.sqrt(2)
+    share = np.divide(last, peak, out=np.zeros(peak.shape), where=peak > 0).max(axis=0)
+    return [
+        f"the response {name} still has {100 * s:.2g} % of its peak at the end of the blocks, which leaks "
+        "into "
+        "its FRF: give longer --hits, or --window exponential"
+        for name, s in zip(outputs, share, strict=True)
+        if s > STILL_RINGING
+    ]
+
+
+def _write(path: Path, estimate: "EstimatedFRF") -> None:
+    """Write FRFs with their coherence, and in .npz with averages and standard deviations."""
+    from fem.io import write_uff
+    from fem.io.uff_types import Function
+
+    frf = estimate.frf
+    averages = max(1, int(np.floor(estimate.effective_averages.min())))
+    if path.suffix.lower() == ".npz":
+        with replacing(path) as scratch, scratch.open("wb") as file:
+            np.savez_compressed(
+                file, frequency=frf.frequency, H=frf.H, kind=np.array(str(frf.kind)),
+                outputs=np.array(frf.outputs, dtype=str), inputs=np.array(frf.inputs, dtype=str),
+                coherence=estimate.coherence, averages=np.array(averages), std=estimate.std,
+                added_decay=np.array(estimate.added_decay),
+            )  # fmt: skip
+        return
+    coherences = [
+        Function(
+            6, output, force, "", "", frf.frequency, estimate.coherence[:, i, j], 18, 0, 0, "Hz", "", "", (),
+            0, 0, "",
+        )
+        for i, output in enumerate(frf.outputs)
+        for j, force in enumerate(frf.inputs)
+    ]  # fmt: skip
+    write_uff(path, frf, functions=coherences)
+
+
+def _report(options: Options, estimate: "EstimatedFRF", notes: list[str]) -> None:
+    frf = estimate.frf
+    width = max(len(o) + len(i) for o in frf.outputs for i in frf.inputs) + 3
+    averages = max(1, int(np.floor(estimate.effective_averages.min())))
+    uff = options.out.suffix.lower() != ".npz"
+    say(
+        options,
+        f"{options.out}: {frf.kind} [{frf.kind.unit}], {len(frf.outputs)} responses to {len(frf.inputs)} "
+        f"force(s), {frf.n_freq} lines from {frf.frequency[0]:.4g} to {frf.frequency[-1]:.4g} Hz, "
+        f"{options.estimator} of {estimate.n_averages[0]} blocks worth {estimate.effective_averages[0]:.3g} "
+        "independent ones",
+        f"{'FRF':{width}}  {'least coherence':>15}  {'median':>7}  {'std of |H|, median %':>20}",
+        *(
+            f"{f'{o}/{i}':{width}}  {_least(estimate, a, b):>15}  "
+            f"{np.median(estimate.coherence[:, a, b]):7.4f}  "
+            f"{100 * np.median(estimate.std[:, a, b] / np.maximum(np.abs(frf.H[:, a, b]), 1e-300)):20.3g}"
+            for b, i in enumerate(frf.inputs)
+            for a, o in enumerate(frf.outputs)
+        ),
+        *(f"note: {note}" for note in notes),
+        "in a study:",
+        "  [[measurements]]",
+        f'  file = "{options.out.name}"',
+        *([f"  averages = {averages}"] if uff else []),
+    )
+
+
+def _least(estimate: "EstimatedFRF", i: int, j: int) -> str:
+    gamma = estimate.coherence[:, i, j]
+    k = int(np.argmin(gamma))
+    return f"{gamma[k]:.3f} at {estimate.frf.frequency[k]:.4g}"

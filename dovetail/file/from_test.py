@@ -1,0 +1,260 @@
+"""A study to start from, made of a test's FRFs with its geometry, and a mesh."""
+
+import csv
+import io
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.table import StudyError
+from dovetail.file.toml import toml_table, toml_value
+from fem.analysis.frf import FRF
+from fem.io.frf_files import read_frfs
+from fem.io.frf_reading import Asked, Reading
+from fem.io.meshfile import read_mesh
+from fem.io.uff_format import UffError, parse_label
+from fem.io.uff_types import Points
+from fem.mesh import Mesh
+from updating.measurement.matching import GeometryMatch, GeometryMatchError, match_members
+
+SENSORS, EXCITATIONS, STUDY = "sensors.csv", "excitations.csv", "study.toml"
+"""Files of a draft."""
+
+_ALONG = 1 - 1e-9
+"""Component of a unit vector from which it is written as a letter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placing:
+    """How the test's points are put on the mesh.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest distance of a point from a member [m].
+    unit : str or None
+        Of the test's coordinates; found unless given.
+    same_axes : bool
+        Whether the test has the mesh's axes and origin.
+    alternative : int or None
+        Which of several placements.
+    """
+
+    tolerance: float = 0.01
+    unit: str | None = None
+    same_axes: bool = False
+    alternative: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """Texts of a study and its tables of sensors, and notes on them.
+
+    Attributes
+    ----------
+    files : dict of str to str
+        Texts by file name.
+    notes : tuple of str
+    """
+
+    files: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def draft_study(
+    measured: Path,
+    mesh_file: Path,
+    folder: Path,
+    *,
+    kind: str | None = None,
+    mesh_scale: float = 1.0,
+    points: Points | None = None,
+    placing: Placing | None = None,
+) -> Draft:
+    """Return a study of a mesh and a test, with a sensor for each response and an excitation for each force.
+
+    Parameters
+    ----------
+    measured : Path
+        FRFs whose labels are degrees of freedom, such as ``12Z+``.
+    mesh_file : Path
+    folder : Path
+        Where the study will lie; the files are named from there.
+    kind : str, optional
+        Kind of the FRFs, where the file does not say it.
+    mesh_scale : float
+        Metres in the mesh's unit of length.
+    points : Points, optional
+        Geometry of the test; that of the measured file unless given.
+    placing : Placing, optional
+
+    Raises
+    ------
+    StudyError
+        If the test has no geometry, its labels are no degrees of freedom, or none of its points is on the
+        mesh.
+    UffError, TableError, MeshError, GeometryMatchError
+        If a file cannot be read, or the points fit nowhere.
+    """
+    placing = placing or Placing()
+    reading = read_frfs(measured, Asked(kind))
+    mesh = read_mesh(mesh_file, mesh_scale)
+    points = reading.points if points is None else points
+    if points is None:
+        msg = f"{measured}: it has no coordinates of nodes (dataset 15 or 2411); give --geometry"
+        raise StudyError(msg)
+    notes = [f"{measured.name}: {note}" for note in reading.notes]
+    ends = _ends(measured, reading.frfs, notes)
+    nodes = sorted({node for part in ends.values() for node, _ in part.values()})
+    missing = [n for n in nodes if n not in points.labels]
+    if missing:
+        msg = f"{measured}: the geometry has no node {missing[0]}, which its FRFs name"
+        raise StudyError(msg)
+    found, fine = _placed(points, nodes, mesh, placing, notes)
+    place = dict(zip(found.pairs[:, 0].tolist(), found.pairs[:, 1].tolist(), strict=True))
+    at = {n: fine.points[place[i]] for i, n in enumerate(nodes) if i in place}
+    off = [n for n in nodes if n not in at]
+    if off:
+        notes.append(
+            f"the nodes {', '.join(map(str, off[:8]))}{' …' if len(off) > 8 else ''} lie on no member within "
+            f"{placing.tolerance:g} m; their channels are left out"
+        )
+    tables = {
+        name: _table(ends[key], at, found) for key, name in (("outputs", SENSORS), ("inputs", EXCITATIONS))
+    }
+    for name, (_, n) in tables.items():
+        if not n:
+            msg = f"{measured}: none of its {'responses' if name == SENSORS else 'forces'} is on the mesh"
+            raise StudyError(msg)
+    text = _text(measured, mesh_file, folder, mesh_scale, kind, reading)
+    counts = f"{tables[SENSORS][1]} sensors and {tables[EXCITATIONS][1]} excitations"
+    notes.insert(0, f"{counts}: {found.describe()}")
+    return Draft({STUDY: text, **{name: table for name, (table, _) in tables.items()}}, tuple(notes))
+
+
+def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, dict[str, tuple[int, int]]]:
+    """Return node and direction of each response and force that is a translation, by label."""
+    out: dict[str, dict[str, tuple[int, int]]] = {"outputs": {}, "inputs": {}}
+    left: list[str] = []
+    for key, part in out.items():
+        for label in dict.fromkeys(x for frf in frfs for x in getattr(frf, key)):
+            try:
+                node, direction = parse_label(label)
+            except UffError:
+                msg = (
+                    f"{measured}: the channel '{label}' does not say node and direction, as 12Z+ does; write "
+                    "its [[sensors]] yourself (dovetail new without --from)"
+                )
+                raise StudyError(msg) from None
+            if 1 <= abs(direction) <= 3:
+                part[label] = node, direction
+            else:
+                left.append(label)
+    if left:
+        notes.append(f"the channels {', '.join(left[:8])} are no translations and left out")
+    return out
+
+
+def _placed(
+    points: Points, nodes: Sequence[int], mesh: Mesh, placing: Placing, notes: list[str]
+) -> tuple[GeometryMatch, Mesh]:
+    """Return the placement of nodes on a mesh: as they are if they fit so, else the most upright one."""
+    xyz = np.array([points.at(n) for n in nodes])
+    tolerance, unit = placing.tolerance, placing.unit
+    asked = placing.alternative is not None
+    if placing.same_axes or not asked:
+        as_is, fine = match_members(xyz, mesh, tolerance, axes="same", unit=unit)
+        if placing.same_axes or not as_is.unmatched:
+            return as_is, fine
+    try:
+        return match_members(xyz, mesh, tolerance, unit=unit, alternative=placing.alternative)
+    except GeometryMatchError as reason:
+        if not reason.alternatives:
+            raise
+        notes.append(
+            f"the test fits the mesh in {len(reason.alternatives)} ways, of which the most upright one is "
+            "taken; "
+            "'dovetail match' draws them, and --alternative K takes another"
+        )
+        return match_members(xyz, mesh, tolerance, unit=unit, alternative=0)
+
+
+def _table(
+    ends: dict[str, tuple[int, int]], at: dict[int, NDArray[np.float64]], found: GeometryMatch
+) -> tuple[str, int]:
+    """Return a table of sensors, and how many it has."""
+    rows = []
+    for label, (node, direction) in ends.items():
+        if node not in at:
+            continue
+        axis = found.directions(np.sign(direction) * np.eye(3)[[abs(direction) - 1]])[0]
+        main = int(np.argmax(np.abs(axis)))
+        letter = ("-" if axis[main] < 0 else "") + "xyz"[main] if abs(axis[main]) > _ALONG else ""
+        components = ["", "", ""] if letter else [f"{v:.9g}" for v in axis]
+        rows.append([label, *(f"{v:.9g}" for v in at[node] + 0.0), letter, *components, label])
+    head = ["name", "x", "y", "z", "direction", "dx", "dy", "dz", "label"]
+    if not any(row[5] for row in rows):
+        head, rows = head[:5] + head[8:], [row[:5] + row[8:] for row in rows]
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows([head, *rows])
+    return out.getvalue(), len(rows)
+
+
+def _text(
+    measured: Path, mesh_file: Path, folder: Path, scale: float, kind: str | None, reading: Reading
+) -> str:
+    """Return the text of a study."""
+
+    def named(path: Path) -> str:
+        try:
+            return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+        except ValueError:  # another drive
+            return path.resolve().as_posix()
+
+    mesh = {"file": named(mesh_file), **({"scale": scale} if scale != 1 else {})}
+    stated = {} if kind is None else {"kind": kind}
+    return f"""\
+# A study of a mesh and a test, to be completed: material, sections, supports and damping are placeholders.
+#
+#   dovetail check study.toml      what is wrong or missing
+#   dovetail compare study.toml    the model beside the measurement
+#
+# Units are SI: m, kg, s, N, Pa, Hz. docs/study-file.md says what may stand here.
+
+sensors = {toml_value(SENSORS)} # where the test's points lie on the mesh
+excitations = {toml_value(EXCITATIONS)}
+
+[study]
+name = {toml_value(measured.stem)}
+
+{toml_table("[mesh]", mesh)}
+[materials.steel] # change
+E = 210e9
+rho = 7850.0
+
+[sections.flat] # change; circle (d), tube (d, t), hollow_rectangle (b, h, t), i_section (b, h, tf, tw), ...
+shape = "rectangle"
+b = 0.030
+h = 0.010
+
+[defaults] # for every member that does not say otherwise, under [members.NAME]
+material = "steel"
+section = "flat"
+
+# [[supports]] # without any the structure is free
+# point = [0.0, 0.0, 0.0]
+# fixed = "all"
+
+[damping]
+modal = 0.01 # change
+
+{toml_table("[[measurements]]", {"file": named(measured), **stated})}
+[uncertain] # relative standard deviations
+E = 0.02
+rho = 0.01
+damping = 0.5
+"""

@@ -1,0 +1,205 @@
+"""Sensors and excitations as rows of a table in a text file (CSV), with row and column in every error."""
+
+import csv
+import difflib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dovetail.file.lines import Path as KeyPath
+from dovetail.file.table import Source, StudyError, Table
+from fem.io.columns import text_of
+from updating.measurement.matching import SCALES
+
+NUMBERS = ("gain", "mass", "sign", "phase", "position", "node")
+TEXTS = ("name", "label", "kind", "point", "member", "sensor")
+FLAGS = ("conjugate",)
+COLUMNS: dict[str, str] = {
+    **{key: key for key in (*NUMBERS, *TEXTS, *FLAGS, "direction", "x", "y", "z", "dx", "dy", "dz")},
+    "directions": "direction", "channel": "label",
+    "position_1": "x", "position_2": "y", "position_3": "z",
+    "direction_1": "dx", "direction_2": "dy", "direction_3": "dz",
+}  # fmt: skip
+"""Columns by their headings in small letters; those of pyFBS among them."""
+
+_PLACE, _VECTOR = ("x", "y", "z"), ("dx", "dy", "dz")
+_UNIT = re.compile(r"\s*[\[(]\s*(\w+)\s*[\])]\s*$")
+_LETTERS = re.compile(r"[+-]?[xyz]([\s,;]*[+-]?[xyz])*", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows(Source):
+    """Places in a table: ``file, row 3, column x``."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    def place(self, path: KeyPath) -> str:
+        """Return file, row and column of a path (row, key, …)."""
+        row = f", row {path[0]}" if path else ""
+        key = next((str(p) for p in path[1:] if isinstance(p, str)), "")
+        column = f", column {self.columns.get(key, key)}" if key else ""
+        return f"{self.file}{row}{column}"
+
+
+def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
+    """Yield ``[[sensors]]`` or ``[[excitations]]`` as they are, or the rows of the file that one names.
+
+    Parameters
+    ----------
+    t : Table
+        With ``file`` and nothing else, if rows are wanted.
+    folder : Path
+        Of the study.
+    notes : list of str
+        Gains what is not used.
+
+    Raises
+    ------
+    StudyError
+        For a table that cannot be read; the message names the file, the row as a spreadsheet counts it, and
+        the column.
+    """
+    if "file" not in t:
+        yield t
+        return
+    name = t.text("file")
+    t.finish()
+    path = folder / name
+    if not path.is_file():
+        t.refuse("file", f"there is no file '{path}'")
+    with t.at("file"):
+        head, body = _cells(path)
+        columns, units = _columns(path.name, head[1], notes)
+    row_source = _Rows(path.name, {}, {**columns, "directions": columns.get("direction", "direction")})
+    for row, cells in body:
+        values = _values(
+            row_source, row, dict(zip(columns, _picked(cells, head[1], columns), strict=True)), units
+        )
+        for one in _by_direction(row_source, row, values):
+            yield Table(row_source, (row,), one)
+
+
+def _cells(path: Path) -> tuple[tuple[int, list[str]], list[tuple[int, list[str]]]]:
+    """Return the heading and the rows of a table with their numbers, counted from 1."""
+    lines = [(k, line) for k, line in enumerate(text_of(path).splitlines(), start=1)]
+    lines = [(k, line) for k, line in lines if line.strip(" ;,\t\r") and not line.lstrip().startswith("#")]
+    if len(lines) < 2:
+        msg = f"{path.name}: a heading and a row for each sensor are needed"
+        raise StudyError(msg)
+    mark = max(("\t", ";", ","), key=lines[0][1].count)
+    rows = [(k, [c.strip() for c in next(csv.reader([line], delimiter=mark))]) for k, line in lines]
+    if mark != ",":
+        rows = [(k, [re.sub(r"^([+-]?\d+),(\d+)$", r"\1.\2", c) for c in cells]) for k, cells in rows]
+    width = len(rows[0][1])
+    for k, cells in rows[1:]:
+        if len(cells) != width and any(cells[width:]):
+            msg = f"{path.name}, row {k}: it has {len(cells)} cells, the heading has {width}"
+            raise StudyError(msg)
+    return rows[0], [(k, (cells + [""] * width)[:width]) for k, cells in rows[1:]]
+
+
+def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str, str], dict[str, float]]:
+    """Return the heading of each key, and the metres in the unit of each coordinate."""
+    found: dict[str, str] = {}
+    units: dict[str, float] = {}
+    left: list[str] = []
+    for title in head:
+        unit = _UNIT.search(title)
+        key = COLUMNS.get((title[: unit.start()] if unit else title).strip().lower())
+        if key is None:
+            left += [title] if title else []
+            continue
+        if key in found:
+            msg = f"{name}, column {title}: the column {found[key]} says the same"
+            raise StudyError(msg)
+        found[key] = title
+        if unit and key in _PLACE:
+            if unit[1] not in SCALES:
+                msg = f"{name}, column {title}: the unit '{unit[1]}' is not allowed; {', '.join(SCALES)} are"
+                raise StudyError(msg)
+            units[key] = SCALES[unit[1]]
+    for title in left:
+        close = difflib.get_close_matches(title.lower(), COLUMNS, 1, 0.75)
+        hint = f"; did you mean '{close[0]}'?" if close else ""
+        notes.append(f"{name}: the column {title} is not used{hint}")
+    for group in (_PLACE, _VECTOR):
+        some = [key for key in group if key in found]
+        if some and len(some) < 3:
+            missing = next(key for key in group if key not in found)
+            msg = f"{name}: it has the column {found[some[0]]} and no column {missing}; all three are needed"
+            raise StudyError(msg)
+    if not found:
+        msg = f"{name}: no heading is known ({', '.join(head[:8])}); allowed are {', '.join(COLUMNS)}"
+        raise StudyError(msg)
+    return found, units
+
+
+def _picked(cells: Sequence[str], head: Sequence[str], columns: Mapping[str, str]) -> list[str]:
+    return [cells[list(head).index(title)] for title in columns.values()]
+
+
+def _values(source: _Rows, row: int, cells: Mapping[str, str], units: Mapping[str, float]) -> dict[str, Any]:
+    """Return the values of a row as a study file would have them; empty cells are left out."""
+    out: dict[str, Any] = {}
+    for key, cell in cells.items():
+        if not cell:
+            continue
+        if key in TEXTS or key == "direction":
+            out[key] = cell
+        elif key in FLAGS:
+            if cell.lower() not in ("true", "false", "1", "0", "yes", "no"):
+                raise source.error((row, key), f"'{cell}' is not allowed; true or false is needed")
+            out[key] = cell.lower() in ("true", "1", "yes")
+        else:
+            out[key] = _number(source, row, key, cell) * units.get(key, 1.0)
+    if "node" in out:
+        if out["node"] != int(out["node"]):
+            raise source.error((row, "node"), f"'{cells['node']}' is not allowed; a whole number is needed")
+        out["node"] = int(out["node"])
+    for group, key in ((_PLACE, "point"), (_VECTOR, "direction")):
+        some = [k for k in group if k in out]
+        if not some:
+            continue
+        missing = next((k for k in group if k not in out), None)
+        if missing is not None:
+            raise source.error((row, missing), f"it is empty, and {source.columns[some[0]]} is not")
+        if key in out:
+            raise source.error((row, key), f"'{out[key]}' stands beside {', '.join(group)}; give one of them")
+        out[key] = [out.pop(k) for k in group]
+    return out
+
+
+def _number(source: _Rows, row: int, key: str, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise source.error((row, key), f"'{cell}' is not allowed; a number is needed")
+    return value
+
+
+def _by_direction(source: _Rows, row: int, values: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield one table for each direction of a sensor: ``xyz`` of A1 gives A1x, A1y and A1z."""
+    text = values.get("direction")
+    if not isinstance(text, str):
+        yield values
+        return
+    text = re.sub(r"^([xyzXYZ])([+-])$", r"\2\1", text)
+    if not _LETTERS.fullmatch(text):
+        raise source.error((row, "direction"), f"'{text}' is not allowed; x, -z, xyz or the like is needed")
+    words = [w.lower().removeprefix("+") for w in re.findall(r"[+-]?[xyz]", text, re.IGNORECASE)]
+    for k, word in enumerate(words):
+        one = {**values, "direction": word}
+        if len(words) > 1:
+            if "label" in values:
+                raise source.error(
+                    (row, "label"), "one label does not fit several directions; write a row for each"
+                )
+            if "name" in values:
+                one["name"] = f"{values['name']}{word.removeprefix('-')}"
+            if k > 0:
+                one.pop("mass", None)  # one body with several channels
+        yield one

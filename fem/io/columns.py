@@ -1,0 +1,340 @@
+"""Numbers in columns with a header, as analysers and spreadsheets export them.
+
+The separator and the decimal mark are found from the lines of numbers at the end of the file; what stands
+before the first of them is the header. Each column keeps the cells of the header above it.
+"""
+
+import csv
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.arrays import TableError
+from fem.io.frf_labels import frequency_factor
+
+SEPARATORS = ("\t", ";", ",", " ")
+"""Characters that may part columns, the surest first."""
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
+_NOT_FINITE = (
+    "nan",
+    "inf",
+    "infinity",
+    "-inf",
+    "-nan",
+    "+inf",
+    "1.#qnan",
+    "-1.#ind",
+    "1.#inf",
+    "#n/a",
+    "n/a",
+)
+_LONGEST = 80
+"""Characters of a number."""
+_SAMPLE = 40
+"""Lines at the end of a file from which separator and decimal mark are found."""
+_LEAST_CELLS = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Columns of a text file.
+
+    Attributes
+    ----------
+    name : str
+        The file.
+    separator : str
+    heads : tuple of tuple of str
+        Rows of the header from the top, a cell above each column, empty where there is none; a cell that
+        spans
+        several columns stands above each of them.
+    header : tuple of str
+        All lines of the header, without marks of comments.
+    lines : ndarray of int (n,)
+        Number of each line of data in the file.
+    values : ndarray (n, n_columns)
+        Real numbers, or complex ones where a cell of the first line of data is complex.
+    """
+
+    name: str
+    separator: str
+    heads: tuple[tuple[str, ...], ...]
+    header: tuple[str, ...]
+    lines: NDArray[np.int64]
+    values: NDArray[np.float64] | NDArray[np.complex128]
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return self.values.shape[1]
+
+
+def read_columns(path: Path, separator: str | None = None, header: bool | None = None) -> Columns:
+    """Read columns of numbers.
+
+    Parameters
+    ----------
+    path : Path
+    separator : str, optional
+        Found unless given.
+    header : bool, optional
+        Whether the first line is a header; found unless given.
+
+    Raises
+    ------
+    TableError
+        If it is no text, has no lines of numbers, or a line of data does not fit the others; the message
+        names
+        line and column.
+    """
+    return _Text(path.name, text_of(path)).read(separator, header)
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a file in UTF-8, UTF-16 with a mark, or Latin-1.
+
+    Raises
+    ------
+    TableError
+        If it holds bytes that no text has.
+    """
+    raw = path.read_bytes()
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return raw.decode("utf-16", "replace")
+    if b"\0" in raw:
+        msg = f"{path.name}: it is no text (it has bytes that are zero)"
+        raise TableError(msg)
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+class _Text:
+    """The lines of a text file."""
+
+    def __init__(self, name: str, text: str) -> None:
+        self.name = name
+        self.all = [(k, line.rstrip("\r\n")) for k, line in enumerate(text.splitlines(), start=1)]
+        filled = [(k, line) for k, line in self.all if line.strip()]
+        self.comments = [(k, line) for k, line in filled if line.lstrip()[0] in "#%"]
+        self.rows = [(k, line) for k, line in filled if line.lstrip()[0] not in "#%"]
+        if not self.rows:
+            self.refuse("the file has no lines of data")
+
+    def refuse(self, text: str) -> NoReturn:
+        """Raise an error with the file's name."""
+        msg = f"{self.name}: {text}"
+        raise TableError(msg)
+
+    def read(self, separator: str | None, header: bool | None) -> Columns:
+        """Return the columns."""
+        self.separator, self.comma = self._marks(separator)
+        first = self._first(header)
+        body = self.rows[first:]
+        if not body:
+            self.refuse("the file has a header and no lines of data")
+        values, lines = self._numbers(body)
+        start = body[0][0]
+        above = [line for k, line in self.rows[:first]]
+        said = [line.lstrip().lstrip("#%").strip() for k, line in self.comments]
+        heads = self._heads(values.shape[1], [line for k, line in self.all if k < start])
+        return Columns(self.name, self.separator, heads, (*said, *above), lines, values)
+
+    def cells(self, line: str) -> list[str]:
+        """Return the cells of a line, without an empty one after a last separator."""
+        if self.separator == " ":
+            return line.split()
+        if '"' in line:
+            cells = next(csv.reader([line], delimiter=self.separator))
+        else:
+            cells = line.split(self.separator)
+        cells = [c.strip() for c in cells]
+        return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+
+    def _marks(self, separator: str | None) -> tuple[str, bool]:
+        """Return the separator, and whether numbers have a decimal comma."""
+        sample = [line for _, line in self.rows[-_SAMPLE:]]
+        for mark in SEPARATORS if separator is None else (separator,):
+            self.separator = mark
+            for comma in (False, True):
+                if comma and mark == ",":
+                    continue
+                self.comma = comma
+                good = [cells for line in sample if self._is_data(cells := self.cells(line))]
+                # most lines, as one may be cut short; and not a header of a file without data
+                if len(good) > len(sample) // 2 and len(good[0]) >= (
+                    _LEAST_CELLS if separator is None else 1
+                ):
+                    self._refuse_both_marks(good, comma)
+                    if mark == ",":
+                        self._refuse_two_commas(sample)
+                    return mark, comma
+        return self._poor(sample, separator)
+
+    def _poor(self, sample: Sequence[str], separator: str | None) -> tuple[str, bool]:
+        """Return marks of a file whose lines are not numbers throughout, so that a cell can be named."""
+        if separator is not None:
+            return separator, separator in ";\t"
+        line = sample[min(1, len(sample) - 1)]
+        found = next((d for d in (";", "\t", ",", " ") if d in line.strip()), None)
+        if found is None:
+            self.refuse(
+                f"line {self.rows[0][0]} has one column; frequency and FRFs are expected, by ; , tab or blank"
+            )
+        return found, found in ";\t"
+
+    def _refuse_both_marks(self, rows: Sequence[Sequence[str]], comma: bool) -> None:
+        """Refuse decimal commas beside decimal points: one of them may part thousands."""
+        if comma and any("." in cell for row in rows for cell in row):
+            self.refuse(
+                "its numbers have commas and points, so that one of them could part thousands; export it "
+                "with "
+                "one decimal mark"
+            )
+
+    def _refuse_two_commas(self, sample: Sequence[str]) -> None:
+        """Refuse commas that part columns beside others that look like decimal ones: ``1,5, 2,5``."""
+        if all(", " in line and re.search(r"\d,\d", line) for line in sample):
+            self.refuse(
+                "its lines have commas with and without a blank behind them, so that some could be decimal "
+                "commas; export it with ; or tab between columns"
+            )
+
+    def _is_data(self, cells: Sequence[str]) -> bool:
+        return bool(cells) and all(self._is_number(c) for c in cells)
+
+    def _is_number(self, text: str) -> bool:
+        real = text.replace(",", ".") if self.comma else text
+        if len(text) > _LONGEST:
+            return False
+        return bool(_NUMBER.match(real)) or text.lower() in _NOT_FINITE or self._is_complex(text)
+
+    def _is_complex(self, text: str) -> bool:
+        if text[-1:] not in ("i", "j", "I", "J", ")") or len(text) > _LONGEST:
+            return False
+        try:
+            self._complex(text)
+        except ValueError:
+            return False
+        return True
+
+    def _first(self, header: bool | None) -> int:
+        """Return the index of the first line of data: the first that begins with numbers to the last cell."""
+        if header is True:
+            return 1
+        if header is False:
+            return 0
+        width = self._width()
+        for i, (_, line) in enumerate(self.rows):
+            cells = self.cells(line)
+            if len(cells) == width and self._is_data(cells):
+                return i
+        for i, (_, line) in enumerate(self.rows):
+            if self._is_number(self.cells(line)[0]):
+                return i
+        return len(self.rows)
+
+    def _width(self) -> int:
+        """Return how many columns most lines of numbers have."""
+        sample = self.rows[-_SAMPLE:]
+        widths = [len(c) for _, line in sample if self._is_data(c := self.cells(line))]
+        return max(set(widths), key=widths.count) if widths else -1
+
+    def _numbers(
+        self, body: Sequence[tuple[int, str]]
+    ) -> tuple[NDArray[np.float64] | NDArray[np.complex128], NDArray[np.int64]]:
+        first = self.cells(body[0][1])
+        width = len(first)
+        whole = any(self._is_complex(c) for c in first[1:])
+        out = np.empty((len(body), width), dtype=complex if whole else float)
+        parse = self._complex if whole else self._real
+        for row, (line, text) in enumerate(body):
+            cells = self.cells(text)
+            if len(cells) != width:
+                self.refuse(f"line {line} has {len(cells)} columns, the first line of data has {width}")
+            try:
+                out[row] = [self._real(cells[0]), *map(parse, cells[1:])]
+            except ValueError:
+                self._refuse_cell(line, cells, parse)
+        self._refuse_infinite(out, body)
+        return out, np.array([k for k, _ in body], dtype=np.int64)
+
+    def _refuse_cell(self, line: int, cells: Sequence[str], parse: Callable[[str], complex]) -> NoReturn:
+        for column, cell in enumerate(cells):
+            try:
+                (self._real if column == 0 else parse)(cell)
+            except ValueError:
+                self.refuse(f"line {line}, column {column + 1} has {cell[:30]!r} where a number is expected")
+        raise AssertionError
+
+    def _refuse_infinite(
+        self, values: NDArray[np.complex128] | NDArray[np.float64], body: Sequence[tuple[int, str]]
+    ) -> None:
+        bad = np.argwhere(~np.isfinite(values))
+        if bad.size:
+            row, column = (int(v) for v in bad[0])
+            self.refuse(
+                f"line {body[row][0]}, column {column + 1} has a value that is not finite, {len(bad)} in "
+                "all; "
+                "leave such lines or channels out"
+            )
+
+    def _real(self, text: str) -> float:
+        if self.comma:
+            text = text.replace(",", ".")
+        if "_" in text:
+            raise ValueError
+        try:
+            return float(text.removesuffix("+0j"))  # a frequency that was written as a complex number
+        except ValueError:
+            if text.lower() in _NOT_FINITE:
+                return float("nan")
+            return float(text.replace("D", "E").replace("d", "e"))
+
+    def _complex(self, text: str) -> complex:
+        if self.comma:
+            text = text.replace(",", ".")
+        return complex(text.replace(" ", "").replace("*", "").replace("i", "j").replace("I", "j"))
+
+    def _heads(self, width: int, above: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+        """Return the cells above each column: of lines of the header that have about as many cells."""
+        rows: list[tuple[str, ...]] = []
+        for line in above:
+            text = line.lstrip().lstrip("#%").strip() if line.lstrip()[:1] in ("#", "%") else line
+            cells = self._head_cells(text, width)
+            filled = [k for k, c in enumerate(cells) if c]
+            if not 1 < len(cells) <= width or not filled:
+                continue
+            spans = not cells[0] or len(filled) < len(cells)
+            units = frequency_factor(cells[0]) is not None
+            if not (spans or units or len(cells) == width or (width > 3 and len(cells) > width // 2)):
+                continue
+            cells += [""] * (width - len(cells))
+            rows.append(tuple(_spread(cells) if spans else cells))
+        return tuple(rows)
+
+    def _head_cells(self, text: str, width: int) -> list[str]:
+        """Return the cells of a line of the header; where blanks part columns, names may have one blank."""
+        if self.separator != " ":
+            cells = self.cells(text)
+            while cells and not cells[-1]:
+                cells.pop()
+            return cells
+        cells = text.split()
+        return cells if len(cells) == width else re.split(r"\s{2,}|\t", text.strip())
+
+
+def _spread(cells: Sequence[str]) -> list[str]:
+    """Return cells with each empty one behind the first filled one as the one before it."""
+    out, last = [], ""
+    for k, cell in enumerate(cells):
+        last = cell or (last if k > 1 else "")
+        out.append(cell or last)
+    return out

@@ -1,0 +1,133 @@
+"""Named arrays of MATLAB files and HDF5 files, with the labels of their axes where they have some."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.arrays import TableError
+from fem.io.frf_reading import optional
+from fem.io.mat5 import read_mat5
+
+HDF5_MARK = b"\x89HDF\r\n\x1a\n"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """An array of a file.
+
+    Attributes
+    ----------
+    values : ndarray
+        Numbers, or texts as ``str``.
+    axes : tuple of str
+        Names of its axes; empty where the file gives none.
+    unit : str
+    scales : mapping of str to ndarray
+        Values along its axes by the names of these.
+    """
+
+    values: NDArray[Any]
+    axes: tuple[str, ...] = ()
+    unit: str = ""
+    scales: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+
+def read_mat(path: Path) -> dict[str, Named]:
+    """Return the arrays of a MATLAB file up to version 7, members of structures as ``structure/member``.
+
+    Raises
+    ------
+    TableError
+        If it cannot be read.
+    """
+    return {name: Named(values) for name, values in read_mat5(path).items()}
+
+
+def read_hdf5(path: Path) -> dict[str, Named]:
+    """Return the arrays of an HDF5 file, or of a MATLAB file of version 7.3, by their paths.
+
+    Arrays of MATLAB are turned to its own order of axes.
+
+    Raises
+    ------
+    TableError
+        If h5py is not installed, or the file cannot be read.
+    """
+    h5py = optional("h5py", "hdf5", path.name)
+    out: dict[str, Named] = {}
+    try:
+        with h5py.File(path, "r") as file:
+
+            def visit(key: str, item: Any) -> None:
+                if isinstance(item, h5py.Dataset) and not key.startswith("#"):
+                    found = _dataset(h5py, file, item)
+                    if found is not None:
+                        out[key] = found
+
+            file.visititems(visit)
+    except Exception as reason:  # damaged files raise whatever the library comes upon
+        msg = f"{path.name}: it cannot be read as HDF5 ({_short(reason)})"
+        raise TableError(msg) from reason
+    return out
+
+
+def _dataset(h5py: Any, file: Any, item: Any) -> Named | None:
+    """Return an array of an HDF5 file; None for values that are neither numbers nor texts."""
+    kind = item.attrs.get("MATLAB_class")
+    matlab = kind.decode("latin-1") if isinstance(kind, bytes) else ""
+    if matlab and "MATLAB_empty" in item.attrs:
+        return None
+    values = item[()]
+    if matlab == "cell":
+        texts = [_text_of(file[reference][()]) for reference in np.asarray(values).T.reshape(-1)]
+        return Named(np.array(texts, dtype=str)) if texts and all(texts) else None
+    if matlab == "char":
+        return Named(np.array([_text_of(values)], dtype=str))
+    if h5py.check_string_dtype(item.dtype) is not None:
+        strings = np.asarray(item.asstr(errors="replace")[()], dtype=object)
+        return Named(np.array([str(s) for s in strings.reshape(-1)], dtype=str))
+    array = np.asarray(values)
+    if array.dtype.names and set(array.dtype.names) >= {"real", "imag"}:
+        array = array["real"] + 1j * array["imag"]
+    elif array.dtype.names and set(array.dtype.names) >= {"r", "i"}:
+        array = array["r"] + 1j * array["i"]
+    if array.dtype.kind not in "fiucb":
+        return None
+    names, scales = _dimensions(h5py, item)
+    unit = _attribute(item, "units") or _attribute(item, "unit")
+    return Named(array.T if matlab else array, names[::-1] if matlab else names, unit, scales)
+
+
+def _dimensions(h5py: Any, item: Any) -> tuple[tuple[str, ...], dict[str, NDArray[Any]]]:
+    """Return the names of an array's axes, all or none, and the values along them."""
+    names: list[str] = []
+    scales: dict[str, NDArray[Any]] = {}
+    for dim in item.dims:
+        own = [scale for scale in dim.values() if isinstance(scale, h5py.Dataset)]
+        name = dim.label or (own[0].name.rpartition("/")[2] if own else "")
+        names.append(name)
+        if own and name and own[0].shape == (item.shape[len(names) - 1],):
+            texts = h5py.check_string_dtype(own[0].dtype) is not None
+            scales[name] = (
+                np.array([str(s) for s in own[0].asstr()[()]], dtype=str) if texts else np.asarray(own[0][()])
+            )
+    return (tuple(names) if all(names) else ()), scales
+
+
+def _text_of(values: Any) -> str:
+    """Return a text of MATLAB, which HDF5 holds as numbers of characters."""
+    codes = np.asarray(values)
+    return "".join(chr(int(c)) for c in codes.T.reshape(-1)).strip() if codes.dtype.kind in "ui" else ""
+
+
+def _attribute(item: Any, key: str) -> str:
+    value = item.attrs.get(key, "")
+    value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return value if isinstance(value, str) else ""
+
+
+def _short(reason: BaseException) -> str:
+    return " ".join(str(reason).split())[:120] or type(reason).__name__
