@@ -30,6 +30,7 @@ from dovetail.file.geometry import (
     refine,
 )
 from dovetail.file.lines import key_lines
+from dovetail.file.loads import Loads, read_loads
 from dovetail.file.measured import (
     RawMeasurement,
     labels_of,
@@ -91,6 +92,9 @@ TABLES = (
     "constraints",
     "superelements",
     "masses",
+    "loads",
+    "combinations",
+    "envelopes",
     "effects",
     "damping",
     "sensors",
@@ -184,6 +188,7 @@ class _Parts:
     joints: tuple[Joint, ...]
     connections: tuple[Effect, ...]
     masses: tuple[Effect, ...]
+    loads: Loads
 
     @property
     def frame(self) -> tuple[Effect, ...]:
@@ -312,6 +317,7 @@ class _Reader:
                 for key, group in (("outputs", sensors), ("inputs", excitations))
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
+            loads=parts.loads,
         )
 
     def _head(self) -> tuple[str, str]:
@@ -335,7 +341,8 @@ class _Reader:
             *read_rigid_links(top, geometry),
             *read_constraints(top, geometry),
         )
-        return _Parts(properties, sizes, supports, joints, connections, read_masses(top, geometry))
+        masses, loads = read_masses(top, geometry), read_loads(top, geometry, (*supports, *joints))
+        return _Parts(properties, sizes, supports, joints, connections, masses, loads)
 
     def _held_out(
         self, fit: Table, sensors: list[Channel], excitations: list[Channel]

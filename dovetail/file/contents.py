@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dovetail.file.loads import Loads
 from dovetail.file.measured_modes import (
     MeasuredModes,
     ShapeLimits,
@@ -76,6 +77,8 @@ class Study:
         says it.
     measured_notes : tuple of str
         Records that the readers of the measured files left out, converted or found twice, a sentence each.
+    loads : Loads
+        Load cases, combinations and envelopes.
     """
 
     name: str
@@ -107,6 +110,7 @@ class Study:
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
     measured_notes: tuple[str, ...] = ()
+    loads: Loads = Loads()  # noqa: RUF009 - frozen
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
