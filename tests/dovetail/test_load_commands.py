@@ -1,0 +1,153 @@
+"""Commands on loads and motions: what they print and write is what Python computes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from dovetail.cli import main
+from fem.analysis.base_excitation import compute_base_frf
+from fem.analysis.complex_modes import solve_complex_modes
+from fem.io import read_mesh, read_npz
+from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
+
+COLUMN = """
+[points]
+A = [0, 0, 0]
+B = [0, 0, 2]
+[members.column]
+from = "A"
+to = "B"
+section = { A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }
+theory = "euler-bernoulli"
+elements = 8
+[materials.steel]
+E = 200e9
+rho = 7850
+[[supports]]
+point = "A"
+[[joints]]
+name = "damper"
+point1 = "B"
+c = { cx = 200.0 }
+[[loads]]
+case = "weight"
+point = "B"
+force = [0, 0, -1000]
+[[loads]]
+case = "wind"
+member = "column"
+force_per_length = [500, 0, 0]
+[[combinations]]
+name = "both"
+factors = { weight = 1.35, wind = 1.5 }
+[[envelopes]]
+name = "design"
+[[sensors]]
+name = "top"
+point = "B"
+direction = "x"
+[[excitations]]
+sensor = "top"
+"""
+
+
+@pytest.fixture
+def column(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(COLUMN, encoding="utf-8")
+    return path
+
+
+def printed(capsys, *arguments):
+    assert main([str(a) for a in arguments]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def refused(capsys, *arguments):
+    assert main([str(a) for a in arguments]) == 2
+    return capsys.readouterr().err
+
+
+def test_static(column, capsys):
+    found = printed(capsys, "static", column, "--json", "-", "--pieces", "4")
+    assert list(found["cases"]) == ["weight", "wind", "both"]
+    both = found["cases"]["both"]
+    assert both["reactions"]["A"]["z"] == pytest.approx(1350)
+    assert both["reactions"]["A"]["x"] == pytest.approx(-1.5 * 500 * 2)
+    assert both["members"]["column"]["position_m"] == [0, 0.5, 1, 1.5, 2]
+    bending = np.array(both["members"]["column"]["My"])
+    assert np.abs(bending) == pytest.approx(1.5 * 500 * (2 - np.linspace(0, 2, 5)) ** 2 / 2, abs=1e-6)
+    assert both["points"]["B"]["x"] == pytest.approx(1.5 * 500 * 2**4 / (8 * 200e9 * 1e-6))
+    assert both["largest_displacement"]["place"] == "B"
+    design = found["envelopes"]["design"]["members"]["column"]["N"]
+    assert design["low"] == pytest.approx(-1350)
+    assert design["low_case"] == "both"
+    assert main(["static", str(column), "--case", "wind"]) == 0
+    out = capsys.readouterr().out
+    assert "wind: largest displacement 5 mm, B" in out
+    assert "envelope" not in out  # of cases that were not asked for
+    assert "did you mean 'wind'" in refused(capsys, "static", column, "--case", "win")
+
+
+def test_static_writes_a_field(column, tmp_path, capsys):
+    path = tmp_path / "static.vtu"
+    assert main(["static", str(column), "--vtu", str(path), "--quiet"]) == 0
+    text = path.read_text(encoding="latin1")
+    assert "both, My" in text
+    assert read_mesh(path).n_lines == load_study(column).model.mesh.n_lines
+    assert "written as .vtu, .vtk or .xdmf" in refused(capsys, "static", column, "--vtu", tmp_path / "a.txt")
+
+
+@pytest.mark.usefixtures("offscreen")
+def test_static_and_buckling_draw(column, tmp_path):
+    folder = tmp_path / "pictures"
+    assert main(["static", str(column), "--case", "weight", "--pictures", str(folder), "--quiet"]) == 0
+    assert sorted(p.name for p in folder.glob("*.png")) == ["01-weight-N.png", "01-weight-deflection.png"]
+    arguments = ["--case", "weight", "--number", "1", "--pictures", str(folder), "--quiet"]
+    assert main(["buckling", str(column), *arguments]) == 0
+    assert [p.name for p in folder.glob("*.png")] == ["buckling-01.png"]
+
+
+def test_buckling(column, tmp_path, capsys):
+    found = printed(
+        capsys, "buckling", column, "--case", "weight", "--number", "2", "--json", "-", "--vtu",
+        tmp_path / "b.vtu",
+    )  # fmt: skip
+    euler = np.pi**2 * 200e9 * np.array([1e-6, 2e-6]) / (4 * 2**2) / 1000
+    assert found["factors"] == pytest.approx(euler, rel=1e-5)
+    assert found["moves_most"] == ["column", "column"]
+    assert "several load cases; give --case, one of weight, wind, both" in refused(capsys, "buckling", column)
+
+
+def test_complex(column, tmp_path, capsys):
+    out = tmp_path / "modes.npz"
+    found = printed(capsys, "complex", column, "--number", "4", "--json", "-", "--out", out)
+    direct = solve_complex_modes(assemble(load_study(column).model), 4)
+    assert [m["damping_ratio"] for m in found["modes"]] == pytest.approx(direct.zeta.tolist())
+    assert [m["frequency_Hz"] for m in found["modes"]] == pytest.approx(direct.frequency.tolist())
+    assert found["converged"]
+    assert out.exists()
+    assert "not '.txt'" in refused(capsys, "complex", column, "--out", tmp_path / "a.txt")
+
+
+def test_base(column, tmp_path, capsys):
+    out, picture = tmp_path / "base.npz", tmp_path / "base.png"
+    lines = ["--start", "10", "--stop", "40", "--step", "10"]
+    where = ["--motion", "x", "--motion", "A:x", "--relative", "--out", out, "--picture", picture]
+    found = printed(capsys, "base", column, *lines, *where, "--json", "-")
+    study = load_study(column)
+    rows = sensor_rows(study.model, study.sensors)
+    direct = compute_base_frf(assemble(study.model), [10, 20, 30, 40], rows, ["x", ("A", "x")], relative=True)
+    np.testing.assert_allclose(read_npz(out).H, direct.H)
+    assert np.array(found["real"]) == pytest.approx(np.real(direct.H))
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert "the base moves in 'w'; allowed are x, y" in refused(capsys, "base", column, "--motion", "w")
+
+
+def test_responses_need_sensors(column, capsys):
+    text = COLUMN[: COLUMN.index("[[sensors]]")]
+    column.write_text(text, encoding="utf-8")
+    assert "the study has no sensors" in refused(capsys, "base", column)
