@@ -28,6 +28,7 @@ from dovetail.commands import (
     report,
     run,
     static,
+    transient,
     update,
     validate,
 )
@@ -37,7 +38,7 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, complex_modes, frf, base, static, buckling, open_desk, run,
+    new, check, modes, complex_modes, frf, base, static, buckling, transient, open_desk, run,
     report, compare, candidates, locate, diagnose, identify_modes, match, update, identify_joint, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""

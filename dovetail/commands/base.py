@@ -7,7 +7,7 @@ import numpy as np
 
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.frf import add_lines, asked_lines
-from dovetail.commands.load_cases import require_sensors
+from dovetail.commands.load_cases import check_png, require_sensors
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from fem.analysis.base_excitation import Motion, compute_base_frf
 from fem.analysis.frf import FRF
@@ -54,9 +54,7 @@ def run(options: Options, progress: Progress) -> None:
     if options.out is not None and options.out.suffix.lower() not in writers:
         msg = f"{options.out}: FRFs of the base are written as .npz or .csv, not '{options.out.suffix}'"
         raise OutputError(msg)
-    if options.picture is not None and options.picture.suffix.lower() != ".png":
-        msg = f"{options.picture}: the picture is written as .png"
-        raise OutputError(msg)
+    check_png(options.picture)
     check_places(options, Output("--out", options.out), Output("--picture", options.picture))
     study = loaded(options, ("sensors",))
     require_sensors(study)

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 from dovetail.commands.common import Options
+from dovetail.disk.output import OutputError
 from dovetail.file.table import StudyError
 from dovetail.study import Study
 from fem.analysis.statics import StaticSolution
@@ -51,6 +52,13 @@ def require_sensors(study: Study) -> None:
     if not study.sensors:
         msg = f"{study.path.name}: the study has no sensors, so that there is no response; give [[sensors]]"
         raise StudyError(msg)
+
+
+def check_png(path: Path | None) -> None:
+    """Refuse a picture that is not to be a PNG."""
+    if path is not None and path.suffix.lower() != ".png":
+        msg = f"{path}: the picture is written as .png"
+        raise OutputError(msg)
 
 
 def place_of_point(study: Study, point: int) -> str:

@@ -9,6 +9,9 @@ from dovetail import load_study
 from dovetail.cli import main
 from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.complex_modes import solve_complex_modes
+from fem.analysis.excitation import Excitation
+from fem.analysis.statics import load_vectors
+from fem.analysis.transient import solve_transient
 from fem.io import read_mesh, read_npz
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
@@ -151,3 +154,69 @@ def test_responses_need_sensors(column, capsys):
     text = COLUMN[: COLUMN.index("[[sensors]]")]
     column.write_text(text, encoding="utf-8")
     assert "the study has no sensors" in refused(capsys, "base", column)
+
+
+def histories(path, time, **columns):
+    names = [name.replace("_", " ") for name in columns]
+    np.savetxt(
+        path,
+        np.column_stack([time, *columns.values()]),
+        delimiter=",",
+        header=",".join(["time [s]", *(f"{name} [SI]" for name in names)]),
+        comments="",
+    )
+
+
+def test_transient(column, tmp_path, capsys):
+    t = np.linspace(0, 0.5, 501)
+    table, out, picture = tmp_path / "e.csv", tmp_path / "out.csv", tmp_path / "out.png"
+    histories(table, t, top=5 * np.ones(501), wind=np.ones(501), base_x=np.sin(30 * t))
+    found = printed(
+        capsys, "transient", column, "--excitation", table, "--out", out, "--picture", picture, "--relative",
+        "--json", "-", "--max", "2000",
+    )  # fmt: skip
+    study = load_study(column)
+    F = study.static("wind").model.n_dof
+    top = 6 * study.model.mesh.point_names["B"]
+    loads = np.zeros((F, 2))
+    loads[top, 0] = 5
+    loads[:, 1] = load_vectors(study.model, study.loads.cases[1])[:, 0]
+    e = Excitation.of(study.model, t, loads, np.ones((501, 2)), {"x": np.sin(30 * t)})
+    direct = solve_transient(assemble(study.model), e, [top], max_frequency=2000, relative=True)
+    expected = pytest.approx(direct.displacement[:, 0], rel=1e-9, abs=1e-14)
+    assert found["responses"]["top"]["displacement"] == expected
+    written = np.loadtxt(out, delimiter=",", skiprows=1)
+    assert written[:, 1] == pytest.approx(direct.displacement[:, 0], rel=1e-8, abs=1e-14)
+    assert out.read_text(encoding="utf-8").startswith("time [s],top displacement [m],top velocity [m/s]")
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_release_swings_about_rest(column, tmp_path, capsys):
+    out = tmp_path / "out.npz"
+    arguments = ["--release", "wind", "--step", "1e-3", "--duration", "0.4", "--number", "48", "--out", out]
+    found = printed(capsys, "transient", column, *arguments, "--json", "-")
+    assert found["responses"]["top"]["displacement"][0] == pytest.approx(500 * 2**4 / (8 * 200e9 * 1e-6))
+    with np.load(out) as arrays:
+        assert arrays["displacement"].shape == (401, 1)
+        assert arrays["displacement"].min() < 0
+    assert "needs --step and --duration" in refused(capsys, "transient", column, "--release", "wind")
+    assert "nothing acts" in refused(capsys, "transient", column)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,gust\n0,1\n1,2\n", "e.csv: nothing is called 'gust'; allowed are top, weight, wind, both"),
+        ("seconds,top\n0,1\n1,2\n", "line 1: the header is 'seconds,top'; its first column has to"),
+        ("time,top\n0,1\n1\n", "line 3: 1 columns are found, and the header has 2"),
+        ("time,top\n0,1\n\n1,x\n", "line 4: 'x' is not a finite number"),
+        ("time,top\n0,1\n0,1\n", "line 3: time 0 comes after 0; it has to increase"),
+        ("time,top\n0,1\n1,1\n5,1\n", "steps from 1 to 4 s; equal ones are needed"),
+        ("time,top,top\n0,1,1\n1,1,1\n", "the column 'top' is there twice"),
+        ("time,top\n", "a header and at least two lines"),
+    ],
+)  # fmt: skip
+def test_tables_that_cannot_be_meant_are_refused(column, tmp_path, capsys, text, message):
+    table = tmp_path / "e.csv"
+    table.write_text(text, encoding="utf-8")
+    assert message in refused(capsys, "transient", column, "--excitation", table)
