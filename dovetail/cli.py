@@ -25,8 +25,10 @@ from dovetail.commands import (
     match,
     modes,
     new,
+    psd,
     report,
     run,
+    spectrum,
     static,
     transient,
     update,
@@ -38,7 +40,7 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, complex_modes, frf, base, static, buckling, transient, open_desk, run,
+    new, check, modes, complex_modes, frf, base, static, buckling, transient, spectrum, psd, open_desk, run,
     report, compare, candidates, locate, diagnose, identify_modes, match, update, identify_joint, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""

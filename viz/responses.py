@@ -1,6 +1,6 @@
 """Responses to motions of the base, in time, to spectra and to random loads, as matplotlib figures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.analysis.tabulated import Tabulated
 from viz import style
 from viz.axes import legend_above
 
@@ -106,13 +107,45 @@ def plot_densities(
         for i, name in enumerate(names[:_MOST_CURVES]):
             ax.loglog(frequency, np.maximum(densities[:, i], 1e-300), color=_COLOURS[i], label=name)
         shown = densities[:, :_MOST_CURVES]
-        shown = shown[shown > 0]
+        shown = shown[shown > _DEEPEST * shown.max(initial=0.0)]
         if shown.size:
-            ax.set_ylim(max(shown.min(), _DEEPEST * shown.max()) / 2, 2 * shown.max())
+            ax.set_ylim(shown.min() / 2, 2 * shown.max())
         ax.set_xlim(frequency[0], frequency[-1])
         ax.set_xlabel("frequency [Hz]")
         ax.set_ylabel(f"power spectral density [{unit}]")
         legend_above(figure, _heading(title, len(names)), ax.get_legend_handles_labels()[0])
+    return figure
+
+
+def plot_spectra(
+    spectra: Mapping[str, Tabulated], frequencies: NDArray[np.float64], title: str = ""
+) -> Figure:
+    """Plot response spectra of the base, with a mark at each mode.
+
+    Parameters
+    ----------
+    spectra : mapping of str to Tabulated
+        Pseudo-acceleration by direction [m/s²].
+    frequencies : ndarray (n_modes,)
+        Natural frequencies [Hz].
+    title : str
+        Heading.
+    """
+    with style.look():
+        figure, (ax,) = _panels(1, title)
+        low = min(*(s.frequency[0] for s in spectra.values()), frequencies.min())
+        high = max(*(s.frequency[-1] for s in spectra.values()), frequencies.max())
+        lines = np.geomspace(low, high, 400)
+        for i, (name, spectrum) in enumerate(spectra.items()):
+            ax.loglog(lines, spectrum.at(lines), color=_COLOURS[i], label=f"spectrum, {name}")
+            ax.plot(
+                frequencies, spectrum.at(frequencies), "o", color=_COLOURS[i], markersize=4,
+                label=f"modes, {name}",
+            )  # fmt: skip
+        ax.set_xlim(low, high)
+        ax.set_xlabel("frequency [Hz]")
+        ax.set_ylabel("pseudo-acceleration [m/s²]")
+        legend_above(figure, title, ax.get_legend_handles_labels()[0])
     return figure
 
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from dovetail.commands.argument_types import positive, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.excitations import driven_by
 from dovetail.commands.load_cases import check_png, require_sensors
 from dovetail.disk.output import Output, OutputError, Progress, write_json
-from dovetail.excitations import driven_by
 from dovetail.file.histories import Columns, read_columns
 from dovetail.file.paths import InputFile
 from dovetail.study import Study
@@ -146,7 +146,7 @@ def _excitation(study: Study, options: Options) -> Excitation:
         if options.step is None or options.duration is None:
             msg = "--release without --excitation needs --step and --duration"
             raise OutputError(msg)
-        table = Columns("", np.array([0.0, options.duration]), (), np.zeros((2, 0)))
+        table = Columns("", "time", np.array([0.0, options.duration]), (), np.zeros((2, 0)))
     else:
         table = read_columns(options.excitation, ("time", "t"))
     driven = driven_by(study, table)

@@ -18,6 +18,8 @@ class Columns:
     Attributes
     ----------
     file : str
+    abscissa : str
+        Name of the first column, in lower case.
     x : ndarray (n,)
         Abscissa: times [s] or frequencies [Hz].
     names : tuple of str
@@ -26,6 +28,7 @@ class Columns:
     """
 
     file: str
+    abscissa: str
     x: NDArray[np.float64]
     names: tuple[str, ...]
     values: NDArray[np.float64]
@@ -82,7 +85,7 @@ def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
             f"{numbers[k - 1, 0]:g}; it has to increase"
         )
         raise StudyError(msg)
-    return Columns(path.name, numbers[:, 0], tuple(names[1:]), numbers[:, 1:])
+    return Columns(path.name, names[0].lower(), numbers[:, 0], tuple(names[1:]), numbers[:, 1:])
 
 
 def _numbers(file: str, n: int, line: str, separator: str, wanted: int) -> list[float]:

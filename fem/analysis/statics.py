@@ -204,7 +204,7 @@ def solve_static(
     q = _solve(system, np.asarray(system.Q.T @ (f - K @ prescribed)))
     u = np.asarray(system.Q @ q) + prescribed
     out_of_balance = K @ u - f
-    reactions = _reactions(constraints, out_of_balance)
+    reactions = constraint_forces(constraints, out_of_balance)
     for c in constraints:
         np.subtract.at(out_of_balance, c.dofs, c.coefficients[:, None] * reactions[c.key])
     stiffness = line_stiffness(model)
@@ -365,7 +365,7 @@ def _describe_free(system: System) -> str:
     )
 
 
-def _reactions(
+def constraint_forces(
     constraints: tuple[Constraint, ...], force: NDArray[np.float64]
 ) -> dict[Key, NDArray[np.float64]]:
     """Return the force of each constraint, from the forces (n_dof, n_cases) of all of them together.

@@ -10,7 +10,10 @@ from dovetail.cli import main
 from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.excitation import Excitation
+from fem.analysis.random_vibration import solve_random
+from fem.analysis.response_spectrum import solve_spectrum
 from fem.analysis.statics import load_vectors
+from fem.analysis.tabulated import Tabulated
 from fem.analysis.transient import solve_transient
 from fem.io import read_mesh, read_npz
 from fem.system import assemble
@@ -220,3 +223,53 @@ def test_tables_that_cannot_be_meant_are_refused(column, tmp_path, capsys, text,
     table = tmp_path / "e.csv"
     table.write_text(text, encoding="utf-8")
     assert message in refused(capsys, "transient", column, "--excitation", table)
+
+
+def test_spectrum(column, tmp_path, capsys):
+    by_period, by_frequency = tmp_path / "t.csv", tmp_path / "f.csv"
+    by_period.write_text("period [s],x\n0,3\n0.01,3\n0.1,7.5\n2,1.5\n", encoding="utf-8")
+    by_frequency.write_text("frequency [Hz],base x\n0.5,1.5\n10,7.5\n100,3\n", encoding="utf-8")
+    picture = tmp_path / "s.png"
+    found, same = (
+        printed(capsys, "spectrum", column, "--spectrum", file, "--number", "3", "--json", "-", *more)
+        for file, more in ((by_period, ["--picture", picture]), (by_frequency, []))
+    )
+    assert found == same
+    study = load_study(column)
+    direct = solve_spectrum(
+        assemble(study.model),
+        {"x": Tabulated.of([0.5, 10, 100], [1.5, 7.5, 3])},
+        sensor_rows(study.model, study.sensors),
+        n_modes=3,
+    )
+    assert found["sensors"]["top"]["displacement"] == pytest.approx(direct.displacement[0])
+    assert found["reactions"]["A"]["x"] == pytest.approx(direct.base_force[0])
+    assert found["members"]["column"]["My"] == pytest.approx(direct.reactions["A", "ry"])
+    # the damper at the top counts in the correlation
+    assert found["modes"][0]["damping_ratio"] > 0.15
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    by_period.write_text("period,up\n0.1,1\n1,1\n", encoding="utf-8")
+    assert "'up' is no direction of the base" in refused(capsys, "spectrum", column, "--spectrum", by_period)
+
+
+def test_psd(column, tmp_path, capsys):
+    table, out, picture = tmp_path / "s.csv", tmp_path / "out.csv", tmp_path / "s.png"
+    table.write_text("frequency [Hz];base x;top\n10;0.1;2\n100;1;2\n500;1;0\n", encoding="utf-8")
+    arguments = ["--psd", table, "--response", "displacement", "--relative", "--out", out]
+    found = printed(capsys, "psd", column, *arguments, "--picture", picture, "--json", "-")
+    study = load_study(column)
+    direct = solve_random(
+        assemble(study.model),
+        sensor_rows(study.model, study.sensors),
+        loads=sensor_rows(study.model, study.excitations),
+        forces=[Tabulated.of([10, 100, 500], [2, 2, 0])],
+        base={"x": Tabulated.of([10, 100, 500], [0.1, 1, 1])},
+        response="displacement",
+        relative=True,
+    )
+    assert found["rms"]["top"] == pytest.approx(direct.rms[0])
+    np.testing.assert_allclose(
+        np.loadtxt(out, delimiter=",", skiprows=1)[:, 1], direct.density[:, 0], rtol=1e-6
+    )
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert "not '.txt'" in refused(capsys, "psd", column, "--psd", table, "--out", tmp_path / "a.txt")
