@@ -166,7 +166,7 @@ def resonance_lines(system: System, low: float, high: float, corners: ArrayLike 
 def _arsinh_steps(ratio: float) -> Floats:
     """Return equal steps up to where the distance from a mode is its frequency."""
     n = int(np.ceil(np.arcsinh(1 / ratio) / _STEP))
-    return _STEP * np.arange(-n, n + 1)
+    return np.linspace(-n * _STEP, n * _STEP, 2 * n + 1)
 
 
 def _integral(x: Floats, values: Floats) -> Floats:
