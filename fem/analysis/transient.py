@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.base_excitation import rigid_base_load
 from fem.analysis.excitation import Excitation, TimeResponse
-from fem.analysis.modes import Eigenpairs, solve_eigenpairs
+from fem.analysis.modes import solve_eigenpairs
 from fem.analysis.recurrence import coupled, oscillators, twice_integrated
 from fem.analysis.selection import Selection, dof_vectors
 from fem.analysis.statics import factor_held
@@ -92,7 +92,7 @@ def solve_transient(
     if system.laws:
         msg = "elements that depend on frequency have no equation of motion in time here; leave them out"
         raise ModelError(msg)
-    problem = _problem(system, excitation, outputs, n_modes, max_frequency, initial, about)
+    problem = _problem(system, excitation, outputs, method, n_modes, max_frequency, initial, about)
     if method == "modal":
         q, v, a = _by_modes(problem)
     else:
@@ -107,7 +107,7 @@ def solve_transient(
         problem.labels,
         relative,
         method,
-        len(problem.pairs.eigenvalues),
+        problem.eigenvalues.size,
         problem.notes,
     )
 
@@ -118,7 +118,8 @@ class _Problem:
 
     system: System
     excitation: Excitation
-    pairs: Eigenpairs
+    eigenvalues: Floats  # (n_modes,)
+    phi: Floats  # (n_free, n_modes)
     F: Floats  # (n_free, k): loads, then the inertia that motions of the base leave
     p: Floats  # (n_t, k)
     L: Floats  # (n_out, n_free)
@@ -133,6 +134,7 @@ def _problem(
     system: System,
     excitation: Excitation,
     outputs: Selection,
+    method: str,
     n_modes: int | None,
     max_frequency: float | None,
     initial: tuple[ArrayLike, ArrayLike] | None,
@@ -142,7 +144,11 @@ def _problem(
     rows, labels = dof_vectors(model, outputs)
     if n_modes is None and max_frequency is None:
         max_frequency = 1 / (2 * excitation.step)
-    pairs = solve_eigenpairs(system, n_modes, max_frequency)
+    eigenvalues, phi = np.zeros(0), np.zeros((system.n_free, 0))
+    damping = model.damping
+    if method == "modal" or damping.ratio.any() or damping.loss_factor or system.D.nnz:
+        pairs = solve_eigenpairs(system, n_modes, max_frequency)
+        eigenvalues, phi = pairs.eigenvalues, pairs.vectors
     loads, histories, base = [excitation.loads], [excitation.forces], []
     for direction, acceleration in excitation.base.items():
         r, inertia = rigid_base_load(system, direction, about)
@@ -150,19 +156,18 @@ def _problem(
         histories.append(acceleration[:, None])
         base.append((rows.T @ r, acceleration))
     notes = []
-    omega = np.sqrt(pairs.eigenvalues)
-    damping = model.damping
+    omega = np.sqrt(eigenvalues)
     ratios = damping.ratio_at(omega / (2 * np.pi)) + damping.loss_factor / 2
     if system.D.nnz:
-        lost = np.einsum("ij,ij->j", pairs.vectors, system.D @ pairs.vectors)
+        lost = np.einsum("ij,ij->j", phi, system.D @ phi)
         ratios = ratios + np.divide(lost, 2 * omega**2, out=np.zeros_like(lost), where=omega > 0)
     if damping.loss_factor or system.D.nnz:
         notes.append("structural damping is replaced by the viscous damping of each mode at its frequency")
     start = _start(system, initial)
     for word, x in zip(("displacement", "velocity"), start, strict=True):
         mass = float(x @ (system.M @ x))
-        in_modes = float(np.square(pairs.vectors.T @ (system.M @ x)).sum())
-        if mass - in_modes > _LOST * mass:
+        in_modes = float(np.square(phi.T @ (system.M @ x)).sum())
+        if method == "modal" and mass - in_modes > _LOST * mass:
             notes.append(
                 f"the modes leave out {100 * (1 - in_modes / mass):.2g} % of the initial {word}, by mass: "
                 "take more"
@@ -170,7 +175,8 @@ def _problem(
     return _Problem(
         system,
         excitation,
-        pairs,
+        eigenvalues,
+        phi,
         np.asarray(system.Q.T @ np.hstack(loads)),
         np.hstack(histories),
         np.asarray(rows.T @ system.Q),
@@ -223,9 +229,8 @@ def _base_motion(problem: _Problem) -> tuple[Floats, Floats, Floats]:
 
 def _by_modes(problem: _Problem) -> tuple[Floats, Floats, Floats]:
     """Return displacements, velocities and accelerations of the outputs, (n_t, n_out)."""
-    system, pairs, h = problem.system, problem.pairs, problem.excitation.step
-    phi, damping = pairs.vectors, system.model.damping
-    k = pairs.eigenvalues
+    system, h = problem.system, problem.excitation.step
+    phi, k, damping = problem.phi, problem.eigenvalues, system.model.damping
     own = damping.alpha + damping.beta * k + 2 * problem.ratios * np.sqrt(k)
     C = np.asarray(phi.T @ (system.C @ phi)) if system.C.nnz else np.zeros((k.size, k.size))
     B = phi.T @ problem.F
@@ -246,10 +251,10 @@ def _by_modes(problem: _Problem) -> tuple[Floats, Floats, Floats]:
 
 def _static_rest(problem: _Problem) -> Floats:
     """Return the static responses (n_out, k) to loads that the modes lack; 0 of a free structure."""
-    system, pairs = problem.system, problem.pairs
-    if system.rigid.shape[1] or pairs.n_rigid or not problem.F.shape[1]:
+    system, phi = problem.system, problem.phi
+    if system.rigid.shape[1] or not problem.F.shape[1]:
         return np.zeros((len(problem.L), problem.F.shape[1]))
-    rest = problem.F - system.M @ (pairs.vectors @ (pairs.vectors.T @ problem.F))
+    rest = problem.F - system.M @ (phi @ (phi.T @ problem.F))
     x = factor_held(system).solve(rest)
     return problem.L @ x
 
@@ -298,13 +303,13 @@ def _first_acceleration(M: sp.csc_array, K: sp.csc_array, force: Floats, h: floa
 
 def _by_newmark(problem: _Problem, alpha: float) -> tuple[Floats, Floats, Floats]:
     """Return displacements, velocities and accelerations of the outputs, (n_t, n_out)."""
-    system, pairs, h = problem.system, problem.pairs, problem.excitation.step
+    system, h = problem.system, problem.excitation.step
     if not system.reciprocal:
         msg = "Newmark's method takes symmetric matrices here; use the modal method for gyroscopic effects"
         raise ModelError(msg)
     K, M, damping = system.K, system.M, system.model.damping
     kept = np.flatnonzero(problem.ratios > 0)
-    phi, omega = pairs.vectors[:, kept], np.sqrt(pairs.eigenvalues[kept])
+    phi, omega = problem.phi[:, kept], np.sqrt(problem.eigenvalues[kept])
     W = np.asarray(M @ phi) * np.sqrt(2 * problem.ratios[kept] * omega)
     C = _Damped(sp.csc_array(system.C + damping.alpha * M + damping.beta * K), W)
     beta, gamma, now = (1 - alpha) ** 2 / 4, 0.5 - alpha, 1 + alpha
