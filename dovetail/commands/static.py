@@ -23,6 +23,9 @@ from viz.offscreen import require_drawing
 HELP = "compute displacements, reactions and section forces under loads"
 EXAMPLE = "dovetail static study.toml --case dead --case wind --pictures out/static --vtu out/static.vtu"
 
+_ROUNDING = 1e-10
+"""Forces and moments below this part of the largest are printed as 0 [-]."""
+
 Fields = dict[str, Any]
 
 
@@ -136,8 +139,10 @@ def _case_lines(study: Study, solution: StaticSolution, on_lines: np.ndarray, k:
     """Return what is printed of a load case."""
     largest = _largest(study, solution, k)
     rows: dict[str, dict[str, float]] = {}
-    for (name, direction), value in {**solution.reactions, **solution.springs}.items():
-        rows.setdefault(name, {})[direction] = float(value[k])
+    held = {**solution.reactions, **solution.springs}
+    rounding = _ROUNDING * max((abs(float(value[k])) for value in held.values()), default=0.0)
+    for (name, direction), value in held.items():
+        rows.setdefault(name, {})[direction] = float(value[k]) if abs(value[k]) > rounding else 0.0
     width = max([len(r) for r in rows] + [8])
     out = [
         "",
@@ -151,6 +156,7 @@ def _case_lines(study: Study, solution: StaticSolution, on_lines: np.ndarray, k:
     member = study.model.mesh.member_of_line()
     for i, q in enumerate(SECTION_FORCES):
         values = on_lines[..., i, k]
+        values = np.where(abs(values) > _ROUNDING * abs(on_lines[..., k]).max(), values, 0.0)
         low, high = (np.unravel_index(f(values), values.shape)[0] for f in (np.argmin, np.argmax))
         if values.any():
             out.append(
