@@ -1,4 +1,4 @@
-"""Time responses in time of cubic grids in Dovetail and OpenSees, and compare what they find.
+"""Time the responses in time of cubic grids in Dovetail and OpenSees, and compare what they find.
 
     python -m benchmarks.transient [--steps N] [points per side …]
 
