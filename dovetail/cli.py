@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.commands import (
+    base,
+    buckling,
     candidates,
     check,
     compare,
@@ -24,18 +26,24 @@ from dovetail.commands import (
     match,
     modes,
     new,
+    psd,
     report,
     run,
+    spectrum,
+    static,
+    transient,
     update,
     validate,
 )
+from dovetail.commands import complex as complex_modes
 from dovetail.commands import open as open_desk
 from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, frf, frf_estimate, open_desk, run, report, compare, candidates, locate, diagnose,
-    identify_modes, match, update, identify_joint, validate,
+    new, check, modes, complex_modes, frf, frf_estimate, base, static, buckling, transient, spectrum, psd,
+    open_desk, run, report, compare, candidates, locate, diagnose, identify_modes, match, update, identify_joint,
+    validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 

@@ -35,6 +35,7 @@ from dovetail.result import RunResult
 from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Modes, first_modes
+from fem.analysis.statics import StaticSolution, solve_static
 from fem.connection_damping import ConnectionDamping
 from fem.effects import candidate_kinds
 from fem.effects.joint_nonlinear import AmplitudeDependent
@@ -131,6 +132,31 @@ class Study(config.Study):
         H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, kind).H
         names, forces = (tuple(s.name for s in part) for part in (self.sensors, self.excitations))
         return FRF.of(FRF.from_arrays(frequency, H, kind, names, forces))
+
+    def static(self, *cases: str) -> StaticSolution:
+        """Return the static responses to load cases and combinations of the study.
+
+        Parameters
+        ----------
+        *cases : str
+            Names of load cases and combinations; all unless given.
+
+        Raises
+        ------
+        StudyError
+            If the study has no loads, or none of such a name.
+        ModelError
+            As :func:`fem.analysis.statics.solve_static`.
+        """
+        known = {c.name: c for c in self.loads.all_cases(self.model)}
+        if not known:
+            msg = f"{self.path.name}: the study has no loads; give [[loads]]"
+            raise StudyError(msg)
+        for name in cases:
+            if name not in known:
+                msg = f"there is no load case or combination '{name}'; {suggest(name, known)}"
+                raise StudyError(msg)
+        return solve_static(assemble(self.model), [known[name] for name in cases or known])
 
     def require_ends(self) -> None:
         """Raise a :class:`StudyError` if the study has no sensors or no excitations."""

@@ -8,10 +8,12 @@ import numpy as np
 
 from benchmarks.peers.exchange import PeerFrame, PeerResult, serve
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
+from fem.analysis.excitation import Excitation
 from fem.analysis.loads import LineLoad, LoadCase
 from fem.analysis.modes import solve_modes
 from fem.analysis.statics import StaticSolution, solve_static
-from fem.model import DIRECTIONS
+from fem.analysis.transient import solve_transient
+from fem.model import DIRECTIONS, Damping
 from fem.system import sum_contributions
 
 
@@ -97,10 +99,21 @@ def compute(frame: PeerFrame) -> PeerResult:
             found["reactions"][int(support.removeprefix("support")), DIRECTIONS.index(direction)] = force[0]
         if frame.within:
             found.update(within(frame, solution))
-    if frame.n_modes:
+    if frame.n_modes and not frame.history.size:
         start = time.process_time()
         found["frequency"] = solve_modes(assemble(model), frame.n_modes).frequency
         found["modes_seconds"] = time.process_time() - start
+    if frame.history.size:
+        damped = Model(model.mesh, model.effects, Damping.rayleigh(frame.alpha, frame.beta))
+        t = frame.step * np.arange(frame.history.size)
+        start = time.process_time()
+        excitation = Excitation.of(damped, t, frame.loads.ravel(), frame.history)
+        modes = frame.n_modes or None
+        watched = frame.watched.tolist()
+        found["responses"] = solve_transient(
+            assemble(damped), excitation, watched, method=frame.way, n_modes=modes
+        ).displacement
+        found["transient_seconds"] = time.process_time() - start
     return PeerResult(program="Dovetail", **found)
 
 

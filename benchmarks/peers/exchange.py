@@ -79,6 +79,16 @@ class PeerFrame(_Stored):
         Fraction of the members' lengths at which section forces and deflections are wanted; 0 for nowhere.
     options : str
         For the program: OpenSees' system, numberer and eigensolver, separated by blanks.
+    history : ndarray (n_t,)
+        Factors of the loads in time, the first 0, for responses in time from rest; none if empty [-].
+    step : float
+        Between them [s].
+    alpha, beta : float
+        Rayleigh damping of these responses [1/s, s].
+    watched : ndarray of int (k,)
+        Directions, 6 point + d, whose displacements are wanted in time.
+    way : str
+        How Dovetail steps in time: ``"newmark"``, as OpenSees does, or ``"modal"`` with ``n_modes`` modes.
     """
 
     points: Floats
@@ -103,6 +113,12 @@ class PeerFrame(_Stored):
     matrices: bool = False
     within: float = 0.0
     options: str = ""
+    history: Floats = field(default_factory=lambda: np.zeros(0))
+    step: float = 0.0
+    alpha: float = 0.0
+    beta: float = 0.0
+    watched: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    way: str = "newmark"
 
     @property
     def n_free(self) -> int:
@@ -130,8 +146,10 @@ class PeerResult(_Stored):
         Rising [Hz].
     K, M : ndarray (6 n, 6 n)
         Stiffness and mass of all DOFs [N/m …, kg …].
-    build, static_seconds, modes_seconds : float
-        CPU times of making the model, of statics and of modes, each with assembly [s].
+    responses : ndarray (n_t, k)
+        Displacements of the watched directions in time [m, rad].
+    build, static_seconds, modes_seconds, transient_seconds : float
+        CPU times of making the model, of statics, of modes and of responses in time, each with assembly [s].
     """
 
     program: str
@@ -143,9 +161,11 @@ class PeerResult(_Stored):
     frequency: Floats = field(default_factory=lambda: np.zeros(0))
     K: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     M: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    responses: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     build: float = 0.0
     static_seconds: float = 0.0
     modes_seconds: float = 0.0
+    transient_seconds: float = 0.0
 
 
 Stored = TypeVar("Stored", PeerFrame, PeerResult)

@@ -36,6 +36,11 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         choices=["receptance", "mobility", "accelerance"],
         help="kind of FRF (default: that of the measurement, or accelerance)",
     )
+    add_lines(p)
+
+
+def add_lines(p: argparse.ArgumentParser) -> None:
+    """Add the options of the frequency lines."""
     for key, text in (
         ("start", "first frequency"),
         ("stop", "last frequency"),
@@ -65,7 +70,7 @@ def run(options: Options, progress: Progress) -> None:
         own_labels(part, study.labels[which]) if nodes is None else nodes.labels(which, part)
         for which, part in parts.items()
     ]
-    frequency = _lines(study, options)
+    frequency = asked_lines(study, options, len(study.sensors) * len(study.excitations))
     progress("computing FRFs")
     own = study.frf(frequency, options.kind)
     computed = FRF.from_arrays(frequency, own.H, own.kind, *labels)
@@ -98,7 +103,16 @@ def run(options: Options, progress: Progress) -> None:
     )
 
 
-def _lines(study: Study, options: Options) -> np.ndarray:
+def asked_lines(study: Study, options: Options, values: int) -> np.ndarray:
+    """Return the frequencies that are asked for, or those of the measurement or study [Hz].
+
+    Parameters
+    ----------
+    study : Study
+    options : Options
+    values : int
+        Number of FRFs, which bounds that of the lines.
+    """
     if options.start is None and options.stop is None and options.step is None:
         return study.measurements[0].frf.frequency if study.measurements else study.frequency
     base = study.measurements[0].frf.frequency if study.measurements else study.frequency
@@ -108,7 +122,7 @@ def _lines(study: Study, options: Options) -> np.ndarray:
     if start > stop:
         msg = f"the first frequency, {start:g} Hz, lies above the last, {stop:g} Hz"
         raise OutputError(msg)
-    n, values = (stop - start) / step, len(study.sensors) * len(study.excitations)
+    n = (stop - start) / step
     most = min(MOST_LINES, MOST_VALUES // values)
     if n > most:
         msg = (

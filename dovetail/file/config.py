@@ -30,6 +30,7 @@ from dovetail.file.geometry import (
     refine,
 )
 from dovetail.file.lines import key_lines
+from dovetail.file.loads import Loads, read_loads
 from dovetail.file.measured import RawMeasurement, read_files
 from dovetail.file.measured_match import labels_of, match, read_held_out, top_frequency
 from dovetail.file.measured_modes import (
@@ -86,6 +87,9 @@ TABLES = (
     "constraints",
     "superelements",
     "masses",
+    "loads",
+    "combinations",
+    "envelopes",
     "effects",
     "damping",
     "sensors",
@@ -182,6 +186,7 @@ class _Parts:
     joints: tuple[Joint, ...]
     connections: tuple[Effect, ...]
     masses: tuple[Effect, ...]
+    loads: Loads
 
     @property
     def frame(self) -> tuple[Effect, ...]:
@@ -315,6 +320,7 @@ class _Reader:
                 for key, group in (("outputs", sensors), ("inputs", excitations))
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
+            loads=parts.loads,
         )
 
     def _suspicions(
@@ -355,7 +361,8 @@ class _Reader:
             *read_rigid_links(top, geometry),
             *read_constraints(top, geometry),
         )
-        return _Parts(properties, sizes, supports, joints, connections, read_masses(top, geometry))
+        masses, loads = read_masses(top, geometry), read_loads(top, geometry, (*supports, *joints))
+        return _Parts(properties, sizes, supports, joints, connections, masses, loads)
 
     def _held_out(
         self, fit: Table, sensors: list[Channel], excitations: list[Channel]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dovetail.file.loads import Loads
 from dovetail.file.measured_modes import (
     MeasuredModes,
     ShapeLimits,
@@ -79,6 +80,8 @@ class Study:
         says it.
     measured_notes : tuple of str
         Records that the readers of the measured files left out, converted or found twice, a sentence each.
+    loads : Loads
+        Load cases, combinations and envelopes.
     """
 
     name: str
@@ -111,6 +114,7 @@ class Study:
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
     measured_notes: tuple[str, ...] = ()
     amplitudes: tuple[Measurement, ...] = ()
+    loads: Loads = Loads()  # noqa: RUF009 - frozen
 
     @property
     def lack_of_frfs(self) -> str:

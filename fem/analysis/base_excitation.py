@@ -120,6 +120,30 @@ def compute_base_frf(
     return FRF.from_arrays(lines, H, FRFKind.RECEPTANCE, out_labels, labels).as_kind(kind)
 
 
+def rigid_base_load(
+    system: System, direction: str, about: ArrayLike | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the rigid motion r of the whole base and M r, shapes (n_dof,).
+
+    In coordinates relative to the base an acceleration a of it acts as the forces -M r a.
+
+    Parameters
+    ----------
+    system : System
+    direction : str
+        ``"x"`` … ``"rz"``.
+    about : array_like (3,), optional
+        Point about which the base turns, the origin unless given [m].
+
+    Raises
+    ------
+    ModelError
+        For an unknown direction, or constraints within the structure that hold it against such a motion.
+    """
+    r, forces, _ = _followed(system, direction, np.zeros(3) if about is None else np.asarray(about, float))
+    return r, forces.M
+
+
 def _followed(
     system: System, motion: Motion, place: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], _Forces, str]:

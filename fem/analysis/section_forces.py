@@ -58,6 +58,15 @@ class LineEquilibrium:
 
 def line_stiffness(model: Model) -> NDArray[np.float64]:
     """Return the stiffness of each line with all effects that change it, shape (n_lines, 12, 12)."""
+    return _line_matrices(model, "K")
+
+
+def line_mass(model: Model) -> NDArray[np.float64]:
+    """Return the mass of each line with all effects that change it, shape (n_lines, 12, 12)."""
+    return _line_matrices(model, "M")
+
+
+def _line_matrices(model: Model, key: str) -> NDArray[np.float64]:
     mesh = model.mesh
     every = np.arange(mesh.n_lines)
     out = np.zeros((mesh.n_lines, 12, 12))
@@ -71,8 +80,9 @@ def line_stiffness(model: Model) -> NDArray[np.float64]:
         else:
             parts = effect.on_lines(model)
         for rows, c in parts:
-            if c.K is not None and c.dofs.shape[1] == 12:
-                np.add.at(out, lines_of_elements(model, rows, c.dofs), np.real(c.K))
+            X = getattr(c, key)
+            if X is not None and c.dofs.shape[1] == 12:
+                np.add.at(out, lines_of_elements(model, rows, c.dofs), np.real(X))
     return out
 
 

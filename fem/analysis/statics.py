@@ -9,6 +9,7 @@ Loads are in `fem.analysis.loads`, internal forces in `fem.analysis.section_forc
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -190,13 +191,11 @@ def solve_static(
     model = system.model
     cases = as_cases(model, loads)
     axes = line_axes(model)
-    contributions = model.contributions()
-    K, M, _, _ = sum_contributions(contributions, model.n_dof)
+    K, M, _, _ = sum_contributions(model.contributions(), model.n_dof)
     spread, strain = loads_on_members(model, axes, cases)
     on_lines = nodal_loads(model, axes, spread, strain, cases)
-    f = np.column_stack([point_forces(model, c) for c in cases])
-    gravity = np.array([checked_vector(c.gravity, f"gravity of load case '{c.name}'") for c in cases]).T
-    f = f + M @ (rigid_motions(model)[:, :3] @ gravity)
+    gravity = _gravity(cases)
+    f = _at_points(model, cases, M, gravity)
     weights = nodal_weights(model, gravity)
     np.add.at(f, line_dofs(model), on_lines)
     constraints = model.constraints()
@@ -205,7 +204,7 @@ def solve_static(
     q = _solve(system, np.asarray(system.Q.T @ (f - K @ prescribed)))
     u = np.asarray(system.Q @ q) + prescribed
     out_of_balance = K @ u - f
-    reactions = _reactions(constraints, out_of_balance)
+    reactions = constraint_forces(constraints, out_of_balance)
     for c in constraints:
         np.subtract.at(out_of_balance, c.dofs, c.coefficients[:, None] * reactions[c.key])
     stiffness = line_stiffness(model)
@@ -227,6 +226,45 @@ def solve_static(
         abs(scale * out_of_balance).max(axis=0) / np.maximum(largest, 1e-300),
         held,
     )
+
+
+def load_vectors(model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads) -> NDArray[np.float64]:
+    """Return the forces on all DOFs that do the work of load cases, shape (n_dof, n_cases) [N, N·m].
+
+    Parameters
+    ----------
+    model : Model
+    loads : as of :func:`solve_static`
+
+    Raises
+    ------
+    ModelError
+        As :func:`solve_static`, and for a load case that moves supports, which no force does.
+    """
+    cases = as_cases(model, loads)
+    for case in cases:
+        if any(case.displacements.values()):
+            msg = f"load case '{case.name}' moves supports; only forces have a history in time"
+            raise ModelError(msg)
+    axes = line_axes(model)
+    M = sum_contributions(model.contributions(), model.n_dof)[1]
+    spread, strain = loads_on_members(model, axes, cases)
+    f = _at_points(model, cases, M, _gravity(cases))
+    np.add.at(f, line_dofs(model), nodal_loads(model, axes, spread, strain, cases))
+    return f
+
+
+def _gravity(cases: Sequence[LoadCase]) -> NDArray[np.float64]:
+    """Return the accelerations of gravity, shape (3, n_cases)."""
+    return np.array([checked_vector(c.gravity, f"gravity of load case '{c.name}'") for c in cases]).T
+
+
+def _at_points(
+    model: Model, cases: Sequence[LoadCase], M: Any, gravity: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the forces of loads at points and of gravity on all mass, shape (n_dof, n_cases)."""
+    f = np.column_stack([point_forces(model, c) for c in cases])
+    return f + M @ (rigid_motions(model)[:, :3] @ gravity)
 
 
 def _prescribed(
@@ -327,7 +365,7 @@ def _describe_free(system: System) -> str:
     )
 
 
-def _reactions(
+def constraint_forces(
     constraints: tuple[Constraint, ...], force: NDArray[np.float64]
 ) -> dict[Key, NDArray[np.float64]]:
     """Return the force of each constraint, from the forces (n_dof, n_cases) of all of them together.

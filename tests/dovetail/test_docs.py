@@ -12,7 +12,8 @@ from fem.system import assemble
 TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "damping", "uncertain",
     "candidates", "fit", "frequency", "modes", "identification", "update", "[supports]", "[joints]",
-    "[masses]", "[effects]", "[update.parameters]", "[sensors]", "[excitations]", "[measurements]",
+    "[masses]", "[loads]", "[combinations]", "[envelopes]", "[effects]", "[update.parameters]",
+    "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip
 
 
@@ -39,6 +40,9 @@ def test_every_key_that_is_taken_is_documented(root, tmp_path, table):
         "[supports]": 'point = "tip"',
         "[joints]": 'point1 = "tip"\nrigid = "x"',
         "[masses]": 'point = "tip"\nmass = 1',
+        "[loads]": "gravity = [0, 0, -9.81]",
+        "[combinations]": 'name = "a"\nfactors = { load = 1.0 }\n[[loads]]\ngravity = [0, 0, -9.81]',
+        "[envelopes]": 'of = "load"\n[[loads]]\ngravity = [0, 0, -9.81]',
         "[effects]": 'candidate = "crack:mast.ry"',
         "[sensors]": 'name = "a"\npoint = "tip"\ndirection = "x"',
         "[excitations]": 'name = "a"\npoint = "tip"\ndirection = "x"',

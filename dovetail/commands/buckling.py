@@ -1,0 +1,101 @@
+"""``dovetail buckling``: load factors at which the structure buckles, and the shapes."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
+from dovetail.commands.load_cases import add_pictures, solved_case
+from dovetail.disk.output import Output, Progress, result_folder, write_json
+from fem.analysis.buckling import SIGNS, solve_buckling
+from fem.analysis.modes import Modes
+from fem.elements.frame import Frame
+from fem.io import write_fields
+from fem.model import Model
+from viz.offscreen import require_drawing
+
+HELP = "compute load factors and shapes of linear buckling"
+EXAMPLE = "dovetail buckling study.toml --case dead --number 4 --pictures out/buckling"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--case",
+        metavar="NAME",
+        help="the load case or combination that grows (needed where the study has several)",
+    )
+    p.add_argument(
+        "--number", type=whole_up_to(1000), default=5, metavar="N", help="number of factors (default 5)"
+    )
+    p.add_argument(
+        "--sign",
+        choices=SIGNS,
+        default="positive",
+        help="factors of the load as it is, of its opposite, or both (default positive)",
+    )
+    p.add_argument("--vtu", type=Path, metavar="FILE", help="also write the shapes: .vtu, .vtk or .xdmf")
+    add_pictures(p, "each shape")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Print load factors; draw and write shapes."""
+    check_places(
+        options,
+        Output("--vtu", options.vtu),
+        Output("--pictures", options.pictures, ("buckling-01.png",)),
+    )
+    if options.pictures is not None:
+        require_drawing("--pictures")
+    study = loaded(options, ())
+    progress("solving for load factors")
+    solution = solved_case(study, options.case)
+    found = solve_buckling(study.model, solution, options.number, sign=options.sign)
+    if options.vtu is not None:
+        names = [f"shape {k + 1}: factor {f:.6g}" for k, f in enumerate(found.factors)]
+        motions = dict(zip(names, found.shapes.T, strict=True))
+        write_fields(options.vtu, study.model.mesh, motions, frame=study.model.of_kind(Frame)[0])
+    if options.pictures is not None:
+        from viz.render import render_mode
+
+        shapes = Modes(found.factors, found.shapes)
+        with result_folder(options.pictures, options.force) as scratch:
+            for k, factor in enumerate(found.factors):
+                progress("drawing", k, found.factors.size)
+                title = f"Buckling shape {k + 1}: load factor {factor:.4g}, {solution.cases[0]}"
+                render_mode(study.model, shapes, k, scratch / f"buckling-{k + 1:02d}.png", title=title)
+    progress.close()
+    moving = _moving_members(study.model, found.shapes)
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "case": solution.cases[0],
+            "factors": found.factors,
+            "moves_most": moving,
+            "assumptions": study.assumptions,
+            "warnings": study.warnings,
+        },
+    )
+    rows = [
+        f"{k + 1:5d}  {f:12.6g}  {name}"
+        for k, (f, name) in enumerate(zip(found.factors, moving, strict=True))
+    ]
+    say(
+        options,
+        f"{study.name}, {solution.cases[0]}: {study.model.mesh.n_lines} elements",
+        *(["shape   load factor  moves most", *rows] if rows else ["the load makes no part buckle"]),
+        *notes_of_mesh(study),
+        *assumptions(study),
+    )
+
+
+def _moving_members(model: Model, shapes: np.ndarray) -> list[str]:
+    """Return the member with the largest displacement of each shape."""
+    mesh = model.mesh
+    size = np.linalg.norm(shapes[: 6 * mesh.n_points].reshape(mesh.n_points, 6, -1)[:, :3], axis=1)
+    member = mesh.member_of_line()
+    on_lines = size[mesh.lines].sum(axis=1)
+    return [str(member[int(k)]) for k in on_lines.argmax(axis=0)]

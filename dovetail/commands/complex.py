@@ -1,0 +1,106 @@
+"""``dovetail complex``: frequencies and damping ratios with all damping of the model."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
+from dovetail.commands.load_cases import add_pictures
+from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
+from fem.analysis.complex_modes import solve_complex_modes
+from fem.io import write_modes
+from fem.system import assemble
+from updating.correlation.complexity import modal_phase_collinearity
+from viz.offscreen import require_drawing
+
+HELP = "compute complex modes: frequencies and damping ratios with all damping"
+EXAMPLE = "dovetail complex study.toml --number 8 --out modes.uff"
+_FORMATS = (".uff", ".unv", ".npz", ".vtu", ".vtk", ".xdmf")
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--number",
+        type=whole_up_to(1000),
+        default=10,
+        metavar="N",
+        help="number of modes besides rigid-body ones; overdamped ones count (default 10)",
+    )
+    p.add_argument(
+        "--out", type=Path, metavar="FILE", help=f"also write the oscillating modes: {', '.join(_FORMATS)}"
+    )
+    add_pictures(p, "each oscillating mode")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Print complex modes; draw and write them."""
+    if options.out is not None and options.out.suffix.lower() not in _FORMATS:
+        msg = f"{options.out}: modes are written as {', '.join(_FORMATS)}, not '{options.out.suffix}'"
+        raise OutputError(msg)
+    check_places(
+        options, Output("--out", options.out), Output("--pictures", options.pictures, ("mode-01.png",))
+    )
+    if options.pictures is not None:
+        require_drawing("--pictures")
+    study = loaded(options, ())
+    progress("solving for complex modes")
+    found = solve_complex_modes(assemble(study.model), options.number)
+    modes = found.as_modes()
+    if options.out is not None:
+        write_modes(modes, study.model.mesh, options.out)
+    if options.pictures is not None:
+        from viz.render import render_mode
+
+        with result_folder(options.pictures, options.force) as scratch:
+            for k in range(modes.n_rigid, modes.n_modes):
+                progress("drawing mode shapes", k, modes.n_modes)
+                render_mode(study.model, modes, k, scratch / f"mode-{k + 1:02d}.png")
+    progress.close()
+    n = 6 * study.model.mesh.n_points
+    moved = found.shapes[:n].reshape(-1, 6, found.n_modes)[:, :3].reshape(-1, found.n_modes)
+    collinearity = modal_phase_collinearity(moved)
+    columns = found.frequency, found.damped_frequency, found.zeta, collinearity
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "n_rigid": found.rigid.shape[1],
+            "modes": [
+                {
+                    "pole": pole,
+                    "frequency_Hz": f,
+                    "damped_frequency_Hz": d,
+                    "damping_ratio": z,
+                    "modal_phase_collinearity": c,
+                }
+                for pole, f, d, z, c in zip(
+                    found.poles,
+                    found.frequency,
+                    found.damped_frequency,
+                    found.zeta,
+                    collinearity,
+                    strict=True,
+                )
+            ],
+            "converged": found.converged,
+            "largest_residual": float(np.max(found.residual, initial=0.0)),
+            "assumptions": study.assumptions,
+            "warnings": study.warnings,
+        },
+    )
+    rows = [
+        f"{k + 1:5d}  {f:12.4f}  {d:12.4f}  {100 * z:9.4f}  {c:6.3f}{'' if d else '   overdamped'}"
+        for k, (f, d, z, c) in enumerate(zip(*columns, strict=True))
+    ]
+    say(
+        options,
+        f"{study.name}: {study.model.mesh.n_lines} elements, {found.rigid.shape[1]} rigid-body mode(s) apart",
+        " mode  frequency Hz     damped Hz  damping %     MPC",
+        *rows,
+        *([] if found.converged else [f"not converged: largest residual {found.residual.max():.1e}"]),
+        *notes_of_mesh(study),
+        *assumptions(study),
+    )

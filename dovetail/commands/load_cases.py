@@ -1,0 +1,77 @@
+"""What the commands on loads share: the load cases asked for, and names of pictures."""
+
+import argparse
+import re
+from pathlib import Path
+
+from dovetail.commands.common import Options
+from dovetail.disk.output import OutputError
+from dovetail.file.table import StudyError
+from dovetail.study import Study
+from fem.analysis.statics import StaticSolution
+
+
+def add_cases(p: argparse.ArgumentParser) -> None:
+    """Add the option that chooses load cases."""
+    p.add_argument(
+        "--case",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a load case or combination of the study (default: all); repeatable",
+    )
+
+
+def add_pictures(p: argparse.ArgumentParser, what: str) -> None:
+    """Add the options of a folder of pictures."""
+    p.add_argument("--pictures", type=Path, metavar="DIR", help=f"also draw {what} as PNG into this folder")
+    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+
+
+def solved(study: Study, options: Options) -> StaticSolution:
+    """Return the responses to the load cases asked for."""
+    return study.static(*dict.fromkeys(options.case))
+
+
+def solved_case(study: Study, name: str | None) -> StaticSolution:
+    """Return the response to one load case: the one named, or the only one.
+
+    Raises
+    ------
+    StudyError
+        If none is named and the study has several.
+    """
+    if name is None and len(study.loads.names) > 1:
+        msg = f"the study has several load cases; give --case, one of {', '.join(study.loads.names)}"
+        raise StudyError(msg)
+    return study.static(*([] if name is None else [name]))
+
+
+def require_sensors(study: Study) -> None:
+    """Raise a StudyError for a study without sensors, where responses are read."""
+    if not study.sensors:
+        msg = f"{study.path.name}: the study has no sensors, so that there is no response; give [[sensors]]"
+        raise StudyError(msg)
+
+
+def check_png(path: Path | None) -> None:
+    """Refuse a picture that is not to be a PNG."""
+    if path is not None and path.suffix.lower() != ".png":
+        msg = f"{path}: the picture is written as .png"
+        raise OutputError(msg)
+
+
+def place_of_point(study: Study, point: int) -> str:
+    """Return a point's name, or its place on a member."""
+    mesh = study.model.mesh
+    for name, known in mesh.point_names.items():
+        if known == point:
+            return name
+    member, s, _ = mesh.nearest_on_members(mesh.points[point])
+    return f"{member} at {s:.4g} m"
+
+
+def file_name(number: int, name: str, what: str) -> str:
+    """Return the name of a picture: number, name without signs that a file system refuses, and contents."""
+    plain = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "case"
+    return f"{number:02d}-{plain}-{what}.png"

@@ -1,0 +1,105 @@
+"""``dovetail psd``: responses of the sensors to random forces and motions of the base."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.excitations import driven_by
+from dovetail.commands.load_cases import check_png, require_sensors
+from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.file.histories import read_columns
+from dovetail.file.paths import InputFile
+from fem.analysis.random_vibration import RESPONSES, solve_random
+from fem.analysis.tabulated import Tabulated
+from fem.io.atomic import replacing
+from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
+
+HELP = "compute root mean squares and densities under random forces and motions of the base"
+EXAMPLE = "dovetail psd study.toml --psd vibration.csv --response acceleration --picture psd.png"
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--psd",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="CSV with frequency [Hz] and one-sided densities by name: of an excitation's force [N²/Hz], of "
+        "the factor of a load case [1/Hz], or of 'base x' … 'base rz' [(m/s²)²/Hz]; none is correlated with "
+        "another",
+    )
+    p.add_argument("--response", choices=RESPONSES, default="acceleration", help="default acceleration")
+    p.add_argument("--relative", action="store_true", help="responses relative to the base")
+    p.add_argument("--out", type=Path, metavar="FILE", help="also write the densities as .csv")
+    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the densities as .png")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Print root mean squares; draw and write densities."""
+    check_png(options.picture)
+    if options.out is not None and options.out.suffix.lower() != ".csv":
+        msg = f"{options.out}: densities are written as .csv, not '{options.out.suffix}'"
+        raise OutputError(msg)
+    read = [InputFile(options.psd, "the excitation's density")]
+    check_places(options, Output("--out", options.out), Output("--picture", options.picture), more=read)
+    study = loaded(options, ("sensors",))
+    require_sensors(study)
+    table = read_columns(options.psd, ("frequency", "f"))
+    driven = driven_by(study, table)
+    progress("computing densities")
+    found = solve_random(
+        assemble(study.model),
+        sensor_rows(study.model, study.sensors),
+        loads=driven.loads.T,
+        forces=[Tabulated.of(table.x, table.values[:, k]) for k in driven.of_loads],
+        base={d: Tabulated.of(table.x, table.values[:, k]) for d, k in driven.base.items()},
+        response=options.response,
+        relative=options.relative,
+    )
+    names, unit = [s.name for s in study.sensors], UNITS[options.response]
+    square = f"({unit})²/Hz"
+    if options.out is not None:
+        header = ",".join(["frequency [Hz]", *(f"{name} [{square}]" for name in names)])
+        columns = np.column_stack([found.frequency, found.density])
+        with replacing(options.out) as scratch:
+            np.savetxt(
+                scratch, columns, fmt="%.9g", delimiter=",", header=header, comments="", encoding="utf-8"
+            )
+    if options.picture is not None:
+        from viz.responses import plot_densities
+        from viz.style import save
+
+        title = f"{study.name}: {options.response}{', relative to the base' * options.relative}"
+        save(plot_densities(found.frequency, found.density, names, square, title), options.picture)
+    progress.close()
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "response": found.response,
+            "relative": found.relative,
+            "rms": dict(zip(names, found.rms, strict=True)),
+            "crossings_Hz": dict(zip(names, found.crossings, strict=True)),
+            "frequency_Hz": found.frequency,
+            "density": dict(zip(names, found.density.T, strict=True)),
+            "assumptions": study.assumptions,
+            "warnings": study.warnings,
+        },
+    )
+    width = max([len(n) for n in names] + [6])
+    say(
+        options,
+        f"{study.name}: random {options.response}, {found.frequency.size} lines from "
+        f"{found.frequency[0]:g} to {found.frequency[-1]:g} Hz",
+        f"{'sensor':{width}} {f'RMS {unit}':>12} {'3 sigma':>12} {'crossings Hz':>14}",
+        *(
+            f"{name:{width}} {rms:12.5g} {3 * rms:12.5g} {f:14.5g}"
+            for name, rms, f in zip(names, found.rms, found.crossings, strict=True)
+        ),
+        *assumptions(study),
+    )

@@ -1,0 +1,162 @@
+"""``dovetail spectrum``: largest responses to a motion of the base given by its response spectrum."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.commands.argument_types import positive, whole_up_to
+from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.excitations import BASE
+from dovetail.commands.load_cases import check_png
+from dovetail.disk.output import Output, Progress, write_json
+from dovetail.file.histories import Columns, read_columns
+from dovetail.file.paths import InputFile
+from dovetail.file.table import StudyError, suggest
+from dovetail.study import Study
+from fem.analysis.response_spectrum import COMBINATIONS, SpectrumResponse, solve_spectrum
+from fem.analysis.section_forces import SECTION_FORCES
+from fem.analysis.tabulated import Tabulated
+from fem.model import DIRECTIONS
+from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
+
+HELP = "combine the largest responses of modes to a response spectrum of the base"
+FREQUENCY, PERIOD = ("frequency", "f"), ("period", "t")
+EXAMPLE = "dovetail spectrum study.toml --spectrum design.csv --max 60 --json spectrum.json"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--spectrum",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="CSV with frequency [Hz] or period [s] and columns x, y, z, rx, ry, rz: pseudo-acceleration of "
+        "the base [m/s²] for the modes' damping; at period 0 that of the base itself",
+    )
+    p.add_argument(
+        "--combine", choices=COMBINATIONS, default="cqc", help="how peaks of modes are combined (default cqc)"
+    )
+    p.add_argument("--number", type=whole_up_to(10_000), metavar="N", help="number of modes (default 20)")
+    p.add_argument("--max", type=positive, metavar="HZ", help="all modes up to this frequency instead")
+    p.add_argument(
+        "--no-missing-mass", action="store_true", help="leave out the inertia that the modes do not have"
+    )
+    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the spectrum with the modes, .png")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Print combined responses."""
+    check_png(options.picture)
+    read = [InputFile(options.spectrum, "the spectrum")]
+    check_places(options, Output("--picture", options.picture), more=read)
+    study = loaded(options, ())
+    spectra, rigid = _spectra(read_columns(options.spectrum, (*FREQUENCY, *PERIOD)))
+    progress("combining modes")
+    found = solve_spectrum(
+        assemble(study.model),
+        spectra,
+        sensor_rows(study.model, study.sensors),
+        n_modes=options.number,
+        max_frequency=options.max,
+        combination=options.combine,
+        missing_mass=not options.no_missing_mass,
+        rigid_acceleration=rigid,
+    )
+    if options.picture is not None:
+        from viz.responses import plot_spectra
+        from viz.style import save
+
+        save(plot_spectra(spectra, found.modes.frequency, study.name), options.picture)
+    progress.close()
+    share = found.effective_mass / np.where(found.total_mass > 0, found.total_mass, np.inf)
+    mesh = study.model.mesh
+    members = {m: abs(found.line_forces[rows]).max(axis=(0, 1)) for m, rows in mesh.members.items()}
+    reactions: dict[str, dict[str, float]] = {}
+    for (name, direction), value in found.reactions.items():
+        reactions.setdefault(name, {})[direction] = value
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "combination": found.combination,
+            "missing_mass": found.missing_mass,
+            "directions": found.directions,
+            "modes": [
+                {
+                    "frequency_Hz": f,
+                    "damping_ratio": z,
+                    "spectrum": dict(zip(found.directions, sa, strict=True)),
+                    "effective_mass_share": dict(zip(found.directions, mass, strict=True)),
+                }
+                for f, z, sa, mass in zip(
+                    found.modes.frequency, found.zeta, found.acceleration_of_modes, share, strict=True
+                )
+            ],
+            "base_force": dict(zip(found.directions, found.base_force, strict=True)),
+            "reactions": reactions,
+            "members": {m: dict(zip(SECTION_FORCES, own, strict=True)) for m, own in members.items()},
+            "sensors": {
+                s.name: {"displacement": u, "acceleration": a}
+                for s, u, a in zip(study.sensors, found.displacement, found.acceleration, strict=True)
+            },
+            "assumptions": study.assumptions,
+            "warnings": study.warnings,
+        },
+    )
+    say(options, *_lines(study, found, share, reactions, members), *assumptions(study))
+
+
+def _spectra(table: Columns) -> tuple[dict[str, Tabulated], dict[str, float]]:
+    """Return the spectra of a table by direction, and the accelerations at period 0."""
+    names = [name.removeprefix(BASE) for name in table.names]
+    for name in names:
+        if name not in DIRECTIONS:
+            msg = f"{table.file}: '{name}' is no direction of the base; {suggest(name, DIRECTIONS)}"
+            raise StudyError(msg)
+    x, values, rigid = table.x, table.values, {}
+    if table.abscissa in PERIOD:
+        if x[0] == 0:
+            rigid, x, values = dict(zip(names, values[0].tolist(), strict=True)), x[1:], values[1:]
+        x, values = 1 / x[::-1], values[::-1]
+    return {name: Tabulated.of(x, column) for name, column in zip(names, values.T, strict=True)}, rigid
+
+
+def _lines(
+    study: Study,
+    found: SpectrumResponse,
+    share: np.ndarray,
+    reactions: dict[str, dict[str, float]],
+    members: dict[str, np.ndarray],
+) -> list[str]:
+    """Return what is printed."""
+    d = found.directions
+    head = "".join(f"{f'S {k} m/s²':>12}{f'mass {k} %':>10}" for k in d)
+    width = max([len(m) for m in (*members, *reactions, *(s.name for s in study.sensors))] + [8])
+    out = [
+        f"{study.name}: {found.combination.upper()} of {found.modes.n_modes} modes"
+        f"{', missing mass added' if found.missing_mass else ''}",
+        f" mode  frequency Hz{head}",
+    ]
+    for k, f in enumerate(found.modes.frequency):
+        cells = "".join(
+            f"{sa:12.5g}{100 * m:10.3f}"
+            for sa, m in zip(found.acceleration_of_modes[k], share[k], strict=True)
+        )
+        out.append(f"{k + 1:5d}  {f:12.4f}{cells}")
+    sums = ", ".join(f"{k} {100 * m:.2f} %" for k, m in zip(d, share.sum(axis=0), strict=True))
+    forces = ", ".join(f"{k} {force:.5g}" for k, force in zip(d, found.base_force, strict=True))
+    out += [f"effective mass of these modes: {sums}", f"force of the base [N, N·m]: {forces}"]
+    out += ["", f"{'support':{width}} " + "".join(f"{k:>12}" for k in DIRECTIONS) + "   N, N·m"]
+    for name, row in reactions.items():
+        cells = "".join(f"{row[k]:12.5g}" if k in row else f"{'-':>12}" for k in DIRECTIONS)
+        out.append(f"{name:{width}} {cells}")
+    out += ["", f"{'member':{width}} " + "".join(f"{q:>12}" for q in SECTION_FORCES) + "   N, N·m, largest"]
+    out += [f"{m:{width}} " + "".join(f"{v:12.5g}" for v in own) for m, own in members.items()]
+    if study.sensors:
+        out += ["", f"{'sensor':{width}} {'relative m':>12}{'m/s²':>12}"]
+        for s, u, a in zip(study.sensors, found.displacement, found.acceleration, strict=True):
+            out.append(f"{s.name:{width}} {u:12.5g}{a:12.5g}")
+    return out

@@ -1,0 +1,231 @@
+"""``dovetail static``: displacements, reactions and section forces under the study's loads."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
+from dovetail.commands.load_cases import add_cases, add_pictures, file_name, place_of_point, solved
+from dovetail.disk.output import Output, Progress, result_folder, write_json
+from dovetail.study import Study
+from fem.analysis.combinations import envelope
+from fem.analysis.section_forces import SECTION_FORCES
+from fem.analysis.statics import StaticSolution
+from fem.analysis.stations import forces_on_lines, stations
+from fem.elements.frame import Frame
+from fem.io import write_fields
+from fem.model import DIRECTIONS
+from viz.offscreen import require_drawing
+
+HELP = "compute displacements, reactions and section forces under loads"
+EXAMPLE = "dovetail static study.toml --case dead --case wind --pictures out/static --vtu out/static.vtu"
+
+_ROUNDING = 1e-10
+"""Forces and moments below this part of the largest are printed as 0 [-]."""
+
+Fields = dict[str, Any]
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    add_cases(p)
+    p.add_argument(
+        "--pieces",
+        type=whole_up_to(1000),
+        default=20,
+        metavar="N",
+        help="equal pieces of each member, at whose ends --json gives section forces (default 20)",
+    )
+    p.add_argument(
+        "--vtu",
+        type=Path,
+        metavar="FILE",
+        help="also write displacements and section forces: .vtu, .vtk or .xdmf",
+    )
+    add_pictures(p, "the deflection and the diagrams of section forces of each case")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Print static responses; draw and write them."""
+    check_places(
+        options,
+        Output("--vtu", options.vtu),
+        Output("--pictures", options.pictures, ("01-load-deflection.png",)),
+    )
+    if options.pictures is not None:
+        require_drawing("--pictures")
+    study = loaded(options, ())
+    progress("solving for the load cases")
+    solution = solved(study, options)
+    envelopes = {
+        name: columns
+        for name, of in study.loads.envelopes.items()
+        if (columns := [solution.case(c) for c in of if c in solution.cases]) and len(columns) == len(of)
+    }
+    if options.vtu is not None:
+        _write_fields(options.vtu, study, solution)
+    if options.pictures is not None:
+        _draw(options, solution, progress)
+    progress.close()
+    members = {m: stations(solution, m, options.pieces) for m in study.model.mesh.members}
+    on_lines = forces_on_lines(solution, 4)
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "section_forces": SECTION_FORCES,
+            "cases": {
+                name: _case_fields(study, solution, members, k) for k, name in enumerate(solution.cases)
+            },
+            "envelopes": {
+                name: _envelope_fields(study, solution, on_lines, columns)
+                for name, columns in envelopes.items()
+            },
+            "assumptions": study.assumptions,
+            "warnings": study.warnings,
+        },
+    )
+    say(
+        options,
+        f"{study.name}: {study.model.mesh.n_lines} elements, {len(solution.cases)} load case(s)",
+        *(line for k in range(solution.n_cases) for line in _case_lines(study, solution, on_lines, k)),
+        *(
+            line
+            for name, columns in envelopes.items()
+            for line in _envelope_lines(name, study, solution, on_lines, columns)
+        ),
+        *notes_of_mesh(study),
+        *assumptions(study),
+    )
+
+
+def _case_fields(study: Study, solution: StaticSolution, members: Fields, k: int) -> Fields:
+    """Return a load case's responses for JSON."""
+    reactions: dict[str, dict[str, float]] = {}
+    for (name, direction), value in {**solution.reactions, **solution.springs}.items():
+        reactions.setdefault(name, {})[direction] = value[k]
+    u = solution.displacements[:, k]
+    return {
+        "points": {
+            name: dict(zip(DIRECTIONS, u[6 * p : 6 * p + 6], strict=True))
+            for name, p in study.model.mesh.point_names.items()
+        },
+        "largest_displacement": _largest(study, solution, k),
+        "reactions": reactions,
+        "members": {
+            name: {
+                "position_m": s.positions,
+                **{q: s.forces[:, i, k] for i, q in enumerate(SECTION_FORCES)},
+                **{f"u_{d}": s.displacements[:, i, k] for i, d in enumerate(DIRECTIONS)},
+            }
+            for name, s in members.items()
+        },
+        "residual": solution.residual[k],
+    }
+
+
+def _largest(study: Study, solution: StaticSolution, k: int) -> Fields:
+    """Return the largest displacement of a point and where it is."""
+    n = study.model.mesh.n_points
+    size = np.linalg.norm(solution.displacements[: 6 * n, k].reshape(n, 6)[:, :3], axis=1)
+    point = int(size.argmax())
+    return {"m": size[point], "place": place_of_point(study, point), "at": study.model.mesh.points[point]}
+
+
+def _case_lines(study: Study, solution: StaticSolution, on_lines: np.ndarray, k: int) -> list[str]:
+    """Return what is printed of a load case."""
+    largest = _largest(study, solution, k)
+    rows: dict[str, dict[str, float]] = {}
+    held = {**solution.reactions, **solution.springs}
+    rounding = _ROUNDING * max((abs(float(value[k])) for value in held.values()), default=0.0)
+    for (name, direction), value in held.items():
+        rows.setdefault(name, {})[direction] = float(value[k]) if abs(value[k]) > rounding else 0.0
+    width = max([len(r) for r in rows] + [8])
+    out = [
+        "",
+        f"{solution.cases[k]}: largest displacement {1e3 * largest['m']:.4g} mm, {largest['place']}",
+        f"  {'reaction':{width}} " + "".join(f"{d:>12}" for d in DIRECTIONS) + "   N, N·m",
+    ]
+    for name, row in rows.items():
+        cells = "".join(f"{row[d]:12.5g}" if d in row else f"{'-':>12}" for d in DIRECTIONS)
+        others = "".join(f"  {d} {v:.5g}" for d, v in row.items() if d not in DIRECTIONS)
+        out.append(f"  {name:{width}} {cells}{others}")
+    member = study.model.mesh.member_of_line()
+    for i, q in enumerate(SECTION_FORCES):
+        values = on_lines[..., i, k]
+        values = np.where(abs(values) > _ROUNDING * abs(on_lines[..., k]).max(), values, 0.0)
+        low, high = (np.unravel_index(f(values), values.shape)[0] for f in (np.argmin, np.argmax))
+        if values.any():
+            out.append(
+                f"  {q:2} from {values.min():12.5g} in {member[low]} to {values.max():12.5g} "
+                f"in {member[high]}"
+            )
+    return out
+
+
+def _envelope_fields(
+    study: Study, solution: StaticSolution, on_lines: np.ndarray, columns: list[int]
+) -> Fields:
+    """Return an envelope for JSON: least and largest values, and the load cases that give them."""
+    names = [solution.cases[c] for c in columns]
+
+    def fields(values: np.ndarray) -> Fields:
+        flat = values.reshape(-1, values.shape[-1])
+        each = envelope(flat)
+        low, high = int(each.low.argmin()), int(each.high.argmax())
+        return {
+            "low": each.low[low],
+            "low_case": names[each.low_case[low]],
+            "high": each.high[high],
+            "high_case": names[each.high_case[high]],
+        }
+
+    reactions: dict[str, Fields] = {}
+    for (name, direction), value in {**solution.reactions, **solution.springs}.items():
+        reactions.setdefault(name, {})[direction] = fields(value[columns])
+    return {
+        "of": names,
+        "reactions": reactions,
+        "members": {
+            member: {q: fields(on_lines[rows][:, :, i][..., columns]) for i, q in enumerate(SECTION_FORCES)}
+            for member, rows in study.model.mesh.members.items()
+        },
+    }
+
+
+def _envelope_lines(
+    name: str, study: Study, solution: StaticSolution, on_lines: np.ndarray, columns: list[int]
+) -> list[str]:
+    """Return what is printed of an envelope: the range of each section force of each member."""
+    found = _envelope_fields(study, solution, on_lines, columns)
+    width = max(len(m) for m in found["members"])
+    head = "".join(f"{f'{q} low':>11}{f'{q} high':>11}" for q in SECTION_FORCES)
+    rows = [
+        f"  {member:{width}} "
+        + "".join(f"{own[q]['low']:11.4g}{own[q]['high']:11.4g}" for q in SECTION_FORCES)
+        for member, own in found["members"].items()
+    ]
+    return ["", f"envelope {name} of {', '.join(found['of'])} [N, N·m]", f"  {'':{width}} {head}", *rows]
+
+
+def _write_fields(path: Path, study: Study, solution: StaticSolution) -> None:
+    """Write displacements, and section forces in the middle of each element."""
+    middle = forces_on_lines(solution, 2)[:, 1]
+    lines = {q: middle[:, i] for i, q in enumerate(SECTION_FORCES)}
+    motions = dict(zip(solution.cases, solution.displacements.T, strict=True))
+    write_fields(path, study.model.mesh, motions, lines=lines, frame=study.model.of_kind(Frame)[0])
+
+
+def _draw(options: Options, solution: StaticSolution, progress: Progress) -> None:
+    """Draw deflections, and the diagrams of section forces that are there."""
+    from viz.diagrams import drawn_quantities, render_deflection, render_diagram
+
+    with result_folder(options.pictures, options.force) as scratch:
+        for k, name in enumerate(solution.cases):
+            progress("drawing", k, solution.n_cases)
+            render_deflection(solution, scratch / file_name(k + 1, name, "deflection"), k)
+            for quantity in drawn_quantities(solution, k):
+                render_diagram(solution, quantity, scratch / file_name(k + 1, name, quantity), k)

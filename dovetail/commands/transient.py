@@ -1,0 +1,181 @@
+"""``dovetail transient``: responses of the sensors in time."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.commands.argument_types import positive, whole_up_to
+from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.excitations import driven_by
+from dovetail.commands.load_cases import check_png, require_sensors
+from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.file.histories import Columns, read_columns
+from dovetail.file.paths import InputFile
+from dovetail.study import Study
+from fem.analysis.excitation import Excitation, TimeResponse, interpolated
+from fem.analysis.transient import METHODS, solve_transient
+from fem.io.atomic import replacing
+from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
+
+HELP = "compute responses in time to forces, motions of the base, or the release of a load"
+EXAMPLE = "dovetail transient study.toml --excitation quake.csv --picture quake.png --out quake-out.csv"
+QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
+MOST_STEPS = 2_000_000
+"""Most steps in time: more is a slip in --step or --duration."""
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--excitation",
+        type=Path,
+        metavar="FILE",
+        help="CSV with a column time [s] and others by name: an excitation of the study (its force [N]), a "
+        "load case or combination (a factor of it), or 'base x' … 'base rz' (acceleration of the base)",
+    )
+    p.add_argument(
+        "--release", metavar="CASE", help="begin at rest under this load case, which is taken away at once"
+    )
+    p.add_argument("--method", choices=METHODS, default="modal", help="default modal, which is exact")
+    p.add_argument(
+        "--alpha",
+        type=float,
+        default=0.0,
+        metavar="A",
+        help="of newmark: -1/3 to 0, damps what a step cannot resolve (Hilber, Hughes and Taylor; default 0)",
+    )
+    p.add_argument("--step", type=positive, metavar="S", help="step in time (default: that of the file)")
+    p.add_argument(
+        "--duration", type=positive, metavar="S", help="time computed; beyond the file nothing acts"
+    )
+    p.add_argument("--number", type=whole_up_to(10_000), metavar="N", help="number of modes")
+    p.add_argument(
+        "--max",
+        type=positive,
+        metavar="HZ",
+        help="modes up to this frequency (default: half the sampling rate)",
+    )
+    p.add_argument("--relative", action="store_true", help="responses relative to the base")
+    p.add_argument("--out", type=Path, metavar="FILE", help="also write the responses as .csv or .npz")
+    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the responses as .png")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Compute responses in time, print their peaks, draw and write them."""
+    if options.out is not None and options.out.suffix.lower() not in (".csv", ".npz"):
+        msg = f"{options.out}: responses are written as .csv or .npz, not '{options.out.suffix}'"
+        raise OutputError(msg)
+    check_png(options.picture)
+    if options.excitation is None and options.release is None:
+        msg = "nothing acts: give --excitation FILE, --release CASE or both"
+        raise OutputError(msg)
+    read = [] if options.excitation is None else [InputFile(options.excitation, "the excitation")]
+    check_places(options, Output("--out", options.out), Output("--picture", options.picture), more=read)
+    study = loaded(options, ("sensors",))
+    require_sensors(study)
+    excitation = _excitation(study, options)
+    initial = None
+    if options.release is not None:
+        held = study.static(options.release)
+        initial = held.displacements[:, 0], np.zeros(study.model.n_dof)
+    progress("stepping in time")
+    found = solve_transient(
+        assemble(study.model, reciprocal=False),
+        excitation,
+        sensor_rows(study.model, study.sensors),
+        method=options.method,
+        n_modes=options.number,
+        max_frequency=options.max,
+        alpha=options.alpha,
+        initial=initial,
+        relative=options.relative,
+    )
+    names = [s.name for s in study.sensors]
+    if options.out is not None:
+        _write(options.out, found, names)
+    if options.picture is not None:
+        from viz.responses import plot_histories
+        from viz.style import save
+
+        panels = [(f"{q} [{unit}]", getattr(found, q)) for q, unit in QUANTITIES.items()]
+        save(plot_histories(found.time, panels, names, study.name), options.picture)
+    progress.close()
+    peaks = {q: found.peak(q) for q in QUANTITIES}
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "method": found.method,
+            "n_modes": found.n_modes,
+            "relative": found.relative,
+            "time_s": found.time,
+            "responses": {
+                name: {q: getattr(found, q)[:, i] for q in QUANTITIES} for i, name in enumerate(names)
+            },
+            "peaks": {
+                name: {q: {"size": peaks[q][0][i], "time_s": peaks[q][1][i]} for q in QUANTITIES}
+                for i, name in enumerate(names)
+            },
+            "notes": found.notes,
+            "assumptions": study.assumptions,
+            "warnings": study.warnings,
+        },
+    )
+    width = max([len(n) for n in names] + [6])
+    head = "".join(f"{f'{q} {unit}':>20}  at s    " for q, unit in QUANTITIES.items())
+    say(
+        options,
+        f"{study.name}: {found.method}, {found.n_modes} modes, {found.time.size} times up to "
+        f"{found.time[-1]:g} s; largest sizes",
+        f"{'sensor':{width}} {head}",
+        *(
+            f"{name:{width}} "
+            + "".join(f"{peaks[q][0][i]:20.5g}  {peaks[q][1][i]:<8.5g}" for q in QUANTITIES)
+            for i, name in enumerate(names)
+        ),
+        *(f"note: {note}" for note in found.notes),
+        *assumptions(study),
+    )
+
+
+def _excitation(study: Study, options: Options) -> Excitation:
+    """Return the excitation of the file on the steps asked for, or none for a release."""
+    if options.excitation is None:
+        if options.step is None or options.duration is None:
+            msg = "--release without --excitation needs --step and --duration"
+            raise OutputError(msg)
+        table = Columns("", "time", np.array([0.0, options.duration]), (), np.zeros((2, 0)))
+    else:
+        table = read_columns(options.excitation, ("time", "t"))
+    driven = driven_by(study, table)
+    time, values = table.x, table.values
+    step = options.step or float(time[-1] - time[0]) / (time.size - 1)
+    duration = options.duration or float(time[-1] - time[0])
+    if duration / step > MOST_STEPS:
+        msg = f"{duration:g} s in steps of {step:g} s are {duration / step:.3g} steps; at most {MOST_STEPS}"
+        raise OutputError(msg)
+    if options.step is not None:
+        time, values = interpolated(time, values, step)
+    if options.duration is not None:
+        n = round(duration / step) + 1
+        more = max(0, n - time.size)
+        time = np.concatenate([time, time[-1] + step * np.arange(1, more + 1)])[:n]
+        values = np.vstack([values, np.zeros((more, values.shape[1]))])[:n]
+    base = {d: values[:, k] for d, k in driven.base.items()}
+    return Excitation.of(study.model, time, driven.loads, values[:, list(driven.of_loads)], base)
+
+
+def _write(path: Path, found: TimeResponse, names: list[str]) -> None:
+    """Write responses, whole or not at all."""
+    with replacing(path) as scratch:
+        if path.suffix.lower() == ".npz":
+            arrays = {q: getattr(found, q) for q in QUANTITIES}
+            with open(scratch, "wb") as file:
+                np.savez_compressed(file, time=found.time, outputs=np.array(names), **arrays)
+            return
+        head = [f"{name} {q} [{unit}]" for q, unit in QUANTITIES.items() for name in names]
+        columns = np.hstack([found.time[:, None], *(getattr(found, q) for q in QUANTITIES)])
+        text = ",".join(["time [s]", *head])
+        np.savetxt(scratch, columns, fmt="%.9g", delimiter=",", header=text, comments="", encoding="utf-8")

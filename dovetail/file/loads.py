@@ -1,0 +1,232 @@
+"""Read ``[[loads]]``, ``[[combinations]]`` and ``[[envelopes]]`` of a study file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dovetail.file.geometry import Geometry
+from dovetail.file.table import Table, suggest
+from fem.analysis.combinations import combine_loads
+from fem.analysis.loads import InitialStrain, Key, LineLoad, LoadCase, MemberLoad
+from fem.effects.joint import Joint
+from fem.effects.support import Support
+from fem.mesh import merge_names
+from fem.model import DIRECTIONS, Effect, Model
+
+KINDS = ("point", "force_per_length", "temperature", "strain", "gravity", "settlement")
+"""Keys that say what kind of load an entry is; each has exactly one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """The loads of a study.
+
+    Attributes
+    ----------
+    cases : tuple of LoadCase
+        In the order in which the study names them.
+    combinations : mapping of str to mapping of str to float
+        Factors of load cases by the name of the combination.
+    envelopes : mapping of str to tuple of str
+        Names of load cases and combinations by the name of the envelope.
+    """
+
+    cases: tuple[LoadCase, ...] = ()
+    combinations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    envelopes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all load cases, then of all combinations."""
+        return (*(c.name for c in self.cases), *self.combinations)
+
+    def all_cases(self, model: Model) -> tuple[LoadCase, ...]:
+        """Return all load cases, and the combinations as load cases."""
+        combined = (combine_loads(model, self.cases, f, name) for name, f in self.combinations.items())
+        return (*self.cases, *combined)
+
+
+@dataclass(slots=True)
+class _Case:
+    """A load case as far as it has been read."""
+
+    points: dict[tuple[int, str], float] = field(default_factory=dict)
+    members: list[MemberLoad] = field(default_factory=list)
+    gravity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    displacements: dict[Key, float] = field(default_factory=dict)
+
+
+def read_loads(top: Table, geometry: Geometry, holders: Sequence[Effect]) -> Loads:
+    """Read the load cases, combinations and envelopes of a study.
+
+    Parameters
+    ----------
+    top : Table
+    geometry : Geometry
+        The mesh gets points where forces act.
+    holders : sequence of Effect
+        Supports and joints, whose held directions may be moved.
+    """
+    cases: dict[str, _Case] = {}
+    for t in top.tables("loads"):
+        _add(t, cases.setdefault(t.text("case", "load"), _Case()), geometry, holders)
+        t.finish()
+    combinations = _combinations(top, tuple(cases))
+    return Loads(
+        tuple(
+            LoadCase(
+                name=name,
+                points=c.points,
+                members=tuple(c.members),
+                gravity=c.gravity,
+                displacements=c.displacements,
+            )
+            for name, c in cases.items()
+        ),
+        combinations,
+        _envelopes(top, (*cases, *combinations)),
+    )
+
+
+def _add(t: Table, case: _Case, geometry: Geometry, holders: Sequence[Effect]) -> None:
+    """Add one entry of ``[[loads]]`` to its case."""
+    given = [key for key in KINDS if key in t]
+    if len(given) != 1:
+        found = f"{' and '.join(given)} are given" if given else "none is given"
+        t.refuse("", f"an entry is one load, which one of {', '.join(KINDS)} names; {found}")
+    kind = given[0]
+    if kind == "point":
+        _point(t, case, geometry)
+    elif kind == "gravity":
+        case.gravity = case.gravity + t.vector("gravity", unit="m/s²")
+    elif kind == "settlement":
+        _settlement(t, case, holders)
+    elif kind == "force_per_length":
+        case.members += _line_loads(t, geometry)
+    else:
+        case.members += _strains(t, geometry, kind)
+
+
+def _point(t: Table, case: _Case, geometry: Geometry) -> None:
+    """Read a force and a moment at a place."""
+    if "force" not in t and "moment" not in t:
+        t.refuse("", "a load at a point needs force [N], moment [N·m] or both, three components each")
+    point = geometry.point(t)
+    both = [*t.vector("force", np.zeros(3), unit="N"), *t.vector("moment", np.zeros(3), unit="N·m")]
+    for direction, value in zip(DIRECTIONS, both, strict=True):
+        if value:
+            key = point, direction
+            case.points[key] = case.points.get(key, 0.0) + float(value)
+
+
+def _settlement(t: Table, case: _Case, holders: Sequence[Effect]) -> None:
+    """Read prescribed motions of a support or of a joint's rigid directions."""
+    held = {
+        e.name: tuple(e.fixed if isinstance(e, Support) else e.rigid)
+        for e in holders
+        if isinstance(e, Support | Joint)
+    }
+    name = t.text("support")
+    if name not in held:
+        t.refuse("support", f"there is no support or joint '{name}'; {suggest(name, held)}")
+    inner = t.table("settlement")
+    for direction in DIRECTIONS:
+        value = inner.number(direction, None, unit="rad" if direction[0] == "r" else "m")
+        if value is None:
+            continue
+        if direction not in held[name]:
+            words = ", ".join(held[name]) or "no direction"
+            inner.refuse(direction, f"'{name}' does not hold {direction}; it holds {words}")
+        key = name, direction
+        case.displacements[key] = case.displacements.get(key, 0.0) + value
+    inner.finish()
+    if not inner.values:
+        t.refuse("settlement", "no direction is moved; give such as { z = -0.002 } [m, rad]")
+
+
+def _members(t: Table, geometry: Geometry, default: Any = None) -> tuple[str, ...]:
+    """Return members from a name, the name of a group, or a list of both; all where that is the default."""
+    mesh = geometry.mesh
+    if default is not None and "member" not in t:
+        return default
+    value = t.get("member")
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        t.refuse("member", f"{value!r} is not allowed; a name of a member or group, or a list of them")
+    out: list[str] = []
+    for name in names:
+        found = mesh.groups.get(name, (name,))
+        if not all(m in mesh.members for m in found):
+            t.refuse("member", f"there is no member '{name}'; {suggest(name, mesh.members)}")
+        out += found
+    twice = [m for m in out if out.count(m) > 1]
+    if twice:
+        t.refuse("member", f"{merge_names(tuple(dict.fromkeys(twice)))} would be loaded twice by one entry")
+    return tuple(out)
+
+
+def _line_loads(t: Table, geometry: Geometry) -> list[MemberLoad]:
+    """Read a load along members: constant, or linear between two places."""
+    first = t.vector("force_per_length", unit="N/m")
+    last = t.vector("force_per_length2", None, unit="N/m")
+    axes = t.text("axes", "global", ("global", "local"))
+    members = _members(t, geometry)
+    if len(members) > 1 and ("start" in t or "stop" in t):
+        t.refuse("start" if "start" in t.values else "stop", "it is a place on one member; name one member")
+    out: list[MemberLoad] = []
+    for member in members:
+        start = geometry.position(t, "start", member) if "start" in t else 0.0
+        stop = geometry.position(t, "stop", member) if "stop" in t else geometry.mesh.member_length(member)
+        if start >= stop:
+            t.refuse("stop", f"{stop:g} m does not lie behind the start at {start:g} m")
+        out.append(LineLoad(member=member, force1=first, force2=last, axes=axes, start=start, stop=stop))
+    return out
+
+
+def _strains(t: Table, geometry: Geometry, kind: str) -> list[MemberLoad]:
+    """Read a change of temperature, or an initial strain."""
+    members = _members(t, geometry, tuple(geometry.mesh.members) if kind == "temperature" else None)
+    if kind == "strain":
+        return [InitialStrain(member=m, axial=t.number("strain", unit="-")) for m in members]
+    expansion = t.number("expansion", above=0, unit="1/K")
+    change = t.number("temperature", unit="K")
+    gradients = [t.number(f"gradient_{d}", 0.0, unit="K/m") for d in "yz"]
+    return [InitialStrain.thermal(m, expansion, change, *gradients) for m in members]
+
+
+def _combinations(top: Table, cases: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    """Read ``[[combinations]]``."""
+    out: dict[str, dict[str, float]] = {}
+    for t in top.tables("combinations"):
+        name = t.text("name")
+        if name in cases or name in out:
+            t.refuse("name", f"a load case or combination '{name}' is there already; names must differ")
+        inner = t.table("factors")
+        if not inner.values:
+            t.refuse("factors", "no load case is named; give such as { dead = 1.35, wind = 1.5 }")
+        for case in inner.values:
+            if case not in cases:
+                inner.refuse(case, f"there is no load case '{case}'; {suggest(case, cases)}")
+        out[name] = {case: inner.number(case) for case in inner.values}
+        t.finish()
+    return out
+
+
+def _envelopes(top: Table, names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    """Read ``[[envelopes]]``."""
+    out: dict[str, tuple[str, ...]] = {}
+    for t in top.tables("envelopes"):
+        name = t.text("name", f"envelope{len(out) + 1}")
+        if name in out:
+            t.refuse("name", f"two envelopes have the name '{name}'; names must differ")
+        of = t.texts("of", names)
+        for case in of:
+            if case not in names:
+                t.refuse("of", f"there is no load case or combination '{case}'; {suggest(case, names)}")
+        if not of:
+            t.refuse("", "the study has no loads for an envelope; give [[loads]]")
+        out[name] = of
+        t.finish()
+    return out

@@ -1,0 +1,275 @@
+"""Commands on loads and motions: what they print and write is what Python computes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from dovetail.cli import main
+from fem.analysis.base_excitation import compute_base_frf
+from fem.analysis.complex_modes import solve_complex_modes
+from fem.analysis.excitation import Excitation
+from fem.analysis.random_vibration import solve_random
+from fem.analysis.response_spectrum import solve_spectrum
+from fem.analysis.statics import load_vectors
+from fem.analysis.tabulated import Tabulated
+from fem.analysis.transient import solve_transient
+from fem.io import read_mesh, read_npz
+from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
+
+COLUMN = """
+[points]
+A = [0, 0, 0]
+B = [0, 0, 2]
+[members.column]
+from = "A"
+to = "B"
+section = { A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }
+theory = "euler-bernoulli"
+elements = 8
+[materials.steel]
+E = 200e9
+rho = 7850
+[[supports]]
+point = "A"
+[[joints]]
+name = "damper"
+point1 = "B"
+c = { cx = 200.0 }
+[[loads]]
+case = "weight"
+point = "B"
+force = [0, 0, -1000]
+[[loads]]
+case = "wind"
+member = "column"
+force_per_length = [500, 0, 0]
+[[combinations]]
+name = "both"
+factors = { weight = 1.35, wind = 1.5 }
+[[envelopes]]
+name = "design"
+[[sensors]]
+name = "top"
+point = "B"
+direction = "x"
+[[excitations]]
+sensor = "top"
+"""
+
+
+@pytest.fixture
+def column(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(COLUMN, encoding="utf-8")
+    return path
+
+
+def printed(capsys, *arguments):
+    assert main([str(a) for a in arguments]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def refused(capsys, *arguments):
+    assert main([str(a) for a in arguments]) == 2
+    return capsys.readouterr().err
+
+
+def test_static(column, capsys):
+    found = printed(capsys, "static", column, "--json", "-", "--pieces", "4")
+    assert list(found["cases"]) == ["weight", "wind", "both"]
+    both = found["cases"]["both"]
+    assert both["reactions"]["A"]["z"] == pytest.approx(1350)
+    assert both["reactions"]["A"]["x"] == pytest.approx(-1.5 * 500 * 2)
+    assert both["members"]["column"]["position_m"] == [0, 0.5, 1, 1.5, 2]
+    bending = np.array(both["members"]["column"]["My"])
+    assert np.abs(bending) == pytest.approx(1.5 * 500 * (2 - np.linspace(0, 2, 5)) ** 2 / 2, abs=1e-6)
+    assert both["points"]["B"]["x"] == pytest.approx(1.5 * 500 * 2**4 / (8 * 200e9 * 1e-6))
+    assert both["largest_displacement"]["place"] == "B"
+    design = found["envelopes"]["design"]["members"]["column"]["N"]
+    assert design["low"] == pytest.approx(-1350)
+    assert design["low_case"] == "both"
+    assert main(["static", str(column), "--case", "wind"]) == 0
+    out = capsys.readouterr().out
+    assert "wind: largest displacement 5 mm, B" in out
+    assert "envelope" not in out  # of cases that were not asked for
+    assert "did you mean 'wind'" in refused(capsys, "static", column, "--case", "win")
+
+
+def test_static_writes_a_field(column, tmp_path, capsys):
+    path = tmp_path / "static.vtu"
+    assert main(["static", str(column), "--vtu", str(path), "--quiet"]) == 0
+    text = path.read_text(encoding="latin1")
+    assert "both, My" in text
+    assert read_mesh(path).n_lines == load_study(column).model.mesh.n_lines
+    assert "written as .vtu, .vtk or .xdmf" in refused(capsys, "static", column, "--vtu", tmp_path / "a.txt")
+
+
+@pytest.mark.usefixtures("offscreen")
+def test_static_and_buckling_draw(column, tmp_path):
+    folder = tmp_path / "pictures"
+    assert main(["static", str(column), "--case", "weight", "--pictures", str(folder), "--quiet"]) == 0
+    assert sorted(p.name for p in folder.glob("*.png")) == ["01-weight-N.png", "01-weight-deflection.png"]
+    arguments = ["--case", "weight", "--number", "1", "--pictures", str(folder), "--quiet"]
+    assert main(["buckling", str(column), *arguments]) == 0
+    assert [p.name for p in folder.glob("*.png")] == ["buckling-01.png"]
+
+
+def test_buckling(column, tmp_path, capsys):
+    found = printed(
+        capsys, "buckling", column, "--case", "weight", "--number", "2", "--json", "-", "--vtu",
+        tmp_path / "b.vtu",
+    )  # fmt: skip
+    euler = np.pi**2 * 200e9 * np.array([1e-6, 2e-6]) / (4 * 2**2) / 1000
+    assert found["factors"] == pytest.approx(euler, rel=1e-5)
+    assert found["moves_most"] == ["column", "column"]
+    assert "several load cases; give --case, one of weight, wind, both" in refused(capsys, "buckling", column)
+
+
+def test_complex(column, tmp_path, capsys):
+    out = tmp_path / "modes.npz"
+    found = printed(capsys, "complex", column, "--number", "4", "--json", "-", "--out", out)
+    direct = solve_complex_modes(assemble(load_study(column).model), 4)
+    assert [m["damping_ratio"] for m in found["modes"]] == pytest.approx(direct.zeta.tolist())
+    assert [m["frequency_Hz"] for m in found["modes"]] == pytest.approx(direct.frequency.tolist())
+    assert found["converged"]
+    assert out.exists()
+    assert "not '.txt'" in refused(capsys, "complex", column, "--out", tmp_path / "a.txt")
+
+
+def test_base(column, tmp_path, capsys):
+    out, picture = tmp_path / "base.npz", tmp_path / "base.png"
+    lines = ["--start", "10", "--stop", "40", "--step", "10"]
+    where = ["--motion", "x", "--motion", "A:x", "--relative", "--out", out, "--picture", picture]
+    found = printed(capsys, "base", column, *lines, *where, "--json", "-")
+    study = load_study(column)
+    rows = sensor_rows(study.model, study.sensors)
+    direct = compute_base_frf(assemble(study.model), [10, 20, 30, 40], rows, ["x", ("A", "x")], relative=True)
+    np.testing.assert_allclose(read_npz(out).H, direct.H)
+    assert np.array(found["real"]) == pytest.approx(np.real(direct.H))
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert "the base moves in 'w'; allowed are x, y" in refused(capsys, "base", column, "--motion", "w")
+
+
+def test_responses_need_sensors(column, capsys):
+    text = COLUMN[: COLUMN.index("[[sensors]]")]
+    column.write_text(text, encoding="utf-8")
+    assert "the study has no sensors" in refused(capsys, "base", column)
+
+
+def histories(path, time, **columns):
+    names = [name.replace("_", " ") for name in columns]
+    np.savetxt(
+        path,
+        np.column_stack([time, *columns.values()]),
+        delimiter=",",
+        header=",".join(["time [s]", *(f"{name} [SI]" for name in names)]),
+        comments="",
+    )
+
+
+def test_transient(column, tmp_path, capsys):
+    t = np.linspace(0, 0.5, 501)
+    table, out, picture = tmp_path / "e.csv", tmp_path / "out.csv", tmp_path / "out.png"
+    histories(table, t, top=5 * np.ones(501), wind=np.ones(501), base_x=np.sin(30 * t))
+    found = printed(
+        capsys, "transient", column, "--excitation", table, "--out", out, "--picture", picture, "--relative",
+        "--json", "-", "--max", "2000",
+    )  # fmt: skip
+    study = load_study(column)
+    F = study.static("wind").model.n_dof
+    top = 6 * study.model.mesh.point_names["B"]
+    loads = np.zeros((F, 2))
+    loads[top, 0] = 5
+    loads[:, 1] = load_vectors(study.model, study.loads.cases[1])[:, 0]
+    e = Excitation.of(study.model, t, loads, np.ones((501, 2)), {"x": np.sin(30 * t)})
+    direct = solve_transient(assemble(study.model), e, [top], max_frequency=2000, relative=True)
+    expected = pytest.approx(direct.displacement[:, 0], rel=1e-9, abs=1e-14)
+    assert found["responses"]["top"]["displacement"] == expected
+    written = np.loadtxt(out, delimiter=",", skiprows=1)
+    assert written[:, 1] == pytest.approx(direct.displacement[:, 0], rel=1e-8, abs=1e-14)
+    assert out.read_text(encoding="utf-8").startswith("time [s],top displacement [m],top velocity [m/s]")
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_release_swings_about_rest(column, tmp_path, capsys):
+    out = tmp_path / "out.npz"
+    arguments = ["--release", "wind", "--step", "1e-3", "--duration", "0.4", "--number", "48", "--out", out]
+    found = printed(capsys, "transient", column, *arguments, "--json", "-")
+    assert found["responses"]["top"]["displacement"][0] == pytest.approx(500 * 2**4 / (8 * 200e9 * 1e-6))
+    with np.load(out) as arrays:
+        assert arrays["displacement"].shape == (401, 1)
+        assert arrays["displacement"].min() < 0
+    assert "needs --step and --duration" in refused(capsys, "transient", column, "--release", "wind")
+    assert "nothing acts" in refused(capsys, "transient", column)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,gust\n0,1\n1,2\n", "e.csv: nothing is called 'gust'; allowed are top, weight, wind, both"),
+        ("seconds,top\n0,1\n1,2\n", "line 1: the header is 'seconds,top'; its first column has to"),
+        ("time,top\n0,1\n1\n", "line 3: 1 columns are found, and the header has 2"),
+        ("time,top\n0,1\n\n1,x\n", "line 4: 'x' is not a finite number"),
+        ("time,top\n0,1\n0,1\n", "line 3: time 0 comes after 0; it has to increase"),
+        ("time,top\n0,1\n1,1\n5,1\n", "steps from 1 to 4 s; equal ones are needed"),
+        ("time,top,top\n0,1,1\n1,1,1\n", "the column 'top' is there twice"),
+        ("time,top\n", "a header and at least two lines"),
+    ],
+)  # fmt: skip
+def test_tables_that_cannot_be_meant_are_refused(column, tmp_path, capsys, text, message):
+    table = tmp_path / "e.csv"
+    table.write_text(text, encoding="utf-8")
+    assert message in refused(capsys, "transient", column, "--excitation", table)
+
+
+def test_spectrum(column, tmp_path, capsys):
+    by_period, by_frequency = tmp_path / "t.csv", tmp_path / "f.csv"
+    by_period.write_text("period [s],x\n0,3\n0.01,3\n0.1,7.5\n2,1.5\n", encoding="utf-8")
+    by_frequency.write_text("frequency [Hz],base x\n0.5,1.5\n10,7.5\n100,3\n", encoding="utf-8")
+    picture = tmp_path / "s.png"
+    found, same = (
+        printed(capsys, "spectrum", column, "--spectrum", file, "--number", "3", "--json", "-", *more)
+        for file, more in ((by_period, ["--picture", picture]), (by_frequency, []))
+    )
+    assert found == same
+    study = load_study(column)
+    direct = solve_spectrum(
+        assemble(study.model),
+        {"x": Tabulated.of([0.5, 10, 100], [1.5, 7.5, 3])},
+        sensor_rows(study.model, study.sensors),
+        n_modes=3,
+    )
+    assert found["sensors"]["top"]["displacement"] == pytest.approx(direct.displacement[0])
+    assert found["reactions"]["A"]["x"] == pytest.approx(direct.base_force[0])
+    assert found["members"]["column"]["My"] == pytest.approx(direct.reactions["A", "ry"])
+    # the damper at the top counts in the correlation
+    assert found["modes"][0]["damping_ratio"] > 0.15
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    by_period.write_text("period,up\n0.1,1\n1,1\n", encoding="utf-8")
+    assert "'up' is no direction of the base" in refused(capsys, "spectrum", column, "--spectrum", by_period)
+
+
+def test_psd(column, tmp_path, capsys):
+    table, out, picture = tmp_path / "s.csv", tmp_path / "out.csv", tmp_path / "s.png"
+    table.write_text("frequency [Hz];base x;top\n10;0.1;2\n100;1;2\n500;1;0\n", encoding="utf-8")
+    arguments = ["--psd", table, "--response", "displacement", "--relative", "--out", out]
+    found = printed(capsys, "psd", column, *arguments, "--picture", picture, "--json", "-")
+    study = load_study(column)
+    direct = solve_random(
+        assemble(study.model),
+        sensor_rows(study.model, study.sensors),
+        loads=sensor_rows(study.model, study.excitations),
+        forces=[Tabulated.of([10, 100, 500], [2, 2, 0])],
+        base={"x": Tabulated.of([10, 100, 500], [0.1, 1, 1])},
+        response="displacement",
+        relative=True,
+    )
+    assert found["rms"]["top"] == pytest.approx(direct.rms[0])
+    np.testing.assert_allclose(
+        np.loadtxt(out, delimiter=",", skiprows=1)[:, 1], direct.density[:, 0], rtol=1e-6
+    )
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert "not '.txt'" in refused(capsys, "psd", column, "--psd", table, "--out", tmp_path / "a.txt")

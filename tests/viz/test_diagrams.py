@@ -1,0 +1,56 @@
+"""Diagrams of section forces: which are drawn, on which side, and where their extremes are named."""
+
+import numpy as np
+import pytest
+
+from fem.analysis.loads import LineLoad, LoadCase
+from fem.analysis.statics import solve_static
+from fem.system import assemble
+from tests.frames import beam, fix
+from viz import diagrams
+
+
+@pytest.fixture(scope="module")
+def held_beam():
+    """Clamped at both ends, 2 m, with a load of 1 kN/m downwards: qL²/12 at the ends, -qL²/24 in between."""
+    model = beam(4, 2.0, effects=(fix(0), fix(1)))
+    return solve_static(assemble(model), LoadCase(members=(LineLoad(member="beam", force1=[0, 0, -1000.0]),)))
+
+
+def test_only_forces_that_act_are_drawn(held_beam):
+    assert diagrams.drawn_quantities(held_beam, 0) == ("Vz", "My")
+
+
+def test_moments_are_drawn_on_the_side_in_tension(held_beam, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(diagrams.Scene, "save", lambda self, path: drawn.append(self) or path)
+    diagrams.render_diagram(held_beam, "My", tmp_path / "My.png")
+    (scene,) = drawn
+    named = {label.text: label.point for label in scene.labels}
+    assert sorted(named) == ["-167", "333"]
+    # tension at the top over the supports, at the bottom in the middle
+    assert named["333"][2] > 0 > named["-167"][2]
+    assert named["333"][2] == pytest.approx(-2 * named["-167"][2])
+    assert named["-167"][0] == pytest.approx(1.0)
+
+
+def test_ribbons_are_cut_where_the_sign_changes(held_beam, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(diagrams.Scene, "save", lambda self, path: drawn.append(self) or path)
+    diagrams.render_diagram(held_beam, "Vz", tmp_path / "Vz.png")
+    ribbon = next(mesh for mesh, look in drawn[0].actors if "opacity" in look)
+    corners = np.asarray(ribbon.points)[ribbon.faces.reshape(-1, 4)[:, 1:]]
+    side = corners[:, :, 2]
+    assert (np.sign(side.max(axis=1)) * np.sign(side.min(axis=1)) >= 0).all()
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    assert area.sum() == pytest.approx(0.13 * 2 * 1 / 2 * 2)  # two triangles 1 m long, 0.13 × 2 m high
+
+
+def test_an_unknown_quantity_is_refused(held_beam, tmp_path):
+    with pytest.raises(ValueError, match="'Mx' is no section force; allowed are N, Vy"):
+        diagrams.render_diagram(held_beam, "Mx", tmp_path / "Mx.png")
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.123, "0.123"), (-12345.0, "-12.3k"), (2.5e6, "2.5M")])
+def test_values_are_short(value, text):
+    assert diagrams.readable(value) == text

@@ -1,0 +1,220 @@
+"""Diagrams of section forces on the structure, and deflections under static loads."""
+
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from fem.analysis.section_forces import SECTION_FORCES
+from fem.analysis.statics import StaticSolution
+from fem.analysis.stations import forces_on_lines
+from fem.effects.joint import Joint
+from fem.effects.support import Support
+from fem.elements.frame import Frame
+from fem.model import Model
+from viz import style
+from viz.meshes import polydata, wire_mesh
+from viz.models import model_surface
+from viz.overlay import Bar, Label
+from viz.scene import Scene
+from viz.shapes import amplification
+from viz.surfaces import Surface
+from viz.triangles import Floats
+
+POSITIVE, NEGATIVE = "#2c7fb8", "#d95f0e"
+_PIECES = 24
+"""Least number of pieces along a member."""
+_HEIGHT = 0.13
+"""Largest ordinate as a part of the structure's size [-]."""
+_AXIS = {"color": style.MUTED, "line_width": 5.0}
+_MOST_NAMED = 24
+_SMALL = 1e-6
+"""Section forces below this part of the largest of their kind, forces or moments, are not drawn [-]."""
+
+_SIDES = {"N": (1, 1.0), "Vy": (0, 1.0), "Vz": (1, 1.0), "T": (1, 1.0), "My": (1, 1.0), "Mz": (0, -1.0)}
+"""Local axis (0: y, 1: z) and sense along which positive values are drawn: moments on the side in tension."""
+
+_WORDS = {
+    "N": "axial force N",
+    "Vy": "shear force Vy",
+    "Vz": "shear force Vz",
+    "T": "torsional moment T",
+    "My": "bending moment My",
+    "Mz": "bending moment Mz",
+}
+
+
+def render_diagram(
+    solution: StaticSolution, quantity: str, path: str | Path, case: int = 0, title: str = ""
+) -> Path:
+    """Draw the diagram of a section force on the structure.
+
+    Parameters
+    ----------
+    solution : StaticSolution
+    quantity : str
+        ``"N"``, ``"Vy"``, ``"Vz"``, ``"T"``, ``"My"`` or ``"Mz"``. Moments are drawn on the side in tension.
+    path : str or Path
+        PNG file to write.
+    case : int
+        Column of the load case.
+    title : str
+        Heading; the quantity and the load case unless given.
+
+    Raises
+    ------
+    ValueError
+        For an unknown quantity.
+    """
+    if quantity not in SECTION_FORCES:
+        msg = f"'{quantity}' is no section force; allowed are {', '.join(SECTION_FORCES)}"
+        raise ValueError(msg)
+    model, mesh = solution.model, solution.model.mesh
+    pieces = -(-_PIECES // min(len(rows) for rows in mesh.members.values()))
+    forces = forces_on_lines(solution, pieces)[..., case]
+    k = SECTION_FORCES.index(quantity)
+    like = slice(0, 3) if k < 3 else slice(3, 6)
+    values = np.where(abs(forces[..., k]) > _SMALL * abs(forces[..., like]).max(), forces[..., k], 0.0)
+    largest = float(abs(values).max())
+    axes = solution.equilibrium.loads.axes
+    ends = mesh.points[mesh.lines] + axes.offset
+    base = ends[:, :1] + np.linspace(0, 1, pieces + 1)[:, None] * (ends[:, 1:] - ends[:, :1])
+    axis, sense = _SIDES[quantity]
+    scale = _HEIGHT * mesh.size / largest if largest else 0.0
+    tips = base + (sense * scale * values)[..., None] * axes.R[:, None, 1 + axis]
+    unit = "N" if k < 3 else "N·m"
+    heading = f"{_WORDS[quantity]} [{unit}], {solution.cases[case]}"
+    scene = Scene(mesh.points, tips.reshape(-1, 3), title=title or heading[0].upper() + heading[1:])
+    scene.actors.append((wire_mesh(ends.reshape(-1, 3), _pairs(len(ends))), dict(_AXIS)))
+    _add_ribbons(scene, base, tips, values)
+    edges = [_outline(base[rows], tips[rows]) for rows in mesh.members.values() if values[rows].any()]
+    scene.actors += [(edge, {"color": style.INK, "line_width": 1.6}) for edge in edges]
+    scene.add_effects(_holders(model))
+    _name_extremes(scene, solution, tips, values)
+    scene.legend += [Patch(facecolor=POSITIVE, label="positive"), Patch(facecolor=NEGATIVE, label="negative")]
+    return scene.save(path)
+
+
+def drawn_quantities(solution: StaticSolution, case: int) -> tuple[str, ...]:
+    """Return the section forces that are more than rounding in a load case."""
+    size = abs(forces_on_lines(solution, 4)[..., case]).max(axis=(0, 1))
+    largest = np.repeat([size[:3].max(), size[3:].max()], 3)
+    kept = (size > 0) & (size > _SMALL * largest)
+    return tuple(q for q, yes in zip(SECTION_FORCES, kept.tolist(), strict=True) if yes)
+
+
+def render_deflection(solution: StaticSolution, path: str | Path, case: int = 0, title: str = "") -> Path:
+    """Draw the structure under a load case, its displacements enlarged.
+
+    Parameters
+    ----------
+    solution : StaticSolution
+    path : str or Path
+        PNG file to write.
+    case : int
+        Column of the load case.
+    title : str
+        Heading; the load case and the scale of displacements unless given.
+    """
+    surface = model_surface(solution.model, solution.displacements[:, case])
+    scale = amplification(surface, solution.model.mesh.size)
+    name = solution.cases[case]
+    scene = Scene(
+        surface.rest, surface.deformed(scale), title=title or f"Displacements × {scale:.3g}, {name}"
+    )
+    scene.add_ghost(surface)
+    _add_deformed(scene, surface, scale)
+    scene.add_effects(_holders(solution.model))
+    scene.legend.append(Line2D([], [], color=style.AT_REST, linewidth=1, label="without load"))
+    return scene.save(path)
+
+
+def _add_deformed(scene: Scene, surface: Surface, scale: float) -> None:
+    """Add the deformed surface with a colour bar in millimetres."""
+    scene.add_moving(surface, scale)
+    largest = 1e3 * float(np.linalg.norm(surface.displacement, axis=1).max())
+    (bar,) = scene.bars
+    scene.bars = [Bar(bar.cmap, type(bar.norm)(0, largest or 1.0), "displacement [mm]")]
+
+
+def _add_ribbons(scene: Scene, base: Floats, tips: Floats, values: Floats) -> None:
+    """Add the areas between the axis and the ordinates, cut where the sign changes, and their outline."""
+    vertices: list[Floats] = []
+    triangles: list[list[int]] = []
+    positive: list[bool] = []
+
+    def add(points: list[Floats], sign: bool) -> None:
+        first = len(vertices)
+        vertices.extend(points)
+        triangles.extend([first, first + i, first + i + 1] for i in range(1, len(points) - 1))
+        positive.extend([sign] * (len(points) - 2))
+
+    for p, q, v in zip(base, tips, values, strict=True):
+        for i in range(len(v) - 1):
+            a, b = v[i], v[i + 1]
+            if a == 0 and b == 0:
+                continue
+            if a * b >= 0:
+                add([p[i], p[i + 1], q[i + 1], q[i]], a + b > 0)
+            else:
+                middle = p[i] + a / (a - b) * (p[i + 1] - p[i])
+                add([p[i], middle, q[i]], a > 0)
+                add([middle, p[i + 1], q[i + 1]], b > 0)
+    if not triangles:
+        return
+    mesh = polydata(np.array(vertices), np.array(triangles))
+    rgb = 255 * np.array([to_rgb(NEGATIVE), to_rgb(POSITIVE)])
+    mesh.cell_data["rgb"] = rgb[np.array(positive, dtype=int)].astype(np.uint8)
+    look = {"scalars": "rgb", "rgb": True, "opacity": 0.55, "ambient": 1.0, "diffuse": 0.0}
+    scene.actors.append((mesh, look))
+
+
+def _outline(base: Floats, tips: Floats) -> pv.PolyData:
+    """Return the line along the tips of a member's ordinates, with those at its ends."""
+    points = np.vstack([base[0, :1], tips.reshape(-1, 3), base[-1, -1:]])
+    n = np.arange(len(points) - 1)
+    return wire_mesh(points, np.column_stack([n, n + 1]))
+
+
+def _pairs(n: int) -> NDArray[np.int64]:
+    """Return the edges between n pairs of points in a row."""
+    return np.arange(2 * n).reshape(n, 2)
+
+
+def _holders(model: Model) -> Model:
+    """Return a model with supports and joints alone, to draw what holds the structure."""
+    frame = [e for e in model.effects if isinstance(e, Frame | Support | Joint)]
+    return Model(model.mesh, tuple(frame))
+
+
+def _name_extremes(scene: Scene, solution: StaticSolution, tips: Floats, values: Floats) -> None:
+    """Label the largest positive and negative value of each member, the largest of all first."""
+    found: list[tuple[float, Floats]] = []
+    for rows in solution.model.mesh.members.values():
+        own = values[rows]
+        for at in (int(own.argmax()), int(own.argmin())):
+            line, station = np.unravel_index(at, own.shape)
+            value = float(own[line, station])
+            if abs(value) > 0.02 * abs(values).max() and not _taken(found, value, tips[rows][line, station]):
+                found.append((value, tips[rows][line, station]))
+    found.sort(key=lambda pair: -abs(pair[0]))
+    for value, place in found[:_MOST_NAMED]:
+        colour = POSITIVE if value > 0 else NEGATIVE
+        scene.labels.append(Label(place, readable(value), colour, 7.0, bold=True))
+
+
+def _taken(found: list[tuple[float, Floats]], value: float, place: NDArray[np.float64]) -> bool:
+    """Whether the same value is named at this place already: a constant one has both extremes there."""
+    return any(np.isclose(v, value) and np.allclose(p, place) for v, p in found)
+
+
+def readable(value: float) -> str:
+    """Return a value with three digits and an SI prefix: ``-12.3k``."""
+    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(value) >= factor:
+            return f"{value / factor:.3g}{prefix}"
+    return f"{value:.3g}"

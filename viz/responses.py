@@ -1,0 +1,166 @@
+"""Responses to motions of the base, in time, to spectra and to random loads, as matplotlib figures."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from fem.analysis.frf import FRF
+from fem.analysis.tabulated import Tabulated
+from viz import style
+from viz.axes import legend_above
+
+_MOST_CURVES = 6
+_DEEPEST = 1e-8
+"""Least value of a logarithmic axis, relative to the largest: responses that are rounding lie below [-]."""
+_COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
+
+
+def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False, title: str = "") -> Figure:
+    """Plot the amplitudes of responses to a motion of the base, one panel for each motion.
+
+    Parameters
+    ----------
+    frf : FRF
+        As :func:`fem.analysis.base_excitation.compute_base_frf` gives it.
+    response : str
+        What responds: ``"displacement"``, ``"velocity"`` or ``"acceleration"``.
+    relative : bool
+        Whether responses are relative to the base.
+    title : str
+        Heading.
+    """
+    unit = {"displacement": "m/m", "velocity": "(m/s)/m", "acceleration": "(m/s²)/m"}[response]
+    with style.look():
+        figure, axes = _panels(len(frf.inputs), title)
+        for j, (ax, motion) in enumerate(zip(axes, frf.inputs, strict=True)):
+            for i, name in enumerate(frf.outputs[:_MOST_CURVES]):
+                ax.semilogy(frf.frequency, np.abs(frf.H[:, i, j]), color=_COLOURS[i], label=name)
+            largest = float(np.abs(frf.H[:, :_MOST_CURVES, j]).max())
+            if largest > 0:
+                ax.set_ylim(bottom=max(_DEEPEST * largest, ax.get_ylim()[0]))
+            ax.set_title(motion)
+            ax.set_ylabel(f"{'relative ' * relative}{response} [{unit}]")
+            ax.set_xlim(frf.frequency[0], frf.frequency[-1])
+        axes[-1].set_xlabel("frequency [Hz]")
+        legend_above(figure, _heading(title, len(frf.outputs)), axes[0].get_legend_handles_labels()[0])
+    return figure
+
+
+def plot_histories(
+    time: NDArray[np.float64],
+    panels: Sequence[tuple[str, NDArray[np.float64]]],
+    names: Sequence[str],
+    title: str = "",
+) -> Figure:
+    """Plot histories over time.
+
+    Parameters
+    ----------
+    time : ndarray (n_t,)
+        [s].
+    panels : sequence of (str, ndarray (n_t, n))
+        Label of the axis with its unit, and the histories, one curve each.
+    names : sequence of str
+        Of the curves, n.
+    title : str
+        Heading.
+    """
+    with style.look():
+        figure, axes = _panels(len(panels), title)
+        for ax, (label, values) in zip(axes, panels, strict=True):
+            for i, name in enumerate(names[:_MOST_CURVES]):
+                ax.plot(time, values[:, i], color=_COLOURS[i], label=name, linewidth=1.0)
+            ax.set_ylabel(label)
+            ax.set_xlim(time[0], time[-1])
+        axes[-1].set_xlabel("time [s]")
+        legend_above(figure, _heading(title, len(names)), axes[0].get_legend_handles_labels()[0])
+    return figure
+
+
+def plot_densities(
+    frequency: NDArray[np.float64],
+    densities: NDArray[np.float64],
+    names: Sequence[str],
+    unit: str,
+    title: str = "",
+) -> Figure:
+    """Plot power spectral densities over frequency, both axes logarithmic.
+
+    Parameters
+    ----------
+    frequency : ndarray (n_freq,)
+        [Hz].
+    densities : ndarray (n_freq, n)
+        One-sided densities.
+    names : sequence of str
+        Of the curves, n.
+    unit : str
+        Of the densities, such as ``"(m/s²)²/Hz"``.
+    title : str
+        Heading.
+    """
+    with style.look():
+        figure, (ax,) = _panels(1, title)
+        for i, name in enumerate(names[:_MOST_CURVES]):
+            ax.loglog(frequency, np.maximum(densities[:, i], 1e-300), color=_COLOURS[i], label=name)
+        shown = densities[:, :_MOST_CURVES]
+        shown = shown[shown > _DEEPEST * shown.max(initial=0.0)]
+        if shown.size:
+            ax.set_ylim(shown.min() / 2, 2 * shown.max())
+        ax.set_xlim(frequency[0], frequency[-1])
+        ax.set_xlabel("frequency [Hz]")
+        ax.set_ylabel(f"power spectral density [{unit}]")
+        legend_above(figure, _heading(title, len(names)), ax.get_legend_handles_labels()[0])
+    return figure
+
+
+def plot_spectra(
+    spectra: Mapping[str, Tabulated], frequencies: NDArray[np.float64], title: str = ""
+) -> Figure:
+    """Plot response spectra of the base, with a mark at each mode.
+
+    Parameters
+    ----------
+    spectra : mapping of str to Tabulated
+        Pseudo-acceleration by direction [m/s²].
+    frequencies : ndarray (n_modes,)
+        Natural frequencies [Hz].
+    title : str
+        Heading.
+    """
+    with style.look():
+        figure, (ax,) = _panels(1, title)
+        low = min(*(s.frequency[0] for s in spectra.values()), frequencies.min())
+        high = max(*(s.frequency[-1] for s in spectra.values()), frequencies.max())
+        lines = np.geomspace(low, high, 400)
+        for i, (name, spectrum) in enumerate(spectra.items()):
+            ax.loglog(lines, spectrum.at(lines), color=_COLOURS[i], label=f"spectrum, {name}")
+            ax.plot(
+                frequencies, spectrum.at(frequencies), "o", color=_COLOURS[i], markersize=4,
+                label=f"modes, {name}",
+            )  # fmt: skip
+        ax.set_xlim(low, high)
+        ax.set_xlabel("frequency [Hz]")
+        ax.set_ylabel("pseudo-acceleration [m/s²]")
+        legend_above(figure, title, ax.get_legend_handles_labels()[0])
+    return figure
+
+
+def _panels(n: int, title: str) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels one over the other that share their abscissa."""
+    figure = style.new_figure(height=(0.25 if title else 0) + 0.9 + (2.6 if n == 1 else 1.9 * n))
+    first = figure.add_subplot(n, 1, 1)
+    axes = [first, *(figure.add_subplot(n, 1, k + 2, sharex=first) for k in range(n - 1))]
+    for ax in axes[:-1]:
+        ax.tick_params(labelbottom=False)
+    return figure, axes
+
+
+def _heading(title: str, n: int) -> str:
+    """Return the heading, with the number of curves that are left out."""
+    if n <= _MOST_CURVES:
+        return title
+    return f"{title}{', ' if title else ''}the first {_MOST_CURVES} of {n}"
