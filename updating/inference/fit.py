@@ -296,17 +296,8 @@ class FitProblem:
 
         It is the magnitude of force over displacement, at lines over the whole band [N/m, N·m/rad].
         """
-        basis, total = self.reduced.basis, self.reduced.base_sum
-        lam, V = self.reduced.main_modes
-        m = basis.n_main
-        column = m + basis.keys.index(key)
         omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
-        # What is left of Z at the constraint once all other coordinates have followed.
-        k, mass = (total[x][:, column] for x in "KM")
-        coupling = (V.T @ k[:m]) * (1 + 0.02j) - omega2[:, None] * (V.T @ mass[:m])
-        others = lam * (1 + 0.02j) - omega2[:, None]
-        Z = k[column] * (1 + 0.02j) - omega2 * mass[column] - (coupling**2 / others).sum(axis=1)
-        return float(1 / np.median(1 / np.abs(Z)))
+        return self.reduced.impedance(key, omega2)
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return the fitted model's receptances as the sensors would read them, at some or all lines."""

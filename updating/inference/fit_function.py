@@ -174,6 +174,10 @@ class FitFunction:
         member = np.unique(self.groups, return_inverse=True)[1]
         return np.bincount(member, each) / np.bincount(member)
 
+    def noise(self) -> NDArray[np.float64]:
+        """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
+        return self.mean_by_group(noise_squares(self.problem.data, self.lines))
+
     def levels(self, stage: float = np.inf) -> Levels:
         """Return what the error levels of the groups cost, for lines up to a frequency [Hz]."""
         sizes = np.unique(self.groups, return_counts=True)[1]
@@ -209,7 +213,7 @@ class FitFunction:
             self.prior() if prior is None else prior,
             (limits[:, 0], limits[:, 1]),
             levels=self.levels(stage) if levels is None else levels,
-            widened=partial(widened, self.mean_by_group(noise_squares(p.data, self.lines)), p.noise_counted),
+            widened=partial(widened, self.noise(), p.noise_counted),
             groups=self.groups,
             robust=ROBUST,
             max_iterations=max_iterations,

@@ -14,9 +14,11 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, widened
 from updating.inference.fit_result import FitResult
+from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.scatter import Scatter
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
+from updating.least_squares.mode_levels import ModeLevels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Floats = NDArray[np.float64]
@@ -40,7 +42,7 @@ class Fitted:
 
     result: FitResult
     log_evidence: float
-    levels: Levels
+    levels: Levels | ModeLevels
     misfit: Floats
 
     @property
@@ -78,8 +80,10 @@ def n_data(problem: FitProblem, stage: float = np.inf) -> float:
     return DATA_PER_MODE * max(3.0, problem.n_modes * min(1.0, stage / problem.data.frequency[-1]))
 
 
-def levels_of(function: FitFunction, stage: float = np.inf) -> Levels:
+def levels_of(function: FitFunction, stage: float = np.inf) -> Levels | ModeLevels:
     """Return how probable error levels are: noise, and what the form of beams leaves beside it."""
+    if isinstance(function, ModeFunction):
+        return function.mode_levels()
     problem = function.problem
     sizes = np.unique(function.groups, return_counts=True)[1]
     noise = function.mean_by_group(noise_squares(problem.data, function.lines))
@@ -107,7 +111,7 @@ def _of_effects(function: FitFunction) -> dict[int, EffectPrior]:
 
 
 def fit(
-    problem: FitProblem,
+    problem: FitProblem | ModeProblem,
     effects: Sequence[Effect] = (),
     starts: Sequence[dict[str, float]] = (),
     *,
@@ -121,7 +125,7 @@ def fit(
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : FitProblem or ModeProblem
     effects : sequence of Effect
     starts : sequence of dict
         For each of them the parameter values to start from.
@@ -166,7 +170,7 @@ def _assessed(function: FitFunction, solution: Solution) -> Fitted:
     huber = pseudo_huber_weight(r, ROBUST)
     A = _curvature(J, (levels.weight(v) / size)[member] * huber, std)
     evidence = log_evidence(-levels.cost(v), off, std, A)
-    if not problem.form_right:
+    if not problem.form_right and isinstance(levels, Levels):
         # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
         apart = levels.n / size / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
         A = _curvature(J, apart[member] * huber, std)

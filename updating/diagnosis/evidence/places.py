@@ -124,7 +124,7 @@ class Reach:
             for effect in place.effects:
                 if effect.released():
                     continue
-                acting = _acting(effect)
+                acting = acting(effect)
                 contributions = acting.contribute(self.model)
                 dofs, S = motions_of(contributions)
                 if len(dofs) > MOST_DOFS or any(c.law is not None for c in contributions):
@@ -144,7 +144,7 @@ class Reach:
         return out
 
 
-def _acting(effect: Effect) -> Effect:
+def acting(effect: Effect) -> Effect:
     """Return an effect at a value at which it is there: the weakest but one of its grid."""
     p = effect.parameters()[0]
     if p.value != p.absent and np.isfinite(p.value):

@@ -1,0 +1,86 @@
+"""Which further modes and sensors would tell explanations of measured modes apart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.modes import Modes, first_modes
+from fem.model import Model
+from fem.system import assemble
+from updating.inference.preparation import fitted_model
+
+if TYPE_CHECKING:
+    from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis
+
+FURTHER = 5
+"""So many modes beyond the measured ones are looked at."""
+N_SAID = 3
+"""So many proposals are made."""
+FREQUENCY_STD, SHAPE_STD = 1e-3, 0.03
+"""Deviations of what would be measured: of a frequency, and of a component of a shape in parts of its largest
+value [-]."""
+
+
+def next_measurements(d: ModeDiagnosis) -> tuple[str, ...]:
+    """Return the frequencies and shapes that differ most between the first two credible explanations.
+
+    Each in standard deviations of a usual test; those of less than two are left out.
+    """
+    known = [e for e in d.credible if e.known][:2]
+    if len(known) < 2:
+        return ()
+    by_names = {h.key: h for h in d.searched.search.known.values()}
+    base = d.searched.model
+    models = [
+        fitted_model(base, by_names[frozenset(x.name for x in e.effects)].fitted.result) for e in known
+    ]
+    n = d.problem.targets.n
+    try:
+        one, two = (first_modes(assemble(m, reciprocal=False), n + FURTHER) for m in models)
+    except (np.linalg.LinAlgError, ValueError):
+        return ()
+    pairs = _pairs(one, two)
+    told: list[tuple[float, str]] = []
+    top = float(d.problem.targets.frequency[-1])
+    for i, j in pairs:
+        f, g = one.frequency[i], two.frequency[j]
+        new = f > 1.02 * top
+        size = abs(np.log(f / g)) / FREQUENCY_STD
+        if new:
+            told.append((size, f"the natural frequency near {f:.4g} Hz ({f:.5g} or {g:.5g} Hz)"))
+        told.append(_shape(base, one.shapes[:, i], two.shapes[:, j], f))
+    told = sorted((t for t in told if t[0] >= 2.0), key=lambda t: -t[0])
+    return tuple(text for _, text in told[:N_SAID])
+
+
+def _pairs(one: Modes, two: Modes) -> list[tuple[int, int]]:
+    """Return elastic modes that are most alike over all DOFs."""
+    from updating.correlation import mac
+
+    like = mac(one.shapes, two.shapes)
+    out = []
+    for i in range(one.n_rigid, one.n_modes):
+        j = int(np.argmax(like[i]))
+        if j >= two.n_rigid and like[i, j] > 0.5:
+            out.append((i, j))
+    return out
+
+
+def _shape(
+    model: Model, phi: NDArray[np.floating], psi: NDArray[np.floating], frequency: float
+) -> tuple[float, str]:
+    """Return where two shapes of a mode differ most among displacements, in deviations, and in words."""
+    moves = np.arange(len(phi)) % 6 < 3
+    a, b = np.real(phi) * moves, np.real(psi) * moves
+    b = b * ((a @ b) / (b @ b))
+    largest = float(np.abs(a).max())
+    k = int(np.argmax(np.abs(a - b)))
+    x, y, z = model.mesh.points[k // 6]
+    size = float(np.abs(a - b)[k]) / largest / SHAPE_STD
+    return size, (
+        f"the shape at {frequency:.4g} Hz, along {'xyz'[k % 6]} at ({x:.3g}, {y:.3g}, {z:.3g}) m, where it "
+        f"differs by {100 * size * SHAPE_STD:.0f} % of its largest value"
+    )
