@@ -18,7 +18,7 @@ FIRST_ORDER = 0.01
 REFINEMENTS = 3
 """Rayleigh quotient iterations for a mode with more; they converge cubically."""
 NEAR = 1e-4
-"""Eigenvalues that are nearer to each other, relatively, have derivatives of their shapes as if this far [-]."""
+"""Eigenvalues nearer than this, relatively, have derivatives of their shapes as if this far apart [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -104,6 +104,7 @@ class ParametricModes:
         self.engine = ParametricFRF(
             reduced, outputs, outputs[:, :0], frequency, refs, candidates, release, projected=True
         )
+        self._last: tuple[bytes, list[Term]] | None = None
 
     def at(self, values: Floats, zeta: Floats) -> "ModesAt":
         """Return the modes at some values.
@@ -116,13 +117,16 @@ class ParametricModes:
         """
         engine, values = self.engine, np.asarray(values, dtype=float)
         total, alone = engine.matrices(values)
+        self._last = values.tobytes(), alone
         columns = np.eye(engine.reduced.basis.T.shape[1])[:, engine.active]
         return ModesAt(engine.reduced, engine.omega, np.atleast_2d(zeta), total, engine.outputs, columns)
 
     def slopes(self, values: Floats) -> list[tuple[int, Term]]:
         """Return the derivatives of the matrices by parameters, with these."""
         values = np.asarray(values, dtype=float)
-        return self.engine.slopes(values, self.engine.matrices(values)[1])
+        known = self._last is not None and self._last[0] == values.tobytes()
+        alone = self._last[1] if known and self._last else self.engine.matrices(values)[1]
+        return self.engine.slopes(values, alone)
 
 
 class ModesAt:

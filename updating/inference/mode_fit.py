@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef, parameter_values
-from fem.reduction.parametric_modes import DampedMode, ModesAt, ParametricModes
+from fem.reduction.parametric_modes import DampedMode, ModesAt, Pairs, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
 from updating.inference.fit import EXPLAINED_LEVEL
@@ -210,6 +210,11 @@ class ModeFunction(FitFunction):
     deviation of its group over its own.
     """
 
+    # A step that is tried without derivatives is often asked for them next.
+    _last: tuple[bytes, ModesAt, Complexes, Partners, Complexes | None] | None = field(
+        default=None, init=False, repr=False
+    )
+
     @property
     def _data(self) -> ModeTargets:
         return self._modes_problem.targets
@@ -270,18 +275,26 @@ class ModeFunction(FitFunction):
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted residuals, (m,), and their Jacobian, (n, m), if asked."""
+        key = x.tobytes()
+        if self._last is None or self._last[0] != key:
+            at = self.modes_at(x)
+            self._last = (key, at, *self.residuals(at), None)
+        _, at, r, found, J = self._last
+        if gradient and J is None:
+            J = self._jacobian(x, at, found)
+            self._last = (key, at, r, found, J)
+        return r, J if gradient else None
+
+    def _jacobian(self, x: Floats, at: ModesAt, found: Partners) -> Complexes:
+        """Return the derivatives (n, m) of the residuals by x."""
         n, curve = len(self.variables), self.problem.damping
-        at = self.modes_at(x)
-        r, found = self.residuals(at)
-        if not gradient:
-            return r, None
-        J = np.zeros((len(x), len(r)), dtype=complex)
+        J = np.zeros((len(x), sum(self._sizes)), dtype=complex)
         slopes = np.array([v.slope(xi) for v, xi in zip(self.variables, x[:n], strict=True)])
         J[:n] = slopes[:, None] * self.slopes(at, found, self._parametric.slopes(self._values(x)), n)
         f = self._data.frequency[self.lines]
         hats, zeta = curve.hats(f), np.exp(curve.hats(f) @ x[n:] + curve.offset(f))
         J[n:] = self._by_damping(at, found, np.atleast_2d(zeta), hats.reshape(-1, *hats.shape[-2:]))
-        return r, J
+        return J
 
     def _values(self, x: Floats) -> Floats:
         return np.array([v.to_value(xi) for v, xi in zip(self.variables, x, strict=False)])
@@ -298,7 +311,9 @@ class ModeFunction(FitFunction):
         matched = matched_modes(self._modes_problem, at, modes)
         found = [(i, int(k), at.damped(i, int(k))) if k >= 0 else None for i, k in enumerate(matched.partner)]
         f_std, zeta_std, _ = self._deviation
-        off = [FAR if m is None else np.log(m[2].frequency / t.frequency[modes[i]]) for i, m in enumerate(found)]
+        off = [
+            FAR if m is None else np.log(m[2].frequency / t.frequency[modes[i]]) for i, m in enumerate(found)
+        ]
         parts: list[Any] = [np.array(off) * (f_std.min() / f_std)]
         damped = [i for i, mode in enumerate(modes) if np.isfinite(t.zeta[mode])]
         if damped:
@@ -334,7 +349,9 @@ class ModeFunction(FitFunction):
         e = b - a * ((a.conj() @ b) / (a.conj() @ a))
         return e * scale, (W, a, b)
 
-    def _mixing(self, pairs: Pairs, k: int, known: NDArray[np.bool_], phi: NDArray[Any], std: float) -> Floats:
+    def _mixing(
+        self, pairs: Pairs, k: int, known: NDArray[np.bool_], phi: NDArray[Any], std: float
+    ) -> Floats:
         share = self._modes_problem.model_error / EXPLAINED_LEVEL
         error = float(np.hypot(MIXED * share, LEAST_MIXED))
         lam = pairs.eigenvalues
@@ -343,11 +360,11 @@ class ModeFunction(FitFunction):
         m[k] = 0.0
         m[: pairs.n_rigid] = 0.0
         some = np.flatnonzero(m > 0.1 * std)
+        if not some.size:
+            return np.eye(len(phi))
         size = float(np.sqrt((np.abs(phi) ** 2).sum()))
         # A component of ψ, of length 1, has the deviation std/√n; the mixed shapes are as large as φ.
         B = pairs.shapes[np.ix_(known, some)] * (m[some] / (size * std / np.sqrt(known.sum())))
-        if not some.size:
-            return np.eye(int(known.sum()))
         U, s, _ = np.linalg.svd(B, full_matrices=False)
         return np.eye(len(U)) + (U * (1 / np.sqrt(1 + s**2) - 1)) @ U.T
 

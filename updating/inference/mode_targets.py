@@ -84,7 +84,7 @@ class ModeTargets:
         held_out: Sequence[int] = (),
         name: str = "modes",
     ) -> "ModeTargets":
-        """Return measured modes in rising order, shapes of length 1; ``held_out`` counts as they are given."""
+        """Return measured modes in rising order, shapes of length 1; ``held_out`` counts from 0 as given."""
         f = np.asarray(frequency, dtype=float)
         n, order = len(f), np.argsort(f, kind="stable")
         each = [np.broadcast_to(np.asarray(s, dtype=float), (n,))[order] for s in (

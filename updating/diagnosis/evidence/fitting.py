@@ -18,8 +18,8 @@ from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.scatter import Scatter
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
-from updating.least_squares.mode_levels import ModeLevels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+from updating.least_squares.mode_levels import ModeLevels
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from fem.model import Effect, Model
 from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED, propose
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
-from updating.diagnosis.evidence.fitting import fit
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Hypothesis, Search
@@ -26,6 +25,8 @@ from updating.inference.preparation import fitted_model, with_higher_mass
 
 CREDIBLE = 0.9
 """Probability that the explanations of a credible set have together [-]."""
+HALF = 0.5
+"""An explanation that is less probable than all others together is not put first in words [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,9 +167,7 @@ def search_modes(
         formed, targets, every, damping_std=damping_std, model_error=model_error, mesh=mesh
     )
     say("fitting the uncertain parameters", 0.05)
-    candidates = tuple(
-        e for e in propose(model, kinds, exclude) if not (e.is_form or e.amplitude_dependent)
-    )
+    candidates = tuple(e for e in propose(model, kinds, exclude) if not (e.is_form or e.amplitude_dependent))
     search = Search(problem, own, candidates, mesh, partial(_told, say), ranking=ModeRanking())
     best = search.run()
     say("refining", 0.9)
@@ -274,10 +273,12 @@ def _reason(d: ModeDiagnosis) -> str:
         return f"the fitted model's frequencies are {after} off; probability {sure}{many}"
     place = percent(d.searched.probability_there(d.searched.best))
     lower = "bring" if len(d.found) > 1 else "brings"
-    return (
-        f"{labels(d.found)} {lower} the frequencies from {before} to {after}; probability {sure}, of the "
-        f"place {place}{many}"
-    )
+    told = f"{labels(d.found)} {lower} the frequencies from {before} to {after}"
+    if first.probability < HALF:
+        return f"{n} explanations share {CREDIBLE:.0%}, none is sure; the first, {sure}: {told}".replace(
+            "0%", "0 %"
+        )
+    return f"{told}; probability {sure}, of the place {place}{many}"
 
 
 def percent(p: float) -> str:

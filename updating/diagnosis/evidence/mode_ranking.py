@@ -21,6 +21,7 @@ from fem.reduction.terms import Term
 from fem.system import assemble
 from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.places import Place, acting
+from updating.diagnosis.evidence.priors import PLACE_ODDS
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.screening import Grid, Screened
 from updating.inference.fit_result import FitResult
@@ -30,7 +31,10 @@ from updating.inference.scatter import Scatter
 
 N_LOOKED = 40
 """So many of the best candidates by their slopes are looked at on their grids."""
-N_STARTS = 2
+VISIBLE = 0.1
+"""Candidates that move the data by less than this at every point of their grids are left out: what was
+measured does not see them [standard deviations]."""
+N_STARTS = 1
 """Starts of each candidate that go on."""
 HIGHEST = 4.0
 """Modes up to this multiple of the highest measured frequency make the space in which grids are looked at."""
@@ -107,11 +111,6 @@ class ModeLook:
         """The misfit in standard deviations, without what adapts."""
         return self._adapting[1]
 
-    @property
-    def n_data(self) -> float:
-        """Number of independent data."""
-        return float(self._function.mode_levels().n.sum())
-
     def slopes(self, effects: Sequence[Effect]) -> Floats:
         """Return what effects do to the first order, (n, m): what they have is taken for a small change."""
         terms: list[tuple[int, Term]] = []
@@ -185,9 +184,12 @@ class ModeLook:
         return basis.n_main + basis.keys.index(key)
 
     def left_by(self, grid: Grid) -> Floats:
-        """Return the squares of the misfit that are left at each point of a grid, in deviations²."""
+        """Return the squares of the misfit that are left at each point of a grid, in deviations².
+
+        Infinite where there is no structure, and everywhere if the data do not see the candidate.
+        """
         at = self.around(grid.effect.released())
-        out = np.full(len(grid.points), np.inf)
+        out, most = np.full(len(grid.points), np.inf), 0.0
         for n, term in enumerate(grid.terms(self.problem, False)):  # type: ignore[arg-type]
             try:
                 r, _ = self._function.residuals(at.with_term(term))
@@ -195,13 +197,14 @@ class ModeLook:
                 continue  # no structure
             change = self.adapted((r - self._found[0])[None])[0]
             out[n] = float(((self.misfit + change) ** 2).sum())
-        return out
+            most = max(most, float(np.linalg.norm(change)))
+        return out if most >= VISIBLE else np.full_like(out, np.inf)
 
 
 class ModeRanking:
     """Ranking by measured modes: they tell candidates apart less, and fits to them cost little."""
 
-    breadth = 24
+    breadth = 12
 
     def scan(self, problem: ModeProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the misfit that the slopes of all candidates there leave."""
@@ -214,7 +217,9 @@ class ModeRanking:
             if np.isfinite(slopes[row]).all():
                 of[n].append(row)
         singles = [
-            Scanned((place,), _left(look, slopes[rows])) for place, rows in zip(places, of, strict=True) if rows
+            Scanned((place,), _left(look, slopes[rows]))
+            for place, rows in zip(places, of, strict=True)
+            if rows
         ]
         rows_of = {place.name: rows for place, rows in zip(places, of, strict=True)}
         singles.sort(key=lambda s: s.left)
@@ -242,11 +247,12 @@ class ModeRanking:
         by_slopes = _by_slopes(look, grids)
         order = np.argsort(by_slopes, kind="stable")
         chosen = {int(i) for i in order[:N_LOOKED]} | {i for i, g in enumerate(grids) if listed(g.effect)}
-        out = []
+        out, now = [], float((look.misfit**2).sum())
         for i in sorted(chosen):
             left = look.left_by(grids[i])
             best = [int(k) for k in np.argsort(left)[:N_STARTS] if np.isfinite(left[k])]
-            if best:
+            # Less than the prior asks for one more place cannot make a hypothesis the more probable one.
+            if best and (now - left[best[0]]) / 2 > PLACE_ODDS:
                 starts = tuple(grids[i].points[k] for k in best)
                 out.append((float(left[best[0]]), Screened(grids[i].effect, starts)))
         out.sort(key=lambda pair: pair[0])
@@ -324,8 +330,8 @@ def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> Floats:
 def _left(look: ModeLook, slopes: Floats) -> float:
     """Return the mean square of the misfit that changes along slopes leave, by their evidence.
 
-    Their sizes have a common normal prior whose deviation the data choose: exp(-2/n ln of the gain in
-    evidence), which is what is left over what was there where a change is of no dimension.
+    Their sizes have a common normal prior whose deviation the data choose. It is 1 less the gain in evidence
+    over the largest one that any change can have, half the squares of the misfit.
     """
     D = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-300)
     y = look.misfit
@@ -336,4 +342,4 @@ def _left(look: ModeLook, slopes: Floats) -> float:
     for s2 in np.geomspace(1.0, max(4.0, float(y @ y)), 8):
         shrunk = s2 * lam / (1 + s2 * lam)
         best = max(best, 0.5 * float((shrunk * z**2).sum()) - 0.5 * float(np.log1p(s2 * lam).sum()))
-    return float(np.exp(-2 * best / look.n_data))
+    return 1 - best / max(0.5 * float(y @ y), 1e-300)

@@ -34,9 +34,7 @@ def next_measurements(d: ModeDiagnosis) -> tuple[str, ...]:
         return ()
     by_names = {h.key: h for h in d.searched.search.known.values()}
     base = d.searched.model
-    models = [
-        fitted_model(base, by_names[frozenset(x.name for x in e.effects)].fitted.result) for e in known
-    ]
+    models = [fitted_model(base, by_names[frozenset(x.name for x in e.effects)].fitted.result) for e in known]
     n = d.problem.targets.n
     try:
         one, two = (first_modes(assemble(m, reciprocal=False), n + FURTHER) for m in models)
