@@ -15,6 +15,7 @@ from dovetail.file.paths import input_files
 from dovetail.result import JSON, REPORT, SCHEMA, program_version
 from fem.io.atomic import replacing
 from updating.diagnosis.evidence.mode_diagnosis import Explanation, ModeDiagnosis, diagnose_modes
+from updating.diagnosis.evidence.states import diagnose_change
 from updating.inference.mode_targets import ModeTargets
 
 Progress = Callable[[str, float], None]
@@ -57,11 +58,13 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
 
 
 def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagnosis:
-    """Diagnose by the measured modes of a study."""
+    """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline."""
     assert study.modes is not None
-    return diagnose_modes(
-        study.model, targets_of(study.modes), study.nuisances, damping_std=study.damping_std,
-        kinds=study.kinds, exclude=study.exclude, model_error=study.model_error, progress=say,
+    states = [targets_of(m) for m in (study.baseline, study.modes) if m is not None]
+    search = diagnose_modes if len(states) == 1 else diagnose_change
+    return search(
+        study.model, *states, study.nuisances, damping_std=study.damping_std, kinds=study.kinds,
+        exclude=study.exclude, model_error=study.model_error, progress=say,
     )  # fmt: skip
 
 

@@ -65,6 +65,8 @@ class Study:
         What the study did not say and was assumed, in sentences.
     modes : MeasuredModes or None
         Measured modes, where the study gives them.
+    baseline : MeasuredModes or None
+        Those of an earlier state, where what has changed is asked for.
     plan : UpdatePlan
         What :command:`dovetail update` does.
     warnings : tuple of str
@@ -113,6 +115,7 @@ class Study:
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
     measured_notes: tuple[str, ...] = ()
     evidence: bool = True
+    baseline: MeasuredModes | None = None
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""

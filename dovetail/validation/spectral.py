@@ -472,7 +472,9 @@ class Assembly:
             _projected(carry(b.location - frame.nodes[b.node]) @ T[_dofs([b.node])]) for b in frame.bodies
         ]
         at_node = {
-            id(p): p.direction @ (_arm(frame, p) @ T[_dofs([p.node])])[:3] for p in probes if p.node is not None
+            id(p): p.direction @ (_arm(frame, p) @ T[_dofs([p.node])])[:3]
+            for p in probes
+            if p.node is not None
         }
         return cls(frame, T, relative, maps, bodies, at_node)
 

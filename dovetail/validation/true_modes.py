@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import scipy.linalg as sla
@@ -58,7 +59,7 @@ def true_modes(
     n_below, n_above = ((np.linalg.eigvalsh(Z(s)) < 0).sum() for s in (bottom, top))
     found: list[tuple[float, Floats]] = []
     edges = np.geomspace(bottom, top, POINTS + 1)
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in pairwise(edges):
         at = float(np.sqrt(a * b))
         D = (Z(at * (1 + STEP)) - Z(at * (1 - STEP))) / (2 * STEP * at)
         lam, V = sla.eigh(Z(at) - at * D, -D)
@@ -77,7 +78,7 @@ def true_modes(
     return np.sqrt([s for s, _ in found]) / (2 * np.pi), shapes
 
 
-def _refined(Z, square: float, q: Floats) -> tuple[float, Floats]:  # noqa: ANN001
+def _refined(Z, square: float, q: Floats) -> tuple[float, Floats]:
     """Return a zero of Z near a start: Newton's steps in ω² with q by inverse iteration."""
     for _ in range(12):
         D = (Z(square * (1 + STEP)) - Z(square * (1 - STEP))) / (2 * STEP * square)
@@ -110,9 +111,7 @@ def _undamped(frame: SpectralFrame) -> SpectralFrame:
     connections = tuple(
         replace(c, K=np.real(c.K), C=0 * np.real(c.C), law=_storage(c.law)) for c in frame.connections
     )
-    bodies = tuple(
-        replace(b, K=np.real(b.K), C=0 * np.real(b.C), law=_storage(b.law)) for b in frame.bodies
-    )
+    bodies = tuple(replace(b, K=np.real(b.K), C=0 * np.real(b.C), law=_storage(b.law)) for b in frame.bodies)
     return replace(frame, segments=segments, connections=connections, bodies=bodies)
 
 

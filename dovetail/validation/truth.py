@@ -267,9 +267,7 @@ class TrueFrame:
         forces = [cutter.probe(d) for d in drives]
         return receptance(cutter.frame(), frequency, responses, forces)
 
-    def pieces(
-        self, cuts: Sequence[Cut], sensors: Sequence[Reading]
-    ) -> tuple[SpectralFrame, list[Probe]]:
+    def pieces(self, cuts: Sequence[Cut], sensors: Sequence[Reading]) -> tuple[SpectralFrame, list[Probe]]:
         """Return the frame in exact pieces, with nodes at some cuts, and where sensors are on them."""
         cutter = _Cutter(self, cuts)
         return cutter.frame(), [cutter.probe(s) for s in sensors]

@@ -138,6 +138,11 @@ class ModeDiagnosis:
         return tuple(e for e, p in zip(self.explanations, before, strict=False) if p < CREDIBLE)
 
     @property
+    def noise_limit(self) -> float:
+        """Relative deviation of frequencies that noise and the mesh account for [-]."""
+        return self.searched.search.floor
+
+    @property
     def found(self) -> tuple[Effect, ...]:
         """Effects of the verdict."""
         return self.searched.best.effects if self.verdict == EFFECT else ()

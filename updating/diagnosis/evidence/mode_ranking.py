@@ -29,7 +29,7 @@ from updating.inference.mode_fit import ModeFunction, ModeProblem, Partners
 from updating.inference.preparation import fitted_model
 from updating.inference.scatter import Scatter
 
-N_LOOKED = 40
+N_LOOKED = 24
 """So many of the best candidates by their slopes are looked at on their grids."""
 VISIBLE = 0.1
 """Candidates that move the data by less than this at every point of their grids are left out: what was
@@ -207,22 +207,21 @@ class ModeRanking:
     breadth = 12
 
     def scan(self, problem: ModeProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
-        """Return places by the misfit that the slopes of all candidates there leave."""
+        """Return places by the misfit that the slopes of all candidates there leave.
+
+        Those are left out that gain less evidence than the prior asks for one more place.
+        """
         look = ModeLook(problem, current)
         effects = [(n, acting(e)) for n, place in enumerate(places) for e in place.effects]
         effects = [(n, e) for n, e in effects if not e.amplitude_dependent]
         slopes = look.slopes([e for _, e in effects])
-        of: list[list[int]] = [[] for _ in places]
+        rows_of: dict[str, list[int]] = {}
         for row, (n, _) in enumerate(effects):
             if np.isfinite(slopes[row]).all():
-                of[n].append(row)
-        singles = [
-            Scanned((place,), _left(look, slopes[rows]))
-            for place, rows in zip(places, of, strict=True)
-            if rows
-        ]
-        rows_of = {place.name: rows for place, rows in zip(places, of, strict=True)}
-        singles.sort(key=lambda s: s.left)
+                rows_of.setdefault(places[n].name, []).append(row)
+        least = 1 - PLACE_ODDS / max(0.5 * float((look.misfit**2).sum()), 1e-300)
+        found = [Scanned((p,), _left(look, slopes[rows_of[p.name]])) for p in places if p.name in rows_of]
+        singles = sorted((s for s in found if s.left < least), key=lambda s: s.left)
         connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
         connections = [s for s in connections if "," not in s.name][:N_PAIRED]
         pairs = []
