@@ -292,18 +292,23 @@ class ModeFunction(FitFunction):
         slopes = np.array([v.slope(xi) for v, xi in zip(self.variables, x[:n], strict=True)])
         J[:n] = slopes[:, None] * self.slopes(at, found, self._parametric.slopes(self._values(x)), n)
         f = self._data.frequency[self.lines]
-        hats, zeta = curve.hats(f), np.exp(curve.hats(f) @ x[n:] + curve.offset(f))
-        J[n:] = self._by_damping(at, found, np.atleast_2d(zeta), hats.reshape(-1, *hats.shape[-2:]))
+        m = n + len(curve.start)
+        hats, zeta = curve.hats(f), np.exp(curve.hats(f) @ x[n:m] + curve.offset(f))
+        J[n:m] = self._by_damping(at, found, np.atleast_2d(zeta), hats.reshape(-1, *hats.shape[-2:]))
         return J
 
     def _values(self, x: Floats) -> Floats:
         return np.array([v.to_value(xi) for v, xi in zip(self.variables, x, strict=False)])
 
-    def modes_at(self, x: Floats) -> ModesAt:
-        """Return the modes at some unknowns."""
-        f, curve = self._data.frequency[self.lines], self.problem.damping
-        zeta = np.exp(curve.hats(f) @ x[len(self.variables) :] + curve.offset(f))
-        return self._parametric.at(self._values(x), zeta)
+    def modes_at(self, x: Floats, release: Sequence[tuple[str, str]] = ()) -> ModesAt:
+        """Return the modes at some unknowns, without some constraints if asked."""
+        f, curve, n = self._data.frequency[self.lines], self.problem.damping, len(self.variables)
+        zeta = np.exp(curve.hats(f) @ x[n : n + len(curve.start)] + curve.offset(f))
+        parametric = self._parametric
+        if release:
+            refs = [v.ref for v in self.variables]
+            parametric = self._modes_problem.parametric(self.lines, refs, self.effects, release)
+        return parametric.at(self._values(x), zeta)
 
     def residuals(self, at: ModesAt) -> tuple[Complexes, Partners]:
         """Return the weighted residuals (m,) of computed modes, and which of them are the partners."""

@@ -63,7 +63,7 @@ class ModeLook:
 
     @cached_property
     def _base(self) -> ModesAt:
-        return self._function.modes_at(self._function.point_of(self.current))
+        return self._function.modes_at(self.current_x)
 
     @cached_property
     def _found(self) -> tuple[NDArray[np.complex128], Partners]:
@@ -82,7 +82,7 @@ class ModeLook:
     def _adapting(self) -> tuple[Floats, Floats]:
         """Orthonormal directions of what varies, and the misfit without them."""
         function = self._function
-        x, prior = function.point_of(self.current), priors_of(function)
+        x, prior = self.current_x, priors_of(function)
         _, J = function(x, True)
         assert J is not None
         known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
@@ -103,8 +103,8 @@ class ModeLook:
 
     @property
     def current_x(self) -> Floats:
-        """Unknowns of the fit."""
-        return self._function.point_of(self.current)
+        """Unknowns of the fit; those that it has not, as an effect took their place, are nominal."""
+        return self._function.moved_to(self.current)
 
     @property
     def misfit(self) -> Floats:
@@ -158,16 +158,7 @@ class ModeLook:
             pairs = at.pairs(0)
             V = pairs.vectors[:, pairs.frequency <= top]
             if key:
-                f = self._function
-                refs = [v.ref for v in f.variables]
-                parametric = self.problem.parametric(f.lines, refs, self.current.effects, key)
-                n = len(refs)
-                x = self.current_x
-                zeta = np.exp(
-                    self.problem.damping.hats(self.problem.targets.frequency[f.lines]) @ x[n:]
-                    + self.problem.damping.offset(self.problem.targets.frequency[f.lines])
-                )
-                at = parametric.at(np.array([self.current.values[r] for r in refs]), zeta)
+                at = self._function.modes_at(self.current_x, key)
                 full = self._base.columns @ V
                 own = at.columns.T @ full
                 more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in key]
