@@ -14,6 +14,7 @@ from dovetail.file.contents import Study
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
 from dovetail.found import found_text
+from dovetail.modes_pipeline import targets_of
 from dovetail.result import (
     FOUND,
     FRFS,
@@ -136,6 +137,9 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     fitted = [without_held_out(study, m) for m in measured(study)]
     several = len({m.force_level for m in fitted}) > 1
     search = diagnose_by_evidence if study.evidence and not (study.n_simulated or several) else diagnose
+    more: dict[str, Any] = {}
+    if study.modes is not None and search is diagnose_by_evidence:
+        more["modes"] = targets_of(study.modes)
     return search(
         study.model,
         fitted,
@@ -148,6 +152,7 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
         model_error=study.model_error,
         n_simulated=study.n_simulated,
         progress=say,
+        **more,
     )
 
 

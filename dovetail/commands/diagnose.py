@@ -25,12 +25,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Print what is missing and how all candidates did."""
     from dovetail import pipeline, result
-    from dovetail.modes_pipeline import (
-        diagnose_study_modes,
-        has_modes_alone,
-        mode_diagnosis_dict,
-        mode_lines,
-    )
+    from dovetail.mode_result import mode_diagnosis_dict
+    from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone, mode_lines
     from dovetail.report import words
     from updating.correlation import DB_PER_NEPER
 

@@ -31,7 +31,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Do the whole loop and print the verdict."""
     from dovetail import pipeline
-    from dovetail.modes_pipeline import has_modes_alone, mode_lines, mode_result_dict, run_modes
+    from dovetail.mode_result import mode_result_dict
+    from dovetail.modes_pipeline import has_modes_alone, mode_lines, run_modes
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
 

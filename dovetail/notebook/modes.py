@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from html import escape
 
-from dovetail.modes_pipeline import explanation_text
+from dovetail.mode_result import explanation_text
 from dovetail.notebook.html import number, table
 from updating.diagnosis.evidence import mode_diagnosis
 

@@ -1,18 +1,14 @@
 """The report of a diagnosis from modes: verdict, explanations, and measured beside computed modes."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from dovetail.mode_result import ModeRunResult, explanation_text
 from dovetail.report.answer import CLASS
 from dovetail.report.page import Markup, bullets, page, paragraph, section, table, tag
 from updating.diagnosis.evidence.mode_diagnosis import ModeTable
 
-if TYPE_CHECKING:
-    from dovetail.modes_pipeline import ModeRunResult
 
-
-def report_html(done: "ModeRunResult") -> str:
+def report_html(done: ModeRunResult) -> str:
     """Return the report as one HTML page that loads nothing else."""
     d, study = done.diagnosis, done.study
     box = tag(
@@ -27,9 +23,7 @@ def report_html(done: "ModeRunResult") -> str:
     return page(f"{study.name}: {d.verdict}", head, tag("main", *parts, id="body"))
 
 
-def _explanations(done: "ModeRunResult") -> Markup:
-    from dovetail.modes_pipeline import explanation_text
-
+def _explanations(done: ModeRunResult) -> Markup:
     rows = [[explanation_text(e), f"{e.probability:.2f}"] for e in done.diagnosis.credible]
     return section(
         "What may be missing",
@@ -66,7 +60,7 @@ def _modes(m: ModeTable) -> Markup:
     return section("Modes", paragraph(text), table(head, rows, numbers=range(9)))
 
 
-def _places(done: "ModeRunResult") -> Markup:
+def _places(done: ModeRunResult) -> Markup:
     rows = [[name, f"{left:.2f}"] for name, left in done.diagnosis.places[:20]]
     if not rows:
         return Markup()
@@ -77,7 +71,7 @@ def _places(done: "ModeRunResult") -> Markup:
     )
 
 
-def _next(done: "ModeRunResult") -> Markup:
+def _next(done: ModeRunResult) -> Markup:
     proposals = done.diagnosis.next_measurements
     if not proposals:
         return Markup()
@@ -86,6 +80,6 @@ def _next(done: "ModeRunResult") -> Markup:
     )
 
 
-def _notes(done: "ModeRunResult") -> Markup:
+def _notes(done: ModeRunResult) -> Markup:
     notes = [*done.diagnosis.notes, *done.study.warnings, *done.study.assumptions, *done.study.measured_notes]
     return section("Notes", bullets(notes)) if notes else Markup()

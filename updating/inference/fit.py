@@ -18,6 +18,7 @@ from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
+from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.solve import Solution
 from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
@@ -69,6 +70,8 @@ class FitProblem:
     model_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
+    modes : ModeTargets or None
+        Measured modes that the search by evidence fits beside the FRFs.
     """
 
     reduced: ReducedModel
@@ -80,6 +83,7 @@ class FitProblem:
     n_lines: int = 160
     fine_stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     model_error: float = EXPLAINED_LEVEL
+    modes: ModeTargets | None = None
 
     def __repr__(self) -> str:
         """Return the data, the unknowns and the size of the basis on one line."""

@@ -21,6 +21,7 @@ from updating.diagnosis.search import Progress, change_of, similarity_of
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import (
     N_FIT_LINES,
@@ -108,9 +109,13 @@ def search_by_evidence(
     exclude: Sequence[str] = (),
     n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
+    modes: ModeTargets | None = None,
     progress: Progress | None = None,
 ) -> Searched:
-    """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`."""
+    """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
+
+    Measured ``modes`` are fitted beside the FRFs.
+    """
     say = progress or (lambda text, done: None)
     build = partial(
         build_problem, measurement=measurement, damping_std=damping_std, band=band, n_lines=n_lines,
@@ -128,7 +133,7 @@ def search_by_evidence(
     say("fitting the uncertain parameters", 0.05)
     null = fit(whole, n_lines=FULL_LINES)
     whole, _, faults = find_faults(whole, whole.assessed(null.result))
-    whole = with_seen_noise(whole, null.result)
+    whole = replace(with_seen_noise(whole, null.result), modes=modes)
     candidates = _candidates(model, measurement, kinds, exclude)
     search = Search(whole, own, candidates, left[1], partial(_told, say))
     best = search.run()
@@ -159,9 +164,10 @@ def diagnose_by_evidence(
     n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
     n_simulated: int = 0,
+    modes: ModeTargets | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find what a model lacks by the evidence for it.
+    """Find what a model lacks by the evidence for it: by FRFs, and by measured modes beside them.
 
     Parameters are those of :func:`updating.diagnosis.diagnose.diagnose`.
 
@@ -170,7 +176,7 @@ def diagnose_by_evidence(
     begun, say = time.perf_counter(), progress or (lambda text, done: None)
     done = search_by_evidence(
         model, measurements[0], nuisances, damping_std=damping_std, band=band, kinds=kinds,
-        exclude=exclude, n_lines=n_lines, model_error=model_error, progress=say,
+        exclude=exclude, n_lines=n_lines, model_error=model_error, modes=modes, progress=say,
     )  # fmt: skip
     say("checking", 0.95)
     search, best = done.search, done.best
@@ -195,6 +201,8 @@ def diagnose_by_evidence(
         findings, steps = [], steps[:2]
     current = steps[-1].result
     notes = list(gates.notes)
+    if modes is not None:
+        notes.append(f"{len(modes.fitted)} measured modes ({modes.name}) were fitted beside the FRFs")
     if not gates.linear:
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
     floor = float(np.hypot(problem.data.noise_level, done.mesh_db / DB_PER_NEPER))
