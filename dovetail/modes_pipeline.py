@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,12 +45,14 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
 def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagnosis:
     """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline."""
     assert study.modes is not None
-    states = [targets_of(m) for m in (study.baseline, study.modes) if m is not None]
-    search = diagnose_modes if len(states) == 1 else diagnose_change
-    return search(
-        study.model, *states, study.nuisances, damping_std=study.damping_std, kinds=study.kinds,
-        exclude=study.exclude, model_error=study.model_error, progress=say,
-    )  # fmt: skip
+    more: dict[str, Any] = {
+        "damping_std": study.damping_std, "kinds": study.kinds, "exclude": study.exclude,
+        "model_error": study.model_error, "progress": say,
+    }  # fmt: skip
+    after = targets_of(study.modes)
+    if study.baseline is None:
+        return diagnose_modes(study.model, after, study.nuisances, **more)
+    return diagnose_change(study.model, targets_of(study.baseline), after, study.nuisances, **more)
 
 
 def run_modes(

@@ -14,6 +14,7 @@ from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
+from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.evidence.search import Hypothesis, Search
 
 CREDIBLE = 0.9
@@ -117,7 +118,7 @@ def credible_set(done: Searched) -> list[tuple[Hypothesis | None, float]]:
 
 def assess(
     done: Searched,
-    diagnosis: Diagnosis,
+    diagnosis: Diagnosis | ModeDiagnosis,
     right: bool,
     faults_right: bool,
     ways: Sequence[Sequence[Stated]],

@@ -93,7 +93,8 @@ def _refined(Z, square: float, q: Floats) -> tuple[float, Floats]:
 
 
 def _same(square: float, q: Floats, other: float, p: Floats) -> bool:
-    return abs(square / other - 1) < 1e-6 and abs(q @ p) > 0.9 * np.linalg.norm(q) * np.linalg.norm(p)
+    alike = float(abs(q @ p) / (np.linalg.norm(q) * np.linalg.norm(p)))
+    return abs(square / other - 1) < 1e-6 and alike > 0.9
 
 
 def _n_pieces(m: Member, highest: float) -> int:

@@ -16,6 +16,7 @@ from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
 from updating.inference.fit_result import FitResult
 from updating.inference.solve import Prior, Residual, Solution, inflation, solve_robust
 from updating.inference.unknowns import ScaledUnknown
+from updating.least_squares.costs import Costs
 from updating.least_squares.levels import Levels
 
 if TYPE_CHECKING:
@@ -190,7 +191,7 @@ class FitFunction:
         max_iterations: int,
         *,
         prior: Prior | None = None,
-        levels: Levels | None = None,
+        levels: Costs | None = None,
     ) -> Solution:
         """Find the x of greatest posterior probability from a start.
 

@@ -95,7 +95,8 @@ class JointFunction(FitFunction):
         whole = np.concatenate([r, q])
         if J is None or K is None:
             return whole, None
-        return whole, np.hstack([J, np.vstack([K, np.zeros((len(x) - n, len(q)))])])
+        behind = np.zeros((len(x) - n, len(q)), dtype=complex)
+        return whole, np.hstack([J, np.vstack([K, behind])])
 
     @property
     def groups(self) -> NDArray[np.int64]:

@@ -408,7 +408,7 @@ class ModeFunction(FitFunction):
         assert parts is not None
         W, a, b = parts
         d: NDArray[Any] = moved[:, known] @ W.T
-        d = d if np.iscomplexobj(b) else d.real
+        d = d if np.iscomplexobj(b) else np.real(d)
         size = a.conj() @ a
         c = (a.conj() @ b) / size
         e = b - a * c

@@ -70,7 +70,7 @@ def fine_enough(model: Model, targets: ModeTargets) -> tuple[Model, float]:
     15/16 of it; with the second, where sections taper, 3/4.
     """
     n = targets.n + 2
-    f = _frequencies(model, n)
+    f, error = _frequencies(model, n), 0.0
     for _ in range(MOST_SPLITS // 2):
         finer = model.with_mesh(model.mesh.split(2))
         g = _frequencies(finer, n)

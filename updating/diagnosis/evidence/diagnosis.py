@@ -66,6 +66,12 @@ class Searched:
     model: Model
 
     @property
+    def problem(self) -> FitProblem:
+        """The problem of a search by FRFs."""
+        assert isinstance(self.search.problem, FitProblem)
+        return self.search.problem
+
+    @property
     def unknown(self) -> float:
         """Score of what the library does not have."""
         return self.search.unknown(self.best)
@@ -181,12 +187,12 @@ def diagnose_by_evidence(
     say("checking", 0.95)
     search, best = done.search, done.best
     nothing = search.known[frozenset()]
-    null = search.problem.assessed(nothing.fitted.result)
-    gates = check_gates(search.problem, null, measurements[1:], done.mesh_db, done.faults)
+    null = done.problem.assessed(nothing.fitted.result)
+    gates = check_gates(done.problem, null, measurements[1:], done.mesh_db, done.faults)
     believed = done.unknown < best.score
     chain = _chain(done, done.lead)
-    reduced = search.problem.reduced.with_forces_of(done.lead.effects)
-    problem = replace(search.problem, reduced=reduced)
+    reduced = done.problem.reduced.with_forces_of(done.lead.effects)
+    problem = replace(done.problem, reduced=reduced)
     steps = [
         step_of("nominal model", problem.nominal()),
         step_of(FITTED, problem.assessed(nothing.fitted.result)),
@@ -290,7 +296,7 @@ def _findings(
 
 def _with_forces(done: Searched, effects: Sequence[Effect]) -> ReducedModel:
     """Return the reduced model with the responses to the forces of effects, each once."""
-    return done.search.problem.reduced.with_forces_of(list({e.name: e for e in effects}.values()))
+    return done.problem.reduced.with_forces_of(list({e.name: e for e in effects}.values()))
 
 
 def _twins(done: Searched, best: Hypothesis, effect: Effect) -> list[str]:

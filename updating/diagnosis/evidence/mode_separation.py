@@ -49,7 +49,7 @@ def next_measurements(d: ModeDiagnosis) -> tuple[str, ...]:
         size = abs(np.log(f / g)) / FREQUENCY_STD
         if new:
             told.append((size, f"the natural frequency near {f:.4g} Hz ({f:.5g} or {g:.5g} Hz)"))
-        told.append(_shape(base, one.shapes[:, i], two.shapes[:, j], f))
+        told.append(_shape(base, np.real(one.shapes[:, i]), np.real(two.shapes[:, j]), f))
     told = sorted((t for t in told if t[0] >= 2.0), key=lambda t: -t[0])
     return tuple(text for _, text in told[:N_SAID])
 
@@ -72,7 +72,7 @@ def _shape(
 ) -> tuple[float, str]:
     """Return where two shapes of a mode differ most among displacements, in deviations, and in words."""
     moves = np.arange(len(phi)) % 6 < 3
-    a, b = np.real(phi) * moves, np.real(psi) * moves
+    a, b = phi * moves, psi * moves
     b = b * ((a @ b) / (b @ b))
     largest = float(np.abs(a).max())
     k = int(np.argmax(np.abs(a - b)))
