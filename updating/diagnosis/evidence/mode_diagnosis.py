@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Role
 from fem.model import Effect, Model
 from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED, propose
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
@@ -172,11 +173,25 @@ def search_modes(
         formed, targets, every, damping_std=damping_std, model_error=model_error, mesh=mesh
     )
     say("fitting the uncertain parameters", 0.05)
-    candidates = tuple(e for e in propose(model, kinds, exclude) if not (e.is_form or e.amplitude_dependent))
+    candidates = candidates_for(model, targets, kinds, exclude)
     search = Search(problem, own, candidates, mesh, partial(_told, say), ranking=ModeRanking())
     best = search.run()
     say("refining", 0.9)
     return Searched(search, search.polished(best), (), float("nan"), formed)
+
+
+def candidates_for(
+    model: Model, targets: ModeTargets, kinds: Sequence[str] | None, exclude: Sequence[str]
+) -> tuple[Effect, ...]:
+    """Return the candidates that measured modes can speak of.
+
+    Not the form's, nor what depends on amplitude; and without damping ratios nothing that dissipates, unless
+    its kind is asked for: it would stand for the stiffness that comes with it.
+    """
+    every = [e for e in propose(model, kinds, exclude) if not (e.is_form or e.amplitude_dependent)]
+    if kinds is None and not np.isfinite(targets.zeta).any():
+        every = [e for e in every if Role.DISSIPATION not in e.role]
+    return tuple(every)
 
 
 def _told(say: Progress, text: str) -> None:

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from fem.model import Model
-from updating.diagnosis.diagnose import propose
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.form import form_of
-from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis, concluded
+from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis, candidates_for, concluded
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.search import Progress
@@ -190,9 +189,7 @@ def diagnose_change(
         nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.result.zeta)[0],
     )
     problem = replace(problem, damping=curve)
-    candidates = tuple(
-        e for e in propose(first.model, kinds, exclude) if not (e.is_form or e.amplitude_dependent)
-    )
+    candidates = candidates_for(first.model, data, kinds, exclude)
     search = Search(problem, (), candidates, 0.0, lambda text: say(text, 0.5), ranking=ModeRanking())
     best = search.run()
     say("refining", 0.9)
