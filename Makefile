@@ -39,7 +39,7 @@ help:
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
 	@echo 'make a-frames    the same of beams of OpenSees, made here; 15 minutes'
 	@echo 'make solids      the same of bars of solid elements, made here; 40 minutes'
-	@echo 'make foreign     fresh cases of other codes, drawn from a seed; SEED=3 CASES=40, STRUCTURES="mast bay" for some, EVIDENCE=yes'
+	@echo 'make foreign     fresh cases of other codes, drawn from a seed; SEED=3 CASES=40, STRUCTURES="mast bay" for some'
 	@echo 'make extras      install sectionproperties (sections of any outline) and PARDISO'
 	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
 	@echo 'make peers       install OpenSeesPy, PyNite, sdypy-EMA and scikit-fem beside Dovetail: tests marked peer then run'
@@ -83,10 +83,9 @@ slow: $(DEV)
 long: $(DEV)
 	$(IN) python -m pytest -m long
 
-# needs ../shared/data/independent-cases; CASES=DIR for others of the same form, EVIDENCE=yes to search by evidence
-BY := $(if $(EVIDENCE),--evidence)
+# needs ../shared/data/independent-cases; CASES=DIR for others of the same form
 independent: $(DEV)
-	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES)) $(BY)
+	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
 
 # NAMES="ladder-notch ladder-mass" for some of them
 a-frames: $(DEV) $(PEERS_READY)
@@ -102,7 +101,7 @@ FOREIGN := out/foreign-$(or $(SEED),1)
 foreign: $(DEV) $(PEERS_READY)
 	$(PEERS)/bin/python -m tests.independent.foreign $(FOREIGN) --seed $(or $(SEED),1) \
 		--cases $(or $(CASES),40) $(if $(STRUCTURES),--structures $(STRUCTURES))
-	$(IN) python -m tests.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results $(BY)
+	$(IN) python -m tests.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results
 
 extras: $(DEV) requirements-extras.lock
 	@$(PIP) install --quiet -r requirements-extras.lock

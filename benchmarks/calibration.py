@@ -3,7 +3,7 @@
     dovetail validate --seed 7 --out out/seed-7
     python -m benchmarks.calibration out/seed-7 out/foreign-7-results --out docs/images/reliability.png
 
-Records are folders of `dovetail validate` or of `tests.independent.table --evidence`, or their
+Records are folders of `dovetail validate` or of `tests.independent.table`, or their
 files. All of them count alike.
 """
 

@@ -19,7 +19,8 @@ from dovetail import load_study
 from dovetail.desk.figures import moved_curve, moved_map
 from dovetail.pipeline import fit_problem
 from fem.model import Effect
-from updating.diagnosis.diagnose import begin, propose
+from updating.diagnosis.begin import begin
+from updating.diagnosis.candidates import propose
 from updating.inference.parameters import Nuisance
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis

@@ -16,7 +16,9 @@ from fem.analysis.frf import FRF
 from fem.analysis.modes import solve_modes
 from fem.effects.stiffness_loss import StiffnessLoss
 from fem.model import Damping
-from updating.diagnosis.diagnose import Diagnosis, diagnose, propose
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnose import diagnose
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement, Sensor
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from dovetail.file.contents import Study
 from dovetail.result import REPORT, SCHEMA, program_version
-from updating.diagnosis.evidence.mode_diagnosis import Explanation, ModeDiagnosis
+from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,8 +14,8 @@ from dovetail.file.paths import input_files
 from dovetail.mode_result import ModeRunResult, explanation_text, mode_result_dict
 from dovetail.result import JSON, REPORT
 from fem.io.atomic import replacing
-from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis, diagnose_modes
-from updating.diagnosis.evidence.states import diagnose_change
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
+from updating.diagnosis.states import diagnose_change
 from updating.inference.mode_targets import ModeTargets
 
 Progress = Callable[[str, float], None]

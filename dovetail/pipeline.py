@@ -29,8 +29,9 @@ from dovetail.result import (
 )
 from fem.io.atomic import replacing
 from updating.correlation import compare, rms_db
-from updating.diagnosis.diagnose import Diagnosis, begin, diagnose
-from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
+from updating.diagnosis.begin import begin
+from updating.diagnosis.diagnose import diagnose
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
@@ -134,15 +135,12 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
-    fitted = [without_held_out(study, m) for m in measured(study)]
-    several = len({m.force_level for m in fitted}) > 1
-    search = diagnose_by_evidence if study.evidence and not (study.n_simulated or several) else diagnose
     more: dict[str, Any] = {}
-    if study.modes is not None and search is diagnose_by_evidence:
+    if study.modes is not None:
         more["modes"] = targets_of(study.modes)
-    return search(
+    return diagnose(
         study.model,
-        fitted,
+        [without_held_out(study, m) for m in measured(study)],
         study.nuisances,
         damping_std=study.damping_std,
         band=study.band,
@@ -150,7 +148,6 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
         exclude=study.exclude,
         n_lines=study.n_lines or N_FIT_LINES,
         model_error=study.model_error,
-        n_simulated=study.n_simulated,
         progress=say,
         **more,
     )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from fem.model import Effect
 from updating.correlation import Comparison
-from updating.diagnosis.diagnose import Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
 from updating.diagnosis.localisation import Localisation
@@ -239,7 +239,6 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "discretisation_db": d.discretisation_db,
         "basis_db": d.basis_db,
         "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
-        "tried_against_chance": [{**asdict(t), "chance": t.chance} for t in d.tried],
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
         "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
         "places": [{"place": name, "misfit_left": left} for name, left in d.places],
@@ -362,7 +361,7 @@ def _ranked(r: Ranked) -> dict[str, Any]:
         "fit_db": r.fit_db,
         "held_out_db": r.held_out_db,
         "similarity": r.similarity,
-        "refined": r.refined,
+        "score": r.score,
     }
 
 

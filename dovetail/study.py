@@ -50,7 +50,8 @@ from fem.io.atomic import replacing
 from fem.model import Effect, Model, ModelError, parameter_values
 from fem.summary import counted, listed
 from fem.system import assemble
-from updating.diagnosis.diagnose import begin_fitted, propose
+from updating.diagnosis.begin import begin_fitted
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.findings import Finding
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult

@@ -176,9 +176,6 @@ class Effect(ABC):
     connection : bool
         Whether its stiffness is that of a connection, such as a joint, a mount or a support, and may be
         damped otherwise than the members'.
-    spread : str
-        Name of the parameter, if any, at whose lower bound the effect is a simpler one that is proposed, too,
-        as a mass on a short stretch is a point mass, and a foundation with little damping a flexible support.
     role : Role
         Which part of a model it belongs to.
     within_members : bool
@@ -189,8 +186,6 @@ class Effect(ABC):
         How pictures mark it; the drawing chooses where it is None.
     is_form : bool
         Whether it is the size of connections, which centre lines leave out: uncertain in every model.
-    evidence_only : bool
-        Whether only the search by evidence looks for it.
     statement : str
         Sentence of a finding: a format string with the fields of `dovetail.report.words.sentence`.
     entry : Entry or None
@@ -202,13 +197,11 @@ class Effect(ABC):
     reciprocal: ClassVar[bool] = True
     amplitude_dependent: ClassVar[bool] = False
     connection: ClassVar[bool] = False
-    spread: ClassVar[str] = ""
     within_members: ClassVar[bool] = False
     reduced_part: ClassVar[bool] = False
     marker: ClassVar[Marker | None] = None
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
-    evidence_only: ClassVar[bool] = False
     entry: ClassVar[Entry | None] = None
     name: str
 

@@ -41,7 +41,9 @@ from updating.correlation.shape_correlation import (
     principal_angles,
     subspace_mac,
 )
-from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis, diagnose, propose
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnose import diagnose
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
 from updating.diagnosis.localisation import Localisation, locate
 from updating.inference.fit import FitProblem

@@ -1,4 +1,4 @@
-"""Results of a search for the missing effect: ranking, chance, steps, and place along a member."""
+"""Results of a search for the missing effect: ranking, steps, and place along a member."""
 
 import textwrap
 from collections.abc import Collection, Sequence
@@ -114,62 +114,6 @@ def plot_ranking(
                 )
             )
         legend_above(figure, title, keys)
-    return figure
-
-
-def plot_chance(
-    by_chance: ArrayLike,
-    found: float | None = None,
-    label: str = "",
-    title: str = "",
-    xlabel: str = "factor by which the residual level falls [-]",
-) -> Figure:
-    """Plot the gain of the best candidate in simulated measurements without an effect, and its gain here.
-
-    Parameters
-    ----------
-    by_chance : array_like (n,)
-        Gains in the simulated measurements, factors [-].
-    found : float, optional
-        Gain of the effect in the measurement [-].
-    label : str
-        Name of the effect.
-    title, xlabel : str
-        Heading and axis label.
-    """
-    gains = np.sort(np.asarray(by_chance, dtype=float))
-    every = gains if found is None else np.append(gains, found)
-    wide = every.max() > 3 * max(gains.max(), 1.0)
-    with style.look():
-        figure = style.new_figure(5.6, 2.2 + (0.2 if title else 0))
-        ax = figure.add_subplot()
-        if wide:
-            ax.set_xscale("log")
-        low, high = float(min(every.min(), 1.0)), float(max(every.max(), 1.0 + 1e-3))
-        pad = 0.06
-        ends = (low / (high / low) ** pad, high * (high / low) ** pad) if wide else (
-            low - pad * (high - low), high + pad * (high - low)
-        )  # fmt: skip
-        ax.set_xlim(*ends)
-        at = np.log(gains / ends[0]) / np.log(ends[1] / ends[0]) if wide else (gains - ends[0]) / np.ptp(ends)
-        height = np.zeros(gains.size)
-        for k in range(gains.size):  # dots that would lie on one another are stacked
-            near = height[:k][at[k] - at[:k] < 0.018]
-            height[k] = min(set(range(k + 1)) - set(near))
-        ax.plot(gains, height + 0.5, "o", color=style.FITTED, markersize=5, markeredgecolor="white",
-                linewidth=0, label=f"simulated without it ({gains.size})")  # fmt: skip
-        if found is not None:
-            ax.axvline(found, color=style.EFFECT, linewidth=1.6, label=shorten(label, 60) or "measured")
-        ax.axvline(1.0, color=style.INK, linewidth=0.8, linestyle=":")
-        ax.set_ylim(0, max(float(height.max(initial=0)) + 1.5, 4))
-        ax.set_yticks([])
-        ax.spines["left"].set_visible(False)
-        ax.grid(visible=False, axis="y")
-        if wide:
-            ax.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
-            ax.xaxis.set_minor_formatter(lambda x, _: f"{x:g}" if high < 20 * low else "")
-        ax.set_xlabel(xlabel)
-        legend_above(figure, title, curve_keys(ax))
     return figure
 
 

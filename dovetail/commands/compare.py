@@ -52,7 +52,7 @@ def run(options: Options, progress: Progress) -> None:
     from dovetail import pipeline, result
     from dovetail.report import words
     from updating.correlation import compare as compare_frfs
-    from updating.diagnosis.diagnose import begin_fitted
+    from updating.diagnosis.begin import begin_fitted
 
     check_places(options)
     study = loaded(options)

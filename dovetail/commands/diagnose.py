@@ -75,7 +75,7 @@ def run(options: Options, progress: Progress) -> None:
                 f"{words.ranked_label(r):{width}}  {r.level * DB_PER_NEPER:8.2f}  {r.fit_db:9.2f}  "
                 f"{cell(r.held_out_db, 11)}  "
                 f"{r.similarity:10.2f}  "
-                f"{words.parameters_text(r.parameters)}{'' if r.refined else ' (quick fit)'}"
+                f"{words.parameters_text(r.parameters)}"
                 for r in shown
             ),
         ]

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from updating.diagnosis.diagnose import Diagnosis
+    from updating.diagnosis.diagnosis import Diagnosis
 
 
 from dovetail.commands.tables import cell, width_of
 
 
 def found_lines(d: "Diagnosis") -> list[str]:
-    """Return found effects with values and twins, sensor faults, and what chance would do, a line each."""
+    """Return found effects with values and twins, and sensor faults, a line each."""
     from dovetail.report import words
 
     out = []
@@ -19,8 +19,7 @@ def found_lines(d: "Diagnosis") -> list[str]:
         out.append(f"  {words.finding_text(f)}")
         if f.twins:
             out.append(f"    cannot be told from: {'; '.join(words.ranked_label(t) for t in f.twins)}")
-    out += [f"  {words.fault_text(f)}" for f in d.faults]
-    return out + [f"  {words.chance_text(t, d)}" for t in d.tried]
+    return out + [f"  {words.fault_text(f)}" for f in d.faults]
 
 
 def staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> list[str]:

@@ -36,7 +36,7 @@ def run(options: Options, progress: Progress) -> None:
     """Print which sensors, bands, members and places carry the misfit."""
     from dovetail import pipeline, result
     from dovetail.report import words
-    from updating.diagnosis.diagnose import begin_fitted
+    from updating.diagnosis.begin import begin_fitted
     from updating.diagnosis.localisation import locate as find_places
 
     check_places(options)

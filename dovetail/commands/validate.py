@@ -44,13 +44,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", help="folder of the results; a run that was stopped goes on there"
     )
     p.add_argument("--case", metavar="CASE", help="run one case alone and print it, such as 12 or null:3")
-    p.add_argument("--older", action="store_true", help="use the older search, not that by evidence")
     p.add_argument("--small", action="store_true", help="small frames and few lines, to try the command")
 
 
 def run(options: Options, progress: Progress) -> None:
     """Draw cases, diagnose them, judge and print; or one case alone."""
-    settings = CaseSettings(options.seed, options.small, evidence=not options.older)
+    settings = CaseSettings(options.seed, options.small)
     if options.case is not None:
         progress(f"case {options.case} of seed {options.seed}")
         record = run_case(settings, parse_case(options.case))

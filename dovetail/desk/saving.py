@@ -13,7 +13,7 @@ from dovetail.found import Reported, reported_text
 from dovetail.pipeline import Progress, analysed, write
 from dovetail.result import NAMES
 from fem.io.atomic import replacing
-from updating.diagnosis.diagnose import EFFECT, FITTED, N_CHECKED, NOTHING, Diagnosis
+from updating.diagnosis.diagnosis import EFFECT, FITTED, N_CHECKED, NOTHING, Diagnosis
 from updating.diagnosis.findings import Finding, parameters_of, step_added, step_of
 from updating.inference.preparation import basis_error, discretisation_error, fitted_model
 from updating.live.engine import LiveModel

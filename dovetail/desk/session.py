@@ -16,7 +16,7 @@ from dovetail.pipeline import Progress, diagnose_study, fit_problem
 from dovetail.study import Study, load_study
 from fem.effects.joint import Spread
 from fem.model import Effect, parameter_values
-from updating.diagnosis.diagnose import Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.places import place_of
 from updating.live.engine import Evaluation, LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain

@@ -295,7 +295,6 @@ class _Reader:
             exclude=exclude,
             band=settings.band,
             model_error=settings.model_error,
-            n_simulated=settings.n_simulated,
             n_lines=settings.n_lines,
             held_out=held_out,
             held_out_sensors=held_out_sensors,
@@ -314,7 +313,6 @@ class _Reader:
                 for key, group in (("outputs", sensors), ("inputs", excitations))
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
-            evidence=settings.evidence,
             baseline=self._baseline(sensors, notes),
         )
 

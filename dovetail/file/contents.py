@@ -45,10 +45,6 @@ class Study:
         Band of comparison and fit; None for that of the measurements [Hz].
     model_error : float
         Residual level up to which a model of beams counts as right [neper].
-    evidence : bool
-        Whether effects are searched for by evidence.
-    n_simulated : int
-        Measurements to simulate for trying a verdict against chance.
     n_lines : int or None
         Number of frequency lines to fit; None for the program's choice.
     held_out : tuple of str
@@ -98,7 +94,6 @@ class Study:
     exclude: tuple[str, ...]
     band: tuple[float, float] | None
     model_error: float
-    n_simulated: int
     n_lines: int | None
     held_out: tuple[str, ...]
     held_out_sensors: tuple[str, ...]
@@ -114,7 +109,6 @@ class Study:
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: {"outputs": {}, "inputs": {}})
     measured_notes: tuple[str, ...] = ()
-    evidence: bool = True
     baseline: MeasuredModes | None = None
 
     def refined(self, factor: int) -> "Study":

@@ -12,9 +12,6 @@ from updating.inference.fit import EXPLAINED_LEVEL
 DEFAULT_FREQUENCY = 1000.0
 """Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
 
-MOST_REPEATS = 10_000
-"""Largest number of simulated measurements; a larger one is taken for a mistake."""
-
 MOST_LINES = 1_000_000
 """Largest number of frequency lines; a larger one is taken for a mistake."""
 
@@ -25,8 +22,6 @@ class FitSettings:
 
     band: tuple[float, float] | None
     n_lines: int | None
-    n_simulated: int
-    evidence: bool
     model_error: float
 
 
@@ -35,8 +30,6 @@ def read_fit(fit: Table) -> FitSettings:
     return FitSettings(
         read_band(fit),
         fit.whole("lines", None, 8, MOST_LINES),
-        fit.whole("bootstrap", 0, 0, MOST_REPEATS),
-        fit.flag("evidence", True),
         fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper"),
     )
 

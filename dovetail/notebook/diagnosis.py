@@ -45,9 +45,10 @@ class Diagnosis(diagnose.Diagnosis):
         finding = self.findings[round_ - 1] if round_ <= len(self.findings) else None
         accepted = found.index(finding.effect.name) if finding and finding.effect.name in found else None
         twins = {found.index(t.name) for t in finding.twins if t.name in found} if finding else set()
+        before = self.steps[min(round_, len(self.steps) - 1)]
         return ranking_figure(
             [words.ranked_label(r) for r in ranked], [r.level * DB_PER_NEPER for r in ranked],
-            self.steps[round_].level * DB_PER_NEPER, names=found, twins=twins, accepted=accepted,
+            before.level * DB_PER_NEPER, names=found, twins=twins, accepted=accepted,
         )  # fmt: skip
 
     def to_frame(self) -> Any:
@@ -60,11 +61,11 @@ class Diagnosis(diagnose.Diagnosis):
         """
         rows = [
             {"round": k + 1, "candidate": r.name, "where": r.where, "fit_db": r.fit_db}
-            | {"held_out_db": r.held_out_db, "similarity": r.similarity, "refined": r.refined}
+            | {"held_out_db": r.held_out_db, "similarity": r.similarity, "score": r.score}
             for k, ranked in enumerate(self.rounds)
             for r in ranked
         ]
-        columns = ["round", "candidate", "where", "fit_db", "held_out_db", "similarity", "refined"]
+        columns = ["round", "candidate", "where", "fit_db", "held_out_db", "similarity", "score"]
         return imported("pandas").DataFrame(rows, columns=columns)
 
     def _repr_html_(self) -> str:

@@ -5,7 +5,7 @@ from dovetail.report.page import Markup, bullets, join, paragraph, section, tabl
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 
 CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
 
@@ -95,10 +95,10 @@ def _steps(result: RunResult) -> Markup:
 
 
 def _ranked_by(d: Diagnosis) -> str:
-    """Return by what the search has ranked candidates."""
-    bands = "each of up to four bands having an error level of its own"
-    if d.posterior:
-        return f"Hypotheses are ranked by their evidence, {bands}; held-out lines do not count."
+    """Return by what the search has ranked hypotheses; nothing where none was made."""
+    if not d.posterior:
+        return ""
     return (
-        f"Candidates are ranked by how likely the data are with them, {bands}; held-out lines count as well."
+        "Hypotheses are ranked by their evidence, each of up to four bands having an error level of its own; "
+        "held-out lines do not count."
     )

@@ -12,7 +12,7 @@ from dovetail.report import words
 from dovetail.result import RunResult, bands_of_lines
 from fem.analysis.frf import FRF
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.findings import Finding, Ranked
+from updating.diagnosis.findings import Ranked
 from viz.interactive.solids import Place
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
@@ -134,22 +134,6 @@ def candidate_labels(ranked: Sequence[Ranked]) -> list[str]:
     return out
 
 
-def ranking_limit(ranked: Sequence[Ranked], found: Finding | None) -> tuple[float | None, str, str]:
-    """Return the level that a round's best had to reach [dB], its name, and a sentence on it."""
-    best = ranked[0]
-    if not np.isfinite(best.asked):
-        how = "They are ranked by their evidence, which also counts what a law asks for."
-        return None, "", how
-    limit = best.asked * DB_PER_NEPER
-    if not found and best.level < best.asked:
-        how = "What lies below the dotted line is within tolerance, uncertain, or worse on held-out lines."
-        return limit, "asked of the level", how
-    if found and not found.strain and best.level > best.asked:
-        how = "It is accepted short of the dotted line, for what it does on held-out lines or in one band."
-        return limit, "asked of the level alone", how
-    return limit, "to be accepted", "The best must reach the dotted line to be accepted."
-
-
 def ranking_caption(result: RunResult, k: int, ranked: Sequence[Ranked] | None = None) -> str:
     """Return the caption of a round's candidates."""
     d = result.diagnosis
@@ -160,7 +144,8 @@ def ranking_caption(result: RunResult, k: int, ranked: Sequence[Ranked] | None =
     outcome = f"{accepted} is accepted" if accepted else "none of them is accepted"
     return (
         f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
-        f"uncertain parameters; {outcome}. {ranking_limit(ranked, found)[2]}"
+        f"uncertain parameters; {outcome}. They are ranked by their evidence, which also "
+        "counts what a law asks for."
     )
 
 

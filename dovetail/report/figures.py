@@ -22,7 +22,6 @@ from dovetail.report.drawn import (
     misfit_limit,
     misfit_steps,
     pair_errors,
-    ranking_limit,
     rivals,
     telling_pairs,
 )
@@ -30,7 +29,7 @@ from dovetail.result import RunResult
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import EFFECT
+from updating.diagnosis.diagnosis import EFFECT
 from updating.diagnosis.fitted_modes import modes_of, most_changed, pair_modes
 from viz.curves import frf_errors
 from viz.interactive.error import error_map_figure, probability_figure, ranking_figure, staircase_figure
@@ -166,13 +165,11 @@ def _ranking(result: RunResult, k: int) -> Figure | None:
     found = d.findings[k] if k < len(d.findings) else None
     names = [r.name for r in ranked]
     twins = {t.name for t in found.twins} if found else set()
-    level, word, _ = ranking_limit(ranked, found)
     return ranking_figure(
         candidate_labels(ranked), [r.level * DB_PER_NEPER for r in ranked],
         d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER, names=names,
         twins=[n for n, name in enumerate(names) if name in twins],
         accepted=names.index(found.effect.name) if found and found.effect.name in names else None,
-        limit=None if level is None else (level, word),
         xlabel="residual level, amplitude and phase [dB]",
     )  # fmt: skip
 

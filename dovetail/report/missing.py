@@ -5,11 +5,11 @@ import math
 from dovetail.report import cells, words
 from dovetail.report.drawn import ranking_caption
 from dovetail.report.figures import hypotheses
-from dovetail.report.page import Markup, bullets, folded, image, join, paragraph, section, table, tag
+from dovetail.report.page import Markup, bullets, folded, join, paragraph, section, table, tag
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import FAULT, NOTHING, UNEXPLAINED
+from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import Finding, Ranked
 from updating.diagnosis.separation import Decisive, Proposal
 
@@ -18,8 +18,7 @@ def missing(result: RunResult, shown: Shown) -> Markup:
     """Return what was found, why, and what would tell it from its rivals."""
     d = result.diagnosis
     if not d.findings:
-        chance = _chance(shown)
-        return section("What is missing", *_nothing_found(result), *_hypotheses(result, shown), *chance)
+        return section("What is missing", *_nothing_found(result), *_hypotheses(result, shown))
     rows = [
         [
             words.effect_label(f.effect.kind, f.effect.where),
@@ -36,8 +35,7 @@ def missing(result: RunResult, shown: Shown) -> Markup:
         *_hypotheses(result, shown),
     ]
     for k, finding in enumerate(d.findings):
-        if not finding.without:
-            parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
+        parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
         parts.append(_decided(finding, shown.picture(f"decides-{k + 1}")))
         parts += [_separated(finding, t, p) for t, p in zip(finding.twins, finding.proposals, strict=False)]
     parts.append(
@@ -47,7 +45,6 @@ def missing(result: RunResult, shown: Shown) -> Markup:
             "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
         )
     )
-    parts += _chance(shown)
     return section("What is missing", *parts)
 
 
@@ -133,10 +130,6 @@ def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
     ]
 
 
-def _chance(shown: Shown) -> list[Markup]:
-    return [image(p.file, p.alt, p.caption) for p in shown.album.starting("chance-")]
-
-
 def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> Markup:
     """Say what to measure next to tell the effect from a twin."""
     own = words.effect_label(finding.effect.kind, finding.effect.where)
@@ -194,15 +187,6 @@ def _nothing_found(result: RunResult) -> list[Markup]:
     ]
 
 
-_ACCEPTED = {
-    True: "The most probable hypothesis is kept if its evidence, with the prior odds against each place, is "
-    "larger than that without it.",
-    False: "The best is accepted if the residual level falls enough, on the lines of the fit and on held-out "
-    "lines, or if it is the first and makes the data much more likely, as in a part of the band.",
-}
-"""What an effect must do to be accepted, by evidence or by the older search."""
-
-
 def search(result: RunResult, shown: Shown) -> Markup:
     """Return how the candidates did in each round."""
     d = result.diagnosis
@@ -212,7 +196,8 @@ def search(result: RunResult, shown: Shown) -> Markup:
         paragraph(
             "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
             "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
-            f"best of these fully. {_ACCEPTED[bool(d.posterior)]} Then the search is repeated with it. Those "
+            "best of these fully. The most probable hypothesis is kept if its evidence, with the prior odds "
+            "against each place, is larger than that without it. Then the search is repeated with it. Those "
             "that were fitted fully are listed."
         )
     ]
@@ -248,15 +233,7 @@ def _ranking(ranked: tuple[Ranked, ...], finding: Finding | None, k: int) -> Mar
     accepted = finding.effect.name if finding else None
     rows = []
     for r in ranked:
-        what = (
-            "accepted"
-            if r.name == accepted
-            else "twin"
-            if r.name in twins
-            else ""
-            if r.refined
-            else "quick fit"
-        )
+        what = "accepted" if r.name == accepted else "twin" if r.name in twins else ""
         rows.append(
             [
                 cells.tagged(r, what),

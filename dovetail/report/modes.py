@@ -5,7 +5,7 @@ import numpy as np
 from dovetail.mode_result import ModeRunResult, explanation_text
 from dovetail.report.answer import CLASS
 from dovetail.report.page import Markup, bullets, page, paragraph, section, table, tag
-from updating.diagnosis.evidence.mode_diagnosis import ModeTable
+from updating.diagnosis.mode_diagnosis import ModeTable
 
 
 def report_html(done: ModeRunResult) -> str:

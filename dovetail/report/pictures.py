@@ -18,16 +18,15 @@ from dovetail.report.drawn import (
     misfit_limit,
     misfit_steps,
     ranking_caption,
-    ranking_limit,
     rivals,
     telling_pairs,
 )
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING
 from updating.diagnosis.findings import Ranked
 from updating.diagnosis.fitted_modes import ModePair, modes_of, most_changed, pair_modes
-from viz import curves, heat_maps, search, style
+from viz import curves, heat_maps, search
 from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.style import save
 
@@ -150,18 +149,6 @@ def _draw_errors(result: RunResult, album: Album) -> None:
         )
     for k, ranked in enumerate(d.rounds):
         _draw_ranking(result, k, ranked, album)
-    for k, tried in enumerate(d.tried):
-        gain, what = (tried.gain, words.chance_subject(tried, d)) if tried.effect else (None, "")
-        album.add(
-            f"chance-{k + 1}",
-            lambda p, t=tried, g=gain, w=what: save(
-                search.plot_chance(t.gains, g, f"measured, {w}" if w else ""), p, DPI
-            ),
-            words.chance_text(tried, d),
-            "By how much the best of all candidates lowers the residual level in measurements that the "
-            "fitted model without an effect would have given, each dot one of them"
-            + (", and by how much the effect does in the measurement." if what else "."),
-        )
 
 
 def _save_staircase(steps: Sequence[tuple[str, float, float | None]], floor_db: float, path: Path) -> None:
@@ -182,7 +169,6 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
     twins = {by_name[t.name] for t in found.twins if t.name in by_name} if found else set()
     accepted = by_name.get(found.effect.name) if found else None
     levels = [r.level * DB_PER_NEPER for r in ranked]
-    limit, word, _ = ranking_limit(ranked, found)
 
     def draw(path: Path) -> None:
         figure = search.plot_ranking(
@@ -193,8 +179,6 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
             accepted=accepted,
             xlabel="residual level, amplitude and phase [dB]",
         )
-        if limit is not None:
-            _mark_limit(figure.axes[0], limit, word)
         save(figure, path, DPI)
 
     album.add(
@@ -203,17 +187,6 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
         f"Residual level that each of {len(ranked)} candidates leaves in round {k + 1}.",
         ranking_caption(result, k, ranked),
     )
-
-
-def _mark_limit(ax: Any, limit: float, text: str) -> None:
-    """Draw the level that a candidate must reach to be accepted by it."""
-    low, high = ax.get_xlim()
-    ax.set_xlim(min(low, limit - 0.06 * (high - min(low, limit))), high)
-    ax.axvline(limit, color=style.EFFECT, linewidth=1, linestyle=":", zorder=1)
-    ax.annotate(
-        text, (limit, 1), xycoords=("data", "axes fraction"), xytext=(0, 1),
-        textcoords="offset points", fontsize=7.5, color=style.EFFECT, ha="left", va="bottom",
-    )  # fmt: skip
 
 
 def _draw_frfs(result: RunResult, album: Album) -> None:

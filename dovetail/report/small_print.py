@@ -11,17 +11,13 @@ from dovetail.report.page import Markup, bullets, facts, folded, paragraph, sect
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult, program_version
 
-SEARCHES = {
-    True: ("updating.diagnosis.evidence.priors", "updating.diagnosis.evidence.search"),
-    False: ("updating.diagnosis.acceptance", "updating.diagnosis.search", "updating.diagnosis.diagnose"),
-}
-"""Modules of the search by evidence, and of the older one."""
 MODULES = (
+    "updating.diagnosis.evidence.priors", "updating.diagnosis.evidence.search",
     "updating.inference.preparation", "updating.inference.fit", "updating.inference.fit_data",
     "updating.inference.fit_function", "updating.quality.fault_hypotheses",
     "updating.quality.sensor_faults", "updating.quality.faults",
 )  # fmt: skip
-"""Modules of either search, whose constants decide the verdict, too; the report lists them."""
+"""Modules whose constants decide the verdict; the report lists them."""
 
 
 def notes(result: RunResult, shown: Shown) -> Markup:
@@ -39,10 +35,7 @@ def notes(result: RunResult, shown: Shown) -> Markup:
 
 def assumptions(result: RunResult) -> Markup:
     """Return assumptions, the thresholds of the search, and the study file."""
-    rows = [
-        [tag("code", name), words.number(value), text]
-        for name, value, text in thresholds(bool(result.diagnosis.posterior))
-    ]
+    rows = [[tag("code", name), words.number(value), text] for name, value, text in thresholds()]
     study = result.study
     return section(
         "Assumptions and thresholds",
@@ -56,9 +49,9 @@ def assumptions(result: RunResult) -> Markup:
     )
 
 
-def thresholds(by_evidence: bool = True) -> Iterator[tuple[str, float, str]]:
+def thresholds() -> Iterator[tuple[str, float, str]]:
     """Yield name, value and meaning (the docstring under it) of every constant that decides a verdict."""
-    for name in (*SEARCHES[by_evidence], *MODULES):
+    for name in MODULES:
         module = importlib.import_module(name)
         body = ast.parse(inspect.getsource(module)).body
         for statement, after in pairwise(body):

@@ -6,13 +6,9 @@ from collections.abc import Sequence
 
 from dovetail.result import RunResult, added_parameters
 from fem.model import Effect, Parameter
-from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.acceptance import score
-from updating.diagnosis.bootstrap import Bootstrap
-from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
 from updating.diagnosis.separation import Decisive, Proposal
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
 
@@ -326,22 +322,7 @@ def confidence(result: RunResult) -> list[str]:
             "They may stand in for something else that the model has wrong."
         )
     for finding, ranked in zip(d.findings, d.rounds, strict=False):
-        if finding.strain:
-            out.append(
-                "What is uncertain in the model explains the data as well, but only "
-                f"{abs(finding.strain):.1f} standard deviations from its nominal value: either the effect is "
-                "there, or the study's tolerance is too small."
-            )
-            continue
-        if finding.without:
-            what = effect_label(finding.effect.kind, finding.effect.where)
-            out.append(
-                f"Without {what}, the best fit of all else leaves {finding.without.fit_db:.2f} dB, on lines "
-                f"held out {finding.without.held_out_db:.2f} dB."
-            )
-            continue
-        out.append(_rivals(d.problem, finding, ranked, len(d.findings) > 1))
-    out += [chance_text(tried, d) for tried in d.tried]
+        out.append(_rivals(finding, ranked, len(d.findings) > 1))
     best = best_of(d.rounds)
     if best and not d.findings:
         out.append(
@@ -352,36 +333,6 @@ def confidence(result: RunResult) -> list[str]:
     return out
 
 
-def chance_subject(tried: Bootstrap, d: Diagnosis) -> str:
-    """Return the effect that was tried against chance, in words."""
-    known = {e.name: e for e in d.candidates}
-    e = known.get(tried.effect)
-    return effect_label(e.kind, e.where) if e else tried.effect
-
-
-def chance_text(tried: Bootstrap, d: Diagnosis) -> str:
-    """Return what simulated measurements without an effect gave, in two sentences."""
-    n, most = len(tried.gains), max(tried.gains)
-    if not tried.effect:
-        low, high = (DB_PER_NEPER * f(tried.levels) for f in (min, max))
-        missing = "nothing else missing" if d.findings else "nothing missing"
-        return (
-            f"In {n} measurements simulated with {missing} the fit leaves {low:.2g} to {high:.2g} dB, "
-            f"here {d.steps[-1].level * DB_PER_NEPER:.2g}; the best candidate divides that by {most:.3f} "
-            "at most."
-        )
-    subject = chance_subject(tried, d)
-    if tried.believed:
-        outcome = f"Chance alone does as much in at most {100 * tried.chance:.2g} % of cases."
-    else:
-        outcome = "It is no more than chance can do, and was dropped."
-    return (
-        f"In {n} measurements simulated without {subject}, by the fitted model on a finer mesh and with the "
-        f"noise of the measurement, the best of all candidates divides the residual level by {most:.3f} at "
-        f"most; here it divides it by {tried.gain:.3f}. {outcome}"
-    )
-
-
 def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
     """Return the best candidate of the last round."""
     return rounds[-1][0] if rounds and rounds[-1] else None
@@ -390,16 +341,13 @@ def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
 def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
     """Return the best candidate that is neither the effect nor one of its twins."""
     same = {finding.effect.name, *(t.name for t in finding.twins)}
-    return next((r for r in ranked if r.refined and r.name not in same), None)
+    return next((r for r in ranked if r.name not in same), None)
 
 
-MORE_LIKELY = (
-    "; the data are more likely with it, as each band has an error level of its own, and lines that no fit "
-    "has seen count as well."
-)
+MORE_PROBABLE = "; it is more probable, as each band has an error level of its own, and laws have priors."
 
 
-def _rivals(problem: FitProblem, finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
+def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
     subject = effect_label(finding.effect.kind, finding.effect.where) if name_it else "It"
     if finding.twins:
         listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
@@ -412,9 +360,7 @@ def _rivals(problem: FitProblem, finding: Finding, ranked: Sequence[Ranked], nam
     own = next((r for r in ranked if r.name == finding.effect.name), None)
     if rival and own:
         text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB"
-        likely = score(problem, own.result, 0) < score(problem, rival.result, 0)
-        told = rival.fit_db < own.fit_db and likely and not finding.effect.amplitude_dependent
-        text += MORE_LIKELY if told else "."
+        text += MORE_PROBABLE if rival.fit_db < own.fit_db and rival.score < own.score else "."
     return text
 
 

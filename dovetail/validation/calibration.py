@@ -19,7 +19,7 @@ from dovetail.validation.evidence import (
     WRONG_FAULT,
 )
 from dovetail.validation.table import interval
-from updating.diagnosis.diagnose import UNEXPLAINED
+from updating.diagnosis.diagnosis import UNEXPLAINED
 
 EDGES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 """Edges of the bins of stated probability; a bin has its lower edge, the last one both [-]."""
@@ -129,7 +129,7 @@ def told(records: Iterable[Record]) -> list[Record]:
     """
     out = [r["evidence"] for r in records if "evidence" in r]
     if not out:
-        msg = "no record has 'evidence': run dovetail validate, or tests.independent.table with --evidence"
+        msg = "no record has 'evidence': run dovetail validate, or tests.independent.table"
         raise RecordsError(msg)
     return out
 

@@ -74,8 +74,6 @@ class CaseSettings:
     weaker : float
         Factor by which the amplitudes of the set "weak" are smaller.
     version : int
-    evidence : bool
-        Whether the cases are searched by evidence; it draws nothing.
     """
 
     seed: int
@@ -89,12 +87,10 @@ class CaseSettings:
     visible_db: tuple[float, float] = (1.5, 4.0)
     weaker: float = 10.0
     version: int = SETTINGS_VERSION
-    evidence: bool = True
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values for a file; files of the older search say nothing of evidence."""
-        values = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
-        return values if self.evidence else {k: v for k, v in values.items() if k != "evidence"}
+        """Return plain values for a file."""
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,10 +12,10 @@ import numpy as np
 
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnose import UNEXPLAINED, Diagnosis
+from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
-from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.evidence.search import Hypothesis, Search
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 
 CREDIBLE = 0.9
 """Probability that the hypotheses of a credible set have together [-]."""

@@ -13,7 +13,8 @@ from dovetail.validation.hiding import Place
 from fem.effects import candidate_kinds
 from fem.model import Effect, Model
 from updating.correlation import log_ratio, rms_db
-from updating.diagnosis.diagnose import EFFECT, FAULT, NOTHING, Diagnosis, propose
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, Diagnosis
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding
 from updating.quality.corrections import Fault
@@ -139,8 +140,8 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
         - unexplained, not noticed, fault: what the verdict said instead
 
         ``first`` and ``in_three`` tell whether the right effect and place lead the first round's ranking,
-        or are among its first three, accepted or not. ``nearest`` is the candidate of the last round that
-        came nearest to being accepted, with the level that it had to reach over the one it reached.
+        or are among its first three, accepted or not. ``nearest`` is the most probable candidate beside
+        what was found, with how much less probable that is than the answer [nats].
     """
     model = diagnosis.model
     proposed = {e.name: e for e in propose(case.model, test=case.measurement)}
@@ -211,11 +212,10 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
 
 
 def _nearest(d: Diagnosis) -> Record | None:
-    refined = [r for r in (d.rounds[-1] if d.rounds else ()) if r.refined]
-    if not refined:
+    if d.searched is None or len(d.rounds) <= len(d.findings):
         return None
-    best = max(refined, key=lambda r: r.asked / r.level)
-    return {"kind": best.kind, "where": best.where, "reached": best.asked / best.level}
+    best = d.rounds[-1][0]
+    return {"kind": best.kind, "where": best.where, "behind": d.searched.best.score - best.score}
 
 
 def _outcome(

@@ -32,9 +32,9 @@ from dovetail.validation.judging import hidden_in, stated_by
 from dovetail.validation.true_modes import ModesError, true_modes
 from dovetail.validation.truth import TrueFrame
 from fem.model import Model
-from updating.diagnosis.diagnose import EFFECT, NOTHING
-from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis, diagnose_modes
-from updating.diagnosis.evidence.states import diagnose_change
+from updating.diagnosis.diagnosis import EFFECT, NOTHING
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
+from updating.diagnosis.states import diagnose_change
 from updating.inference.mode_targets import ModeTargets
 
 FREQUENCY_NOISE, SHAPE_NOISE = (0.001, 0.005), (0.02, 0.05)

@@ -30,7 +30,6 @@ from dovetail.validation.modal_cases import run_modal_case
 from fem.effects import candidate_kinds
 from fem.io.atomic import WriteError, replacing
 from updating.diagnosis.diagnose import diagnose
-from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence
 
 CASES_FILE = "cases.jsonl"
 LOCK_FILE = ".lock"
@@ -73,7 +72,7 @@ def run_case(settings: CaseSettings, task: Task) -> Record:
             else:
                 case = draw_case(settings, set_name, index)
                 drawn = time.perf_counter() - begun
-                record = _judged(case, settings.evidence)
+                record = _judged(case)
                 record["drawing_seconds"] = drawn
     except Exception:
         kinds = kinds_of(settings, set_name, index)
@@ -93,12 +92,11 @@ def run_case(settings: CaseSettings, task: Task) -> Record:
     return record
 
 
-def _judged(case: Case, evidence: bool) -> Record:
-    """Diagnose a case, by evidence or by the older search, and judge the diagnosis."""
+def _judged(case: Case) -> Record:
+    """Diagnose a case and judge the diagnosis."""
     exclude = tuple(k for k in case.exclude if k in candidate_kinds())
-    search = diagnose_by_evidence if evidence else diagnose
     begun = time.process_time()
-    diagnosis = search(
+    diagnosis = diagnose(
         case.model,
         [case.measurement],
         case.nuisances,

@@ -44,7 +44,6 @@ class DistributedMass(OnMember):
         meaning="a mass per length on a stretch of a member around the position",
         places="along each member",
     )
-    spread: ClassVar[str] = "width"
     mass: Any
     position: Any
     width: Any

@@ -12,7 +12,6 @@ class FootShift(AlongMember):
     """An elastic foot that stands at another place of its member."""
 
     kind: ClassVar[str] = "foot_shift"
-    evidence_only: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("square", "orange")
     statement: ClassVar[str] = "{thing} stands further along the member"

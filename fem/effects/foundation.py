@@ -70,7 +70,6 @@ class Foundation(_Foundation):
         meaning="a support that gives way and dissipates in a direction in which the model holds it",
         places="each held direction of each support, and of all alike",
     )
-    spread: ClassVar[str] = "loss_factor"
     loss_factor: Any
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -119,7 +118,6 @@ class FoundationDashpot(_Foundation):
         meaning="the same with a dashpot of `tau` times the stiffness",
         places="each held direction of each support, and of all alike",
     )
-    spread: ClassVar[str] = "tau"
     tau: Any
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -25,7 +25,6 @@ class JointComplexStiffness(JointStiffness):
     """
 
     kind: ClassVar[str] = "joint_complex_stiffness"
-    evidence_only: ClassVar[bool] = True
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
     marker: ClassVar[Marker | None] = Marker("diamond", "purple")
     statement: ClassVar[str] = "{thing} {are} {stiffer} {direction} and dissipates more"

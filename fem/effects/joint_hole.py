@@ -27,7 +27,6 @@ class JointHole(OnSide):
     """
 
     kind: ClassVar[str] = "joint_hole"
-    evidence_only: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("diamond", "orange")
     statement: ClassVar[str] = "{thing} has its hole beside the centre line"

@@ -78,12 +78,9 @@ class JointPatch(Spread):
             "joints that act on the mean motion of a stretch of each member, `size` times as long as "
             "the other one is broad; where `twist` is not 0, joints that are rigid otherwise turn "
             "about the normal of the flats, with `twist` times the stiffness of discs as broad as the "
-            "members. Chosen before the search, named in `notes` and written to `found.toml`, and "
-            "none of `effects`"
+            "members. A study states it; no search proposes it"
         ),
-        places=(
-            "all joints between members that lie on each other and cross, together; chosen before the search"
-        ),
+        places="all joints between members that lie on each other and cross, together",
     )
     sides: tuple[tuple[_Side, _Side], ...]
     joints: tuple[str, ...]

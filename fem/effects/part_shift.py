@@ -12,7 +12,6 @@ class PartShift(AlongMember):
     """A part that is mounted further along: the joint acts elsewhere on it, and its sensors move with it."""
 
     kind: ClassVar[str] = "part_shift"
-    evidence_only: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("diamond", "orange")
     statement: ClassVar[str] = "{thing} sits further along the member"

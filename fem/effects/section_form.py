@@ -29,7 +29,6 @@ class SectionForm(Effect):
     """
 
     kind: ClassVar[str] = "section_form"
-    evidence_only: ClassVar[bool] = True
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.STIFFNESS
     entry: ClassVar[Entry | None] = Entry(

@@ -83,7 +83,7 @@ class SolidCorner(Effect):
         quantities="`size` [-], `rigid_zone_factor` [-]",
         meaning=(
             "welded corners of finite size: as many times as large as the sections say, and which "
-            "part of that is nearly rigid; it may stand beside other effects where nothing else is"
+            "part of that is nearly rigid. A study states it; no search proposes it"
         ),
         places="all points where members with an outline are welded, together",
     )

@@ -42,7 +42,6 @@ class SupportShift(Effect):
     """
 
     kind: ClassVar[str] = "support_shift"
-    evidence_only: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("square", "orange")
     statement: ClassVar[str] = "{thing} holds its member at another place"

@@ -39,7 +39,6 @@ class ZoneForm(Effect):
     """
 
     kind: ClassVar[str] = "zone_form"
-    evidence_only: ClassVar[bool] = True
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     entry: ClassVar[Entry | None] = Entry(

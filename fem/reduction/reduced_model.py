@@ -14,7 +14,6 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.analysis.basis import Basis, reduced_basis, without_modes
-from fem.analysis.modes import solve_eigenpairs
 from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
 from fem.recent import Recent
 from fem.reduction.scaling import scaling_exponents
@@ -177,23 +176,6 @@ class ReducedModel:
 
         K, M, C, D = map(larger, (term.K, term.M, term.C, term.D), known[name, parameter])
         return replace(term, K=K, M=M, C=C, D=D)
-
-    def with_modes_of(self, model: Model, max_frequency: float) -> "ReducedModel":
-        """Return the model with the modes of another one in its basis: with effects and values as found.
-
-        Modes of the model without an effect that acts on a whole member converge slowly to those with it.
-
-        Parameters
-        ----------
-        model : Model
-            On the same mesh, without internal coordinates of its own.
-        max_frequency : float
-            Modes are taken up to there [Hz].
-        """
-        system = assemble(model, reciprocal=False)
-        pairs = solve_eigenpairs(system, max_frequency=max_frequency, unstable=True)
-        shapes = np.asarray(system.Q @ pairs.vectors)
-        return self._on(self.basis.with_shapes(self.system, shapes))
 
     def with_shapes(self, shapes: NDArray[np.float64]) -> "ReducedModel":
         """Return the model with more shapes (n_dof, n) in its basis, such as responses at frequencies."""

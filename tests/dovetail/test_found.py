@@ -25,7 +25,7 @@ from fem.model import Damping, parameter_values
 from fem.system import assemble, connection_stiffness, sum_contributions
 from tests.dovetail.test_effects import JOINTED, candidates, loaded
 from tests.frames import STUDY, write_study
-from updating.diagnosis.diagnose import begin
+from updating.diagnosis.begin import begin
 from updating.inference.parameters import DampingCurve
 from updating.measurement.measurement import Measurement, sensor_rows
 from updating.quality.corrections import Fault

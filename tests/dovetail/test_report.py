@@ -12,7 +12,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail import pipeline as run
-from dovetail.report import pictures, words
+from dovetail.report import words
 from dovetail.report.page import Markup, esc, table, tag
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html
@@ -20,9 +20,6 @@ from dovetail.report.small_print import thresholds
 from dovetail.result import Uncertain, result_dict
 from fem.effects import effect_classes
 from tests.frames import cross_beam, portal, write_study
-from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.bootstrap import Bootstrap
-from updating.diagnosis.diagnose import NOTHING
 from updating.quality.corrections import Fault
 
 VOID = {"meta", "link", "img", "br", "hr"}
@@ -74,30 +71,6 @@ def without_findings(result, verdict, faults=()):
     steps = d.steps[:2]
     less = replace(d, verdict=verdict, reason="none does", findings=(), faults=faults, steps=steps)
     return replace(result, diagnosis=less, comparisons=result.comparisons[:2])
-
-
-def test_a_verdict_tried_against_chance_is_told_and_drawn(found, tmp_path, monkeypatch):
-    monkeypatch.setattr("dovetail.report.pictures.can_draw", lambda: False)
-    monkeypatch.setattr(pictures, "_draw_frfs", lambda *_: None)  # of no concern here, and slow to draw
-    (finding,) = found.diagnosis.findings
-    tried = Bootstrap(finding.effect.name, 3.2, (1.0, 1.004, 1.01), (0.02, 0.021, 0.022))
-    alone = replace(finding, strain=-3.7, twins=(), rival=None, decisive=(), proposals=())
-    with_effect = replace(found, diagnosis=replace(found.diagnosis, tried=(tried,), findings=(alone,)))
-    nothing = Bootstrap("", float("nan"), (1.0, 1.004, 1.01), (0.02, 0.021, 0.022))
-    without = without_findings(with_effect, NOTHING)
-    without = replace(without, diagnosis=replace(without.diagnosis, tried=(nothing,)))
-    for result, said in ((with_effect, "here it divides it by 3.200"), (without, "with nothing missing")):
-        drawn = draw_all(result, tmp_path / said[:4], lambda text, done: None)
-        assert drawn.failures == [] or all("structure" in f for f in drawn.failures)
-        page = report_html(result, drawn)
-        Reader(page)
-        assert page.count(said) == 2  # under "How sure", and as what the picture shows
-        assert f'alt="{words.chance_text(result.diagnosis.tried[0], result.diagnosis)}"' in page
-        strained = "standard deviations from its nominal value: either the effect"
-        assert (strained in page) == bool(result.diagnosis.findings)
-        (told,) = result_dict(result)["tried_against_chance"]
-        assert told["gains"] == (1.0, 1.004, 1.01)
-        assert told["chance"] == 0.25
 
 
 def test_the_page_loads_nothing(text):
@@ -203,21 +176,18 @@ def test_markup_is_escaped_once():
     assert esc(esc("&")) == "&amp;"
 
 
-@pytest.mark.parametrize(("by_evidence", "own"), [(True, "UNKNOWN_ODDS"), (False, "ACCEPT_LEVEL")])
-def test_every_threshold_says_what_it_means(by_evidence, own):
-    known = {name: (value, text) for name, value, text in thresholds(by_evidence)}
-    assert own in known
-    assert ("ACCEPT_LEVEL" in known) != by_evidence
+def test_every_threshold_says_what_it_means():
+    known = {name: (value, text) for name, value, text in thresholds()}
+    assert {"UNKNOWN_ODDS", "LEAST_MISFIT_RATIO"} <= set(known)
     assert all(np.isfinite(value) for value, _ in known.values())
 
 
-def test_the_report_describes_the_search_that_was_made(found, album):
-    older = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
-    by_evidence, before = (report_html(result, album) for result in (found, older))
-    said = {"if its evidence": True, "Hypotheses are ranked by": True, "level falls enough": False}
-    for text, told in said.items():
-        assert (text in by_evidence) == told
-        assert (text in before) != told
+def test_the_report_describes_the_search_where_one_was_made(found, album):
+    by_hand = replace(found, diagnosis=replace(found.diagnosis, posterior=(), rounds=()))
+    searched, chosen = (report_html(result, album) for result in (found, by_hand))
+    for text in ("if its evidence", "Hypotheses are ranked by"):
+        assert text in searched
+        assert text not in chosen
 
 
 @pytest.mark.parametrize(
@@ -309,35 +279,6 @@ def test_the_form_of_a_connection_is_named_by_its_place(found):
     form = [u.words for u in found.uncertain if u.form_of]
     assert "ln stiffness, form of corner at point" in " ".join(form)
     assert not [u.words for u in found.uncertain if "_form" in u.words]
-
-
-def test_the_line_of_a_ranking_stands_where_the_best_had_to_come_to(found, tmp_path, monkeypatch):
-    limits, texts, captions = [], [], []
-
-    def mark(ax, limit, text):
-        limits.append(limit)
-        texts.append(text)
-
-    monkeypatch.setattr(pictures, "_mark_limit", mark)
-
-    class Drawn:
-        def add(self, name, draw, alt, caption):
-            captions.append(caption)
-            draw(tmp_path / f"{name}.png")
-
-    rounds = found.diagnosis.rounds
-    pictures._draw_ranking(found, 0, rounds[0], Drawn())
-    assert limits == []  # evidence asks for no level
-    level = 2 * rounds[0][0].level
-    asked = tuple(replace(r, asked=level) for r in rounds[0])
-    pictures._draw_ranking(found, 0, asked, Drawn())
-    assert limits == [level * DB_PER_NEPER]
-    assert set(texts) == {"to be accepted"}
-    short = replace(rounds[0][0], asked=0.5 * rounds[0][0].level)  # accepted, though not by the level
-    pictures._draw_ranking(found, 0, (short, *rounds[0][1:]), Drawn())
-    assert texts[-1] == "asked of the level alone"
-    assert "short of the dotted line" in captions[-1]
-    assert not any("short of" in caption for caption in captions[:-1])
 
 
 def test_warnings_stand_below_the_verdict(found, album):

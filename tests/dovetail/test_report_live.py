@@ -23,7 +23,7 @@ from dovetail.report.report import report_html
 from fem.analysis.frf import FRF
 from tests.frames import beam, write_study
 from updating.correlation import rms_db
-from updating.diagnosis.diagnose import FAULT
+from updating.diagnosis.diagnosis import FAULT
 from updating.diagnosis.fitted_modes import modes_of
 from updating.quality.corrections import Fault
 from viz.interactive import frf, model, solids
@@ -179,9 +179,9 @@ def test_a_figure_that_cannot_be_made_is_named():
 
 
 def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
-    older = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
-    assert words.probability_text(older.diagnosis) == ""
-    assert "How probable" not in report_html(older, Album(tmp_path), figures.make_all(older))
+    by_hand = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
+    assert words.probability_text(by_hand.diagnosis) == ""
+    assert "How probable" not in report_html(by_hand, Album(tmp_path), figures.make_all(by_hand))
     (finding,) = found.diagnosis.findings
     posterior = (((finding.effect.name,), 0.93), ((), 0.05), (("unknown",), 0.02))
     sure = replace(found, diagnosis=replace(found.diagnosis, posterior=posterior))

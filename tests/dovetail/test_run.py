@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,16 +87,6 @@ def test_every_hypothesis_has_a_probability(done):
 def test_what_was_found_is_the_reported_model(done):
     problem = fit_problem(load_study(done.folder / "found.toml"))
     assert problem.nominal().fit_db == pytest.approx(done.diagnosis.steps[-1].fit_db, rel=0.02)
-
-
-@pytest.mark.parametrize("asked", [{"evidence": False}, {"n_simulated": 1}])
-def test_the_older_search_can_be_asked_for(study_file, asked, monkeypatch):
-    taken = []
-    monkeypatch.setattr(run, "diagnose", lambda *args, **more: taken.append("older"))
-    monkeypatch.setattr(run, "diagnose_by_evidence", lambda *args, **more: taken.append("evidence"))
-    run.diagnose_study(replace(load_study(study_file), **asked))
-    run.diagnose_study(load_study(study_file))
-    assert taken == ["older", "evidence"]
 
 
 def test_the_docs_list_every_kind_with_its_parameters(root):

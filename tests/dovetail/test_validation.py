@@ -23,7 +23,7 @@ from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, SETS, draw_hidden
 from dovetail.validation.judging import judge, same_place
 from dovetail.validation.table import as_markdown, interval, summarise
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 
 SETTINGS = CaseSettings(3, small=True)
 FAMILY = {"joint": "cross", "support": "angle", "end": "angle", "rigid": "angle"}
@@ -172,12 +172,13 @@ def test_what_cannot_be_drawn_is_refused():
 # ------------------------------------------------------------------------------------------- judging
 
 
-def said(case, findings=(), verdict="effect", faults=(), rounds=(), after=0.3):
+def said(case, findings=(), verdict="effect", faults=(), rounds=(), after=0.3, searched=None):
     """Return a diagnosis as far as judging reads it."""
     step = SimpleNamespace(fit_db=after, held_out_db=after)
     return SimpleNamespace(
         model=case.model, findings=findings, verdict=verdict, faults=faults, rounds=rounds,
         steps=(step, step), reason="", discretisation_db=0.0, basis_db=0.0, seconds=1.0,
+        searched=searched,
         problem=SimpleNamespace(data=SimpleNamespace(mask=np.ones(case.exact.shape, dtype=bool))),
     )  # fmt: skip
 
@@ -190,10 +191,10 @@ def finding(effect, twins=(), **values):
     return SimpleNamespace(effect=effect, parameters=parameters, twins=twins)
 
 
-def ranked(effect, asked=1.0, level=2.0, refined=True):
+def ranked(effect, score=0.0):
     return SimpleNamespace(
         name=effect.name, kind=effect.kind, where=effect.where, parameters=finding(effect).parameters,
-        asked=asked, level=level, refined=refined,
+        score=score,
     )  # fmt: skip
 
 
@@ -245,15 +246,11 @@ def test_twins_false_effects_and_other_verdicts(mass_case):
     third = judge(case, said(case, [finding(loss)], rounds=((ranked(loss), ranked(loss), twin),)))
     assert third["outcome"] == "wrong"
     assert third["in_three"]
-    assert third["nearest"] == {"kind": loss.kind, "where": loss.where, "reached": 0.5}
-    rounds = (
-        (ranked(loss, level=0.5),),
-        (ranked(loss), ranked(right, level=1.25), ranked(right, level=0.1, refined=False)),
-    )
-    assert (
-        judge(case, said(case, rounds=rounds))["nearest"]["reached"] == 0.8
-    )  # fitted fully, in the last round
-    assert judge(case, said(case))["nearest"] is None
+    assert third["nearest"] is None  # nothing was tried beside it
+    answer = SimpleNamespace(best=SimpleNamespace(score=2.0))
+    rounds = ((ranked(loss, 2.0), ranked(right, 1.0)), (ranked(right, -1.5), ranked(loss, -3.0)))
+    beside = judge(case, said(case, [finding(loss)], rounds=rounds, searched=answer))
+    assert beside["nearest"] == {"kind": right.kind, "where": right.where, "behind": 3.5}
     both = [finding(right, **true), finding(loss)]
     assert judge(case, said(case, both))["outcome"] == "beside"
     for verdict, outcome in (
@@ -366,7 +363,7 @@ def test_a_case_that_fails_is_recorded_and_the_rest_go_on(tmp_path, monkeypatch)
         message = "no luck"
         raise ArithmeticError(message)
 
-    monkeypatch.setattr(runner, "diagnose_by_evidence", broken)
+    monkeypatch.setattr(runner, "diagnose", broken)
     records = runner.validate(SETTINGS, [("null", 0), ("null", 1)], tmp_path)
     assert [r["outcome"] for r in records] == ["failed", "failed"]
     assert "ArithmeticError: no luck" in records[0]["traceback"]

@@ -17,7 +17,7 @@ from fem.effects import candidate_kinds
 from fem.model import DIRECTIONS
 from fem.system import assemble
 from updating.correlation import log_ratio
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 from updating.measurement.measurement import Measurement
 
 ETA = 0.02

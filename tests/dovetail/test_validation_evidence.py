@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from benchmarks import calibration as picture
-from dovetail.cli import main
 from dovetail.validation import run as runner
 from dovetail.validation.calibration import (
     RecordsError,
@@ -19,7 +18,7 @@ from dovetail.validation.calibration import (
 from dovetail.validation.cases import CaseSettings, draw_case
 from dovetail.validation.evidence import Stated, at_truth, credible_set, loss_of
 from dovetail.validation.judging import is_hidden, stated
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.diagnosis import Searched
 
 SETTINGS = CaseSettings(3, small=True)
@@ -190,23 +189,10 @@ def test_records_without_probabilities_are_refused(tmp_path, capsys):
     assert "no record has 'evidence'" in capsys.readouterr().err
 
 
-def test_the_option_is_part_of_the_settings_of_a_folder(tmp_path, monkeypatch):
-    seen = []
-    made = {"outcome": "right", "seconds": 1.0, "hidden": [], "known": True, "errors": [], "set": "null"}
-    made |= {"case": "null:0", "index": 0, "db": {"after": 0.1, "floor": 0.1}}
-    monkeypatch.setattr(runner, "run_case", lambda settings, task: seen.append(settings.evidence) or made)
-    arguments = ["validate", "--seed", "3", "--small", "--cases", "1", "--sets", "null", "--quiet"]
-    out = ["--out", str(tmp_path / "out")]
-    assert main([*arguments, *out]) == 0
-    assert seen == [True]
-    assert "evidence" not in CaseSettings(3, evidence=False).as_dict()
-    assert main([*arguments, *out, "--older"]) == 2  # the folder belongs to the search by evidence
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["connection", "connections", "mixed", "mounting"])
 def test_a_small_case_of_each_set_ends_and_its_truth_was_within_reach(name):
-    settings = CaseSettings(3, small=True, evidence=True)
+    settings = CaseSettings(3, small=True)
     made = runner.run_case(settings, (name, 0))
     assert made["outcome"] != "failed", made.get("traceback")
     told = made["evidence"]

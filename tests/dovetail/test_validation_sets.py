@@ -12,7 +12,7 @@ from dovetail.validation.hidden import EFFECTS, KINDS, SETS, draw_hidden
 from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
 from fem.system import assemble
 from tests.frames import rows_at
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 
 SETTINGS = CaseSettings(3, small=True)
 E, NU, RHO = 207e9, 0.3, 7850.0

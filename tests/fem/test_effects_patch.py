@@ -1,13 +1,12 @@
-"""Joints that act over a stretch of their members: mean motions, closed forms, the choice of a size."""
+"""Joints that act over a stretch of their members: mean motions, closed forms, elements on them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import fem
-from dovetail.cli import main
 from dovetail.file.config import load_study
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.statics import solve_static
@@ -20,20 +19,8 @@ from fem.model import Damping, Model, dofs_of, lever_matrix
 from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, fix
-from updating import Measurement, Nuisance, Sensor, diagnose, place_sensors, update
-from updating.diagnosis import diagnose as diagnosis
-from updating.diagnosis.diagnose import SAME_SIZE
-from updating.diagnosis.patches import (
-    MOST_JOINTS,
-    PATCH_ELEMENTS,
-    PATCH_SIZES,
-    TWIST_STD,
-    choose_patch,
-    proposed_patch,
-    refined_at,
-    with_turning,
-)
-from updating.inference.preparation import build_problem
+from updating import Nuisance, update
+from updating.diagnosis.patches import PATCH_ELEMENTS, PATCH_REACH, TWIST_STD, refined_at, with_turning
 
 RIGID = ("x", "y", "z", "rx", "ry", "rz")
 GAP = 0.01
@@ -154,55 +141,7 @@ def solve_static_of(model):
     return np.array([u[6 * 3 + 2, 0], u[6 * 3 + 4, 1]])
 
 
-def measured(model, nominal, seed=1):
-    """Return the nominal model, and what sensors along both flats read of another with 1 % of noise."""
-    spots = [(m, s) for m in "AB" for s in (0.0, 0.25, 0.8, 1.0)]
-    sensors = []
-    for m, s in spots:
-        place = nominal.mesh.point_at(nominal.mesh.locate(m, s * nominal.mesh.member_length(m)))
-        sensors += [
-            Sensor(f"{m}{100 * s:.0f}{d}", place, axis)
-            for d, axis in (("z", [0, 0, 1]), ("x", [0.6, 0.8, 0]))
-        ]
-    sensors = tuple(sensors)
-    mesh = place_sensors(nominal.mesh, sensors)
-    nominal = replace(nominal, mesh=mesh)
-    fine = place_sensors(model.mesh, sensors)
-    truth = replace(model, mesh=fine)
-    rows = np.array([row(truth, s) for s in sensors])
-    f = np.arange(6.0, 1400.0, 8.0)
-    exact = compute_frf(assemble(truth), f, rows, rows[[0, 14]])
-    noise = np.random.default_rng(seed).standard_normal((2, *exact.H.shape))
-    H = exact.H * (1 + 0.01 * (noise[0] + 1j * noise[1]))
-    names = [s.name for s in sensors]
-    frf = fem.FRF.from_arrays(f, H, exact.kind, names, [names[0], names[14]])
-    return nominal, Measurement(frf, sensors, (sensors[0], sensors[14]))
-
-
-def row(model, sensor):
-    out = np.zeros(model.n_dof)
-    point, _ = model.mesh.nearest_point(sensor.point)
-    out[6 * point : 6 * point + 3] = sensor.direction
-    return out
-
-
 DOUBTS = (Nuisance("frame", "E:steel", 0.02), Nuisance("frame", "rho:steel", 0.01))
-
-
-@pytest.mark.parametrize("size", [0.0, 0.6])
-def test_the_size_is_chosen_by_the_data(size):
-    truth = patched(lap(120), size).with_values({("frame", "E:steel"): 1.01 * STEEL.E})
-    nominal, measurement = measured(truth, lap(60))
-
-    def build(model):
-        return build_problem(model, measurement, with_turning(DOUBTS, model), connections=True)
-
-    (patch,) = JointPatch.propose(nominal)
-    found = choose_patch(build, nominal, patch, build(nominal))
-    if size == 0:
-        assert found is None
-    else:
-        assert found.size == pytest.approx(size, abs=0.12)
 
 
 def test_joints_at_hinges_zones_bars_and_tapers_have_no_patch():
@@ -286,164 +225,24 @@ def test_the_stiffness_about_the_normal_is_uncertain_whatever_else_is_said():
     assert with_turning((given,), turning(elastic, 1.0)) == (given,)
 
 
-@pytest.mark.parametrize(("share", "turns"), [(0.5, True), (0.02, False), (1e6, False)])
-def test_joints_turn_about_their_normals_where_the_data_ask_for_what_flats_give(share, turns):
-    """Far softer joints are an effect, and what is rigid stays so."""
-    nominal, measurement = measured(turning(lap(120), share, size=0.8), lap(60))
-
-    def build(model):
-        return build_problem(model, measurement, with_turning(DOUBTS, model), connections=True)
-
-    (patch,) = JointPatch.propose(nominal)
-    found = choose_patch(build, nominal, patch, build(nominal))
-    assert (found is not None and found.twist > 0) == turns
-    if turns:
-        assert found.size == pytest.approx(0.8, abs=0.12)
-        (soft,) = (e for e in fem.effects.JointStiffness.propose(nominal) if e.where == "joint J, rz")
-        beside = choose_patch(build, nominal, patch, build(nominal), [soft.with_values(stiffness=0.5 * DISC)])
-        assert beside is None or not beside.twist
-
-
 def test_elements_on_patches_are_short_and_others_stay():
     model = lap(12)
     (patch,) = JointPatch.propose(model)
     mesh = refined_at(model, patch).mesh
     for member, position in (("A", 0.3), ("B", 0.02)):
         s = mesh.member_positions(member)
-        on = abs((s[1:] + s[:-1]) / 2 - position) < PATCH_SIZES[-1] * 0.015
+        on = abs((s[1:] + s[:-1]) / 2 - position) < PATCH_REACH * 0.015
         assert np.diff(s)[on].max() <= 0.015 / PATCH_ELEMENTS + 1e-9
-        assert on.sum() <= 2 * PATCH_SIZES[-1] * PATCH_ELEMENTS + 2
+        assert on.sum() <= 2 * PATCH_REACH * PATCH_ELEMENTS + 2
     assert mesh.n_lines < model.mesh.n_lines + 24
     assert_allclose(mesh.points[: model.mesh.n_points], model.mesh.points)
     again = refined_at(refined_at(model, patch), patch)
     assert again.mesh.n_lines == mesh.n_lines
 
 
-def test_patches_are_looked_for_at_rigid_joints_alone():
-    soft = lap(K=np.diag([1e8] * 3 + [1e4] * 3))
-    assert proposed_patch(JointPatch.propose(soft), soft) is None
-    model = lap()
-    assert proposed_patch(JointPatch.propose(model), model).joints == ("J",)
-    assert proposed_patch((), model) is None
-    many = replace(JointPatch.propose(model)[0], joints=("J",) * (MOST_JOINTS + 1))
-    assert proposed_patch((many,), model) is None
-
-
 def test_the_size_of_patches_is_no_parameter_of_an_updating():
     with pytest.raises(fem.ModelError, match="cannot vary in a fit"):
         update(patched(lap(), 1.0), [("joint_patch:all", "size")], frequency=[10.0])
-
-
-def test_a_search_is_made_with_patches_and_says_so():
-    truth = patched(lap(80), 1.0)
-    (heavier,) = (e for e in fem.effects.MemberDensity.propose(truth) if e.where == "member A")
-    nominal, measurement = measured(truth.with_effect(heavier.with_values(change=0.06)), lap(40))
-    found = diagnose(
-        nominal,
-        [measurement],
-        DOUBTS,
-        kinds=("member_density", "member_stiffness", "point_mass", "joint_patch"),
-    )
-    assert [f.effect.name for f in found.findings] == [heavier.name]
-    assert found.findings[0].parameters[0].value == pytest.approx(0.06, abs=0.006)
-    (patch,) = found.model.of_kind(JointPatch)
-    assert patch.size == pytest.approx(1.0, abs=SAME_SIZE)
-    (note,) = (n for n in found.notes if "rather than in a point" in n)
-    assert note.startswith("joint J: joined over ")
-
-
-@pytest.mark.slow
-def test_a_search_is_made_with_joints_that_turn_about_their_normals():
-    truth = turning(lap(80), 0.4, size=0.7)
-    (heavier,) = (e for e in fem.effects.MemberDensity.propose(truth) if e.where == "member A")
-    nominal, measurement = measured(truth.with_effect(heavier.with_values(change=0.06)), lap(40))
-    kinds = ("member_density", "member_stiffness", "joint_stiffness", "joint_patch")
-    found = diagnose(nominal, [measurement], DOUBTS, kinds=kinds)
-    assert [f.effect.name for f in found.findings] == [heavier.name]
-    assert found.findings[0].parameters[0].value == pytest.approx(0.06, abs=0.006)
-    assert found.model.values()["J", "krz"] == pytest.approx(0.4 * DISC, rel=0.15)
-    (note,) = (n for n in found.notes if "rather than in a point" in n)
-    assert "and turns about its normal" in note
-    (patch,) = found.model.of_kind(JointPatch)
-    again = patch.fitted_in(found.model)
-    assert with_patch(lap(40), again).effect("J").K[5, 5] == pytest.approx(
-        found.model.values()["J", "krz"], rel=1e-9
-    )
-
-
-@pytest.mark.slow
-def test_a_joint_that_is_soft_about_its_normal_is_an_effect():
-    truth = turning(lap(80), 0.005, size=0.8)
-    nominal, measurement = measured(truth, lap(40))
-    kinds = ("member_density", "member_stiffness", "joint_stiffness", "joint_patch")
-    found = diagnose(nominal, [measurement], DOUBTS, kinds=kinds)
-    assert [f.effect.where for f in found.findings] == ["joint J, rz"]
-    assert found.findings[0].parameters[0].value == pytest.approx(0.005 * DISC, rel=0.03)
-
-
-@pytest.mark.slow
-def test_weak_effects_beside_patches_are_not_believed_and_named(monkeypatch):
-    truth = patched(lap(120), 1.0)
-    (heavier,) = (e for e in fem.effects.MemberDensity.propose(truth) if e.where == "member A")
-    nominal, measurement = measured(truth.with_effect(heavier.with_values(change=0.02)), lap(60))
-    kinds = ("member_density", "joint_patch")
-    assert diagnose(nominal, [measurement], DOUBTS, kinds=kinds).verdict == "effect"
-    monkeypatch.setattr(diagnosis, "PATCHES_LEFT", 1e-6)
-    found = diagnose(nominal, [measurement], DOUBTS, kinds=kinds)
-    assert found.verdict == "nothing missing"
-    (note,) = (n for n in found.notes if "is not believed" in n)
-    assert note.startswith("member density at member A would lower the residual level")
-    # what takes energy is, as beams leave no such forces
-    monkeypatch.setattr(diagnosis, "takes_energy", lambda *_: True)
-    assert diagnose(nominal, [measurement], DOUBTS, kinds=kinds).verdict == "effect"
-
-
-def test_patches_are_chosen_anew_until_the_choice_stays_or_two_times(monkeypatch):
-    choices = [proposed_patch(JointPatch.propose(lap()), lap())] + [object() for _ in range(3)]
-    attempts, verdicts = [], []
-
-    def attempt(asked, model, patch, *, choose, given=None):
-        """Choose first the second patch beside the first, then the third beside the second, and so on."""
-        attempts.append(given)
-        used, other = choices[len(attempts) - 1 : len(attempts) + 1]
-        end = Result(verdicts[len(attempts) - 1])
-        return end, used, used if len(attempts) == stays else other
-
-    @dataclass
-    class Result:
-        verdict: str
-        seconds: float = 0.0
-
-    def found(*said):
-        attempts.clear()
-        verdicts[:] = said
-        model = lap()
-        result = diagnose(model, [measurement], DOUBTS, kinds=("member_density", "joint_patch"))
-        assert result.seconds > 0
-        return result.verdict
-
-    _, measurement = measured(lap(60), lap(40))
-    monkeypatch.setattr(diagnosis, "_attempt", attempt)
-    stays = 0
-    assert found("effect", "nothing missing", "fault") == "fault"
-    assert attempts == [None, *choices[1:3]]
-    assert found("effect", "unexplained", "fault") == "fault"
-    assert found("effect", "nothing missing", "unexplained") == "nothing missing"  # no worse than before
-    stays = 2
-    assert found("effect", "nothing missing") == "nothing missing"
-    assert attempts == [None, choices[1]]
-    stays = 1
-    assert found("effect") == "effect"
-
-
-@pytest.mark.slow
-def test_patches_are_not_forced_on_what_stays_unexplained():
-    truth = lap(120, rigid=("x", "y", "z", "ry", "rz"), K=np.diag([0, 0, 0, 200.0, 0, 0]))
-    nominal, measurement = measured(truth, lap(60))
-    found = diagnose(nominal, [measurement], DOUBTS, kinds=("point_inertia", "joint_patch"))
-    assert found.verdict == "unexplained"
-    assert not found.model.of_kind(JointPatch)
-    assert not any("rather than in a point" in note for note in found.notes)
 
 
 STUDY = """
@@ -482,25 +281,6 @@ sensor = "az"
 [[excitations]]
 sensor = "fz"
 """
-
-
-@pytest.mark.slow
-def test_what_was_found_is_written_with_its_patches(tmp_path, monkeypatch):
-    monkeypatch.setattr("dovetail.report.pictures.draw_all", lambda *_: None)
-    monkeypatch.setattr("dovetail.report.report.write_report", lambda *_: None)
-    true = tmp_path / "true.toml"
-    true.write_text(
-        STUDY + "[mesh]\nelement_size = 0.005\n" + '[[effects]]\ncandidate = "joint_patch:all"\nsize = 1.0\n',
-        encoding="utf-8",
-    )
-    data = tmp_path / "m.npz"
-    assert main(["frf", str(true), "--out", str(data), "--quiet"]) == 0
-    study = tmp_path / "study.toml"
-    study.write_text(STUDY + '[[measurements]]\nfile = "m.npz"\n', encoding="utf-8")
-    assert main(["run", str(study), "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    again = load_study(tmp_path / "out" / "found.toml").model
-    (patch,) = again.of_kind(JointPatch)
-    assert patch.size == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_study_with_patches_has_joints_that_turn(tmp_path):

@@ -1,4 +1,4 @@
-"""Diagnose a study of a case by evidence and start it at the truth: python -m tests.independent.by_evidence
+"""Diagnose a study of a case and start it at the truth: python -m tests.independent.by_evidence
 
 The truth is read when the diagnosis has ended. It writes result.json, as `dovetail run`, and record.json, as
 `dovetail validate`.
@@ -8,7 +8,6 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +123,7 @@ def main(argv=None):
     parser.add_argument("case", type=Path, help="folder with nominal.json; truth.json is beside it")
     parser.add_argument("out", type=Path, help="folder of result.json and record.json")
     options = parser.parse_args(argv)
-    study = replace(load_study(options.study), evidence=True)
+    study = load_study(options.study)
     begun = time.process_time()
     run = analyse(study, options.out, lambda text, done: None)
     seconds = time.process_time() - begun

@@ -1,8 +1,8 @@
 """Run the independent cases and set verdicts against the truth: python -m tests.independent.table
 
-Each nominal.json becomes a study, `dovetail run` investigates it in a process of its own, and only when all
-have ended is truth.json read; by evidence, each process reads it when its diagnosis has ended. What comes out
-is printed as it is. A truth that is not understood is shown in its own words, and not judged.
+Each nominal.json becomes a study, which is diagnosed in a process of its own. Each process reads truth.json
+when its diagnosis has ended, and starts the case at the truth as well. What comes out is printed as it is. A
+truth that is not understood is shown in its own words, and not judged.
 """
 
 import argparse
@@ -23,8 +23,8 @@ CASES = ROOT.parent / "shared" / "data" / "independent-cases"
 NOT_UNDERSTOOD = KeyError, TypeError, ValueError, AttributeError, IndexError
 """What reading a truth in unknown words raises."""
 HEAD = ("case", "hidden", "verdict", "found", "right", "error [dB]", "floor [dB]", "time [s]")
-BY_EVIDENCE = ("probability", "of the place", "in three", "truth [nats]", "loss")
-"""Further columns of searches by evidence."""
+POSTERIOR = ("probability", "of the place", "in three", "truth [nats]", "loss")
+"""Columns of what the posterior says."""
 YES, TWIN, PARTLY, NO, NOT_JUDGED = "yes", "as a twin", "partly", "no", "not judged"
 CORNERS = "solid_corner", "rigid_end_zone"
 """What may be found where corners are solid."""
@@ -396,10 +396,10 @@ def as_told(truth):
     return "; ".join(out) or "effects are not stated"
 
 
-def investigate(case, out, evidence=False):
+def investigate(case, out):
     """Convert a case and run it in a process of its own; return result.json, or what the program said.
 
-    By evidence the record of the case is under ``record``.
+    The record of the case is under ``record``.
     """
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
     folder = out / case.name
@@ -407,17 +407,14 @@ def investigate(case, out, evidence=False):
     study = folder / "study.toml"
     study.write_text(convert(nominal, case, study), encoding="utf-8")
     out = folder / "result"
-    command = ["dovetail", "run", str(study), "--out", str(out), "--quiet"]
-    if evidence:
-        command = ["tests.independent.by_evidence", str(study), str(case), str(out)]
-    command = [sys.executable, "-m", *command]
+    command = [sys.executable, "-m", "tests.independent.by_evidence", str(study), str(case), str(out)]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         return done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"exit code {done.returncode}"
     result = json.loads((out / "result.json").read_text(encoding="utf-8"))
     record = out / "record.json"
-    if evidence and record.exists():
+    if record.exists():
         result["record"] = json.loads(record.read_text(encoding="utf-8"))
     return result
 
@@ -447,17 +444,17 @@ def row(case, result, truth):
 
 
 def evidence_row(result):
-    """Return the further cells of a case that was searched by evidence."""
+    """Return the cells of what the posterior says of a case."""
     told = {} if isinstance(result, str) else result.get("record", {}).get("evidence")
     if not told:
-        return ("-",) * len(BY_EVIDENCE)
+        return ("-",) * len(POSTERIOR)
     truth = "-" if told["truth"] is None else f"{told['truth']:+.1f}"
     shares = (f"{100 * told[key]:.1f} %" for key in ("probability", "place_probability"))
     return (*shares, "yes" if told["in_three"] else "no", truth, told["loss"])
 
 
 def write_records(results, path):
-    """Write the records of searches by evidence as lines of JSON, for `benchmarks.calibration`."""
+    """Write the records of cases as lines of JSON, for `benchmarks.calibration`."""
     records = [r["record"] for r in results if not isinstance(r, str) and "record" in r]
     lines = [json.dumps(r, ensure_ascii=False) + "\n" for r in records]
     path.write_text("".join(lines), encoding="utf-8")
@@ -492,9 +489,6 @@ def main(argv=None):
     )
     parser.add_argument("--only", default="", help="only cases whose name holds this")
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time (default: %(default)s)")
-    parser.add_argument(
-        "--evidence", action="store_true", help="search by evidence, and start each case at its truth as well"
-    )
     options = parser.parse_args(argv)
     cases = [p.parent for p in sorted(options.cases.glob("*/nominal.json")) if options.only in p.parent.name]
     if not cases:
@@ -502,7 +496,7 @@ def main(argv=None):
         return 2
 
     def run(case):
-        result = investigate(case, options.out, options.evidence)
+        result = investigate(case, options.out)
         sys.stderr.write(f"{case.name}: {result if isinstance(result, str) else result['verdict']}\n")
         return result
 
@@ -511,12 +505,9 @@ def main(argv=None):
     told = options.cases / "truth.json"
     truth = json.loads(told.read_text(encoding="utf-8")) if told.exists() else {}
     rows = [row(case, result, truth.get(case.name)) for case, result in zip(cases, results, strict=True)]
-    head = HEAD
-    if options.evidence:
-        head = (*HEAD, *BY_EVIDENCE)
-        rows = [(*cells, *evidence_row(result)) for cells, result in zip(rows, results, strict=True)]
-        write_records(results, options.out / "records.jsonl")
-    text = f"{markdown(rows, head)}\n\n{count(rows)}\n"
+    rows = [(*cells, *evidence_row(result)) for cells, result in zip(rows, results, strict=True)]
+    write_records(results, options.out / "records.jsonl")
+    text = f"{markdown(rows, (*HEAD, *POSTERIOR))}\n\n{count(rows)}\n"
     (options.out / "table.md").write_text(text, encoding="utf-8")
     sys.stdout.write(text)
     return int(any(isinstance(result, str) for result in results))

@@ -100,7 +100,7 @@ def test_records_go_to_a_file_that_the_calibration_reads(tmp_path):
     ]
     cells = [table.evidence_row(r) for r in results]
     assert cells[0] == ("97.0 %", "100.0 %", "yes", "-", "-")
-    assert cells[1] == cells[2] == ("-",) * len(table.BY_EVIDENCE)
+    assert cells[1] == cells[2] == ("-",) * len(table.POSTERIOR)
     table.write_records(results, tmp_path / "records.jsonl")
     assert [r["case"] for r in read_records(tmp_path)] == ["a"]
 
@@ -113,18 +113,18 @@ def test_two_processes_give_the_table_of_one(tmp_path, monkeypatch, capsys):
     none = {"type": "none", "location": "-", "magnitude": 0}
     (tmp_path / "cases" / "truth.json").write_text(json.dumps({n: {"effects": [none]} for n in "abc"}))
 
-    def investigate(case, out, evidence):
+    def investigate(case, out):
         time.sleep({"a": 0.1, "b": 0.05, "c": 0.0}[case.name])  # the first ends last
         ended = {"verdict": "nothing missing", "effects": [], "faults": [], "seconds": 1.0}
-        record = {"case": case.name} if evidence else {}
-        return ended | {"error_db": [{"fit": 1.0}], "noise_floor_db": 0.3, "record": record}
+        more = {"error_db": [{"fit": 1.0}], "noise_floor_db": 0.3, "record": {"case": case.name}}
+        return ended | more
 
     monkeypatch.setattr(table, "investigate", investigate)
     told = []
     for jobs in ("1", "2"):
         out = tmp_path / jobs
         out.mkdir()
-        arguments = ["--cases", str(tmp_path / "cases"), "--out", str(out), "--jobs", jobs, "--evidence"]
+        arguments = ["--cases", str(tmp_path / "cases"), "--out", str(out), "--jobs", jobs]
         assert table.main(arguments) == 0
         told.append((capsys.readouterr().out, (out / "records.jsonl").read_text()))
     assert told[0] == told[1]
@@ -158,7 +158,7 @@ def test_a_further_structure_is_whole_and_none_of_the_usual_ones(name):
 @pytest.mark.shared("data/independent-cases")
 @pytest.mark.slow
 def test_a_case_ends_with_its_truth_started(tmp_path):
-    assert table.main(["--out", str(tmp_path), "--only", "cross-beam-joint-soft", "--evidence"]) == 0
+    assert table.main(["--out", str(tmp_path), "--only", "cross-beam-joint-soft"]) == 0
     (record,) = read_records(tmp_path)
     assert record["evidence"]["truth"] is not None
     assert json.loads((tmp_path / record["case"] / "result" / "result.json").read_text())["verdict"]

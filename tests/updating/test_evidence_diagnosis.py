@@ -6,8 +6,9 @@ from dovetail import load_study
 from dovetail.pipeline import measured, without_held_out
 from fem.model import parameter_values
 from tests.frames import write_study
-from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED
-from updating.diagnosis.evidence.diagnosis import diagnose_by_evidence, search_by_evidence
+from updating.diagnosis.diagnose import diagnose
+from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
+from updating.diagnosis.evidence.diagnosis import search_by_evidence
 
 
 def asked(folder, mass):
@@ -18,7 +19,7 @@ def asked(folder, mass):
 def diagnosed(folder, *, mass, kinds):
     study, measurements = asked(folder, mass)
     said = []
-    found = diagnose_by_evidence(
+    found = diagnose(
         study.model, measurements, study.nuisances,
         damping_std=study.damping_std, kinds=kinds, model_error=0.1,
         progress=lambda text, done: said.append((text, done)),

@@ -7,8 +7,9 @@ from fem.analysis.modes import first_modes
 from fem.effects.added_mass import PointMass
 from fem.system import assemble
 from tests.frames import beam, fix
-from updating.diagnosis.diagnose import EFFECT, NOTHING, propose
-from updating.diagnosis.evidence.mode_diagnosis import diagnose_modes
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnosis import EFFECT, NOTHING
+from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import ModeTargets, match
 from updating.inference.parameters import Nuisance

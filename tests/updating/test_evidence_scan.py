@@ -4,7 +4,7 @@ import pytest
 
 from fem.effects.added_mass import PointMass
 from tests.hidden.cases import make_case
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.places import place_of, places_of
 from updating.diagnosis.evidence.scan import Scan
 from updating.inference.preparation import build_problem

@@ -7,7 +7,7 @@ import pytest
 
 from tests.hidden.cases import make_case
 from updating import build_problem
-from updating.diagnosis.diagnose import propose
+from updating.diagnosis.candidates import propose
 from updating.inference.fit_data import SYSTEMATIC_SHARE
 from viz.curves import plot_frf, plot_frf_error
 

@@ -228,24 +228,6 @@ def test_position_marks_the_best_place():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("found", "scale"), [(1.04, "linear"), (4.0, "log"), (None, "linear")])
-def test_chance_stacks_what_was_simulated_beside_what_was_found(found, scale):
-    gains = [1.0, 1.0, 1.0, 1.01, 0.998]
-    figure = search.plot_chance(gains, found, "a mass")
-    (ax,) = figure.axes
-    assert ax.get_xscale() == scale
-    x, y = ax.lines[0].get_data()
-    np.testing.assert_array_equal(np.sort(x), np.sort(gains))
-    at = ax.transData.transform(np.stack([x, y], axis=1))
-    distance = np.linalg.norm(at[:, None] - at, axis=2) + np.diag(np.full(len(x), np.inf))
-    assert distance.min() > 5.0  # pixels: none hides another
-    low, high = ax.get_xlim()
-    assert low < min(gains)
-    assert high > max([*gains, found or 0])
-    assert y.max() < ax.get_ylim()[1]
-    assert legend_texts(figure) == ["simulated without it (5)", *(["a mass"] if found else [])]
-
-
 def test_figures_are_saved_at_their_size_and_as_bytes(tmp_path):
     figure = search.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])
     data = style.figure_png(figure, dpi=100)

@@ -1,7 +1,7 @@
 """What a search for effects has to tell: candidates and how well they do, findings, and the steps to them."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,10 +43,8 @@ class Ranked:
         Error with it [dB].
     similarity : float
         Correlation of what it does to the FRFs with what the best candidate does [-].
-    refined : bool
-        False if only the quick screening fit was made.
-    asked : float
-        Level that it had to reach to be accepted by the level [nepers].
+    score : float
+        Logarithm of the posterior probability of the hypothesis with it, up to a constant [-].
     result : FitResult
         The fit.
     """
@@ -59,8 +57,7 @@ class Ranked:
     fit_db: float
     held_out_db: float
     similarity: float
-    refined: bool
-    asked: float
+    score: float
     result: FitResult
 
     def __repr__(self) -> str:
@@ -87,12 +84,6 @@ class Finding:
         The pieces of the data that speak most for the effect against the rival (without one, the first twin).
     proposals : tuple of tuple of Proposal
         For each of the first ``MOST_SEPARATED`` twins, the measurements that would separate the two.
-    strain : float
-        Of an effect that is believed because the uncertain parameter in its place had left its tolerance: by
-        how many standard deviations that was off [-]; 0 for all others.
-    without : FitResult or None
-        Of an effect that was in the model before the search, and so came first in no round: what is left of
-        all that was found without it.
     """
 
     effect: Effect
@@ -101,8 +92,6 @@ class Finding:
     rival: Ranked | None = None
     decisive: tuple[Decisive, ...] = ()
     proposals: tuple[tuple[Proposal, ...], ...] = ()
-    strain: float = 0.0
-    without: FitResult | None = None
 
     def __repr__(self) -> str:
         """Return the effect with its values and what cannot be told from it, on one line."""
@@ -134,14 +123,6 @@ class Step:
     def __repr__(self) -> str:
         """Return the label and the errors on one line."""
         return summary(self, f"{self.label}: {self.fit_db:.2f} dB fitted, {self.held_out_db:.2f} dB held out")
-
-
-def at_values_of(fit: FitResult, findings: Sequence[Finding]) -> list[Finding]:
-    """Return findings with the values that a fit gives their effects, which are its first."""
-    return [
-        replace(f, effect=e, parameters=parameters_of(e, fit))
-        for e, f in zip(fit.effects, findings, strict=False)
-    ]
 
 
 def step_of(label: str, result: FitResult) -> Step:

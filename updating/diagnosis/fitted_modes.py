@@ -10,7 +10,7 @@ from fem.analysis.modes import Modes, solve_eigenpairs
 from fem.model import Model
 from fem.system import assemble, connection_stiffness
 from updating.correlation import mac
-from updating.diagnosis.diagnose import Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.inference.parameters import DampingCurve
 
 SAME_SHAPE = 0.5

@@ -75,7 +75,7 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     places: dict[str, float] = {}
     project = _Projection.of(problem, result)
     classes = [effect_classes()[kind] for kind in candidate_kinds()]
-    for cls in (c for c in classes if not c.evidence_only):
+    for cls in (c for c in classes if not c.is_form):
         proposed = cls.propose(problem.reduced.model)
         for effect in applicable(proposed, problem.reduced.model):
             if effect.amplitude_dependent:

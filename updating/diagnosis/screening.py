@@ -4,7 +4,7 @@ Nothing is refitted here. Each candidate's grid is projected on the reduced basi
 the grid costs what its few DOFs cost.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, Model, Parameter, ParameterRef, parameter_values
+from fem.model import Effect, Parameter, ParameterRef, parameter_values
 from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
@@ -24,12 +24,8 @@ from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 N_WHOLE, N_LOW = 44, 24
 """Lines of the whole band, and of the low one, at which candidates are looked at."""
-N_SETTLED = 110
-"""Lines of the whole band where the model is right already and what is left to find is weak; half of those of
-a fit where these are more, as a weak effect may show in one narrow resonance."""
-
-MOST_CANDIDATES, MOST_RIVALS = 1500, 400
-"""Of more candidates only a short list is looked at; so it is of more of them at the place of one."""
+MOST_RIVALS = 400
+"""Of more candidates at the place of an effect only a short list is looked at."""
 N_LISTED = 20
 """So many of the best by each measure are on it."""
 N_WHOLE_LIST, N_LOW_LIST = 18, 8
@@ -44,21 +40,11 @@ VISIBLE = 1e-3
 """Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
 directions measured do not see them [nepers]."""
 
-MOST_VALUES, MOST_VALUES_WEAK = 700, 10_000
-"""At most so many values of FRFs in the whole band, in the low one, and for weak effects are looked at."""
+MOST_VALUES, MOST_VALUES_LISTED = 700, 10_000
+"""At most so many values of FRFs in the whole band, in the low one, and for the short list are looked at."""
 
-N_BEST = 5
-"""So many of the best by each of the measures go on."""
-N_BEST_DEEP = 15
-"""So many where nothing was found that explains the data, before that is said."""
-N_BEST_WEAK = 15
-"""So many go on where the model is right already."""
-AT_BOUND = 1e-6
-"""An unknown of a fit this near to a bound is at it: of logarithms, or of a parameter's scale."""
-N_BEST_STRONG = 3
-"""So many of the best by each of the measures of strong effects go on with them, where these can be left."""
 WEAKER = 0.1
-"""There each candidate is tried at the weakest of its points, and at this share of it."""
+"""For the short list each candidate is tried at this share of the weakest of its points."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -77,8 +63,8 @@ class Grid:
 
     effect: Effect
     points: tuple[dict[str, float], ...]
-    # The terms of all points and of the weak ones, on the last reduced model that they were asked for.
-    _terms: dict[bool, tuple] = field(default_factory=dict, init=False, repr=False)
+    # The terms of all points, on the last reduced model that they were asked for.
+    _terms: tuple = field(default=(), init=False, repr=False)
     _reduced: ReducedModel | None = field(default=None, init=False, repr=False)
 
     @classmethod
@@ -86,106 +72,33 @@ class Grid:
         """Return the grid that the effect asks for."""
         return cls(effect, tuple(effect.starts(problem.surroundings)))
 
-    @property
-    def position(self) -> Parameter | None:
-        """The effect's position along a member, if it has one."""
-        return next((p for p in self.effect.parameters() if p.name == "position"), None)
-
-    @property
-    def weak_points(self) -> tuple[tuple[dict[str, float], float], ...]:
-        """Those that show what a little of the effect does, for each choice of all but the first parameter.
-
-        The weakest point, one nearly absent, and the weakest on the other side of absence. The second shows
-        what the effect does in proportion; where that is nothing, as with a coupling of motions that symmetry
-        keeps apart, the first shows what follows; and a resonance that is narrower than it moves does not
-        change alike to either side. With each stands by how much it can be multiplied before it is beyond
-        the strongest point.
-        """
-        slight, others = self._slight_and_others
-        return slight + others
-
-    @property
-    def slight_points(self) -> tuple[tuple[dict[str, float], float], ...]:
-        """Those of the weak points at which the effect is nearly absent: one for each choice."""
-        return self._slight_and_others[0]
-
     @cached_property
-    def _slight_and_others(self) -> tuple[tuple[tuple[dict[str, float], float], ...], ...]:
+    def slight_points(self) -> tuple[tuple[dict[str, float], float], ...]:
+        """Points at which the effect is nearly absent, one for each choice of all but the first parameter.
+
+        They show what a little of it does. With each stands by how much it can be multiplied before it is
+        beyond the strongest point.
+        """
         first = self.effect.parameters()[0].name
         alike: dict[tuple, list[dict[str, float]]] = {}
         for point in self.points:
             alike.setdefault(tuple(v for name, v in point.items() if name != first), []).append(point)
-        slight, others = [], []
+        slight = []
         for points in alike.values():
             p = self.effect.with_values(**points[0]).parameters()[0]
-            off = np.array([_distance(p, point[first]) for point in points])
-            strength = np.abs(off)
+            strength = np.abs([_distance(p, point[first]) for point in points])
             strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
             weakest, most = int(np.argmin(strength)), float(strength[np.isfinite(strength)].max(initial=0.0))
-            near = most / strength[weakest]
-            slight.append((_scaled(p, points[weakest], WEAKER), near / WEAKER))
-            others.append((points[weakest], near))
-            strength[off * off[weakest] > 0] = np.inf
-            other = int(np.argmin(strength))
-            if np.isfinite(strength[other]):
-                others.append((points[other], most / strength[other]))
-        return tuple(slight), tuple(others)
+            slight.append((_scaled(p, points[weakest], WEAKER), most / strength[weakest] / WEAKER))
+        return tuple(slight)
 
-    def looked_at(self, weak: bool) -> Sequence[dict[str, float]]:
-        """Return the points, or the weak ones alone."""
-        return [p for p, _ in self.weak_points] if weak else self.points
-
-    def terms(self, problem: FitProblem, weak: bool) -> tuple:
-        """Return what the effect adds to the reduced matrices at each point or weak point (computed once)."""
+    def terms(self, problem: FitProblem) -> tuple:
+        """Return what the effect adds to the reduced matrices at each point (computed once)."""
         if self._reduced is not problem.reduced:
             self._reduced = problem.reduced
-            self._terms.clear()
-        if weak not in self._terms:
-            effects = (self.effect.with_values(**p) for p in self.looked_at(weak))
-            self._terms[weak] = tuple(map(problem.reduced.value_of, effects))
-        return self._terms[weak]
-
-    def near(self, model: Model, places: Floats, reach: float, longest: float = np.inf) -> "Grid | None":
-        """Return the points of the grid at which the effect sits near one of some places; None without any.
-
-        Parameters
-        ----------
-        model : Model
-        places : ndarray (n, 3)
-            Points [m].
-        reach : float
-            Largest distance [m].
-        longest : float
-            Length of the longest member [m]: no effect moves farther along its own.
-        """
-
-        def distance(effect: Effect) -> float:
-            marks = effect.locations(model)
-            return float(np.linalg.norm(marks[:, None] - places, axis=2).min(initial=np.inf))
-
-        now = distance(self.effect)
-        if self.position is None:
-            return self if now <= reach else None
-        if now > reach + longest:
-            return None
-        along = {p["position"] for p in self.points}
-        near = {s for s in along if distance(self.effect.with_values(position=s)) <= reach}
-        points = tuple(p for p in self.points if p["position"] in near)
-        return Grid(self.effect, points) if points else None
-
-    def along(self, point: dict[str, float]) -> tuple[dict[str, float], ...]:
-        """Return a point, and what it is a step of the grid farther along the member, either way.
-
-        None without a position.
-        """
-        position = self.position
-        places = sorted({p["position"] for p in self.points}) if position else []
-        if position is None or len(places) < 2:
-            return ()
-        step, now = (places[-1] - places[0]) / (len(places) - 1), point["position"]
-        ways = (now, now - step, now + step)
-        moved = dict.fromkeys(min(max(s, position.lower), position.upper) for s in ways)
-        return tuple({**point, "position": s} for s in moved)
+            effects = (self.effect.with_values(**p) for p in self.points)
+            self._terms = tuple(map(problem.reduced.value_of, effects))
+        return self._terms
 
     def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
         """Return a point with its first parameter at a multiple of the distance from where it is absent.
@@ -227,41 +140,20 @@ class Screened:
     ----------
     effect : Effect
     starts : tuple of dict
-    rank : int
-        How many candidates are better by the measure by which it does best.
-    promise : float
-        Factor by which the level falls by the measure by which it falls most, before any fit.
     """
 
     effect: Effect
     starts: tuple[dict[str, float], ...]
-    rank: int = 0
-    promise: float = np.inf
 
 
-def screen(
-    problem: FitProblem,
-    current: FitResult,
-    grids: Sequence[Grid],
-    settled: bool,
-    say: Callable[[str, float], None],
-    *,
-    weak_only: bool = True,
-    also: Callable[[Effect], bool] = lambda effect: False,
-) -> tuple[Screened, ...]:
+def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
-    Each point of each grid is judged by residual levels, six at most: with the nuisance parameters as they
-    are fitted now and, unless the model is settled, with their nominal values, in each case on the whole
-    band, on the low band (where a wrong modulus shifts resonances by less than their width; not if it is
-    settled), and on the whole band after the part has been taken off that a small change of the nuisance
-    parameters explains; of very many candidates also by the measures of the short list. What counts is the
-    measure by which a candidate does best.
-
-    Where the model is right but for noise, what may be left to find is weak. Then each candidate is judged
-    by the level that the best strength of it would leave if the FRFs changed in proportion, again without
-    what nuisance parameters explain: the score test of statistics. Where a part of that noise is the model's
-    own error, and may hide what is strong in a part of the band, the best by the first judgement go on too.
+    Each point of each grid is judged by six residual levels: with the nuisance parameters as they are fitted
+    now and with their nominal values, in each case on the whole band, on the low band (where a wrong modulus
+    shifts resonances by less than their width), and on the whole band after the part has been taken off that
+    a small change of the nuisance parameters explains. The level at which a candidate does best among all
+    others counts.
 
     Parameters
     ----------
@@ -269,55 +161,26 @@ def screen(
     current : FitResult
         The model so far, with the effects already found.
     grids : sequence of Grid
-    settled : bool
-        Whether the model is right but for noise.
-    say : callable
-        Called with a text and the fraction done.
-    weak_only : bool
-        Whether nothing but weak effects can be left where the model is settled.
-    also : callable
-        Says of which candidates the best goes on in any case where the model is settled.
     """
-    bases = (current,) if settled else (current, problem.at_nominal(current))
-    more = np.zeros((len(grids), 0))
-    if len(grids) > MOST_CANDIDATES:
-        listed, more = shortlist(problem, bases, grids, say)
-        grids, more = [grids[i] for i in listed], more[:, ::2] if settled else more
-    weak = _screen_weak(problem, current, grids, say, also) if settled else ()
-    if settled and weak_only:
-        return weak
-    n_levels = 2 if settled else 3
-    n = n_levels * len(bases)
-    levels, now = [np.full((n, len(g.points)), np.inf) for g in grids], np.empty(n)
+    bases = (current, problem.at_nominal(current))
+    levels = [np.full((3 * len(bases), len(g.points)), np.inf) for g in grids]
     for b, base in enumerate(bases):
-        look = _Look.of(problem, base, N_WHOLE, 0 if settled else N_LOW, MOST_VALUES)
-        now[n_levels * b : n_levels * (b + 1)] = look.levels_now()
+        look = _Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
         for i, grid in enumerate(grids):
-            say(f"looking at {grid.effect.name}", (b + i / len(grids)) / len(bases))
-            levels[i][n_levels * b : n_levels * (b + 1)] = look.levels(grid)
-    best = np.array([rows.min(axis=1) for rows in levels]).reshape(len(grids), n)
-    best = np.hstack([best, np.where(np.isfinite(best).any(axis=1, keepdims=True), more, np.inf)])
+            levels[i][3 * b : 3 * (b + 1)] = look.levels(grid)
+    best = np.array([rows.min(axis=1) for rows in levels]).reshape(len(grids), 3 * len(bases))
     rank = np.argsort(np.argsort(best, axis=0), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):
         if not np.isfinite(best[i]).any():
             continue
         points: list[int] = []
-        promise = float((now / best[i, :n]).max())
-        for measure in np.argsort(rank[i, :n], kind="stable"):
+        for measure in np.argsort(rank[i], kind="stable"):
             k = int(np.argmin(levels[i][measure]))
             if k not in points:
                 points.append(k)
-        starts = tuple(grids[i].points[k] for k in points[:2])
-        out.append(Screened(grids[i].effect, starts, int(rank[i].min()), promise))
-    if not settled:
-        return tuple(out)
-    strong, both = {s.effect.name: s for s in out if s.rank < N_BEST_STRONG}, []
-    for s in weak:
-        too = strong.pop(s.effect.name, None)
-        starts = s.starts + (too.starts[:1] if too else ())
-        both.append(replace(s, starts=starts, promise=max(s.promise, too.promise if too else 0.0)))
-    return (*both, *strong.values())
+        out.append(Screened(grids[i].effect, tuple(grids[i].points[k] for k in points[:2])))
+    return tuple(out)
 
 
 def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
@@ -330,7 +193,7 @@ def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: 
     values = {ref: v for ref, v in best.values.items() if ref[0] != name}
     without = replace(best, effects=best.effects[:-1], values=values)
     if len(grids) > MOST_RIVALS:
-        grids = [grids[i] for i in shortlist(problem, (without,), grids, lambda text, done: None)[0]]
+        grids = [grids[i] for i in shortlist(problem, (without,), grids)]
     look = _Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
     found = []
     for i, grid in enumerate(grids):
@@ -341,38 +204,31 @@ def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: 
     return tuple(Screened(grids[i].effect, (grids[i].points[k],)) for _, i, k in sorted(found)[:n_best])
 
 
-def shortlist(
-    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], say: Callable[[str, float], None]
-) -> tuple[list[int], Floats]:
+def shortlist(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> list[int]:
     """Return which of very many candidates deserve a look on their grids, by what a little of each would do.
 
-    The ``N_LISTED`` best by each measure go on, and all that release a constraint. The measures of these are
-    the second result, (n_listed, 2 n_bases).
+    The ``N_LISTED`` best by each measure go on, and all that release a constraint.
     """
-    levels = _proportional_levels(problem, bases, grids, say)
+    levels = _proportional_levels(problem, bases, grids)
     listed = {i for i, grid in enumerate(grids) if grid.effect.released()}
     for row in levels:
         best = np.argsort(row, kind="stable")[:N_LISTED]
         listed |= {int(i) for i in best if np.isfinite(row[i])}
-    chosen = sorted(listed)
-    return chosen, levels[:, chosen].T
+    return sorted(listed)
 
 
-def _proportional_levels(
-    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], say: Callable[[str, float], None]
-) -> Floats:
+def _proportional_levels(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> Floats:
     """Return the levels that the best strength of each candidate would leave if FRFs changed in proportion.
 
     Shape (2 n_bases, n_grids): for each base on the whole band without what nuisance parameters explain, and
     on the low band. The change is taken from the responses at all DOFs and the candidate's element matrices,
     so that none is projected.
     """
-    looks = [_Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_WEAK) for base in bases]
+    looks = [_Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_LISTED) for base in bases]
     responses = [look.fields() for look in looks]
     levels = np.full((2 * len(looks), len(grids)), np.inf)
     model = problem.reduced.model
     for first in range(0, len(grids), _TOGETHER):
-        say(f"listing {grids[first].effect.name}", first / len(grids))
         owner: list[int] = []
         most: list[float] = []
         slopes: list[list[Complexes]] = [[] for _ in looks]
@@ -392,31 +248,6 @@ def _proportional_levels(
             for i, each in zip(owner, two.T, strict=True):
                 levels[2 * b : 2 * b + 2, i] = np.minimum(levels[2 * b : 2 * b + 2, i], each)
     return levels
-
-
-def _screen_weak(
-    problem: FitProblem,
-    current: FitResult,
-    grids: Sequence[Grid],
-    say: Callable[[str, float], None],
-    also: Callable[[Effect], bool],
-) -> tuple[Screened, ...]:
-    look = _Look.of(
-        problem, current, max(N_SETTLED, problem.n_lines // 2), 0, MOST_VALUES_WEAK, at_bounds=False
-    )
-    now, found = look.levels_now()[-1], []
-    for i, grid in enumerate(grids):
-        say(f"looking at {grid.effect.name}", i / len(grids))
-        levels, factors = look.scores(grid)
-        k = int(np.argmin(levels))
-        if np.isfinite(levels[k]):
-            found.append((float(levels[k]), i, grid.scaled(grid.weak_points[k][0], float(factors[k]))))
-    order = [
-        Screened(grids[i].effect, (start,), promise=now / level)
-        for level, i, start in sorted(found, key=lambda f: f[:2])
-    ]
-    first = next((k for k, s in enumerate(order) if also(s.effect)), 0)
-    return (*order[:N_BEST_WEAK], *order[max(first, N_BEST_WEAK) : first + 1])
 
 
 @dataclass(eq=False)
@@ -457,20 +288,13 @@ class _Look:
         n_whole: int,
         n_low: int,
         most: int,
-        at_bounds: bool = True,
     ) -> "_Look":
-        """Look from where the base is; without ``at_bounds`` unknowns that are at a bound stay there.
-
-        What is weak does not take them off it.
-        """
+        """Look from where the base is."""
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
         function = problem.function(base.effects, [parameter_values(e) for e in base.effects], whole)
-        x, limits = function.moved_to(base), function.limits()
-        r, J = function(x, True)
+        r, J = function(function.moved_to(base), True)
         assert J is not None
-        if not at_bounds:
-            J[(np.abs(x[:, None] - limits) < AT_BOUND).any(axis=1)] = 0.0
         some = _some(len(r), most)
         r, J = r[some], J[:, some]
         misfit = float(pseudo_huber(r, ROBUST).mean())
@@ -493,30 +317,17 @@ class _Look:
 
         Shape (3 or 2, n_points).
         """
-        H = self._local(grid.effect.released()).with_terms(self._terms(grid, False))
+        H = self._local(grid.effect.released()).with_terms(self._terms(grid))
         r, possible = self._possible(H)
         levels = np.where(possible, self._levels(r, grid.effect.replaces()), np.inf)
         return levels if np.abs(r - self._now).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
-
-    def levels_now(self) -> Floats:
-        """Return the same without a candidate."""
-        return self._levels(self._now[None])[:, 0]
 
     def _levels(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Floats:
         first, low = r[:, self.whole], r[:, ~self.whole]
         adapted = self._adapted(first, replaced)
         return np.stack([_level(each) for each in ([first, low, adapted] if low.size else [first, adapted])])
 
-    def scores(self, grid: Grid) -> tuple[Floats, Floats]:
-        """Return the level that the best strength of each weak point would leave, and its multiple."""
-        H = self._local(grid.effect.released()).with_terms(self._terms(grid, True))
-        replaced = grid.effect.replaces()
-        now = self._adapted(self._now[None])[0]
-        change = self._adapted(self._possible(H)[0] - self._now, replaced)
-        most = np.array([m for _, m in grid.weak_points])
-        return _best_multiples(now, change, most, grid.one_sided())
-
-    def _terms(self, grid: Grid, weak: bool) -> tuple:
+    def _terms(self, grid: Grid) -> tuple:
         """Return what the effect adds at the points, on members and joints as they are in the base.
 
         A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
@@ -530,7 +341,7 @@ class _Look:
             if nominal.get(ref) and self.base.values.get(ref, nominal[ref]) != nominal[ref]
         }
         if not ratio:
-            return grid.terms(self.problem, weak)
+            return grid.terms(self.problem)
         stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
         changes = []
         for ref, f in ratio.items():
@@ -539,10 +350,10 @@ class _Look:
             changes.append((f, exponents))
         if len(changes) == len(ratio):
             factors = scale_factors(changes)
-            terms = [t.scaled(factors) for t in grid.terms(self.problem, weak)]
+            terms = [t.scaled(factors) for t in grid.terms(self.problem)]
         else:
             model = reduced.model.with_values({ref: self.base.values[ref] for ref in ratio})
-            terms = [reduced.value_of(effect.with_values(**p), model) for p in grid.looked_at(weak)]
+            terms = [reduced.value_of(effect.with_values(**p), model) for p in grid.points]
         return tuple(replace(t, stiffer=stiffer) for t in terms)
 
     def fields(self) -> Fields:

@@ -45,10 +45,6 @@ EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
 
 
-BEAMS_LEAVE = 1 / 3
-"""Share of that level which the form of beams may leave of any structure."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class FitProblem:
     """Everything that a fit needs but the candidates.
@@ -97,11 +93,6 @@ class FitProblem:
     def form_right(self) -> bool:
         """Whether nothing but noise and the mesh may be left."""
         return self.model_error == 0
-
-    @property
-    def beams_leave(self) -> float:
-        """Residual level that the form of beams may leave of any structure, and 0 where it is right."""
-        return BEAMS_LEAVE * self.model_error
 
     @property
     def noise_counted(self) -> float:
@@ -262,19 +253,6 @@ class FitProblem:
         whole = [self.stages[-1]]
         return self.fit(result.effects, starts, stages=whole, x_from=x_from or result, assess=assess)
 
-    def fit_without(self, result: FitResult, name: str) -> FitResult:
-        """Fit what a result holds but for one effect, from where it is and stage by stage.
-
-        Parameters
-        ----------
-        result : FitResult
-        name : str
-            The effect's.
-        """
-        less = replace(result, effects=tuple(e for e in result.effects if e.name != name))
-        staged = self.fit(less.effects, [parameter_values(e) for e in less.effects], x_from=result)
-        return min(self.refit(less), staged, key=lambda r: r.solution.cost)
-
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
     ) -> "FitFunction":
@@ -398,20 +376,10 @@ class FitProblem:
         nominal = self.reduced.model.values()
         return replace(result, values={r: nominal[r] if r[0] in own else v for r, v in result.values.items()})
 
-    def assessed(self, result: FitResult, n_lines: int | None = None) -> FitResult:
-        """Return a result with its errors on fitted and on held-out lines.
-
-        On all of them, or on about ``n_lines``, each kind evenly spaced.
-        """
-        held = self.data.held_out
+    def assessed(self, result: FitResult) -> FitResult:
+        """Return a result with its errors on fitted and on held-out lines."""
+        held, ratio = self.data.held_out, self.log_ratio(result)
         lines = np.arange(len(held))
-        if n_lines is not None:
-            step = max(1, len(held) // n_lines)
-            lines = np.sort(np.concatenate([np.flatnonzero(held)[::step], np.flatnonzero(~held)[::step]]))
-        ratio, held = self.log_ratio(result, lines), held[lines]
-        # The computed value may be as near 0 as it likes, and the measured one is not, because of its noise.
-        with np.errstate(divide="ignore"):
-            audible = np.maximum(ratio.real, np.log(self.data.noise[lines]))
         return replace(
             result,
             fit_db=_rms(ratio.real[~held]),
@@ -419,7 +387,6 @@ class FitProblem:
             level=self.level(ratio[~held], lines[~held]) if np.isnan(result.level) else result.level,
             held_out_level=self.level(ratio[held], lines[held]),
             unseen=self._unseen(ratio[held], lines[held]),
-            audible_db=_rms(audible[~held]),
         )
 
     def _unseen(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64]) -> float:

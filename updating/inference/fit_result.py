@@ -37,9 +37,6 @@ class FitResult:
     unseen : float
         Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
         it was assessed.
-    audible_db : float
-        ``fit_db``, where what is computed to be less than the noise of the measured value counts as that
-        noise [dB]; NaN unless it was assessed.
     """
 
     solution: Solution
@@ -53,7 +50,6 @@ class FitResult:
     held_out_level: float = np.nan
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
-    audible_db: float = np.nan
 
     def __repr__(self) -> str:
         """Return the errors and the added effects on one line."""

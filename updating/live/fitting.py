@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
-from updating.diagnosis.diagnose import begin_fitted
+from updating.diagnosis.begin import begin_fitted
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.local_changes import LocalChanges
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.diagnosis.search import similarity_of
+from updating.diagnosis.changes import similarity_of
 from updating.inference.fit import FitProblem
 from updating.live.engine import LiveModel
 from updating.live.fitting import Progress

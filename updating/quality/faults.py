@@ -51,9 +51,7 @@ _SIMPLER = ("sensor_sign", "sensor_gain", "sensor_delay", "sensor_swap", "sensor
 """Of faults that explain a sensor's readings equally well, the first in this list is reported."""
 
 
-def find_faults(
-    problem: FitProblem, null: FitResult, *, doubtful: bool = False
-) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
     """Correct the data for faults of sensors and excitations, and fit again.
 
     The most convincing fault is corrected first, then the model is fitted and the sensors are compared again:
@@ -64,8 +62,6 @@ def find_faults(
     problem : FitProblem
     null : FitResult
         Its fit; effects in it are fitted again with the rest.
-    doubtful : bool
-        Whether to accept also faults that a force near the sensor or a flexible support may resemble.
 
     Returns
     -------
@@ -79,7 +75,7 @@ def find_faults(
     faults: list[Fault] = []
     start = problem.data
     while len(faults) < _MOST:
-        more = _turned_excitations(problem, null) or _most_convincing(problem, null, doubtful)
+        more = _turned_excitations(problem, null) or _most_convincing(problem, null)
         same = {(f.kind, f.sensor) for f in faults}
         if not more or any((f.kind, f.sensor) in same for f in more):
             break
@@ -168,14 +164,14 @@ def settle_faults(
     return *best, tuple(left)
 
 
-def _most_convincing(problem: FitProblem, result: FitResult, doubtful: bool) -> tuple[Fault, ...]:
+def _most_convincing(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
     """Return the faults to correct next, which may be none.
 
     A fault of an excitation can resemble one of a sensor beside it, and the other way round. The one whose
     correction brings the FRFs nearer to the model's is returned.
     """
     X = cross_predict(problem, Field.of(problem, result))
-    best = _best(problem, result, X, doubtful)
+    best = _best(problem, result, X)
     options = [_excitation_faults(problem, result, X)]
     if best is not None and best.believed:
         options.append((best.fault,))
@@ -183,7 +179,7 @@ def _most_convincing(problem: FitProblem, result: FitResult, doubtful: bool) -> 
     return _likeliest(problem, result, options) if options else ()
 
 
-def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: bool) -> Hypothesis | None:
+def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> Hypothesis | None:
     """Return the most convincing fault of a sensor, believed or not."""
     n = len(problem.data.measurement.sensors)
     if n < 3:
@@ -212,7 +208,7 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction, doubtful: 
         swaps = [h for h in found if h.believed and h.fault.kind == "sensor_swap"]
         both = [h for h in swaps if best.fault.sensor in (h.fault.sensor, h.fault.other)]
         best = max(both, key=lambda h: h.gain, default=best)
-    sure = doubtful or best.fault.kind in _UNLIKE_EFFECTS
+    sure = best.fault.kind in _UNLIKE_EFFECTS
     if best.believed and not sure and not _needed(problem, X, best):
         return replace(best, better=0.0)
     alike = [

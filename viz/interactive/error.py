@@ -171,7 +171,6 @@ def ranking_figure(
     names: Sequence[str] | None = None,
     twins: Collection[int] = (),
     accepted: int | None = None,
-    limit: tuple[float, str] | None = None,
     title: str = "",
     xlabel: str = "residual level with the candidate [dB]",
     at_most: int = 20,
@@ -191,8 +190,6 @@ def ranking_figure(
         Rows that these measurements cannot tell from the accepted one.
     accepted : int, optional
         Row of the candidate that was accepted.
-    limit : (float, str), optional
-        An error that matters, drawn as a dotted line [dB], and its name.
     title, xlabel : str
     at_most : int
         Number of candidates shown.
@@ -226,19 +223,15 @@ def ranking_figure(
             "hovertext": [f"{plain(labels[k])}<br>{levels[k]:.3f} dB, {word}" for k in picked],
             "customdata": [names[k] for k in picked],
         })  # fmt: skip
-    ends = [*levels[order].tolist(), baseline_db, *([limit[0]] if limit else [])]
+    ends = [*levels[order].tolist(), baseline_db]
     low, high = float(min(ends)), float(max(ends))
     pad = 0.16 * max(high - low, 1e-3)
-    below = limit is None or limit[0] > baseline_db  # the two names stand apart
-    sides = ("right", "left") if below else ("left", "right")
-    lines = [_upright(baseline_db, f"without: {number(baseline_db, 2)} dB", style.INK, "solid", sides[0])]
-    if limit:
-        lines.append(_upright(*limit, style.VERMILION, "dot", sides[1]))
+    line, note = _upright(baseline_db, f"without: {number(baseline_db, 2)} dB", style.INK)
     more = f"; {hidden} worse ones are not shown" if hidden else ""
     shown = [str(labels[k]) for k in order]
     look = layout(
-        110 + 25 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line for line, _ in lines],
-        annotations=[note for _, note in lines], meta={"short": _short(shown)},
+        110 + 25 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line],
+        annotations=[note], meta={"short": _short(shown)},
         xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + 0.6 * pad]),
         yaxis=_names_axis(shown),
     )  # fmt: skip
@@ -254,14 +247,14 @@ _CANDIDATES = {
 """Colour and pattern of the bars of candidates."""
 
 
-def _upright(x: float, text: str, colour: str, dash: str, side: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return a line over the whole height, and its name above it to one side."""
+def _upright(x: float, text: str, colour: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return a line over the whole height, and its name above it on the left."""
     line = {
         "type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": x, "x1": x,
-        "line": {"color": colour, "width": 1.2, "dash": dash},
+        "line": {"color": colour, "width": 1.2, "dash": "solid"},
     }  # fmt: skip
     note = {
-        "yref": "paper", "y": 1, "yanchor": "bottom", "x": x, "xanchor": side, "showarrow": False,
+        "yref": "paper", "y": 1, "yanchor": "bottom", "x": x, "xanchor": "right", "showarrow": False,
         "text": plain(text), "font": {"size": 11, "color": colour},
     }  # fmt: skip
     return line, note

@@ -181,7 +181,7 @@ class ModeLook:
         """
         at = self.around(grid.effect.released())
         out, most = np.full(len(grid.points), np.inf), 0.0
-        for n, term in enumerate(grid.terms(self.problem, False)):  # type: ignore[arg-type]
+        for n, term in enumerate(grid.terms(self.problem)):  # type: ignore[arg-type]
             try:
                 r, _ = self._function.residuals(at.with_term(term))
             except (np.linalg.LinAlgError, ValueError):

@@ -82,9 +82,9 @@ class FrfRanking:
         grids = [Grid.of(problem, e) for e in effects]
         if len(grids) > MOST_GRIDS:
             bases = (current, problem.at_nominal(current))
-            chosen, _ = shortlist(problem, bases, grids, lambda text, done: None)
+            chosen = shortlist(problem, bases, grids)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
-        return screen(problem, current, grids, False, lambda text, done: None)
+        return screen(problem, current, grids)
 
     def rivals(
         self, problem: FitProblem, last: FitResult, effects: Sequence[Effect], n_best: int

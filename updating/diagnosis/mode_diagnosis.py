@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from fem.declarations import Role
 from fem.model import Effect, Model
-from updating.diagnosis.diagnose import EFFECT, NOTHING, UNEXPLAINED, propose
+from updating.diagnosis.begin import Progress
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Hypothesis, Search
 from updating.diagnosis.findings import EffectParameter, labels, parameters_of
-from updating.diagnosis.search import Progress
+from updating.diagnosis.mode_separation import next_measurements
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_preparation import build_mode_problem, fine_enough
@@ -212,7 +214,7 @@ def diagnose_modes(
     """Find what a model lacks by measured natural frequencies, damping and shapes.
 
     The search, the priors and the posterior are those of
-    :func:`updating.diagnosis.evidence.diagnosis.diagnose_by_evidence`.
+    :func:`updating.diagnosis.diagnose.diagnose`.
 
     Parameters
     ----------
@@ -259,12 +261,19 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
         verdict, "", tuple(explanations), table, tuple((s.name, s.left) for s in search.scanned), (),
         fitted_model(done.model, final.fitted.result), there, done, _notes(problem), 0.0,
     )  # fmt: skip
-    from updating.diagnosis.evidence.mode_separation import next_measurements
-
     return replace(
-        out, reason=_reason(out), next_measurements=next_measurements(out),
+        out, reason=_reason(out), next_measurements=_next(out),
         seconds=time.perf_counter() - begun,
     )  # fmt: skip
+
+
+def _next(d: ModeDiagnosis) -> tuple[str, ...]:
+    """Return what would tell the first two explanations of the credible set apart."""
+    known = [e for e in d.credible if e.known][:2]
+    fitted = {h.key: h.fitted.result for h in d.searched.search.known.values()}
+    models = [fitted_model(d.searched.model, fitted[frozenset(x.name for x in e.effects)]) for e in known]
+    t = d.problem.targets
+    return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))
 
 
 def _table(problem: ModeProblem, nothing: Hypothesis, final: Hypothesis) -> ModeTable:

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from fem.model import Model
+from updating.diagnosis.begin import Progress
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.form import form_of
-from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis, candidates_for, concluded
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.search import Progress
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, candidates_for, concluded
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.mode_fit import ModeProblem, matched_modes
 from updating.inference.mode_preparation import build_mode_problem, fine_enough
@@ -175,7 +175,7 @@ def diagnose_change(
     model : Model
     before, after : ModeTargets
     nuisances, damping_std, kinds, exclude, model_error, progress
-        As of :func:`updating.diagnosis.evidence.mode_diagnosis.diagnose_modes`.
+        As of :func:`updating.diagnosis.mode_diagnosis.diagnose_modes`.
     """
     begun, say = time.perf_counter(), progress or (lambda text, done: None)
     say("calibrating on the first state", 0.0)

@@ -1,8 +1,6 @@
 """Which further modes and sensors would tell explanations of measured modes apart."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +8,7 @@ from numpy.typing import NDArray
 from fem.analysis.modes import Modes, first_modes
 from fem.model import Model
 from fem.system import assemble
-from updating.inference.preparation import fitted_model
-
-if TYPE_CHECKING:
-    from updating.diagnosis.evidence.mode_diagnosis import ModeDiagnosis
+from updating.correlation import mac
 
 FURTHER = 5
 """So many modes beyond the measured ones are looked at."""
@@ -24,25 +19,30 @@ FREQUENCY_STD, SHAPE_STD = 1e-3, 0.03
 value [-]."""
 
 
-def next_measurements(d: ModeDiagnosis) -> tuple[str, ...]:
-    """Return the frequencies and shapes that differ most between the first two credible explanations.
+def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) -> tuple[str, ...]:
+    """Return the frequencies and shapes that differ most between two models.
 
     Each in standard deviations of a usual test; those of less than two are left out.
+
+    Parameters
+    ----------
+    base : Model
+        With the mesh of both.
+    models : sequence of Model
+        Nothing is said unless there are two.
+    n : int
+        Number of modes that were measured.
+    top : float
+        The highest of their frequencies [Hz].
     """
-    known = [e for e in d.credible if e.known][:2]
-    if len(known) < 2:
+    if len(models) != 2:
         return ()
-    by_names = {h.key: h for h in d.searched.search.known.values()}
-    base = d.searched.model
-    models = [fitted_model(base, by_names[frozenset(x.name for x in e.effects)].fitted.result) for e in known]
-    n = d.problem.targets.n
     try:
         one, two = (first_modes(assemble(m, reciprocal=False), n + FURTHER) for m in models)
     except (np.linalg.LinAlgError, ValueError):
         return ()
     pairs = _pairs(one, two)
     told: list[tuple[float, str]] = []
-    top = float(d.problem.targets.frequency[-1])
     for i, j in pairs:
         f, g = one.frequency[i], two.frequency[j]
         new = f > 1.02 * top
@@ -56,8 +56,6 @@ def next_measurements(d: ModeDiagnosis) -> tuple[str, ...]:
 
 def _pairs(one: Modes, two: Modes) -> list[tuple[int, int]]:
     """Return elastic modes that are most alike over all DOFs."""
-    from updating.correlation import mac
-
     like = mac(one.shapes, two.shapes)
     out = []
     for i in range(one.n_rigid, one.n_modes):

@@ -1,0 +1,75 @@
+"""What a diagnosis begins with: data, and a reduced model on a mesh that is fine enough for them."""
+
+from collections.abc import Callable, Sequence
+
+from fem.effects.joint_patch import JointPatch
+from fem.model import Model
+from updating.diagnosis.patches import refined_at, with_turning
+from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.fit_result import FitResult
+from updating.inference.parameters import Nuisance
+from updating.inference.preparation import N_FIT_LINES, build_fine, build_problem, with_higher_mass
+from updating.measurement.measurement import Measurement
+from updating.quality.faults import Fault, find_faults
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the fraction done, 0 to 1."""
+Build = Callable[..., FitProblem]
+"""Makes the problem of a model, with its uncertain parameters unless ``nuisances`` are given."""
+
+
+def builder(
+    measurement: Measurement,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_FIT_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+) -> Build:
+    """Return what makes the fits' problem of a model; parameters as of a diagnosis."""
+
+    def build(model: Model, nuisances: Sequence[Nuisance] = nuisances) -> FitProblem:
+        return build_problem(
+            model, measurement, with_turning(nuisances, model), damping_std=damping_std, band=band,
+            n_lines=n_lines, connections=True, model_error=model_error,
+        )  # fmt: skip
+
+    return build
+
+
+def refined(model: Model, model_error: float) -> Model:
+    """Return a model with mass of higher order, and with short elements on the joints' patches."""
+    model = with_higher_mass(model)
+    patch = next(iter(model.of_kind(JointPatch)), None)
+    return refined_at(model, patch) if patch and model_error > 0 else model
+
+
+def begin(
+    model: Model,
+    measurement: Measurement,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_FIT_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+) -> FitProblem:
+    """Return the problem that a diagnosis begins with, but for the form of the frame.
+
+    Parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
+    """
+    build = builder(
+        measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
+    )
+    return build_fine(build, refined(model, model_error), model_error)[0]
+
+
+def begin_fitted(problem: FitProblem) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+    """Return a problem with faults of the measurement set right, its fit, and these faults.
+
+    Uncertain parameters are fitted, and every sensor is compared with the others.
+    """
+    anew = problem.fit_anew()
+    even = problem.refit(anew, problem.with_even_damping(anew), assess=False)
+    return find_faults(problem, problem.assessed(min(anew, even, key=lambda r: r.solution.cost)))

@@ -1,0 +1,151 @@
+"""The search for laws of joints that depend on amplitude, by their evidence at several levels of force.
+
+Effects that were found at one level, nothing, and each of these with a law beside them are fitted to all
+levels together. The most probable of them is the answer.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.harmonic_balance import Receptances, solve_steady
+from fem.effects.joint_nonlinear import AmplitudeDependent
+from fem.model import parameter_values
+from fem.reduction.parametric_frf import ParametricFRF
+from updating.correlation import log_ratio
+from updating.diagnosis.amplitude import LevelProblem
+from updating.diagnosis.evidence.diagnosis import Searched
+from updating.diagnosis.evidence.search import N_FINAL, Hypothesis, Search, values_of
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import FitData
+from updating.inference.fit_function import ROBUST
+from updating.inference.fit_result import FitResult
+from updating.least_squares.loss import pseudo_huber
+
+N_LAWS = 4
+"""Laws that are fitted, at most."""
+N_GRID_LINES = 60
+"""Lines at which they are looked at."""
+N_STARTS = 2
+"""Points of a law's grid from which it is fitted."""
+LARGE_MOTION = 0.9
+"""Share of lines and forces at which a joint moves less than the amplitude of its law [-]."""
+
+
+@dataclass(slots=True, eq=False)
+class LevelSearch(Search):
+    """A search whose hypotheses are fitted to several levels of force together."""
+
+    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis as it is: slopes of members' damping are those of linear structures."""
+        return h
+
+
+def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[AmplitudeDependent]) -> Searched:
+    """Return a search that compares what was found, and laws beside it, at several levels of force.
+
+    Parameters
+    ----------
+    done : Searched
+        At the first level.
+    levels : tuple of FitData
+        Of :func:`updating.diagnosis.amplitude.force_levels`.
+    laws : sequence of AmplitudeDependent
+        Candidates.
+    """
+    one = done.search
+    problem = LevelProblem.of(one.problem, levels)
+    candidates = (*one.candidates, *laws)
+    search = LevelSearch(problem, one.form, candidates, one.mesh, one.say, scanned=one.scanned)
+    first = one.known[frozenset()]
+    nothing = search.full((), (), first.fitted, first)
+    bases = [nothing]
+    if done.best.effects:
+        bases.append(
+            search.full(done.best.effects, values_of(done.best.effects), done.best.fitted, done.best)
+        )
+    for base in bases:
+        _add_laws(search, base, one.problem, laws)
+    best = search.simplified(max(search.known.values(), key=lambda h: h.score))
+    return replace(done, search=search, best=search.polished(best))
+
+
+def _add_laws(
+    search: LevelSearch, base: Hypothesis, problem: FitProblem, laws: Sequence[AmplitudeDependent]
+) -> None:
+    """Fit the most promising laws beside a hypothesis."""
+    quick = search.quick(base)
+    fits = []
+    for starts in _looked_at(problem, search.problem, base.fitted.result, laws):
+        effects, values = (*base.effects, starts[0]), values_of(base.effects)
+        short = search.shortly(quick, base, effects, [(*values, parameter_values(s)) for s in starts])
+        if short:
+            fits.append(search.continued(quick, short[:2]))
+    fits.sort(key=lambda h: -h.score)
+    for h in fits[:N_FINAL]:
+        search.full(h.effects, values_of(h.effects), h.fitted, base)
+
+
+def _looked_at(
+    problem: FitProblem, levels: FitProblem, current: FitResult, laws: Sequence[AmplitudeDependent]
+) -> list[list[AmplitudeDependent]]:
+    """Return the most promising laws by their residual level on a grid of values, each at its best points."""
+    lines = problem.lines_up_to(np.inf, N_GRID_LINES)
+    assert isinstance(levels, LevelProblem)
+    looked: list[tuple[float, list[AmplitudeDependent]]] = []
+    nearby: dict[tuple[str, str], Receptances] = {}
+    for law in laws:
+        key = (law.joint, law.direction)
+        if key not in nearby:
+            nearby[key] = _at_joint(problem, current, law, lines)
+        part = nearby[key]
+        top = max(d.measurement.force_level or 0.0 for d in levels.levels)
+        amplitude = float(np.quantile(np.abs(part.h), LARGE_MOTION)) * top
+        if amplitude <= 0:  # nothing moves the joint in this direction
+            continue
+        scaled = replace(law, amplitude=amplitude)
+        points = [scaled.with_values(**p) for p in scaled.starts(problem.surroundings)]
+        seen = [_level(levels.levels, e, part, lines) for e in points]
+        best = np.argsort(seen, kind="stable")[:N_STARTS]
+        looked.append((seen[best[0]], [points[k] for k in best]))
+    looked.sort(key=lambda pair: pair[0])
+    return [starts for _, starts in looked[:N_LAWS]]
+
+
+def _at_joint(
+    problem: FitProblem, current: FitResult, law: AmplitudeDependent, lines: NDArray[np.int64]
+) -> Receptances:
+    """Return the receptances of sensors and of a joint's motion, without its law."""
+    f, refs = problem.data.frequency[lines], list(current.values)
+    engine = ParametricFRF(problem.reduced, *problem.vectors_with(law), f, refs, current.effects)
+    values, zeta = np.array(list(current.values.values())), problem.damping.ratio(f, current.zeta)
+    return Receptances.of(engine.evaluate(values, zeta, gradient=False)[0])
+
+
+def _level(
+    levels: Sequence[FitData], law: AmplitudeDependent, part: Receptances, lines: NDArray[np.int64]
+) -> float:
+    """Return the robust residual level over all levels of force with a law [nepers]."""
+    squares = []
+    for data in levels:
+        keep = data.mask[lines]
+        measured = np.where(keep, data.H[lines], 0.0)
+        H = solve_steady(law, data.measurement.force_level, part, measured).H
+        r = np.abs((data.weight[lines] * log_ratio(H, np.where(measured != 0, measured, 1.0)))[keep])
+        squares.append(float(np.nanmean(pseudo_huber(r, ROBUST))))
+    return float(np.sqrt(np.mean(squares)))
+
+
+def at_its_amplitude(problem: FitProblem, result: FitResult) -> FitResult:
+    """Return a fit whose law is stated for the amplitude that most lines of the data stay below."""
+    law = next((e for e in result.effects if isinstance(e, AmplitudeDependent)), None)
+    if law is None:
+        return result
+    amplitude = problem.steady(result, np.arange(len(problem.data.frequency))).amplitude
+    moving = amplitude[amplitude > 0]
+    if not moving.size:
+        return result
+    stated = replace(law, amplitude=float(np.quantile(moving, LARGE_MOTION)))
+    return replace(result, effects=tuple(stated if e is law else e for e in result.effects))
