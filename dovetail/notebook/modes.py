@@ -5,7 +5,7 @@ from html import escape
 
 from dovetail.mode_result import explanation_text
 from dovetail.notebook.html import number, table
-from updating.diagnosis.evidence import mode_diagnosis
+from updating.diagnosis import mode_diagnosis
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -246,7 +246,7 @@ class ModeRanking:
                 starts = tuple(grids[i].points[k] for k in best)
                 out.append((float(left[best[0]]), Screened(grids[i].effect, starts)))
         out.sort(key=lambda pair: pair[0])
-        return tuple(replace(s, rank=n) for n, (_, s) in enumerate(out))
+        return tuple(s for _, s in out)
 
     def rivals(
         self, problem: ModeProblem, last: FitResult, effects: Sequence[Effect], n_best: int
