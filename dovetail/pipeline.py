@@ -14,6 +14,7 @@ from dovetail.file.contents import Study
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
 from dovetail.found import found_text
+from dovetail.modes_pipeline import targets_of
 from dovetail.result import (
     FOUND,
     FRFS,
@@ -134,6 +135,9 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 
 def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
+    more: dict[str, Any] = {}
+    if study.modes is not None:
+        more["modes"] = targets_of(study.modes)
     return diagnose(
         study.model,
         [without_held_out(study, m) for m in measured(study)],
@@ -145,6 +149,7 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
         n_lines=study.n_lines or N_FIT_LINES,
         model_error=study.model_error,
         progress=say,
+        **more,
     )
 
 

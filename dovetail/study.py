@@ -24,10 +24,12 @@ from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
 from dovetail.found import fitted_damping, text_with_model
+from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone
 from dovetail.notebook.candidates import Candidates
 from dovetail.notebook.comparison import Comparison, Misfit
 from dovetail.notebook.diagnosis import Diagnosis
 from dovetail.notebook.html import inner, table
+from dovetail.notebook.modes import ModeDiagnosis
 from dovetail.notebook.responses import FRF
 from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, run
 from dovetail.report import words
@@ -218,8 +220,10 @@ class Study(config.Study):
         elastic = range(modes.n_rigid, min(modes.n_rigid + n, len(modes.frequency)))
         return modes_figure(self.model, modes, list(elastic), title=f"{self.name}, {self.label}")
 
-    def diagnose(self, progress: Progress | None = None) -> Diagnosis:
+    def diagnose(self, progress: Progress | None = None) -> Diagnosis | ModeDiagnosis:
         """Return which effects the model lacks; see :func:`updating.diagnose`.
+
+        By FRFs; by measured modes where the study has nothing else.
 
         Parameters
         ----------
@@ -231,6 +235,8 @@ class Study(config.Study):
         StudyError
             If the study has no measurement.
         """
+        if has_modes_alone(self):
+            return ModeDiagnosis.of(diagnose_study_modes(self, progress))
         return Diagnosis.of(diagnose_study(self, progress))
 
     def candidates(

@@ -25,11 +25,29 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Print the missing effects and the ranking of all candidates."""
     from dovetail import pipeline, result
+    from dovetail.mode_result import mode_diagnosis_dict
+    from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone, mode_lines
     from dovetail.report import words
     from updating.correlation import DB_PER_NEPER
 
     check_places(options)
     study = loaded(options)
+    if has_modes_alone(study):
+        by_modes = diagnose_study_modes(study, progress)
+        progress.close()
+        write_json(
+            options.json,
+            {
+                "study": study.name,
+                **mode_diagnosis_dict(by_modes),
+                "notes": list(by_modes.notes),
+                "measured_notes": study.measured_notes,
+                "warnings": study.warnings,
+                "seconds": by_modes.seconds,
+            },
+        )
+        say(options, *mode_lines(study.name, by_modes))
+        return
     found = pipeline.diagnose_study(study, progress)
     progress.close()
     write_json(

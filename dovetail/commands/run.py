@@ -31,12 +31,20 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Do the whole loop and print the verdict."""
     from dovetail import pipeline
+    from dovetail.mode_result import mode_result_dict
+    from dovetail.modes_pipeline import has_modes_alone, mode_lines, run_modes
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
 
     out = Output("--out", options.out, NAMES)
     check_places(options, out)
     study = loaded(options)
+    if has_modes_alone(study):
+        by_modes = run_modes(study, options.out, progress, force=options.force)
+        progress.close()
+        write_json(options.json, mode_result_dict(by_modes))
+        say(options, *mode_lines(study.name, by_modes.diagnosis), "", str(by_modes.report))
+        return
     done = pipeline.run(study, options.out, progress, force=options.force)
     progress.close()
     write_json(options.json, result_dict(done))

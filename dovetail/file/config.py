@@ -97,6 +97,7 @@ TABLES = (
     "measurements",
     "faults",
     "modes",
+    "baseline",
     "identification",
     "update",
     "values",
@@ -321,7 +322,16 @@ class _Reader:
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
             loads=parts.loads,
+            baseline=self._baseline(sensors, notes),
         )
+
+    def _baseline(self, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
+        """Read ``[baseline]``: the modes of an earlier state."""
+        baseline = None
+        with self._attempt("measurements"):
+            raw = read_raw_modes(self.top, self.path.parent, self.measured_notes, "baseline")
+            baseline = match_modes(raw, sensors, notes)
+        return baseline
 
     def _suspicions(
         self,

@@ -65,6 +65,8 @@ class Study:
         Assumptions for missing entries, in sentences.
     modes : MeasuredModes or None
         Measured modes, where the study gives them.
+    baseline : MeasuredModes or None
+        Those of an earlier state, where what has changed is asked for.
     plan : UpdatePlan
         Plan of :command:`dovetail update`.
     warnings : tuple of str
@@ -115,6 +117,7 @@ class Study:
     measured_notes: tuple[str, ...] = ()
     amplitudes: tuple[Measurement, ...] = ()
     loads: Loads = Loads()  # noqa: RUF009 - frozen
+    baseline: MeasuredModes | None = None
 
     @property
     def lack_of_frfs(self) -> str:

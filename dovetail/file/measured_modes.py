@@ -41,6 +41,14 @@ class MeasuredModes:
         Standard deviations of a component, relative to the root mean square of the shape [-].
     name : str
         Where they come from.
+    zeta_std : float
+        Relative standard deviation of the damping ratios [-].
+    numbers : tuple of int
+        Which elastic modes of the model they are, counted from 1; empty where the data say it.
+    plane : str
+        Axes along which the test has seen motion, such as ``"xz"``; empty for all.
+    held_out : tuple of int
+        Modes that are predicted and not fitted, counted from 1 in rising order.
     """
 
     modes: Modes
@@ -48,6 +56,10 @@ class MeasuredModes:
     frequency_std: np.ndarray
     shape_std: np.ndarray
     name: str
+    zeta_std: float = 0.1
+    numbers: tuple[int, ...] = ()
+    plane: str = ""
+    held_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,12 +128,23 @@ class RawModes:
     name: str
 
 
-def read_raw_modes(top: Table, folder: Path, said: list[str]) -> RawModes | None:
-    """Read ``[modes]``: the modes of a file, or frequencies alone; ``said`` gains the reader's notes."""
-    t = top.table("modes")
-    stds = [t.number(key, None, above=0) for key in ("frequency_std", "shape_std")]
-    frequency = t.vector("frequency", None, None, "Hz")
+def read_raw_modes(
+    top: Table, folder: Path, said: list[str], key: str = "modes", beside: Sequence[str] = ()
+) -> RawModes | None:
+    """Read ``[modes]``: the modes of a file, or frequencies alone; ``said`` gains the reader's notes.
+
+    Another table may have the same keys, with others ``beside`` them.
+    """
+    t = top.table(key)
+    t.number("shape_std", None, above=0)
+    frequency_std = t.get("frequency_std", None)
+    if not isinstance(frequency_std, list):
+        t.number("frequency_std", None, above=0)
+    stds = [frequency_std, t.get("shape_std", None)]
+    frequency, zeta = t.vector("frequency", None, None, "Hz"), t.vector("zeta", None, None, "-")
     file = t.text("file", None)
+    for one in ("zeta_std", "numbers", "plane", "held_out", *beside):
+        t.get(one, None)
     t.finish()
     if not t.values:
         return None
@@ -132,8 +155,15 @@ def read_raw_modes(top: Table, folder: Path, said: list[str]) -> RawModes | None
             t.refuse("frequency", f"{frequency.tolist()} is not allowed; positive numbers [Hz] are needed")
         if stds[1] is not None:
             t.refuse("shape_std", "there are no shapes beside frequency; give file")
-        f = np.sort(frequency)
-        return RawModes(t, Modes(f, np.zeros((0, f.size))), {}, "frequencies of the study")
+        if zeta is not None and (len(zeta) != len(frequency) or (zeta <= 0).any()):
+            t.refuse(
+                "zeta", f"{len(zeta)} values stand beside {len(frequency)} frequencies; one each, above 0"
+            )
+        order = np.argsort(frequency, kind="stable")
+        f, zeta = frequency[order], None if zeta is None else zeta[order]
+        return RawModes(t, Modes(f, np.zeros((0, f.size)), zeta), {}, "frequencies of the study")
+    if zeta is not None:
+        t.refuse("zeta", "damping ratios stand in the file; give them with frequency")
     path = folder / file
     if not path.is_file():
         t.refuse("file", f"there is no file '{path}'")
@@ -170,11 +200,17 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
         None if modes.zeta is None else modes.zeta[elastic], modes.labels,
     )  # fmt: skip
     n = modes.n_modes
-    f_std, s_std = (
-        np.full(n, t.number(key, default)) for key, default in (("frequency_std", 1e-3), ("shape_std", 0.03))
-    )
+    f_std, s_std = _frequency_std(t, n), np.full(n, t.number("shape_std", 0.03))
+    more = {
+        "zeta_std": t.number("zeta_std", 0.1, above=0), "numbers": _numbers(t, "numbers", n, 1000),
+        "plane": _plane(t), "held_out": _numbers(t, "held_out", n, n),
+    }  # fmt: skip
+    if more["numbers"] and len(more["numbers"]) != n:
+        t.refuse("numbers", f"{len(more['numbers'])} numbers stand beside {n} modes; one each is needed")
+    if len(more["held_out"]) >= n > 0:
+        t.refuse("held_out", "it names every mode; leave at least one for the fit")
     if not modes.labels:
-        return MeasuredModes(modes, (), f_std, s_std, raw.name)
+        return MeasuredModes(modes, (), f_std, s_std, raw.name, **more)
     if not n:
         t.refuse("file", "it has no mode above 0 Hz")
     found = [(c.sensor, got) for c in sensors if (got := c.find(modes.labels)) is not None]
@@ -214,7 +250,34 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
             "mode out",
         )
     names = tuple(s.name for s in at)
-    return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name)
+    return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name, **more)
+
+
+def _frequency_std(t: Table, n: int) -> np.ndarray:
+    """Return the relative standard deviation of each frequency: one for all, or a list."""
+    if not isinstance(t.get("frequency_std", None), list):
+        return np.full(n, t.number("frequency_std", 1e-3))
+    each = t.vector("frequency_std", None, None, "-")
+    if len(each) != n or (each <= 0).any():
+        t.refuse("frequency_std", f"{len(each)} values stand beside {n} modes; one, or one each, above 0")
+    return each
+
+
+def _numbers(t: Table, key: str, n: int, most: int) -> tuple[int, ...]:
+    """Return numbers of modes, counted from 1."""
+    value = t.get(key, [])
+    whole = isinstance(value, list) and all(isinstance(v, int) and not isinstance(v, bool) for v in value)
+    if not whole or len(set(value)) < len(value) or any(not 1 <= v <= most for v in value):
+        t.refuse(key, f"{value} is not allowed; different whole numbers from 1 to {most} are needed")
+    return tuple(value)
+
+
+def _plane(t: Table) -> str:
+    """Return axes, some of x, y and z."""
+    value = t.get("plane", "")
+    if not isinstance(value, str) or set(value) - set("xyz") or len(set(value)) < len(value):
+        t.refuse("plane", f"'{value}' is not allowed; axes such as \"xz\" are needed")
+    return value
 
 
 def read_plan(

@@ -182,7 +182,7 @@ def draw_case(settings: CaseSettings, set_name: str, index: int) -> Case:
         feet = any(KINDS[kind].elastic_feet for kind in kinds)
         draft = draw_draft(rng, str(rng.choice(families)), settings.small, feet)
         truth = perturbed(rng, draft, settings.material, settings.joint, settings.section, settings.damping)
-        implants = _implants(rng, settings, draft, truth, kinds)
+        implants = drawn_implants(rng, settings, draft, truth, kinds)
         if implants is None:
             continue
         if set_name == "weak":
@@ -194,7 +194,7 @@ def draw_case(settings: CaseSettings, set_name: str, index: int) -> Case:
     raise CaseError(msg)
 
 
-def _implants(
+def drawn_implants(
     rng: Generator, settings: CaseSettings, draft: Draft, truth: TrueFrame, kinds: Sequence[str]
 ) -> tuple[Implant, ...] | None:
     """Find a place and a strength for each kind, or None if the frame has none."""
@@ -424,12 +424,12 @@ def _measured(
         relative,
         model,
         measurement,
-        _nuisances(settings, draft),
+        nuisances_of(settings, draft),
         exclude,
     )
 
 
-def _nuisances(settings: CaseSettings, draft: Draft) -> tuple[Nuisance, ...]:
+def nuisances_of(settings: CaseSettings, draft: Draft) -> tuple[Nuisance, ...]:
     """Return the analyst's uncertain parameters; a uniform half width w has the standard deviation w/√3."""
     # The section's width and height scale together: bending sees their square in E/ρ.
     material = float(np.hypot(settings.material, 2 * settings.section) / np.sqrt(3))

@@ -15,6 +15,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
 from updating.diagnosis.evidence.search import Hypothesis, Search
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 
 CREDIBLE = 0.9
 """Probability that the hypotheses of a credible set have together [-]."""
@@ -117,7 +118,7 @@ def credible_set(done: Searched) -> list[tuple[Hypothesis | None, float]]:
 
 def assess(
     done: Searched,
-    diagnosis: Diagnosis,
+    diagnosis: Diagnosis | ModeDiagnosis,
     right: bool,
     faults_right: bool,
     ways: Sequence[Sequence[Stated]],

@@ -25,6 +25,15 @@ EFFECTS = tuple(kind.name for kind in _SINGLE)
 """Kinds of the sets with any effect. Seeds draw from them by number: further kinds have sets of their own."""
 FAULTS = tuple(kind.name for kind in IN_RECORDS)
 
+SEEN_IN_MODES = (
+    "joint_translation", "joint_rotation", "joint_mass", "member_stiffness", "member_density",
+    "member_thickness", "crack", "stiffness_loss", "end_release", "distributed_mass", "point_mass",
+    "support_translation", "support_rotation",
+)  # fmt: skip
+"""Kinds that natural frequencies and shapes can show."""
+MODAL_SETS = ("modes", "frequencies", "states", "modes-null")
+"""Sets whose data are modes, not FRFs."""
+
 SETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "single": (EFFECTS,),
     "null": (),
@@ -36,12 +45,16 @@ SETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "connections": (("connection_soft",), ("connection_soft",)),
     "mixed": (("connection_soft",), ("point_mass",)),
     "mounting": (("joint_offset", "joint_hole", "part_shift", "foot_shift", "support_shift"),),
+    "modes": (SEEN_IN_MODES,),
+    "frequencies": (SEEN_IN_MODES,),
+    "states": (SEEN_IN_MODES,),
+    "modes-null": (),
 }
 """Sets of cases, with the kinds that each thing in them is drawn from.
 
 One effect; nothing; one whose kind the search may not use; one ten times weaker; two; a fault of a sensor; a
 connection that gives way in two or three directions; two such; one and a mass; something that is mounted
-elsewhere.
+elsewhere. Of modes: frequencies and shapes, frequencies alone, two states of one frame, and nothing.
 """
 
 

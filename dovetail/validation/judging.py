@@ -76,24 +76,34 @@ def _matches(effect: Effect | None, model: Model, implant: Implant) -> bool:
 
 def stated(case: Case) -> tuple[Stated, ...]:
     """Return the effects that a case hides in the terms of the library; faults are none."""
-    return tuple(_stated(case, i) for i in case.implants if not KINDS[i.hidden.kind].fault)
+    return stated_by(case.model, case.implants)
 
 
-def _stated(case: Case, implant: Implant) -> Stated:
+def stated_by(model: Model, implants: Sequence[Implant]) -> tuple[Stated, ...]:
+    """Return hidden effects in the terms of the library; faults are none."""
+    return tuple(_stated(model, i) for i in implants if not KINDS[i.hidden.kind].fault)
+
+
+def _stated(model: Model, implant: Implant) -> Stated:
     place, values = implant.hidden.place, implant.hidden.values(implant.amplitude)
     return Stated(
         KINDS[implant.hidden.kind].found_as,
-        lambda effect: same_place(effect, case.model, place),
+        lambda effect: same_place(effect, model, place),
         lambda effect: values,
     )
 
 
 def is_hidden(case: Case, effects: Sequence[Effect]) -> bool:
     """Whether some effects are those that a case hides, each once and no others."""
-    hidden = [i for i in case.implants if not KINDS[i.hidden.kind].fault]
+    return hidden_in(case.model, case.implants, effects)
+
+
+def hidden_in(model: Model, implants: Sequence[Implant], effects: Sequence[Effect]) -> bool:
+    """Whether some effects are those that are hidden, each once and no others."""
+    hidden = [i for i in implants if not KINDS[i.hidden.kind].fault]
     if len(hidden) != len(effects) or not effects:
         return len(hidden) == len(effects)
-    hit = np.array([[_matches(e, case.model, i) for i in hidden] for e in effects])
+    hit = np.array([[_matches(e, model, i) for i in hidden] for e in effects])
     return bool(hit[linear_sum_assignment(~hit)].all())
 
 

@@ -24,8 +24,9 @@ import fem
 import updating
 from dovetail.disk.locks import Lock, holder
 from dovetail.validation.cases import Case, CaseSettings, draw_case, kinds_of
-from dovetail.validation.hidden import SETS
+from dovetail.validation.hidden import MODAL_SETS, SETS
 from dovetail.validation.judging import Record, is_known, judge, judge_evidence
+from dovetail.validation.modal_cases import run_modal_case
 from fem.effects import candidate_kinds
 from fem.io.atomic import WriteError, replacing
 from updating.diagnosis.diagnose import diagnose
@@ -66,10 +67,13 @@ def run_case(settings: CaseSettings, task: Task) -> Record:
     try:
         with threadpool_limits(1), warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            case = draw_case(settings, set_name, index)
-            drawn = time.perf_counter() - begun
-            record = _judged(case)
-            record["drawing_seconds"] = drawn
+            if set_name in MODAL_SETS:
+                record = run_modal_case(settings, set_name, index)
+            else:
+                case = draw_case(settings, set_name, index)
+                drawn = time.perf_counter() - begun
+                record = _judged(case)
+                record["drawing_seconds"] = drawn
     except Exception:
         kinds = kinds_of(settings, set_name, index)
         record = {
@@ -118,7 +122,7 @@ def plan(cases: int, nulls: int, sets: Sequence[str]) -> tuple[Task, ...]:
         if name not in SETS:
             msg = f"there is no set '{name}'; there are {', '.join(SETS)}"
             raise ValidationError(msg)
-    size = {name: nulls if name == "null" else cases for name in sets}
+    size = {name: nulls if name.endswith("null") else cases for name in sets}
     largest = max(size.values(), default=0)
     return tuple((name, i) for i in range(largest) for name in sets if i < size[name])
 

@@ -428,39 +428,82 @@ def receptance(
     if not (np.asarray(frequency) > 0).all():
         msg = f"the lowest frequency is {np.min(frequency):g} Hz; all must be above 0"
         raise SpectralError(msg)
-    T, relative = coordinates(frame)
-    maps = [_projected(_segment_map(frame, s) @ T[_dofs(s.nodes)]) for s in frame.segments]
-    bodies = [_projected(carry(b.location - frame.nodes[b.node]) @ T[_dofs([b.node])]) for b in frame.bodies]
-    at_node = {
-        id(p): p.direction @ (_arm(frame, p) @ T[_dofs([p.node])])[:3]
-        for p in (*responses, *forces)
-        if p.node is not None
-    }
-    F = np.stack([at_node[id(p)] for p in forces], axis=1)
+    whole = Assembly.of(frame, (*responses, *forces))
+    F = np.stack([whole.at_node[id(p)] for p in forces], axis=1)
     out = np.empty((len(frequency), len(responses), len(forces)), dtype=complex)
     for start in range(0, len(frequency), _LINES_AT_ONCE):
         omega = 2 * np.pi * np.asarray(frequency[start : start + _LINES_AT_ONCE], dtype=float)
-        Z = np.zeros((omega.size, T.shape[1], T.shape[1]), dtype=complex)
-        for s, (columns, P) in zip(frame.segments, maps, strict=True):
+        Z = whole.stiffness(omega)
+        q = np.linalg.solve(Z, np.broadcast_to(F, (omega.size, *F.shape)).astype(complex))
+        for i, p in enumerate(responses):
+            out[start : start + omega.size, i] = (whole.row(p, omega) @ q)[:, 0]
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Assembly:
+    """A frame with the maps of its pieces, ready for any frequency.
+
+    Attributes
+    ----------
+    frame : SpectralFrame
+    T : ndarray (6 n_nodes, n_q)
+    relative : dict
+        Relative motions of each connection within q.
+    maps, bodies : list
+        Columns of q and the motion of each segment's ends, and of each body, by them.
+    at_node : dict
+        Rows of the probes at nodes, by their ids.
+    """
+
+    frame: SpectralFrame
+    T: NDArray[np.float64]
+    relative: dict[int, NDArray[np.int64]]
+    maps: list[tuple[NDArray[np.int64], NDArray[np.float64]]]
+    bodies: list[tuple[NDArray[np.int64], NDArray[np.float64]]]
+    at_node: dict[int, NDArray[np.float64]]
+
+    @classmethod
+    def of(cls, frame: SpectralFrame, probes: Sequence[Probe]) -> "Assembly":
+        """Return the maps of a frame and of some probes."""
+        T, relative = coordinates(frame)
+        maps = [_projected(_segment_map(frame, s) @ T[_dofs(s.nodes)]) for s in frame.segments]
+        bodies = [
+            _projected(carry(b.location - frame.nodes[b.node]) @ T[_dofs([b.node])]) for b in frame.bodies
+        ]
+        at_node = {
+            id(p): p.direction @ (_arm(frame, p) @ T[_dofs([p.node])])[:3]
+            for p in probes
+            if p.node is not None
+        }
+        return cls(frame, T, relative, maps, bodies, at_node)
+
+    def stiffness(self, omega: Array) -> Array:
+        """Return the dynamic stiffness (n, n_q, n_q) [N/m]."""
+        frame, n_q = self.frame, self.T.shape[1]
+        Z = np.zeros((omega.size, n_q, n_q), dtype=complex)
+        for s, (columns, P) in zip(frame.segments, self.maps, strict=True):
             Z[:, columns[:, None], columns] += P.T @ segment_stiffness(s, omega) @ P
         for i, c in enumerate(frame.connections):
             free = [d for d in range(6) if not c.rigid[d]]
             own = _factor(c.law, omega) * c.K + 1j * omega[:, None, None] * c.C
-            Z[:, relative[i][:, None], relative[i]] += own[:, free][:, :, free]
-        for b, (columns, P) in zip(frame.bodies, bodies, strict=True):
+            Z[:, self.relative[i][:, None], self.relative[i]] += own[:, free][:, :, free]
+        for b, (columns, P) in zip(frame.bodies, self.bodies, strict=True):
             w = omega[:, None, None]
             Z[:, columns[:, None], columns] += (
                 P.T @ (_factor(b.law, omega) * b.K + 1j * w * b.C - w**2 * b.M) @ P
             )
-        q = np.linalg.solve(Z, np.broadcast_to(F, (omega.size, *F.shape)).astype(complex))
-        for i, p in enumerate(responses):
-            if p.segment is None:
-                out[start : start + omega.size, i] = at_node[id(p)] @ q
-                continue
-            s, (columns, P) = frame.segments[p.segment], maps[p.segment]
-            row = (s.axes @ p.direction) @ segment_shape(s, omega, p.fraction) @ P
-            out[start : start + omega.size, i] = (row[:, None] @ q[:, columns])[:, 0]
-    return out
+        return Z
+
+    def row(self, p: Probe, omega: Array) -> Array:
+        """Return what a probe reads of q, (n or 1, 1, n_q)."""
+        if p.segment is None:
+            return self.at_node[id(p)][None, None]
+        s, (columns, P) = self.frame.segments[p.segment], self.maps[p.segment]
+        row = (s.axes @ p.direction) @ segment_shape(s, omega, p.fraction) @ P
+        out = np.zeros((omega.size, 1, self.T.shape[1]), dtype=complex)
+        out[:, 0, columns] = row
+        return out
 
 
 def _factor(law: Law | None, omega: Array) -> Array:

@@ -267,6 +267,11 @@ class TrueFrame:
         forces = [cutter.probe(d) for d in drives]
         return receptance(cutter.frame(), frequency, responses, forces)
 
+    def pieces(self, cuts: Sequence[Cut], sensors: Sequence[Reading]) -> tuple[SpectralFrame, list[Probe]]:
+        """Return the frame in exact pieces, with nodes at some cuts, and where sensors are on them."""
+        cutter = _Cutter(self, cuts)
+        return cutter.frame(), [cutter.probe(s) for s in sensors]
+
 
 def rectangle_constants(b: float, h: float) -> tuple[float, float, float, float]:
     """Return A, Iy, Iz and J of a rectangle; J from the series of Timoshenko & Goodier, art. 109."""

@@ -179,7 +179,7 @@ class ParametricFRF:
     def damped_range(self, zeta: NDArray[np.float64], now: Sequence[Term]) -> NDArray[np.float64] | None:
         """Return an orthonormal basis (r, k) of the range of local damping and laws at any values.
 
-        None where it depends on the values; ``now`` are the terms of :meth:`_matrices` there.
+        None where it depends on the values; ``now`` are the terms of :meth:`matrices` there.
         """
         own = zeta.ndim > 1
         moving = [t for s, t in zip(self._scaled, now, strict=False) if s.start is None]
@@ -234,7 +234,7 @@ class ParametricFRF:
             model = model.with_values({self.refs[i]: float(values[i]) for i in foreign})
         return model, [(self._now(e, rows, values), rows, others) for e, rows, others in self._nonlinear]
 
-    def _matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[Term]]:
+    def matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[Term]]:
         """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
         total, alone = dict(self._fixed), []
         for rows, starts, terms in self._together:
@@ -256,13 +256,13 @@ class ParametricFRF:
     def solve(
         self, values: NDArray[np.float64], zeta: NDArray[np.float64], errors: ModeErrors | None = None
     ) -> tuple[ModalSolution, dict[str, Any], list[Term]]:
-        """Return the state at some values, and the results of :meth:`_matrices` there."""
-        total, alone = self._matrices(values)
+        """Return the state at some values, and the results of :meth:`matrices` there."""
+        total, alone = self.matrices(values)
         damped = self.damped_range(zeta, alone)
         return ModalSolution.of(self.reduced, total, self.omega, zeta, damped, errors), total, alone
 
-    def _slopes(self, values: NDArray[np.float64], alone: Sequence[Term]) -> list[tuple[int, Term]]:
-        """Return the derivatives of the matrices; ``alone`` are the terms of :meth:`_matrices` there."""
+    def slopes(self, values: NDArray[np.float64], alone: Sequence[Term]) -> list[tuple[int, Term]]:
+        """Return the derivatives of the matrices; ``alone`` are the terms of :meth:`matrices` there."""
         slopes = [(i, term) for i, _, term in self._linear]
         for scaled, term in zip(self._scaled, alone, strict=False):
             factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
@@ -333,7 +333,7 @@ class ParametricFRF:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return dH by the parameters and by ζ; ``damped`` (r,) is dZ/d(2iζ) of each mode."""
         n_par, connections = len(self.refs), zeta.ndim > 1
-        whole, places = self._slope_forces(self._slopes(values, alone), state, Xi)
+        whole, places = self._slope_forces(self.slopes(values, alone), state, Xi)
         whole[n_par] = 2j * damped[:, None, None] * Xi
         if connections and state.U is not None and state.own is not None:
             whole[n_par + 1] = 2j * times(state.U @ state.own, times(state.U.T, Xi))

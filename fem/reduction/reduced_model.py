@@ -355,6 +355,22 @@ class ReducedModel:
         total, m = self.base_sum, self.basis.n_main
         return sla.eigh(total["K"][:m, :m], total["M"][:m, :m])
 
+    def impedance(self, key: tuple[str, str], omega2: NDArray[np.float64]) -> float:
+        """Return the median of force over displacement along a released constraint, for some ω².
+
+        In [N/m, N·m/rad].
+        """
+        basis, total = self.basis, self.base_sum
+        lam, V = self.main_modes
+        m = basis.n_main
+        column = m + basis.keys.index(key)
+        # What is left of Z at the constraint once all other coordinates have followed.
+        k, mass = (total[x][:, column] for x in "KM")
+        coupling = (V.T @ k[:m]) * (1 + 0.02j) - omega2[:, None] * (V.T @ mass[:m])
+        others = lam * (1 + 0.02j) - omega2[:, None]
+        Z = k[column] * (1 + 0.02j) - omega2 * mass[column] - (coupling**2 / others).sum(axis=1)
+        return float(1 / np.median(1 / np.abs(Z)))
+
     @cached_property
     def base_laws(self) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[np.float64]]]:
         """The factors and matrices of all effects that depend on frequency."""

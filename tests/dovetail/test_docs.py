@@ -11,7 +11,8 @@ from fem.system import assemble
 
 TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "damping", "uncertain",
-    "candidates", "fit", "frequency", "modes", "identification", "update", "[supports]", "[joints]",
+    "candidates", "fit", "frequency", "modes", "baseline", "identification", "update", "[supports]",
+    "[joints]",
     "[masses]", "[loads]", "[combinations]", "[envelopes]", "[effects]", "[update.parameters]",
     "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip

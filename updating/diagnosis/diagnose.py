@@ -31,6 +31,7 @@ from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, basis_error, fitted_model
 from updating.measurement.measurement import Measurement
@@ -54,6 +55,7 @@ def diagnose(
     exclude: Sequence[str] = (),
     n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
+    modes: ModeTargets | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find the physical effects that a model lacks, by the evidence for them.
@@ -83,15 +85,17 @@ def diagnose(
     model_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
+    modes : ModeTargets, optional
+        Measured modes that are fitted beside the FRFs.
     progress : callable, optional
         Called with a text and the fraction done.
     """
     started, say = time.perf_counter(), progress or (lambda text, done: None)
     begun = begin_search(
         model, measurements[0], nuisances, damping_std=damping_std, band=band, kinds=kinds,
-        exclude=exclude, n_lines=n_lines, model_error=model_error, progress=say,
+        exclude=exclude, n_lines=n_lines, model_error=model_error, modes=modes, progress=say,
     )  # fmt: skip
-    first = begun.search.problem
+    first = begun.problem
     gates = check_gates(
         first, first.assessed(begun.best.fitted.result), measurements[1:], begun.mesh_db, begun.faults
     )

@@ -17,7 +17,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.search import N_FINAL, Hypothesis, Search, values_of
+from updating.diagnosis.evidence.search import N_FINAL, AnyProblem, Hypothesis, Search, values_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST
@@ -38,7 +38,7 @@ LARGE_MOTION = 0.9
 class LevelSearch(Search):
     """A search whose hypotheses are fitted to several levels of force together."""
 
-    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
+    def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis as it is: slopes of modes' errors are those of linear structures."""
         return h
 
@@ -56,7 +56,9 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
         Candidates.
     """
     one = done.search
-    problem = LevelProblem.of(one.problem, levels)
+    at_first = one.problem
+    assert isinstance(at_first, FitProblem)
+    problem = LevelProblem.of(at_first, levels)
     candidates = (*one.candidates, *laws)
     search = LevelSearch(problem, one.form, candidates, one.say, scanned=one.scanned)
     first = one.known[frozenset()]
@@ -67,7 +69,7 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
             search.full(done.best.effects, values_of(done.best.effects), done.best.fitted, done.best)
         )
     for base in bases:
-        _add_laws(search, base, one.problem, laws)
+        _add_laws(search, base, at_first, laws)
     best = search.simplified(max(search.known.values(), key=lambda h: h.score))
     return replace(done, search=search, best=search.polished(best))
 
@@ -89,7 +91,7 @@ def _add_laws(
 
 
 def _looked_at(
-    problem: FitProblem, levels: FitProblem, current: FitResult, laws: Sequence[AmplitudeDependent]
+    problem: FitProblem, levels: AnyProblem, current: FitResult, laws: Sequence[AmplitudeDependent]
 ) -> list[list[AmplitudeDependent]]:
     """Return the most promising laws by their residual level on a grid of values, each at its best points."""
     lines = problem.lines_up_to(np.inf, N_GRID_LINES)

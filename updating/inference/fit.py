@@ -21,6 +21,7 @@ from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
+from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.solve import Solution
 from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
@@ -75,6 +76,8 @@ class FitProblem:
         Small deviations, by their slopes, that are uncertain in every fit.
     mesh_level : float
         Residual level that the elements leave of exact members [nepers].
+    modes : ModeTargets or None
+        Measured modes that the search by evidence fits beside the FRFs.
     """
 
     reduced: ReducedModel
@@ -88,6 +91,7 @@ class FitProblem:
     model_error: float = EXPLAINED_LEVEL
     scatter: Scatter | None = None
     mesh_level: float = 0.0
+    modes: ModeTargets | None = None
 
     def __repr__(self) -> str:
         """Return the data, the unknowns and the size of the basis on one line."""
@@ -286,17 +290,8 @@ class FitProblem:
 
         It is the magnitude of force over displacement, at lines over the whole band [N/m, N·m/rad].
         """
-        basis, total = self.reduced.basis, self.reduced.base_sum
-        lam, V = self.reduced.main_modes
-        m = basis.n_main
-        column = m + basis.keys.index(key)
         omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
-        # Z condensed on the constraint.
-        k, mass = (total[x][:, column] for x in "KM")
-        coupling = (V.T @ k[:m]) * (1 + 0.02j) - omega2[:, None] * (V.T @ mass[:m])
-        others = lam * (1 + 0.02j) - omega2[:, None]
-        Z = k[column] * (1 + 0.02j) - omega2 * mass[column] - (coupling**2 / others).sum(axis=1)
-        return float(1 / np.median(1 / np.abs(Z)))
+        return self.reduced.impedance(key, omega2)
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return the fitted model's receptances as the sensors would read them, at some or all lines."""

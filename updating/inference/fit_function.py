@@ -16,6 +16,7 @@ from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
 from updating.inference.fit_result import FitResult
 from updating.inference.solve import Prior, Residual, Solution, inflation, solve_robust
 from updating.inference.unknowns import ScaledUnknown
+from updating.least_squares.costs import Costs
 from updating.least_squares.levels import Levels
 
 if TYPE_CHECKING:
@@ -174,6 +175,10 @@ class FitFunction:
         member = np.unique(self.groups, return_inverse=True)[1]
         return np.bincount(member, each) / np.bincount(member)
 
+    def noise(self) -> NDArray[np.float64]:
+        """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
+        return self.mean_by_group(noise_squares(self.problem.data, self.lines))
+
     def levels(self, stage: float = np.inf) -> Levels:
         """Return the error levels of the groups, for lines up to a frequency [Hz]."""
         sizes = np.unique(self.groups, return_counts=True)[1]
@@ -186,7 +191,7 @@ class FitFunction:
         max_iterations: int,
         *,
         prior: Prior | None = None,
-        levels: Levels | None = None,
+        levels: Costs | None = None,
     ) -> Solution:
         """Find the x of greatest posterior probability from a start.
 
@@ -209,7 +214,7 @@ class FitFunction:
             self.prior() if prior is None else prior,
             (limits[:, 0], limits[:, 1]),
             levels=self.levels(stage) if levels is None else levels,
-            widened=partial(widened, self.mean_by_group(noise_squares(p.data, self.lines)), p.noise_counted),
+            widened=partial(widened, self.noise(), p.noise_counted),
             groups=self.groups,
             robust=ROBUST,
             max_iterations=max_iterations,

@@ -165,7 +165,7 @@ def _reduced(
     knots = (
         np.unique(np.quantile(modes, np.linspace(0, 1, n_knots))) if len(modes) else np.array([highest / 2])
     )
-    nominal = _nominal_ratio(model, knots, other, connections)
+    nominal = nominal_ratio(model, knots, other, connections)
     curve = DampingCurve(
         knots, np.atleast_2d(nominal(knots))[0], damping_std, connections,
         nominal if np.ptp(model.damping.ratio) or other else None,
@@ -173,7 +173,7 @@ def _reduced(
     return reduced, curve, modes
 
 
-def _nominal_ratio(
+def nominal_ratio(
     model: Model, knots: NDArray[np.float64], other: ConnectionDamping | None, connections: bool
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """Return the nominal damping ratio over frequency, with that of connections if they have their own."""

@@ -154,7 +154,7 @@ class _Modes:
         std = np.where(i == j, 1.0, 2**-0.5)
         keep, per = problem.data.mask[lines], problem.data.weight[lines] / self.H
         A, B = self.outputs.transpose(2, 1, 0), self.inputs.transpose(2, 1, 0)
-        rows = np.empty((len(i), int(keep.sum())), dtype=complex)
+        rows: Complexes = np.empty((len(i), int(keep.sum())), dtype=complex)
         for k, (a, b) in enumerate(zip(i, j, strict=True)):
             change = A[:, :, None, a] * B[:, None, :, b]
             if a != b:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.summary import fields_summary
-from updating.least_squares.levels import Levels
+from updating.least_squares.costs import Costs
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
@@ -64,7 +64,7 @@ def solve_robust(
     prior: Prior,
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
     *,
-    levels: Levels,
+    levels: Costs,
     widened: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     groups: NDArray[np.int64] | None = None,
     robust: float = 0.5,
@@ -162,7 +162,7 @@ class _Posterior:
 
     residual: Residual
     prior: Prior
-    levels: Levels
+    levels: Costs
     member: NDArray[np.int64]  # group of each residual
     size: NDArray[np.int64]  # of each group
     robust: float

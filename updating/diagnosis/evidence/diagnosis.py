@@ -14,6 +14,7 @@ from updating.diagnosis.evidence.fitting import fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_fine
 from updating.measurement.measurement import Measurement
@@ -52,6 +53,7 @@ class Searched:
     def problem(self) -> FitProblem:
         """The problem of the first level of force."""
         p = self.search.problem
+        assert isinstance(p, FitProblem)
         return p.first if isinstance(p, LevelProblem) else p
 
     @property
@@ -109,13 +111,17 @@ def search_by_evidence(
     exclude: Sequence[str] = (),
     n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
+    modes: ModeTargets | None = None,
     progress: Progress | None = None,
 ) -> Searched:
-    """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`."""
+    """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
+
+    Measured ``modes`` are fitted beside the FRFs.
+    """
     say = progress or (lambda text, done: None)
     begun = begin_search(
         model, measurement, nuisances, damping_std=damping_std, band=band, kinds=kinds, exclude=exclude,
-        n_lines=n_lines, model_error=model_error, progress=say,
+        n_lines=n_lines, model_error=model_error, modes=modes, progress=say,
     )  # fmt: skip
     return searched(begun, say)
 
@@ -131,6 +137,7 @@ def begin_search(
     exclude: Sequence[str] = (),
     n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
+    modes: ModeTargets | None = None,
     progress: Progress,
 ) -> Searched:
     """Return a search that knows the model without effects, with faults of the measurement set right.
@@ -150,9 +157,12 @@ def begin_search(
     progress("fitting the uncertain parameters", 0.05)
     null = fit(whole, n_lines=FULL_LINES)
     whole, result, faults = find_faults(whole, whole.assessed(null.result))
-    whole = with_seen_noise(whole, null.result)
+    whole = replace(with_seen_noise(whole, null.result), modes=modes)
     candidates = _candidates(model, measurement, kinds, exclude)
     search = Search(whole, own, candidates, partial(_told, progress))
+    if modes is not None:
+        null = fit(whole, n_lines=FULL_LINES, x_from=result)
+        result = null.result
     nothing = search.scattered(whole, Hypothesis(replace(null, result=result), 0.0))
     search.known[frozenset()] = nothing
     notes = ()
@@ -161,6 +171,8 @@ def begin_search(
             f"each element was cut into {n}: the mesh's error was {before:.2g} dB, not small beside the "
             f"noise of {whole.data.noise_db:.2g} dB",
         )
+    if modes is not None:
+        notes += (f"{len(modes.fitted)} measured modes ({modes.name}) were fitted beside the FRFs",)
     return Searched(search, nothing, faults, left[0], formed, notes)
 
 

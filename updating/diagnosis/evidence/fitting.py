@@ -14,9 +14,12 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, widened
 from updating.inference.fit_result import FitResult
+from updating.inference.joint_fit import JointFunction, JointLevels, with_modes
+from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+from updating.least_squares.mode_levels import ModeLevels
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +42,7 @@ class Fitted:
 
     result: FitResult
     log_evidence: float
-    levels: Levels
+    levels: Levels | ModeLevels | JointLevels
     misfit: Floats
 
     @property
@@ -77,8 +80,17 @@ def n_data(problem: FitProblem, stage: float = np.inf) -> float:
     return DATA_PER_MODE * max(3.0, problem.n_modes * min(1.0, stage / problem.data.frequency[-1]))
 
 
-def levels_of(function: FitFunction, stage: float = np.inf) -> Levels:
+def levels_of(function: FitFunction, stage: float = np.inf) -> Levels | ModeLevels | JointLevels:
     """Return how probable error levels are: noise, and what beams and the mesh leave beside it."""
+    if isinstance(function, ModeFunction):
+        return function.mode_levels()
+    if isinstance(function, JointFunction):
+        frf, modes = function.both
+        return JointLevels(_of_frf(frf, stage), modes.mode_levels())
+    return _of_frf(function, stage)
+
+
+def _of_frf(function: FitFunction, stage: float) -> Levels:
     problem = function.problem
     sizes = np.unique(function.groups, return_counts=True)[1]
     noise = function.mean_by_group(noise_squares(problem.data, function.lines))
@@ -107,7 +119,7 @@ def _of_effects(function: FitFunction) -> dict[int, EffectPrior]:
 
 
 def fit(
-    problem: FitProblem,
+    problem: FitProblem | ModeProblem,
     effects: Sequence[Effect] = (),
     starts: Sequence[dict[str, float]] = (),
     *,
@@ -120,7 +132,7 @@ def fit(
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : FitProblem or ModeProblem
     effects : sequence of Effect
     starts : sequence of dict
         For each of them the parameter values to start from.
@@ -136,7 +148,7 @@ def fit(
     function = solution = None
     for stage in stages if stages is not None else problem.stages:
         lines = problem.lines_up_to(stage, n_lines or problem.n_lines)
-        function = problem.function(effects, starts, lines)
+        function = with_modes(problem, problem.function(effects, starts, lines), stage)
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
         solution = function.minimise(
@@ -163,9 +175,12 @@ def _assessed(function: FitFunction, solution: Solution) -> Fitted:
     huber = pseudo_huber_weight(r, ROBUST)
     A = _curvature(J, (levels.weight(v) / size)[member] * huber, std)
     evidence = log_evidence(-levels.cost(v), off, std, A)
-    if not problem.form_right:
+    if not problem.form_right and not isinstance(levels, ModeLevels):
         # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
         apart = levels.n / size / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
+        if isinstance(levels, JointLevels):  # modes stand for themselves
+            n = len(levels.modes.n)
+            apart[-n:] = (levels.weight(v) / size)[-n:]
         A = _curvature(J, apart[member] * huber, std)
     result = function.result(replace(solution, covariance=np.linalg.inv(A)))
     return Fitted(result, evidence, levels, v)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fem.model import Contribution, Effect, Model, parameter_values
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
+from updating.inference.mode_fit import ModeProblem
 
 MOST_DOFS = 36
 """Effects on more DOFs act on a member or more as a whole: what they do is one shape at each line."""
@@ -75,7 +76,7 @@ def place_of(effect: Effect) -> tuple[str, str]:
     return "structure", effect.where
 
 
-def places_of(problem: FitProblem, candidates: Iterable[Effect]) -> tuple[Place, ...]:
+def places_of(problem: FitProblem | ModeProblem, candidates: Iterable[Effect]) -> tuple[Place, ...]:
     """Return all places at which candidates act, each with its candidates.
 
     Those with a position are at ``ALONG`` points of their member.
@@ -124,8 +125,7 @@ class Reach:
             for effect in place.effects:
                 if effect.released():
                     continue
-                acting = _acting(effect)
-                contributions = acting.contribute(self.model)
+                contributions = acting(effect).contribute(self.model)
                 dofs, S = motions_of(contributions)
                 if len(dofs) > MOST_DOFS or any(c.law is not None for c in contributions):
                     each.append(fields.slope(contributions, effect.connection).transpose(0, 2, 1)[..., None])
@@ -144,7 +144,7 @@ class Reach:
         return out
 
 
-def _acting(effect: Effect) -> Effect:
+def acting(effect: Effect) -> Effect:
     """Return an effect at a value at which it is there: the weakest but one of its grid."""
     p = effect.parameters()[0]
     if p.value != p.absent and np.isfinite(p.value):

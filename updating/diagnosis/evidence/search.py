@@ -17,22 +17,13 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import (
-    FORM_DAMPING,
-    FORM_LEFT,
-    FORM_LOSS,
-    FORM_MODES,
-    FORM_STIFFNESS,
-    PLACE_ODDS,
-    TWIN_NATS,
-    UNKNOWN_ODDS,
-)
-from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.screening import Grid, rivals, screen, shortlist
+from updating.diagnosis.evidence.priors import PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
+from updating.diagnosis.evidence.scan import Scanned
 from updating.inference.fit import FitProblem
+from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import direct_responses
-from updating.inference.scatter import Scatter, scatter_of
+from updating.inference.scatter import Scatter
 
 QUICK_LINES, FULL_LINES = 40, 100
 """Lines of quick fits, and of full ones."""
@@ -41,9 +32,9 @@ SHORT_STEPS, QUICK_STEPS = 2, 6
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
-N_PLACES, N_PAIRS, N_SINGLES, N_QUICK, N_FULL, N_FINAL, N_BEAM = 4, 2, 8, 8, 6, 3, 2
+N_PLACES, N_PAIRS, N_FULL, N_FINAL, N_BEAM = 4, 2, 6, 3, 2
 """Numbers of places at which each kind, and of connections at which the block, gets a short fit; of pairs of
-connections; of single effects anywhere; of hypotheses that are fitted on, fitted fully, and kept."""
+connections; of hypotheses that are fitted fully at most and at least, and kept."""
 AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
@@ -56,8 +47,6 @@ MOST_EFFECTS = 6
 """Largest number of effects in a hypothesis."""
 BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
 """Kinds that give way in single directions: all of a connection's together are its block."""
-MOST_GRIDS = 100
-"""Number of candidates above which a first-order estimate makes a short list."""
 N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
 BLOCK_SHARES = (0.2, 0.6)
@@ -65,6 +54,7 @@ BLOCK_SHARES = (0.2, 0.6)
 BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
 """The basis gets responses at so many lines of what was found while it errs there by more than this share of
 the level."""
+AnyProblem = FitProblem | ModeProblem
 Say = Callable[[str], None]
 Values = tuple[dict[str, float], ...]
 Starts = list[Values]
@@ -128,7 +118,7 @@ def values_of(effects: Sequence[Effect]) -> Values:
     return tuple(map(parameter_values, effects))
 
 
-def _with_forces(problem: FitProblem, effects: Sequence[Effect], values: Values) -> FitProblem:
+def _with_forces(problem: AnyProblem, effects: Sequence[Effect], values: Values) -> AnyProblem:
     """Return a problem whose basis has the responses to forces of effects at some values."""
     there = [e.with_values(**v) for e, v in zip(effects, values, strict=True)]
     return replace(problem, reduced=problem.reduced.with_forces_of(there))
@@ -182,7 +172,7 @@ class Search:
 
     Attributes
     ----------
-    problem : FitProblem
+    problem : FitProblem or ModeProblem
         With the form among the uncertain parameters.
     form : tuple of Nuisance
         Those of them that are the form's.
@@ -191,13 +181,14 @@ class Search:
         Level that noise and the mesh leave [nepers].
     """
 
-    problem: FitProblem
+    problem: AnyProblem
     form: tuple[Nuisance, ...]
     candidates: tuple[Effect, ...]
     say: Say = lambda text: None
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     places: tuple[Place, ...] = ()
     scanned: tuple[Scanned, ...] = ()
+    ranking: Ranking = field(default_factory=FrfRanking)
 
     floor: float = field(init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
@@ -248,9 +239,9 @@ class Search:
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         tried = [
-            self.continued(quick, fits[: 2 if k < N_QUICK // 2 else 1])
+            self.continued(quick, fits[: 2 if k < self.ranking.breadth // 2 else 1])
             for k, (fits, first) in enumerate(short)
-            if k < N_QUICK or first
+            if k < self.ranking.breadth or first
         ]
         tried.sort(key=lambda h: -h.score)
         now = self.quickly(quick, base, base.effects, kept).score
@@ -296,7 +287,7 @@ class Search:
             near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
             own = {r: v for r, v in result.values.items() if r[0] not in self._form_names}
             last = replace(result, effects=(*rest, e), values=own)
-            found = rivals(quick, last, [Grid.of(quick, c) for c in near], N_RIVALS)
+            found = self.ranking.rivals(quick, last, near, N_RIVALS)
             for s in found:
                 other = self.quickly(quick, h, (*rest, s.effect), (*values_of(rest), s.starts[0]))
                 self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
@@ -308,10 +299,10 @@ class Search:
 
     # proposals ----------------------------------------------------------------------------------------------
 
-    def proposals(self, base: Hypothesis, quick: FitProblem) -> list[Proposal]:
+    def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[Proposal]:
         """Return effects that may be added."""
         current = base.fitted.result
-        ranked = Scan.of(self.problem, current).run(self.places)
+        ranked = self.ranking.scan(self.problem, current, self.places)
         if not base.effects:
             self.scanned = ranked
         fields = {r for e in base.effects for r in e.released()}
@@ -322,17 +313,15 @@ class Search:
         singles = [s for s in ranked if len(s.places) == 1]
         pairs = [s for s in ranked if len(s.places) == 2][:N_PAIRS]
         self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
-        grids = [Grid.of(quick, c) for c in self.candidates if fits(c)]
         within = {r: v for r, v in current.values.items() if r[0] not in self._form_names}
         now = replace(current, values=within)
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
-        if len(grids) > MOST_GRIDS:
-            listed = shortlist(quick, (now, quick.at_nominal(now)), grids)
-            there = set[str]().union(*held)
-            grids = [g for i, g in enumerate(grids) if i in listed or g.effect.name in there]
-        screened = screen(quick, now, grids)
-        chosen = list(screened[:N_SINGLES])
+        there = set[str]().union(*held)
+        screened = self.ranking.screened(
+            quick, now, [c for c in self.candidates if fits(c)], lambda e: e.name in there
+        )
+        chosen = list(screened[: self.ranking.breadth])
         for names in held:
             best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
@@ -378,7 +367,7 @@ class Search:
     def _form_names(self) -> set[str]:
         return {n.effect for n in self.form}
 
-    def quick(self, base: Hypothesis) -> FitProblem:
+    def quick(self, base: Hypothesis) -> AnyProblem:
         """Return the problem with the form fixed: as it is in a hypothesis, or nominal if that is far."""
         names, values = self._form_names, self.form_of(base)
         reduced = self.problem.reduced
@@ -395,7 +384,7 @@ class Search:
         return {r: v for r, v in base.fitted.result.values.items() if r[0] in self._form_names}
 
     def shortly(
-        self, quick: FitProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
+        self, quick: AnyProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
     ) -> list[Hypothesis]:
         """Return a hypothesis after a few steps from each of some starts, the best first.
 
@@ -423,7 +412,7 @@ class Search:
         fits.sort(key=lambda f: -f.log_evidence)
         return [Hypothesis(f, self.prior(effects)) for f in fits]
 
-    def highest(self, quick: FitProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
+    def highest(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the highest of the maxima around it, on few lines.
 
         Resonances that pass each other leave several. All but the effects beside those of the base begins as
@@ -433,13 +422,13 @@ class Search:
         fits = [self.quickly(quick, base, h.effects, start) for start in starts]
         return max([h, *fits], key=lambda k: k.score)
 
-    def continued(self, quick: FitProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
+    def continued(self, quick: AnyProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
         """Return the best of hypotheses with the same effects that are fitted on from where they are."""
         fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in begun]
         return max(fits, key=lambda h: h.score)
 
     def quickly(
-        self, quick: FitProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
+        self, quick: AnyProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
     ) -> Hypothesis:
         """Return a hypothesis fitted on few lines with the form fixed, from near another one."""
         problem = _with_forces(quick, effects, values)
@@ -489,11 +478,9 @@ class Search:
         fitted = fit(problem, effects, values, n_lines=FULL_LINES, **way)
         return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
 
-    def scattered(self, problem: FitProblem, h: Hypothesis) -> Hypothesis:
+    def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted on with errors of modes and connections, by their slopes there."""
-        form = 0.0 if problem.model_error == 0 else 1.0
-        sizes = (form * FORM_MODES, FORM_DAMPING), (form * FORM_STIFFNESS, form * FORM_LOSS)
-        scatter = scatter_of(problem, h.fitted.result, *sizes)
+        scatter = self.ranking.scatter(problem, h.fitted.result)
         whole: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
         problem, values = replace(problem, scatter=scatter), values_of(h.effects)
         return replace(
@@ -515,10 +502,11 @@ class Search:
         """
         for n_lines in BASIS_LINES if h.effects else ():
             problem = _with_forces(self.problem, h.effects, values_of(h.effects))
-            error, responses = direct_responses(problem, h.fitted.result, n_lines)
-            if error <= BASIS_SHARE * h.fitted.level / np.sqrt(2):
+            better = self.ranking.basis_for(problem, h.fitted.result, n_lines, BASIS_SHARE)
+            if better is None:
                 break
-            self.problem = replace(self.problem, reduced=self.problem.reduced.with_shapes(responses))
+            error, reduced = better
+            self.problem = replace(self.problem, reduced=reduced)
             decibels = error * DB_PER_NEPER
             self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
             self.known[h.key] = h = self.fitted(h.effects, values_of(h.effects), h.fitted, h)
@@ -588,5 +576,5 @@ class Search:
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        left = np.hypot(FORM_LEFT * self.problem.model_error, self.problem.mesh_level)
-        return best.score + best.fitted.gain_to(left) - UNKNOWN_ODDS
+        left = self.ranking.left(self.problem)
+        return best.score + best.fitted.gain_of(best.fitted.levels.noise + left) - UNKNOWN_ODDS

@@ -1,0 +1,105 @@
+"""What a run on modes found: the object, its form as ``result.json``, and explanations in words."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from dovetail.file.contents import Study
+from dovetail.result import REPORT, SCHEMA, program_version
+from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeRunResult:
+    """A diagnosis from modes with its study and folder."""
+
+    study: Study
+    diagnosis: ModeDiagnosis
+    finished: datetime
+    folder: Path
+
+    @property
+    def report(self) -> Path:
+        """The report."""
+        return self.folder / REPORT
+
+
+def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
+    """Return a diagnosis from modes in plain types."""
+    m = d.modes
+    columns = {
+        "measured_Hz": m.measured, "std": m.std, "nominal_Hz": m.nominal, "fitted_Hz": m.fitted,
+        "found_Hz": m.found, "zeta": m.zeta, "zeta_found": m.zeta_found, "mac_nominal": m.mac_nominal,
+        "mac_found": m.mac_found, "held_out": m.held_out,
+    }  # fmt: skip
+    return {
+        "verdict": d.verdict,
+        "reason": d.reason,
+        "effects": [_effect(e, d.searched.best.fitted.result.std) for e in d.found],
+        "posterior": [
+            {"effects": [x.name for x in e.effects] if e.known else ["unknown"], "probability": e.probability}
+            for e in d.explanations
+        ],
+        "credible": [_explanation(e) for e in d.credible],
+        "places": [{"place": name, "misfit_left": left} for name, left in d.places],
+        "next_measurements": list(d.next_measurements),
+        "modes": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
+        "frequency_error": {
+            step: {"fit": m.errors(f, False), "held_out": m.errors(f, True)}
+            for step, f in (("nominal", m.nominal), ("fitted", m.fitted), ("found", m.found))
+        },
+    }
+
+
+def _effect(effect: Any, std: Any) -> dict[str, Any]:
+    parameters = [
+        {"name": p.name, "value": p.value, "unit": p.unit, "std": std.get((effect.name, p.name))}
+        for p in effect.parameters()
+    ]
+    return {"kind": effect.kind, "where": effect.where, "name": effect.name, "parameters": parameters}
+
+
+def _explanation(e: Explanation) -> dict[str, Any]:
+    return {
+        "explanation": e.label,
+        "probability": e.probability,
+        "effects": [
+            {
+                "kind": x.kind, "where": x.where, "name": x.name,
+                "parameters": [
+                    {"name": p.name, "value": p.value, "unit": p.unit, "std": None if p.at_bound else p.std}
+                    for p in parameters
+                ],
+            }
+            for x, parameters in zip(e.effects, e.parameters, strict=True)
+        ],
+    }  # fmt: skip
+
+
+def mode_result_dict(done: ModeRunResult) -> dict[str, Any]:
+    """Return a run on modes in plain types, as in ``result.json``."""
+    d, study = done.diagnosis, done.study
+    return {
+        "schema": SCHEMA,
+        "version": program_version(),
+        "study": study.name,
+        "finished": done.finished.isoformat(timespec="seconds"),
+        "seconds": d.seconds,
+        **mode_diagnosis_dict(d),
+        "model": {"values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()}},
+        "assumptions": list(study.assumptions),
+        "notes": list(d.notes),
+        "measured_notes": list(study.measured_notes),
+        "warnings": list(study.warnings),
+    }
+
+
+def explanation_text(e: Explanation) -> str:
+    """Return an explanation with the values of its effects."""
+    values = [
+        f"{p.name} {p.value:.3g}{'' if p.at_bound else f' ± {p.std:.1g}'} {p.unit}"
+        for parameters in e.parameters
+        for p in parameters
+    ]
+    return f"{e.label}: {', '.join(values)}" if values else e.label

@@ -1,0 +1,101 @@
+"""Studies with measured modes alone: their diagnosis, and what is written of it."""
+
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.disk.output import Output, check_outputs, result_folder, write_json
+from dovetail.file.contents import Study
+from dovetail.file.measured_modes import MeasuredModes
+from dovetail.file.paths import input_files
+from dovetail.mode_result import ModeRunResult, explanation_text, mode_result_dict
+from dovetail.result import JSON, REPORT
+from fem.io.atomic import replacing
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
+from updating.diagnosis.states import diagnose_change
+from updating.inference.mode_targets import ModeTargets
+
+Progress = Callable[[str, float], None]
+NAMES = (REPORT, JSON)
+"""What the folder of a run on modes holds."""
+MOST_SAID = 12
+"""Explanations that are printed."""
+
+
+def has_modes_alone(study: Study) -> bool:
+    """Whether a study has measured modes and no FRFs."""
+    return study.modes is not None and not study.measurements
+
+
+def targets_of(modes: MeasuredModes) -> ModeTargets:
+    """Return the measured modes of a study as data of fits."""
+    m = modes.modes
+    return ModeTargets.of(
+        m.frequency, modes.frequency_std,
+        zeta=None if m.zeta is None else np.asarray(m.zeta, dtype=float), zeta_std=modes.zeta_std,
+        shapes=m.shapes if len(modes.sensors) else None, shape_std=modes.shape_std, sensors=modes.sensors,
+        numbers=[n - 1 for n in modes.numbers] or None, plane=modes.plane,
+        held_out=[n - 1 for n in modes.held_out], name=modes.name,
+    )  # fmt: skip
+
+
+def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagnosis:
+    """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline."""
+    assert study.modes is not None
+    more: dict[str, Any] = {
+        "damping_std": study.damping_std, "kinds": study.kinds, "exclude": study.exclude,
+        "model_error": study.model_error, "progress": say,
+    }  # fmt: skip
+    after = targets_of(study.modes)
+    if study.baseline is None:
+        return diagnose_modes(study.model, after, study.nuisances, **more)
+    return diagnose_change(study.model, targets_of(study.baseline), after, study.nuisances, **more)
+
+
+def run_modes(
+    study: Study, out: Path, progress: Progress | None = None, *, force: bool = False
+) -> ModeRunResult:
+    """Diagnose a study by its modes, and write ``report.html`` and ``result.json`` into a folder.
+
+    Raises
+    ------
+    OutputError
+        If ``out`` holds something else.
+    """
+    from dovetail.report.modes import report_html
+
+    check_outputs(input_files(study.path), Output("out", out, NAMES))
+    with result_folder(out, force) as scratch:
+        done = ModeRunResult(study, diagnose_study_modes(study, progress), datetime.now().astimezone(), out)
+        write_json(scratch / JSON, mode_result_dict(done))
+        with replacing(scratch / REPORT) as file:
+            file.write_text(report_html(done), encoding="utf-8")
+    return done
+
+
+def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:
+    """Return a diagnosis from modes as lines of text."""
+    m, out = d.modes, [f"{name}: {d.verdict}; {d.reason}", ""]
+    out.append("probability  explanation")
+    for e in d.credible[:MOST_SAID]:
+        out.append(f"{e.probability:11.2f}  {explanation_text(e)}")
+    if len(d.credible) > MOST_SAID:
+        out.append(f"{'':11}  and {len(d.credible) - MOST_SAID} more that share the rest of 90 %")
+    out += ["", "measured Hz  nominal %  fitted %  found %   MAC"]
+    for k in range(len(m.measured)):
+        off = [_off(f[k], m.measured[k]) for f in (m.nominal, m.fitted, m.found)]
+        mac = f"{m.mac_found[k]:5.3f}" if np.isfinite(m.mac_found[k]) else "    -"
+        out.append(
+            f"{m.measured[k]:11.5g}  {off[0]:>9}  {off[1]:>8}  {off[2]:>7}  {mac}"
+            + ("  predicted, not fitted" if m.held_out[k] else "")
+        )
+    if d.next_measurements:
+        out += ["", "would tell the first two explanations apart:", *(f"  {t}" for t in d.next_measurements)]
+    return [*out, *(f"note: {note}" for note in d.notes)]
+
+
+def _off(computed: float, measured: float) -> str:
+    return f"{100 * (computed / measured - 1):+.2f}" if np.isfinite(computed) else "-"

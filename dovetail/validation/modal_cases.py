@@ -1,0 +1,163 @@
+"""Cases of measured modes: frequencies with and without shapes, and two states of one frame."""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from dovetail.validation.cases import (
+    CaseError,
+    CaseSettings,
+    Implant,
+    drawn_implants,
+    generator,
+    kinds_of,
+    nuisances_of,
+)
+from dovetail.validation.evidence import assess
+from dovetail.validation.frames import (
+    FAMILIES,
+    SMALL,
+    Draft,
+    Generator,
+    build_model,
+    draw_draft,
+    n_elements,
+    perturbed,
+    sensors_of,
+)
+from dovetail.validation.hidden import MODAL_SETS
+from dovetail.validation.judging import hidden_in, stated_by
+from dovetail.validation.true_modes import ModesError, true_modes
+from dovetail.validation.truth import TrueFrame
+from fem.model import Model
+from updating.diagnosis.diagnosis import EFFECT, NOTHING
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
+from updating.diagnosis.states import diagnose_change
+from updating.inference.mode_targets import ModeTargets
+
+FREQUENCY_NOISE, SHAPE_NOISE = (0.001, 0.005), (0.02, 0.05)
+"""Least and largest relative noise of a frequency, and of a shape's component over its root mean square."""
+STATE_WEAKER = 10.0
+"""Factor by which changes of state are smaller than single effects [-]."""
+STATE_NOISE = 0.1
+"""Noise of the frequencies and shapes of two states in parts of that of one: repeats of one set-up [-]."""
+MOST_MODES = 12
+"""Modes of a test at most."""
+DRAWS = 40
+"""So many frames are drawn until one shows what is to be hidden."""
+
+Record = dict[str, Any]
+
+
+def run_modal_case(settings: CaseSettings, set_name: str, index: int) -> Record:
+    """Draw a case of a modal set, diagnose it, and judge the answer."""
+    kinds, rng = kinds_of(settings, set_name, index), generator(settings, set_name, index)
+    families = SMALL if settings.small else tuple(FAMILIES)
+    for _ in range(DRAWS):
+        draft = draw_draft(rng, str(rng.choice(families)), settings.small)
+        draft = _limited(draft)
+        truth = perturbed(rng, draft, settings.material, settings.joint, settings.section, settings.damping)
+        implants = drawn_implants(rng, settings, draft, truth, kinds)
+        if implants is None:
+            continue
+        if set_name == "states":
+            implants = tuple(replace(i, amplitude=i.amplitude / STATE_WEAKER) for i in implants)
+        try:
+            return _judged(settings, set_name, index, draft, truth, implants, rng)
+        except ModesError:
+            continue
+    msg = f"no frame of {DRAWS} shows {' and '.join(kinds)} well enough (set {set_name}, case {index})"
+    raise CaseError(msg)
+
+
+def _limited(draft: Draft) -> Draft:
+    """Return a test with few modes: its band ends where a usual identification does."""
+    if draft.n_modes <= MOST_MODES:
+        return draft
+    f = draft.frequency
+    top = f[-1] * MOST_MODES / draft.n_modes
+    return replace(draft, n_modes=MOST_MODES, frequency=f[f <= top])
+
+
+def _judged(
+    settings: CaseSettings, set_name: str, index: int, draft: Draft, truth: TrueFrame,
+    implants: tuple[Implant, ...], rng: Generator,
+) -> Record:  # fmt: skip
+    changed = truth
+    for i in implants:
+        changed = i.hidden.change(changed, i.amplitude)
+    noise = [float(np.exp(rng.uniform(*np.log(x)))) for x in (FREQUENCY_NOISE, SHAPE_NOISE)]
+    if set_name == "states":
+        noise = [STATE_NOISE * x for x in noise]
+    with_shapes = set_name != "frequencies"
+    model = build_model(draft.frame, draft.materials, draft.sensors, n_elements(draft.frame))
+    nuisances = nuisances_of(settings, draft)
+    after = _measured(changed, draft, noise, with_shapes, rng)
+    begun = time.process_time()
+    if set_name == "states":
+        before = _measured(truth, draft, noise, with_shapes, rng)
+        found = diagnose_change(model, before, after, nuisances, model_error=0.0)
+    else:
+        found = diagnose_modes(model, after, nuisances, model_error=0.0)
+    cpu = time.process_time() - begun
+    return _record(set_name, index, draft, model, implants, found, noise, after.n) | {"cpu_seconds": cpu}
+
+
+def _measured(
+    truth: TrueFrame, draft: Draft, noise: list[float], with_shapes: bool, rng: Generator
+) -> ModeTargets:
+    """Return the modes in the band as a test would give them."""
+    f, phi = true_modes(truth, draft.sensors, float(draft.frequency[0]), float(draft.frequency[-1]))
+    seen = np.sqrt((phi**2).mean(axis=0))
+    heard = seen > 1e-3 * seen.max()  # all along directions that no sensor has
+    f, phi = f[heard], phi[:, heard]
+    f = f * (1 + noise[0] * rng.standard_normal(len(f)))
+    size = np.sqrt((phi**2).mean(axis=0))
+    phi = phi + noise[1] * size * rng.standard_normal(phi.shape)
+    if not with_shapes:
+        return ModeTargets.of(f, noise[0])
+    sensors = sensors_of(draft.frame, draft.sensors)
+    return ModeTargets.of(f, noise[0], shapes=phi, shape_std=noise[1], sensors=sensors)
+
+
+def _record(
+    set_name: str, index: int, draft: Draft, model: Model, implants: tuple[Implant, ...],
+    found: ModeDiagnosis, noise: list[float], n_modes: int,
+) -> Record:  # fmt: skip
+    right = found.verdict == EFFECT and hidden_in(model, implants, found.found)
+    if not implants:
+        right = found.verdict == NOTHING
+    evidence = assess(
+        found.searched, found, right, True, [stated_by(model, implants)],
+        lambda effects: hidden_in(model, implants, effects),
+    )  # fmt: skip
+    wrong = (
+        "wrong" if found.verdict == EFFECT else "not noticed" if found.verdict == NOTHING else "unexplained"
+    )
+    return {
+        "case": f"{set_name}:{index}",
+        "set": set_name,
+        "index": index,
+        "family": draft.family,
+        "modes": n_modes,
+        "sensors": len(draft.sensors),
+        "noise": noise,
+        "hidden": [
+            {"kind": i.hidden.kind, "where": i.hidden.place.words, "amplitude": i.amplitude,
+             "visible_db": None if np.isnan(i.visible_db) else i.visible_db,
+             "values": i.hidden.values(i.amplitude)}
+            for i in implants
+        ],
+        "known": True,
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "outcome": "right" if right else wrong,
+        "errors": [],
+        "seconds": found.seconds,
+        "evidence": evidence,
+    }  # fmt: skip
+
+
+__all__ = ["MODAL_SETS", "run_modal_case"]

@@ -1,0 +1,307 @@
+"""Natural frequencies, damping and shapes of a reduced model as functions of parameters, with derivatives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from fem.model import Effect, ParameterRef
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.terms import Term
+
+FIRST_ORDER = 0.01
+"""Local damping of a mode up to this part of its eigenvalue is followed to the first order [-]."""
+REFINEMENTS = 3
+"""Rayleigh quotient iterations for a mode with more; they converge cubically."""
+NEAR = 1e-4
+"""Eigenvalues nearer than this, relatively, have derivatives of their shapes as if this far apart [-]."""
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairs:
+    """Undamped modes of a reduced model.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray (r,)
+        ω² [rad²/s²].
+    vectors : ndarray (r, r)
+    shapes : ndarray (n_out, r)
+        At the outputs.
+    n_rigid : int
+        Number of them that move as a rigid body.
+    """
+
+    eigenvalues: Floats
+    vectors: Floats
+    shapes: Floats
+    n_rigid: int
+
+    @property
+    def frequency(self) -> Floats:
+        """Natural frequencies, 0 for rigid bodies and what is unstable [Hz]."""
+        return np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2 * np.pi)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DampedMode:
+    """One mode with damping: A x = λ M x with λ = ω² (1 + 2iζ).
+
+    Attributes
+    ----------
+    eigenvalue : complex
+        λ [rad²/s²].
+    vector : ndarray (r,)
+        x, with xᵀ M x = 1; real where damping is followed to the first order.
+    """
+
+    eigenvalue: complex
+    vector: NDArray[Any]
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency [Hz]."""
+        return float(np.sqrt(max(self.eigenvalue.real, 1e-300)) / (2 * np.pi))
+
+    @property
+    def zeta(self) -> float:
+        """Damping ratio [-]."""
+        return float(self.eigenvalue.imag / (2 * max(self.eigenvalue.real, 1e-300)))
+
+
+class ParametricModes:
+    """Modes of a reduced model at some values of parameters.
+
+    What depends on frequency is taken at a frequency of each mode that is asked for: the measured one.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    outputs : ndarray (r + p, n_out)
+        Responses as combinations of the basis's columns.
+    frequency : ndarray (n,)
+        Of the modes that are asked for [Hz].
+    refs, candidates, release
+        As of :class:`fem.reduction.parametric_frf.ParametricFRF`.
+    """
+
+    def __init__(
+        self,
+        reduced: ReducedModel,
+        outputs: Floats,
+        frequency: Floats,
+        refs: Sequence[ParameterRef] = (),
+        candidates: Sequence[Effect] = (),
+        release: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        self.engine = ParametricFRF(
+            reduced, outputs, outputs[:, :0], frequency, refs, candidates, release, projected=True
+        )
+        self._last: tuple[bytes, list[Term]] | None = None
+
+    def at(self, values: Floats, zeta: Floats) -> "ModesAt":
+        """Return the modes at some values.
+
+        Parameters
+        ----------
+        values : ndarray (n_par,)
+        zeta : ndarray (n,) or (2, n)
+            Damping ratio at each frequency, and that of connections if it is another [-].
+        """
+        engine, values = self.engine, np.asarray(values, dtype=float)
+        total, alone = engine.matrices(values)
+        self._last = values.tobytes(), alone
+        columns = np.eye(engine.reduced.basis.T.shape[1])[:, engine.active]
+        return ModesAt(engine.reduced, engine.omega, np.atleast_2d(zeta), total, engine.outputs, columns)
+
+    def slopes(self, values: Floats) -> list[tuple[int, Term]]:
+        """Return the derivatives of the matrices by parameters, with these."""
+        values = np.asarray(values, dtype=float)
+        known = self._last is not None and self._last[0] == values.tobytes()
+        alone = self._last[1] if known and self._last else self.engine.matrices(values)[1]
+        return self.engine.slopes(values, alone)
+
+
+class ModesAt:
+    """Modes of a reduced model's matrices; see :class:`ParametricModes`.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    omega : ndarray (n,)
+        Angular frequencies of the modes that are asked for [rad/s].
+    zeta : ndarray (1 or 2, n)
+    total : dict
+        The sums of all terms: K, M, C, D, ``connections`` and ``laws``, on r coordinates.
+    outputs : ndarray (r, n_out)
+    columns : ndarray (r_basis, r)
+        The coordinates as combinations of the basis's columns.
+    """
+
+    def __init__(
+        self,
+        reduced: ReducedModel,
+        omega: Floats,
+        zeta: Floats,
+        total: dict[str, Any],
+        outputs: Floats,
+        columns: Floats,
+    ) -> None:
+        self.reduced, self.omega, self.outputs, self.columns = reduced, omega, outputs, columns
+        self._total, self._zeta, d = total, zeta, reduced.model.damping
+        self._members = 1 + 1j * (d.loss_factor + 2 * zeta[0]) + 1j * omega * d.beta
+        self._connections = self._members + (2j * (zeta[1] - zeta[0]) if len(zeta) > 1 else 0.0)
+        self._mass: Any = 1j * omega * d.alpha
+        self._local = bool(total["laws"]) or bool(total["C"].any()) or bool(total["D"].any())
+        self._known: dict[int, Pairs] = {}
+
+    def on(self, W: Floats) -> "ModesAt":
+        """Return the modes within the range of some vectors (r, m)."""
+        total: dict[str, Any] = {key: W.T @ X @ W for key, X in self._total.items() if key != "laws"}
+        total["laws"] = [(f, W.T @ X @ W) for f, X in self._total["laws"]]
+        return ModesAt(
+            self.reduced, self.omega, self._zeta, total, W.T @ self.outputs, self.columns @ W
+        )  # fmt: skip
+
+    def with_term(self, term: Term) -> "ModesAt":
+        """Return the modes with a term, on the basis's columns, added to the matrices."""
+        P = self.columns if term.L is None else term.L @ self.columns
+        total = dict(self._total)
+        for key in "KMCD":
+            X = getattr(term, key)
+            if X is not None and X.any():
+                more = P.T @ X @ P
+                total[key] = total[key] + more
+                if key == "K" and term.connection:
+                    total["connections"] = total["connections"] + more
+        total["laws"] = [*total["laws"], *((f(self.omega), P.T @ X @ P) for f, X in term.laws)]
+        return ModesAt(self.reduced, self.omega, self._zeta, total, self.outputs, self.columns)
+
+    def pairs(self, i: int) -> Pairs:
+        """Return all undamped modes, with what depends on frequency at that of the mode asked for."""
+        key = i if self._total["laws"] else 0
+        if key not in self._known:
+            self._known[key] = self._solved(key, 0.0)
+        return self._known[key]
+
+    def _solved(self, i: int, share: float) -> Pairs:
+        """Solve the eigenproblem; ``share`` of the local damping counts as stiffness."""
+        K = self._total["K"]
+        for factor, X in self._total["laws"]:
+            K = K + float(factor[i].real) * X
+        if share:
+            S = self._resisting(i)
+            K = K + share * (S + S.T) / 2
+        lam, V = sla.eigh(K, self._total["M"], check_finite=False)
+        n_rigid = self.reduced.basis.n_rigid  # fewer where something holds the structure
+        n_rigid = int((np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])).sum())
+        return Pairs(lam, V, self.outputs.T @ V, n_rigid)
+
+    def _resisting(self, i: int) -> Floats:
+        """Return the imaginary part of the local dynamic stiffness at a frequency."""
+        S = self.omega[i] * self._total["C"] + self._total["D"]
+        for factor, X in self._total["laws"]:
+            S = S + float(np.imag(factor[i])) * X
+        return S
+
+    def _whole(self, i: int) -> Complexes:
+        """Return A at a frequency, without what is proportional to mass."""
+        total, more = self._total, self._connections[i] - self._members[i]
+        A = self._members[i] * total["K"] + more * total["connections"] + 1j * self._resisting(i)
+        for factor, X in total["laws"]:
+            A = A + float(factor[i].real) * X
+        return A
+
+    def damped(self, i: int, k: int) -> DampedMode:
+        """Return mode k of :meth:`pairs` with its damping, at frequency i."""
+        pairs = self.pairs(i)
+        x = pairs.vectors[:, k]
+        lam = float(pairs.eigenvalues[k])
+        if not self._local:
+            own = x @ self._total["connections"] @ x if len(self._zeta) > 1 else 0.0
+            bare = self._members[i] * lam + (self._connections[i] - self._members[i]) * own
+            return DampedMode(complex(bare + self._mass[i]), x)
+        A, M = self._whole(i), self._total["M"]
+        first = complex(x @ A @ x) + self._mass[i]
+        if abs(x @ self._resisting(i) @ x) <= FIRST_ORDER * max(lam, 1e-300):
+            return DampedMode(first, x)
+        stiff = self._solved(i, 1.0)
+        like = np.abs(stiff.vectors.T @ (M @ x)) - np.abs(np.log(np.maximum(stiff.eigenvalues, 1e-9) / lam))
+        y: NDArray[Any] = stiff.vectors[:, int(np.argmax(like))].astype(complex)
+        for _ in range(REFINEMENTS):
+            at = (y @ A @ y) / (y @ M @ y)
+            try:
+                y = np.linalg.solve(A - at * M, M @ y)
+            except np.linalg.LinAlgError:
+                break
+            y = y / np.sqrt(y @ M @ y)
+        return DampedMode(complex(y @ A @ y) + self._mass[i], y)
+
+    def slopes(
+        self, modes: Sequence[tuple[int, int, DampedMode]], terms: Sequence[tuple[int, Term]], n: int
+    ) -> tuple[Complexes, list[Complexes]]:
+        """Return dλ (n, n_modes), and for each mode dφ at the outputs (n, n_out), by n changes of matrices.
+
+        (dA - λ dM) x projected on x, and on all other modes over λ - λ_k; what normalises x is left out, as
+        a shape has no scale (Fox and Kapoor, *AIAA J.* 6, 1968, 2426).
+
+        Parameters
+        ----------
+        modes : sequence of (int, int, DampedMode)
+            Frequency, mode and what :meth:`damped` gave.
+        terms : sequence of (int, Term)
+            Changes with their numbers, on these coordinates.
+        n : int
+        """
+        omega = self.omega
+        at = [i for i, _, _ in modes]
+        factors = {
+            "K": self._members, "connections": self._connections, "C": 1j * omega,
+            "D": np.full(len(omega), 1j), "M": np.zeros(len(omega), dtype=complex),
+        }  # fmt: skip
+        for i, _, mode in modes:
+            factors["M"][i] = -mode.eigenvalue
+        x = np.stack([mode.vector for _, _, mode in modes], axis=1)
+        by = np.zeros((n, len(modes)), dtype=complex)
+        others = [self.pairs(i) for i, _, _ in modes]
+        like = all(p is others[0] for p in others)
+        V = others[0].vectors
+        moved = np.zeros((n, *x.shape), dtype=complex)  # forces in modal coordinates
+        for p, term in terms:
+            P = None if term.L is None else term.L @ V
+            u = x if term.L is None else term.L @ x
+            for factor, X in term.parts(factors, omega):
+                force = factor[at] * (X @ u)
+                by[p] += (u * force).sum(axis=0)
+                if not self.outputs.shape[1]:
+                    continue
+                if like:
+                    moved[p] += V.T @ force if P is None else P.T @ force
+                    continue
+                for c, pairs in enumerate(others):
+                    whole = force[:, c] if term.L is None else term.L.T @ force[:, c]
+                    moved[p, :, c] += pairs.vectors.T @ whole
+        shapes = []
+        for c, (_, k, _) in enumerate(modes):
+            lam = others[c].eigenvalues
+            apart, near = lam[k] - lam, (NEAR * lam[k]) ** 2
+            weight = apart / (apart**2 + near)
+            weight[k] = 0.0
+            shapes.append((moved[:, :, c] * weight) @ others[c].shapes.T)
+        return by, shapes
+
+    def by_zeta(self, i: int, mode: DampedMode) -> Complexes:
+        """Return dλ by the damping ratio at a frequency, and by that of connections, (1,) or (2,)."""
+        x = mode.vector
+        every = 2j * complex(x @ self._total["K"] @ x)
+        if len(self._zeta) == 1:
+            return np.array([every])
+        own = 2j * complex(x @ self._total["connections"] @ x)
+        return np.array([every - own, own])

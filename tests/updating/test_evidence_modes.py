@@ -1,0 +1,136 @@
+"""Measured modes as data of the search by evidence: residuals, matching, likelihood, verdicts."""
+
+import numpy as np
+import pytest
+
+from fem.analysis.modes import first_modes
+from fem.effects.added_mass import PointMass
+from fem.system import assemble
+from tests.frames import beam, fix
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnosis import EFFECT, NOTHING
+from updating.diagnosis.mode_diagnosis import diagnose_modes
+from updating.inference.mode_preparation import build_mode_problem
+from updating.inference.mode_targets import ModeTargets, match
+from updating.inference.parameters import Nuisance
+from updating.least_squares.mode_levels import ModeLevels
+from updating.measurement.measurement import Sensor, place_sensors, sensor_rows
+
+E = Nuisance("frame", "E:steel", 0.02)
+SENSORS = tuple(
+    Sensor(f"{d}{k}", np.array([x, 0.0, 0.0]), np.eye(3)["xyz".index(d)])
+    for k, x in enumerate((0.25, 0.5, 0.75, 1.0))
+    for d in "yz"
+)
+
+
+def cantilever():
+    model = beam(8, effects=(fix(0),), theory="timoshenko")
+    return model.with_mesh(place_sensors(model.mesh, SENSORS))
+
+
+def measured(model, n=6, *, shapes=True, noise=1e-3, seed=0, **more):
+    modes = first_modes(assemble(model), n)
+    f, phi = modes.frequency[:n], (sensor_rows(model, SENSORS) @ modes.shapes)[:, :n]
+    rng = np.random.default_rng(seed)
+    f = f * (1 + noise * rng.standard_normal(n))
+    phi = phi + 0.02 * np.sqrt((phi**2).mean(axis=0)) * rng.standard_normal(phi.shape)
+    known = {"shapes": phi, "shape_std": 0.02, "sensors": SENSORS} if shapes else {}
+    return ModeTargets.of(f, noise, **known, **more)
+
+
+def with_mass(model, mass, position):
+    (effect,) = propose(model, ["point_mass"])
+    return model.with_effect(effect.with_values(mass=mass, position=position))
+
+
+@pytest.mark.parametrize("kind", ["point_mass", "distributed_mass", "support_flexibility", "crack"])
+def test_derivatives_of_residuals_are_those_of_differences(kind):
+    model = cantilever()
+    problem = build_mode_problem(model, measured(model, zeta=np.full(6, 0.008)), (E,))
+    effect = propose(model, [kind])[0]
+    start = effect.starts(problem.surroundings)
+    function = problem.function((effect,), [start[len(start) // 2]], problem.targets.fitted)
+    x, step = function.start + 0.01, 1e-5
+    _, J = function(x, True)
+    assert J is not None
+    for k in range(len(x)):
+        d = np.zeros(len(x))
+        d[k] = step
+        numeric = (function(x + d, False)[0] - function(x - d, False)[0]) / (2 * step)
+        # The metric in which shapes are compared is held in a step: that is all that may differ.
+        scale = np.abs(J[k]).max() + 1e-3
+        assert np.abs(numeric - J[k])[function.groups < 2].max() < 1e-4 * scale
+        assert np.abs(numeric - J[k]).max() < 2e-2 * scale
+
+
+def test_modes_that_have_crossed_keep_their_partners_by_their_shapes():
+    targets = ModeTargets.of(np.array([10.0, 10.5]), 1e-3, shapes=np.eye(2))
+    found = match(targets, np.array([9.9, 10.4]), np.eye(2)[::-1], np.ones(2, dtype=bool))
+    assert found.partner.tolist() == [1, 0]
+    assert found.mac.tolist() == [1.0, 1.0]
+
+
+def test_without_shapes_a_mode_that_the_test_has_missed_is_passed_over():
+    targets = ModeTargets.of(np.array([10.0, 30.0]), 1e-3)
+    found = match(targets, np.array([10.1, 20.0, 29.8]), np.zeros((0, 3)), np.ones(3, dtype=bool))
+    assert found.partner.tolist() == [0, 2]
+
+
+def test_motion_out_of_the_plane_of_a_test_is_not_matched():
+    model = cantilever()
+    every = first_modes(assemble(model), 6).frequency
+    in_plane = first_modes(assemble(beam(8, effects=(fix(0),), theory="timoshenko")), 6)
+    z = np.abs(in_plane.shapes[2::6]).max(axis=0) > 10 * np.abs(in_plane.shapes[1::6]).max(axis=0)
+    targets = ModeTargets.of(every[:6][z[:6]], 1e-3, plane="z")
+    problem = build_mode_problem(model, targets)
+    assert problem.computed(problem.nominal()).frequency == pytest.approx(targets.frequency, rel=1e-6)
+
+
+def test_with_noise_alone_the_likelihood_is_that_of_independent_data():
+    one = np.ones(1)
+    levels = ModeLevels.up_to(5 * one, 5 * one, 4e-6 * one, 0 * one)
+    assert levels.cost(9e-6 * one) - levels.cost(4e-6 * one) == pytest.approx(5 / 2 * (9 - 4) / 4)
+
+
+def test_a_discrepancy_of_any_size_lets_a_large_misfit_cost_less():
+    one = np.ones(1)
+    known, unknown = (ModeLevels.up_to(5 * one, 5 * one, 1e-6 * one, t * one) for t in (0.0, 0.01))
+    v = 25e-6 * one
+    assert unknown.cost(v) < known.cost(v)
+    slope = (unknown.cost(v * 1.0001) - unknown.cost(v)) / (v[0] * 1e-4)
+    assert 2 * slope == pytest.approx(unknown.weight(v)[0], rel=1e-3)
+
+
+def test_a_hidden_mass_is_found_by_shapes_and_held_out_modes_are_predicted():
+    model = cantilever()
+    targets = measured(with_mass(model, 0.3, 0.6), held_out=[5])
+    found = diagnose_modes(model, targets, (E,), kinds=["point_mass"], model_error=0.0)
+    assert found.verdict == EFFECT
+    (effect,) = found.found
+    values = {p.name: p.value for p in effect.parameters()}
+    assert values["mass"] == pytest.approx(0.3, rel=0.05)
+    assert values["position"] == pytest.approx(0.6, abs=0.02)
+    assert found.explanations[0].probability > 0.9
+    m = found.modes
+    assert m.errors(m.found, True) < 0.005 < m.errors(m.fitted, True)
+
+
+def test_nothing_is_found_in_frequencies_with_nothing_hidden():
+    model = cantilever()
+    found = diagnose_modes(model, measured(model, shapes=False), (E,), kinds=["point_mass"], model_error=0.0)
+    assert found.verdict == NOTHING
+    assert not [e for e in found.explanations if e.effects and e.probability > 0.5]
+
+
+def test_where_symmetric_places_are_alike_frequencies_do_not_name_one():
+    """A mass at s and at L - s of a free beam changes no frequency differently."""
+    model = beam(8, theory="timoshenko")
+    (effect,) = propose(model, ["point_mass"])
+    assert isinstance(effect, PointMass)
+    f = first_modes(assemble(model.with_effect(effect.with_values(mass=0.2, position=0.3))), 5)
+    targets = ModeTargets.of(f.frequency[f.n_rigid :], 1e-3)
+    found = diagnose_modes(model, targets, (E,), kinds=["point_mass"], model_error=0.0)
+    values = {p.name: p.value for p in found.found[0].parameters()}
+    assert min(abs(values["position"] - s) for s in (0.3, 0.7)) < 0.02
+    assert any("shapes" in note for note in found.notes)

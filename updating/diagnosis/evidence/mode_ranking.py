@@ -1,0 +1,336 @@
+"""Which places and candidates can explain the misfit of measured modes, by sensitivities of the modes.
+
+A change of the matrices moves an eigenvalue by φᵀ(dK - λ dM)φ and mixes the shapes of other modes into its
+own: all from the modal basis, so that a candidate costs the same on any mesh.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.modes import solve_eigenpairs
+from fem.model import Effect, parameter_values
+from fem.reduction.parametric_modes import ModesAt
+from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.terms import Term
+from fem.system import assemble
+from updating.diagnosis.evidence.fitting import priors_of
+from updating.diagnosis.evidence.places import Place, acting
+from updating.diagnosis.evidence.priors import PLACE_ODDS
+from updating.diagnosis.evidence.scan import Scanned
+from updating.diagnosis.screening import Grid, Screened
+from updating.inference.fit_result import FitResult
+from updating.inference.mode_fit import ModeFunction, ModeProblem, Partners
+from updating.inference.preparation import fitted_model
+from updating.inference.scatter import Scatter
+
+N_LOOKED = 24
+"""So many of the best candidates by their slopes are looked at on their grids."""
+VISIBLE = 0.1
+"""Candidates that move the data by less than this at every point of their grids are left out: what was
+measured does not see them [standard deviations]."""
+N_STARTS = 1
+"""Starts of each candidate that go on."""
+HIGHEST = 4.0
+"""Modes up to this multiple of the highest measured frequency make the space in which grids are looked at."""
+N_PAIRED = 8
+"""Pairs of so many of the best connections are looked at."""
+
+Floats = NDArray[np.float64]
+Key = tuple[tuple[str, str], ...]
+
+
+@dataclass(eq=False)
+class ModeLook:
+    """The misfit of a fitted model's modes, ready for changes.
+
+    Residuals are in standard deviations, and behind them stand the deviations of all that varies from its
+    prior: what adapts to a change is taken out of both, as a fit would.
+    """
+
+    problem: ModeProblem
+    current: FitResult
+
+    @cached_property
+    def _function(self) -> ModeFunction:
+        values = [parameter_values(e) for e in self.current.effects]
+        return self.problem.function(self.current.effects, values, self.problem.targets.fitted)
+
+    @cached_property
+    def _base(self) -> ModesAt:
+        return self._function.modes_at(self.current_x)
+
+    @cached_property
+    def _found(self) -> tuple[NDArray[np.complex128], Partners]:
+        return self._function.residuals(self._base)
+
+    @cached_property
+    def _scale(self) -> Floats:
+        """One over the standard deviation of each residual, discrepancy included."""
+        function, r = self._function, self._found[0]
+        levels = function.mode_levels()
+        member, size = np.unique(function.groups, return_inverse=True, return_counts=True)[1:]
+        v = function.mean_by_group(np.abs(r) ** 2)
+        return np.sqrt((levels.weight(v) / size)[member])
+
+    @cached_property
+    def _adapting(self) -> tuple[Floats, Floats]:
+        """Orthonormal directions of what varies, and the misfit without them."""
+        function = self._function
+        x, prior = self.current_x, priors_of(function)
+        _, J = function(x, True)
+        assert J is not None
+        known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
+        behind = np.diag(known)
+        Q, _ = np.linalg.qr(np.hstack([self._plain(J), behind]).T)
+        y = np.concatenate([self._plain(self._found[0][None])[0], known * (x - np.nan_to_num(prior.mean))])
+        return Q, y - Q @ (Q.T @ y)
+
+    def _plain(self, r: NDArray[np.complex128]) -> Floats:
+        scaled = r * self._scale
+        return np.hstack([scaled.real, scaled.imag])
+
+    def adapted(self, changes: NDArray[np.complex128]) -> Floats:
+        """Return changes (n, m) of the residuals without what adapts to them."""
+        Q, _ = self._adapting
+        flat = np.hstack([self._plain(changes), np.zeros((len(changes), len(self.current_x)))])
+        return flat - (flat @ Q) @ Q.T
+
+    @property
+    def current_x(self) -> Floats:
+        """Unknowns of the fit; those that it has not, as an effect took their place, are nominal."""
+        return self._function.moved_to(self.current)
+
+    @property
+    def misfit(self) -> Floats:
+        """The misfit in standard deviations, without what adapts."""
+        return self._adapting[1]
+
+    def slopes(self, effects: Sequence[Effect]) -> Floats:
+        """Return what effects do to the first order, (n, m): what they have is taken for a small change."""
+        terms: list[tuple[int, Term]] = []
+        out = np.zeros((len(effects), len(self.misfit)))
+        free = [n for n, e in enumerate(effects) if not e.released()]
+        for place, n in enumerate(free):
+            term = self._restricted(self.problem.reduced.value_of(effects[n]))
+            terms.append((place, term))
+        base, partners = self._base, self._found[1]
+        if free:
+            out[free] = self.adapted(self._function.slopes(base, partners, terms, len(free)))
+        held = [n for n, e in enumerate(effects) if e.released()]
+        if held:
+            compliant = [(k, self._compliance(effects[n])) for k, n in enumerate(held)]
+            out[held] = self.adapted(self._function.slopes(base, partners, compliant, len(held)))
+        return out
+
+    def _restricted(self, term: Term) -> Term:
+        P = self._base.columns
+        if term.L is not None:
+            return replace(term, L=term.L @ P)
+        each = {key: None if (X := getattr(term, key)) is None else P.T @ X @ P for key in "KMCD"}
+        return replace(term, **each, laws=tuple((f, P.T @ X @ P) for f, X in term.laws))
+
+    def _compliance(self, effect: Effect) -> Term:
+        """Return the change of the stiffness by a connection that gives way a little: -f fᵀ/k.
+
+        f are the forces on the constraint by motions of the basis, K_uc, but for the small part of inertia.
+        """
+        basis, reduced = self.problem.reduced.basis, self.problem.reduced
+        columns = [basis.n_main + basis.keys.index(key) for key in effect.released()]
+        term = reduced.value_of(effect)
+        stiff: Any = term.dense("K")
+        for factor, X in term.laws:
+            stiff = stiff + abs(complex(np.median(factor(self._base.omega)))) * term.spread(X)
+        k = stiff[np.ix_(columns, columns)] if np.ndim(stiff) else np.eye(len(columns)) * 1e30
+        F = self._base.columns.T @ reduced.base_sum["K"][:, columns]
+        return Term(F.T, -np.linalg.pinv(k), None, None, None)
+
+    def around(self, released: Key) -> ModesAt:
+        """Return the modes without some constraints, in the space of the lower modes and of these."""
+        key = tuple(released)
+        if key not in self._spaces:
+            at, top = self._base, HIGHEST * float(self.problem.targets.frequency[-1])
+            pairs = at.pairs(0)
+            V = pairs.vectors[:, pairs.frequency <= top]
+            if key:
+                at = self._function.modes_at(self.current_x, key)
+                full = self._base.columns @ V
+                own = at.columns.T @ full
+                more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in key]
+                V = np.hstack([own, np.eye(len(own))[:, more]])
+            self._spaces[key] = at.on(V)
+        return self._spaces[key]
+
+    @cached_property
+    def _spaces(self) -> dict[Key, ModesAt]:
+        return {}
+
+    def _column(self, key: tuple[str, str]) -> int:
+        basis = self.problem.reduced.basis
+        return basis.n_main + basis.keys.index(key)
+
+    def left_by(self, grid: Grid) -> Floats:
+        """Return the squares of the misfit that are left at each point of a grid, in deviations².
+
+        Infinite where there is no structure, and everywhere if the data do not see the candidate.
+        """
+        at = self.around(grid.effect.released())
+        out, most = np.full(len(grid.points), np.inf), 0.0
+        for n, term in enumerate(grid.terms(self.problem)):  # type: ignore[arg-type]
+            try:
+                r, _ = self._function.residuals(at.with_term(term))
+            except (np.linalg.LinAlgError, ValueError):
+                continue  # no structure
+            change = self.adapted((r - self._found[0])[None])[0]
+            out[n] = float(((self.misfit + change) ** 2).sum())
+            most = max(most, float(np.linalg.norm(change)))
+        return out if most >= VISIBLE else np.full_like(out, np.inf)
+
+
+class ModeRanking:
+    """Ranking by measured modes: they tell candidates apart less, and fits to them cost little."""
+
+    breadth = 12
+
+    def scan(self, problem: ModeProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
+        """Return places by the misfit that the slopes of all candidates there leave.
+
+        Those are left out that gain less evidence than the prior asks for one more place.
+        """
+        look = ModeLook(problem, current)
+        effects = [(n, acting(e)) for n, place in enumerate(places) for e in place.effects]
+        effects = [(n, e) for n, e in effects if not e.amplitude_dependent]
+        slopes = look.slopes([e for _, e in effects])
+        rows_of: dict[str, list[int]] = {}
+        for row, (n, _) in enumerate(effects):
+            if np.isfinite(slopes[row]).all():
+                rows_of.setdefault(places[n].name, []).append(row)
+        least = 1 - PLACE_ODDS / max(0.5 * float((look.misfit**2).sum()), 1e-300)
+        found = [Scanned((p,), _left(look, slopes[rows_of[p.name]])) for p in places if p.name in rows_of]
+        singles = sorted((s for s in found if s.left < least), key=lambda s: s.left)
+        connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
+        connections = [s for s in connections if "," not in s.name][:N_PAIRED]
+        pairs = []
+        for one, two in combinations(connections, 2):
+            rows = [*rows_of[one.name], *rows_of[two.name]]
+            both = Scanned((*one.places, *two.places), _left(look, slopes[rows]))
+            if both.left < 0.9 * min(one.left, two.left):
+                pairs.append(both)
+        return tuple(sorted([*singles, *pairs], key=lambda s: s.left))
+
+    def screened(
+        self,
+        problem: ModeProblem,
+        current: FitResult,
+        effects: Sequence[Effect],
+        listed: Callable[[Effect], bool],
+    ) -> tuple[Screened, ...]:
+        """Return candidates by the misfit that they leave on their grids, of the best by their slopes."""
+        look = ModeLook(problem, current)
+        grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
+        grids = [g for g in grids if g.points and not g.effect.amplitude_dependent]
+        by_slopes = _by_slopes(look, grids)
+        order = np.argsort(by_slopes, kind="stable")
+        chosen = {int(i) for i in order[:N_LOOKED]} | {i for i, g in enumerate(grids) if listed(g.effect)}
+        out, now = [], float((look.misfit**2).sum())
+        for i in sorted(chosen):
+            left = look.left_by(grids[i])
+            best = [int(k) for k in np.argsort(left)[:N_STARTS] if np.isfinite(left[k])]
+            # Less than the prior asks for one more place cannot make a hypothesis the more probable one.
+            if best and (now - left[best[0]]) / 2 > PLACE_ODDS:
+                starts = tuple(grids[i].points[k] for k in best)
+                out.append((float(left[best[0]]), Screened(grids[i].effect, starts)))
+        out.sort(key=lambda pair: pair[0])
+        return tuple(s for _, s in out)
+
+    def rivals(
+        self, problem: ModeProblem, last: FitResult, effects: Sequence[Effect], n_best: int
+    ) -> tuple[Screened, ...]:
+        """Return the candidates that leave least in the place of the last effect of a fit."""
+        name = last.effects[-1].name
+        values = {ref: v for ref, v in last.values.items() if ref[0] != name}
+        without = replace(last, effects=last.effects[:-1], values=values)
+        return self.screened(problem, without, effects, lambda effect: False)[:n_best]
+
+    def scatter(self, problem: ModeProblem, result: FitResult) -> Scatter | None:
+        """Return nothing: the discrepancy of damping ratios stands for it."""
+        return None
+
+    def basis_for(
+        self, problem: ModeProblem, result: FitResult, n_lines: int, share: float
+    ) -> tuple[float, ReducedModel] | None:
+        """Return a basis with the modes of the fitted model."""
+        model = fitted_model(problem.reduced.model, result)
+        top = 1.2 * float(problem.targets.frequency[-1])
+        try:
+            system = assemble(model, reciprocal=False)
+            pairs = solve_eigenpairs(system, max_frequency=top, unstable=True)
+            f = np.sqrt(np.maximum(pairs.eigenvalues[pairs.n_rigid :], 0.0)) / (2 * np.pi)
+            refs = list(result.values)
+            at = problem.parametric(problem.targets.fitted, refs, result.effects).at(
+                np.array([result.values[r] for r in refs]),
+                problem.damping.ratio(problem.targets.frequency[problem.targets.fitted], result.zeta),
+            )
+            own = at.pairs(0)
+            g = own.frequency[own.n_rigid :]
+            n = min(len(f), len(g))
+            error = float(np.abs(np.log(g[:n] / f[:n])).max(initial=0.0))
+            if error <= share * 10 * problem.data.noise_level:
+                return None
+            return error, problem.reduced.with_shapes(np.asarray(system.Q @ pairs.vectors))
+        except (np.linalg.LinAlgError, ValueError):
+            return None
+
+    def left(self, problem: ModeProblem) -> Any:
+        """Return the mean squares that a right model may leave beyond noise, of each group."""
+        function = problem.function((), (), problem.targets.fitted)
+        levels = function.mode_levels()
+        there = np.unique(function.groups)
+        return SPREAD * levels.noise + (0.5 * problem.left[there]) ** 2 * levels.n / levels.size
+
+
+SPREAD = 1.25**2 - 1
+"""By how much more than stated the variance of noise may be [-]."""
+
+
+def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> Floats:
+    """Return what the best multiple of each candidate's change leaves of the misfit, in deviations²."""
+    owner, most, effects = [], [], []
+    for n, grid in enumerate(grids):
+        for point, factor in grid.slight_points:
+            owner.append(n)
+            most.append(factor)
+            effects.append(grid.effect.with_values(**point))
+    slopes, y = np.nan_to_num(look.slopes(effects)), look.misfit
+    size = (slopes**2).sum(axis=1)
+    factor = -(slopes @ y) / np.where(size > 0, size, 1.0)
+    one_sided = np.array([grids[n].one_sided() for n in owner])
+    limit = np.array(most)
+    factor = np.clip(factor, np.where(one_sided, 0.0, -limit), limit)
+    left = ((y + factor[:, None] * slopes) ** 2).sum(axis=1)
+    out = np.full(len(grids), np.inf)
+    np.minimum.at(out, owner, left)
+    return out
+
+
+def _left(look: ModeLook, slopes: Floats) -> float:
+    """Return the mean square of the misfit that changes along slopes leave, by their evidence.
+
+    Their sizes have a common normal prior whose deviation the data choose. It is 1 less the gain in evidence
+    over the largest one that any change can have, half the squares of the misfit.
+    """
+    D = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-300)
+    y = look.misfit
+    lam, U = np.linalg.eigh(D @ D.T)
+    there = lam > 1e-8 * lam[-1]
+    lam, z = lam[there], (U[:, there].T @ (D @ y)) / np.sqrt(lam[there])
+    best = 0.0
+    for s2 in np.geomspace(1.0, max(4.0, float(y @ y)), 8):
+        shrunk = s2 * lam / (1 + s2 * lam)
+        best = max(best, 0.5 * float((shrunk * z**2).sum()) - 0.5 * float(np.log1p(s2 * lam).sum()))
+    return 1 - best / max(0.5 * float(y @ y), 1e-300)

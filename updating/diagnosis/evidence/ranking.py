@@ -1,0 +1,112 @@
+"""What the search needs of a kind of data besides fits: which places and candidates deserve one."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from fem.model import Effect
+from fem.reduction.reduced_model import ReducedModel
+from updating.diagnosis.evidence.places import Place
+from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_LOSS, FORM_MODES, FORM_STIFFNESS
+from updating.diagnosis.evidence.scan import Scan, Scanned
+from updating.diagnosis.screening import Grid, Screened, rivals, screen, shortlist
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
+from updating.inference.preparation import direct_responses
+from updating.inference.scatter import Scatter, scatter_of
+
+MOST_GRIDS = 100
+"""Number of candidates above which a first-order estimate makes a short list."""
+
+
+class Ranking(Protocol):
+    """How candidates are ranked before any fit, by one kind of data.
+
+    Attributes
+    ----------
+    breadth : int
+        So many single effects get a short fit, and so many hypotheses are fitted on.
+    """
+
+    breadth: int
+
+    def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
+        """Return places, and pairs of connections, by the share of the misfit that is left without them."""
+        ...
+
+    def screened(
+        self, problem: Any, current: FitResult, effects: Sequence[Effect], listed: Callable[[Effect], bool]
+    ) -> tuple[Screened, ...]:
+        """Return candidates with starts, the most promising first; some are on the list in any case."""
+        ...
+
+    def rivals(
+        self, problem: Any, last: FitResult, effects: Sequence[Effect], n_best: int
+    ) -> tuple[Screened, ...]:
+        """Return the candidates that come nearest to what the last effect of a fit does."""
+        ...
+
+    def scatter(self, problem: Any, result: FitResult) -> Scatter | None:
+        """Return small deviations that the form has besides its parameters."""
+        ...
+
+    def basis_for(
+        self, problem: Any, result: FitResult, n_lines: int, share: float
+    ) -> tuple[float, ReducedModel] | None:
+        """Return the error of the basis and a better one; None where it is small beside the level."""
+        ...
+
+    def left(self, problem: Any) -> Any:
+        """Return the mean squares that a right model may leave beyond noise, of all groups or of each."""
+        ...
+
+
+class FrfRanking:
+    """Ranking by receptances."""
+
+    breadth = 8
+
+    def scan(self, problem: FitProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
+        """Return places by the share of the misfit that free forces there leave."""
+        return Scan.of(problem, current).run(places)
+
+    def screened(
+        self,
+        problem: FitProblem,
+        current: FitResult,
+        effects: Sequence[Effect],
+        listed: Callable[[Effect], bool],
+    ) -> tuple[Screened, ...]:
+        """Return candidates by the levels that they leave on grids of their parameters."""
+        grids = [Grid.of(problem, e) for e in effects]
+        if len(grids) > MOST_GRIDS:
+            bases = (current, problem.at_nominal(current))
+            chosen = shortlist(problem, bases, grids)
+            grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
+        return screen(problem, current, grids)
+
+    def rivals(
+        self, problem: FitProblem, last: FitResult, effects: Sequence[Effect], n_best: int
+    ) -> tuple[Screened, ...]:
+        """Return the candidates whose change of the receptances comes nearest."""
+        return rivals(problem, last, [Grid.of(problem, e) for e in effects], n_best)
+
+    def scatter(self, problem: FitProblem, result: FitResult) -> Scatter | None:
+        """Return errors of modes and of connections."""
+        form = 0.0 if problem.model_error == 0 else 1.0
+        modes, connections = (form * FORM_MODES, FORM_DAMPING), (form * FORM_STIFFNESS, form * FORM_LOSS)
+        return scatter_of(problem, result, modes, connections)
+
+    def basis_for(
+        self, problem: FitProblem, result: FitResult, n_lines: int, share: float
+    ) -> tuple[float, ReducedModel] | None:
+        """Return a basis with responses at some lines."""
+        error, responses = direct_responses(problem, result, n_lines)
+        if error <= share * result.level / np.sqrt(2):
+            return None
+        return error, problem.reduced.with_shapes(responses)
+
+    def left(self, problem: FitProblem) -> Any:
+        """Return the square of the level that beams and the mesh leave."""
+        return (FORM_LEFT * problem.model_error) ** 2 + problem.mesh_level**2

@@ -1,0 +1,330 @@
+"""From a model and measured modes to the posterior over what is missing."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.declarations import Role
+from fem.model import Effect, Model
+from updating.diagnosis.begin import Progress
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
+from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
+from updating.diagnosis.evidence.form import form_of
+from updating.diagnosis.evidence.mode_ranking import ModeRanking
+from updating.diagnosis.evidence.search import Hypothesis, Search
+from updating.diagnosis.findings import EffectParameter, labels, parameters_of
+from updating.diagnosis.mode_separation import next_measurements
+from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.mode_fit import ModeProblem
+from updating.inference.mode_preparation import build_mode_problem, fine_enough
+from updating.inference.mode_targets import ModeTargets
+from updating.inference.parameters import Nuisance
+from updating.inference.preparation import fitted_model, with_higher_mass
+
+CREDIBLE = 0.9
+"""Probability that the explanations of a credible set have together [-]."""
+HALF = 0.5
+"""An explanation that is less probable than all others together is not put first in words [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explanation:
+    """One way to explain the data.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+        At their fitted values; none for "nothing missing".
+    parameters : tuple of tuple of EffectParameter
+        Of each effect.
+    probability : float
+    known : bool
+        False for what the library does not have.
+    """
+
+    effects: tuple[Effect, ...]
+    parameters: tuple[tuple[EffectParameter, ...], ...]
+    probability: float
+    known: bool = True
+
+    @property
+    def label(self) -> str:
+        """Effects and places in words."""
+        if not self.known:
+            return "something that the library does not have"
+        return labels(self.effects) if self.effects else "nothing missing"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeTable:
+    """Measured modes beside computed ones, (n,) each; NaN where there is none.
+
+    Attributes
+    ----------
+    measured, std : ndarray
+        Frequencies [Hz] and their relative standard deviations [-].
+    nominal, fitted, found : ndarray
+        Frequencies of the nominal model, of the fitted one, and of that with what was found [Hz].
+    zeta, zeta_found : ndarray
+        Damping ratios, measured and of the model with what was found [-].
+    mac_nominal, mac_found : ndarray
+        Modal assurance criteria.
+    held_out : ndarray of bool
+        Modes that no fit has seen: they are predicted.
+    """
+
+    measured: NDArray[np.float64]
+    std: NDArray[np.float64]
+    nominal: NDArray[np.float64]
+    fitted: NDArray[np.float64]
+    found: NDArray[np.float64]
+    zeta: NDArray[np.float64]
+    zeta_found: NDArray[np.float64]
+    mac_nominal: NDArray[np.float64]
+    mac_found: NDArray[np.float64]
+    held_out: NDArray[np.bool_]
+
+    def errors(self, computed: NDArray[np.float64], held_out: bool) -> float:
+        """Return the root mean square of ln f ratios of modes that were fitted, or held out [-]."""
+        some = (self.held_out == held_out) & np.isfinite(computed)
+        if not some.any():
+            return float("nan")
+        return float(np.sqrt(np.mean(np.log(computed[some] / self.measured[some]) ** 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeDiagnosis:
+    """What is missing by measured modes, and how sure that is.
+
+    Attributes
+    ----------
+    verdict : str
+        ``"nothing missing"``, ``"effect"`` or ``"unexplained"``.
+    reason : str
+        Why, in a sentence.
+    explanations : tuple of Explanation
+        All that were fitted, the most probable first.
+    modes : ModeTable
+    places : tuple of (str, float)
+        Places by the share of the misfit that changes there leave, the best first [-].
+    next_measurements : tuple of str
+        What would tell the explanations of the credible set apart.
+    model : Model
+        With fitted parameters and found effects.
+    problem : ModeProblem
+    searched : Searched
+    notes : tuple of str
+    seconds : float
+    """
+
+    verdict: str
+    reason: str
+    explanations: tuple[Explanation, ...]
+    modes: ModeTable
+    places: tuple[tuple[str, float], ...]
+    next_measurements: tuple[str, ...]
+    model: Model
+    problem: ModeProblem
+    searched: Searched
+    notes: tuple[str, ...]
+    seconds: float
+
+    @property
+    def credible(self) -> tuple[Explanation, ...]:
+        """The fewest explanations that have ``CREDIBLE`` together."""
+        before = np.cumsum([0.0, *(e.probability for e in self.explanations)])
+        return tuple(e for e, p in zip(self.explanations, before, strict=False) if p < CREDIBLE)
+
+    @property
+    def noise_limit(self) -> float:
+        """Relative deviation of frequencies that noise and the mesh account for [-]."""
+        return self.searched.search.floor
+
+    @property
+    def found(self) -> tuple[Effect, ...]:
+        """Effects of the verdict."""
+        return self.searched.best.effects if self.verdict == EFFECT else ()
+
+
+def search_modes(
+    model: Model,
+    targets: ModeTargets,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    kinds: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
+    model_error: float = EXPLAINED_LEVEL,
+    progress: Progress | None = None,
+) -> Searched:
+    """Search what a model lacks by measured modes; parameters as of :func:`diagnose_modes`."""
+    say = progress or (lambda text, done: None)
+    say("reducing the model", 0.0)
+    model, mesh = fine_enough(with_higher_mass(model), targets)
+    form, own = form_of(model) if model_error > 0 else ((), ())
+    formed = model
+    for effect in form:
+        formed = formed.with_effect(effect)
+    every = (*nuisances, *own)
+    problem = build_mode_problem(
+        formed, targets, every, damping_std=damping_std, model_error=model_error, mesh_level=mesh
+    )
+    say("fitting the uncertain parameters", 0.05)
+    candidates = candidates_for(model, targets, kinds, exclude)
+    search = Search(problem, own, candidates, partial(_told, say), ranking=ModeRanking())
+    best = search.run()
+    say("refining", 0.9)
+    return Searched(search, search.polished(best), (), float("nan"), formed)
+
+
+def candidates_for(
+    model: Model, targets: ModeTargets, kinds: Sequence[str] | None, exclude: Sequence[str]
+) -> tuple[Effect, ...]:
+    """Return the candidates that measured modes can speak of.
+
+    Not the form's, nor what depends on amplitude; and without damping ratios nothing that dissipates, unless
+    its kind is asked for: it would stand for the stiffness that comes with it.
+    """
+    every = [e for e in propose(model, kinds, exclude) if not (e.is_form or e.amplitude_dependent)]
+    if kinds is None and not np.isfinite(targets.zeta).any():
+        every = [e for e in every if Role.DISSIPATION not in e.role]
+    return tuple(every)
+
+
+def _told(say: Progress, text: str) -> None:
+    say(text, 0.5)
+
+
+def diagnose_modes(
+    model: Model,
+    targets: ModeTargets,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    kinds: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
+    model_error: float = EXPLAINED_LEVEL,
+    progress: Progress | None = None,
+) -> ModeDiagnosis:
+    """Find what a model lacks by measured natural frequencies, damping and shapes.
+
+    The search, the priors and the posterior are those of
+    :func:`updating.diagnosis.diagnose.diagnose`.
+
+    Parameters
+    ----------
+    model : Model
+        With a point of the mesh at every sensor.
+    targets : ModeTargets
+    nuisances : sequence of Nuisance
+    damping_std : float
+        Standard deviation of the logarithm of damping ratios [-].
+    kinds, exclude : sequence of str, optional
+        Kinds of candidates.
+    model_error : float
+        Level up to which a model of beams counts as right, as for FRFs [nepers]; 0 for a right form.
+    progress : callable, optional
+        Called with a text and the fraction done.
+    """
+    begun = time.perf_counter()
+    done = search_modes(
+        model, targets, nuisances, damping_std=damping_std, kinds=kinds, exclude=exclude,
+        model_error=model_error, progress=progress,
+    )  # fmt: skip
+    return concluded(done, begun)
+
+
+def concluded(done: Searched, begun: float) -> ModeDiagnosis:
+    """Return what a search by modes has to tell; it began at a ``time.perf_counter()`` [s]."""
+    search, best, problem = done.search, done.best, done.search.problem
+    assert isinstance(problem, ModeProblem)
+    explanations = [
+        Explanation(
+            h.effects, tuple(parameters_of(e, h.fitted.result) for e in h.effects), done.probability(h)
+        )
+        for h in search.known.values()
+    ]
+    explanations.append(Explanation((), (), done.unknown_probability, known=False))
+    explanations.sort(key=lambda e: -e.probability)
+    believed = done.unknown < best.score
+    verdict = UNEXPLAINED if not believed else EFFECT if best.effects else NOTHING
+    nothing = search.known[frozenset()]
+    final = best if believed else nothing
+    table = _table(problem, nothing, final)
+    there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
+    out = ModeDiagnosis(
+        verdict, "", tuple(explanations), table, tuple((s.name, s.left) for s in search.scanned), (),
+        fitted_model(done.model, final.fitted.result), there, done, _notes(problem), 0.0,
+    )  # fmt: skip
+    return replace(
+        out, reason=_reason(out), next_measurements=_next(out),
+        seconds=time.perf_counter() - begun,
+    )  # fmt: skip
+
+
+def _next(d: ModeDiagnosis) -> tuple[str, ...]:
+    """Return what would tell the first two explanations of the credible set apart."""
+    known = [e for e in d.credible if e.known][:2]
+    fitted = {h.key: h.fitted.result for h in d.searched.search.known.values()}
+    models = [fitted_model(d.searched.model, fitted[frozenset(x.name for x in e.effects)]) for e in known]
+    t = d.problem.targets
+    return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))
+
+
+def _table(problem: ModeProblem, nothing: Hypothesis, final: Hypothesis) -> ModeTable:
+    t = problem.targets
+    nominal, fitted = problem.computed(problem.nominal()), problem.computed(nothing.fitted.result)
+    there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
+    found = there.computed(final.fitted.result)
+    return ModeTable(
+        t.frequency, t.frequency_std, nominal.frequency, fitted.frequency, found.frequency, t.zeta,
+        found.zeta, nominal.mac, found.mac, t.held_out,
+    )  # fmt: skip
+
+
+def _reason(d: ModeDiagnosis) -> str:
+    """Return why the verdict is what it is."""
+    m, first = d.modes, d.explanations[0]
+    before, after = (f"{100 * m.errors(f, False):.2g} %" for f in (m.fitted, m.found))
+    if d.verdict == UNEXPLAINED:
+        lead = d.searched.lead
+        so_far = f"; best so far, not explained: {labels(lead.effects)}" if lead.effects else ""
+        return f"the frequencies stay {before} off, more than a right model leaves{so_far}"
+    sure = percent(first.probability)
+    n = len(d.credible)
+    many = f"; {n} explanations share {CREDIBLE:.0%}".replace("%", " %") if n > 1 else ""
+    if d.verdict == NOTHING:
+        return f"the fitted model's frequencies are {after} off; probability {sure}{many}"
+    place = percent(d.searched.probability_there(d.searched.best))
+    lower = "bring" if len(d.found) > 1 else "brings"
+    told = f"{labels(d.found)} {lower} the frequencies from {before} to {after}"
+    if first.probability < HALF:
+        return f"{n} explanations share {CREDIBLE:.0%}, none is sure; the first, {sure}: {told}".replace(
+            "0%", "0 %"
+        )
+    return f"{told}; probability {sure}, of the place {place}{many}"
+
+
+def percent(p: float) -> str:
+    """Return a probability in words that never say more than 99 %."""
+    return "above 99 %" if p > 0.99 else "below 1 %" if p < 0.01 else f"{100 * p:.0f} %"
+
+
+def _notes(problem: ModeProblem) -> tuple[str, ...]:
+    t, out = problem.targets, []
+    if not t.has_shapes:
+        out.append(
+            f"{len(t.fitted)} natural frequencies without shapes say how much is missing, hardly where: read "
+            "the explanations as a set"
+        )
+    if not np.isfinite(t.zeta).any():
+        out.append("there are no damping ratios: nothing is said of damping")
+    return tuple(out)
+
+
+__all__ = ["UNKNOWN", "ModeDiagnosis", "diagnose_modes", "search_modes"]

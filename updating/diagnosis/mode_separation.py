@@ -1,0 +1,82 @@
+"""Which further modes and sensors would tell explanations of measured modes apart."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.modes import Modes, first_modes
+from fem.model import Model
+from fem.system import assemble
+from updating.correlation import mac
+
+FURTHER = 5
+"""So many modes beyond the measured ones are looked at."""
+N_SAID = 3
+"""So many proposals are made."""
+FREQUENCY_STD, SHAPE_STD = 1e-3, 0.03
+"""Deviations of what would be measured: of a frequency, and of a component of a shape in parts of its largest
+value [-]."""
+
+
+def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) -> tuple[str, ...]:
+    """Return the frequencies and shapes that differ most between two models.
+
+    Each in standard deviations of a usual test; those of less than two are left out.
+
+    Parameters
+    ----------
+    base : Model
+        With the mesh of both.
+    models : sequence of Model
+        Nothing is said unless there are two.
+    n : int
+        Number of modes that were measured.
+    top : float
+        The highest of their frequencies [Hz].
+    """
+    if len(models) != 2:
+        return ()
+    try:
+        one, two = (first_modes(assemble(m, reciprocal=False), n + FURTHER) for m in models)
+    except (np.linalg.LinAlgError, ValueError):
+        return ()
+    pairs = _pairs(one, two)
+    told: list[tuple[float, str]] = []
+    for i, j in pairs:
+        f, g = one.frequency[i], two.frequency[j]
+        new = f > 1.02 * top
+        size = abs(np.log(f / g)) / FREQUENCY_STD
+        if new:
+            told.append((size, f"the natural frequency near {f:.4g} Hz ({f:.5g} or {g:.5g} Hz)"))
+        told.append(_shape(base, np.real(one.shapes[:, i]), np.real(two.shapes[:, j]), f))
+    told = sorted((t for t in told if t[0] >= 2.0), key=lambda t: -t[0])
+    return tuple(text for _, text in told[:N_SAID])
+
+
+def _pairs(one: Modes, two: Modes) -> list[tuple[int, int]]:
+    """Return elastic modes that are most alike over all DOFs."""
+    like = mac(one.shapes, two.shapes)
+    out = []
+    for i in range(one.n_rigid, one.n_modes):
+        j = int(np.argmax(like[i]))
+        if j >= two.n_rigid and like[i, j] > 0.5:
+            out.append((i, j))
+    return out
+
+
+def _shape(
+    model: Model, phi: NDArray[np.floating], psi: NDArray[np.floating], frequency: float
+) -> tuple[float, str]:
+    """Return where two shapes of a mode differ most among displacements, in deviations, and in words."""
+    moves = np.arange(len(phi)) % 6 < 3
+    a, b = phi * moves, psi * moves
+    b = b * ((a @ b) / (b @ b))
+    largest = float(np.abs(a).max())
+    k = int(np.argmax(np.abs(a - b)))
+    x, y, z = model.mesh.points[k // 6]
+    size = float(np.abs(a - b)[k]) / largest / SHAPE_STD
+    return size, (
+        f"the shape at {frequency:.4g} Hz, along {'xyz'[k % 6]} at ({x:.3g}, {y:.3g}, {z:.3g}) m, where it "
+        f"differs by {100 * size * SHAPE_STD:.0f} % of its largest value"
+    )

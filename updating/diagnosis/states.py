@@ -1,0 +1,203 @@
+"""What has changed between two states of one structure, by the modes of both.
+
+The model is calibrated on the first state. What it leaves there, the form's error, is common to both states:
+it is taken off the second one's data. Then only the difference is left to explain.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from fem.model import Model
+from updating.diagnosis.begin import Progress
+from updating.diagnosis.evidence.diagnosis import Searched
+from updating.diagnosis.evidence.fitting import Fitted, fit
+from updating.diagnosis.evidence.form import form_of
+from updating.diagnosis.evidence.mode_ranking import ModeRanking
+from updating.diagnosis.evidence.search import Search
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, candidates_for, concluded
+from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.mode_fit import ModeProblem, matched_modes
+from updating.inference.mode_preparation import build_mode_problem, fine_enough
+from updating.inference.mode_targets import FAR, LIKENESS, ModeTargets, mac_of
+from updating.inference.parameters import Nuisance
+from updating.inference.preparation import fitted_model, with_higher_mass
+
+CHANGED = 0.1
+"""Share of the form's error that is not common to both states: it acts on what has changed alone [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibrated:
+    """A model that was fitted to the first state.
+
+    Attributes
+    ----------
+    model : Model
+        With fitted values, form included.
+    problem : ModeProblem
+        Of the first state.
+    fitted : Fitted
+    mesh : float
+        Relative error of frequencies that the mesh leaves [-].
+    """
+
+    model: Model
+    problem: ModeProblem
+    fitted: Fitted
+    mesh: float
+
+
+def calibrate(
+    model: Model,
+    before: ModeTargets,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    model_error: float = EXPLAINED_LEVEL,
+) -> Calibrated:
+    """Fit uncertain parameters, and the form's, to the modes of the first state."""
+    model, mesh = fine_enough(with_higher_mass(model), before)
+    form, own = form_of(model) if model_error > 0 else ((), ())
+    for effect in form:
+        model = model.with_effect(effect)
+    problem = build_mode_problem(
+        model, before, (*nuisances, *own), damping_std=damping_std, model_error=model_error, mesh_level=mesh
+    )
+    fitted = fit(problem)
+    return Calibrated(fitted_model(model, fitted.result), problem, fitted, mesh)
+
+
+def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
+    """Return the second state's modes without what the calibrated model leaves on the first.
+
+    ln f and ln ζ are less by it, shapes by the difference of measured and computed ones, each of length 1;
+    variances of both states add. A mode that the first state has not keeps its values, and one that the model
+    does not have there, too.
+    """
+    problem, fitted = calibrated.problem, calibrated.fitted
+    before = problem.targets
+    computed = problem.computed(fitted.result)
+    shapes = _computed_shapes(problem, fitted)
+    f, f_std = after.frequency.copy(), after.frequency_std.copy()
+    zeta, zeta_std = after.zeta.copy(), after.zeta_std.copy()
+    psi, psi_std = np.array(after.shapes), after.shape_std.copy()
+    alike = after.has_shapes and [s.name for s in after.sensors] == [s.name for s in before.sensors]
+    for i, k in enumerate(_partners(before, after, alike)):
+        if k < 0 or not np.isfinite(computed.frequency[k]):
+            continue
+        f[i] *= computed.frequency[k] / before.frequency[k]
+        f_std[i] = np.hypot(f_std[i], before.frequency_std[k])
+        if np.isfinite(before.zeta[k]) and np.isfinite(zeta[i]) and computed.zeta[k] > 0:
+            zeta[i] *= computed.zeta[k] / before.zeta[k]
+            zeta_std[i] = np.hypot(zeta_std[i], before.zeta_std[k])
+        if alike:
+            psi[:, i] += _left(before.shapes[:, k], shapes[:, k], psi[:, i])
+            psi_std[i] = np.hypot(psi_std[i], before.shape_std[k])
+    out = ModeTargets.of(
+        f, f_std, zeta=zeta, zeta_std=zeta_std, shapes=psi if after.has_shapes else None, shape_std=psi_std,
+        sensors=after.sensors, plane=after.plane, held_out=np.flatnonzero(after.held_out).tolist(),
+        numbers=None if after.numbers is None else after.numbers.tolist(), name=after.name,
+    )  # fmt: skip
+    return out
+
+
+def _partners(before: ModeTargets, after: ModeTargets, alike: bool) -> NDArray[np.int64]:
+    """Return the mode of the first state that each of the second was, -1 for none."""
+    if before.numbers is not None and after.numbers is not None:
+        known = {int(n): k for k, n in enumerate(before.numbers)}
+        return np.array([known.get(int(n), -1) for n in after.numbers])
+    off = np.abs(np.log(after.frequency[:, None] / before.frequency[None]))
+    cost = LIKENESS * off
+    if alike:
+        cost = cost - mac_of(after.shapes, np.nan_to_num(before.shapes))
+    rows, columns = linear_sum_assignment(np.where(off < FAR, cost, 1e3))
+    out = np.full(after.n, -1)
+    ok = off[rows, columns] < FAR
+    out[rows[ok]] = columns[ok]
+    return out
+
+
+def _computed_shapes(problem: ModeProblem, fitted: Fitted) -> NDArray[np.float64]:
+    """Return the model's shapes of the measured modes of the first state, NaN without a partner."""
+    t, refs = problem.targets, list(fitted.result.values)
+    every = np.arange(t.n)
+    at = problem.parametric(every, refs, fitted.effects).at(
+        np.array([fitted.result.values[r] for r in refs]),
+        problem.damping.ratio(t.frequency, fitted.result.zeta),
+    )
+    partner = matched_modes(problem, at, every).partner
+    out = np.full((at.outputs.shape[1], t.n), np.nan)
+    for i, k in enumerate(partner):
+        if k >= 0:
+            out[:, i] = at.pairs(i).shapes[:, k]
+    return out
+
+
+def _left(
+    before: NDArray[np.number], computed: NDArray[np.float64], after: NDArray[np.number]
+) -> NDArray[np.number]:
+    """Return computed less measured shape of the first state, scaled as that of the second; 0 at gaps."""
+    known = np.isfinite(before) & np.isfinite(after) & np.isfinite(computed)
+    if known.sum() < 2:
+        return np.zeros(len(after))
+    b, a, c = before[known], after[known], computed[known]
+    b = b * ((b.conj() @ a) / (b.conj() @ b))
+    c = c * ((c @ b) / (c @ c))
+    out = np.zeros(len(after), dtype=np.result_type(b, c))
+    out[known] = c - b
+    return out
+
+
+def diagnose_change(
+    model: Model,
+    before: ModeTargets,
+    after: ModeTargets,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    kinds: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
+    model_error: float = EXPLAINED_LEVEL,
+    progress: Progress | None = None,
+) -> ModeDiagnosis:
+    """Find what has changed from one state to another.
+
+    Uncertain parameters have one value in both states. To the first order they do not matter to the
+    difference, so that they stay where the first state has put them.
+
+    Parameters
+    ----------
+    model : Model
+    before, after : ModeTargets
+    nuisances, damping_std, kinds, exclude, model_error, progress
+        As of :func:`updating.diagnosis.mode_diagnosis.diagnose_modes`.
+    """
+    begun, say = time.perf_counter(), progress or (lambda text, done: None)
+    say("calibrating on the first state", 0.0)
+    first = calibrate(model, before, nuisances, damping_std=damping_std, model_error=model_error)
+    data = corrected(first, after)
+    problem = build_mode_problem(
+        first.model, data, (), damping_std=damping_std, model_error=CHANGED * model_error, mesh_level=0.0
+    )
+    curve = replace(
+        problem.damping,
+        nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.result.zeta)[0],
+    )
+    problem = replace(problem, damping=curve)
+    candidates = candidates_for(first.model, data, kinds, exclude)
+    search = Search(problem, (), candidates, lambda text: say(text, 0.5), ranking=ModeRanking())
+    best = search.run()
+    say("refining", 0.9)
+    done = Searched(search, search.polished(best), (), float("nan"), first.model)
+    out = concluded(done, begun)
+    level = 100 * first.fitted.level
+    note = (
+        f"the first state was met to {level:.2g} % in frequency; what is left there was taken off the second "
+        "state, and what follows is the difference"
+    )
+    return replace(out, notes=(note, *out.notes))

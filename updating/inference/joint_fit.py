@@ -1,0 +1,131 @@
+"""Fits to FRFs and measured modes of one structure together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import ROBUST, FitFunction
+from updating.inference.fit_result import FitResult
+from updating.inference.mode_fit import ModeFunction, ModeProblem
+from updating.inference.scatter import Scatter
+from updating.inference.solve import Solution
+from updating.least_squares.levels import Levels
+from updating.least_squares.loss import pseudo_huber
+from updating.least_squares.mode_levels import ModeLevels
+
+Floats = NDArray[np.float64]
+OF_MODES = 100
+"""Groups of residuals of modes come behind those of FRFs from this number on."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointLevels:
+    """Levels of FRFs, and of modes behind them."""
+
+    frf: Levels
+    modes: ModeLevels
+
+    def _parts(self, v: Floats) -> Sequence[Floats]:
+        return np.split(v, [len(v) - len(self.modes.n)])
+
+    @property
+    def n(self) -> Floats:
+        """Independent data of each group."""
+        return np.concatenate([self.frf.n, self.modes.n])
+
+    @property
+    def noise(self) -> Floats:
+        """Mean squares that noise leaves, (n_groups,)."""
+        return np.concatenate([self.frf.noise, self.modes.noise])
+
+    def cost(self, v: Floats) -> float:
+        """Return the negative log likelihood at mean squares (n_groups,)."""
+        first, second = self._parts(v)
+        return self.frf.cost(first) + self.modes.cost(second)
+
+    def weight(self, v: Floats) -> Floats:
+        """Return twice its derivatives by the mean squares, (n_groups,)."""
+        first, second = self._parts(v)
+        return np.concatenate([self.frf.weight(first), self.modes.weight(second)])
+
+
+@dataclass(eq=False)
+class JointFunction(FitFunction):
+    """Residuals of FRFs, and of modes behind them, of the same unknowns.
+
+    Attributes
+    ----------
+    frf : FitFunction
+    modes : ModeFunction
+    """
+
+    frf: FitFunction | None = None
+    modes: ModeFunction | None = None
+
+    @classmethod
+    def of(cls, frf: FitFunction, modes: ModeFunction) -> JointFunction:
+        """Return both together."""
+        return cls(frf.problem, frf.effects, frf.variables, frf.start, frf.lines, frf.scatter, frf, modes)
+
+    @property
+    def both(self) -> tuple[FitFunction, ModeFunction]:
+        """The two functions."""
+        assert self.frf is not None
+        assert self.modes is not None
+        return self.frf, self.modes
+
+    def with_scatter(self, scatter: Scatter | None) -> FitFunction:
+        """Return the function with small deviations of the FRFs among its unknowns."""
+        frf, modes = self.both
+        return JointFunction.of(frf.with_scatter(scatter), modes)
+
+    def __call__(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        """Return the residuals (m,) and their Jacobian (n, m), if asked."""
+        frf, modes = self.both
+        n = len(modes.start)
+        r, J = frf(x, gradient)
+        q, K = modes(x[:n], gradient)
+        whole = np.concatenate([r, q])
+        if J is None or K is None:
+            return whole, None
+        behind = np.zeros((len(x) - n, len(q)), dtype=complex)
+        return whole, np.hstack([J, np.vstack([K, behind])])
+
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """Band of each residual of an FRF, and kind of each of a mode, (m,)."""
+        frf, modes = self.both
+        return np.concatenate([frf.groups, OF_MODES + modes.groups])
+
+    def noise(self) -> Floats:
+        """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
+        frf, modes = self.both
+        return np.concatenate([frf.noise(), modes.noise()])
+
+    def result(self, solution: Solution) -> FitResult:
+        """Return a solution as values; the level is that of the FRFs [nepers]."""
+        frf, _ = self.both
+        r, _ = frf(solution.x, False)
+        level = float(np.sqrt(pseudo_huber(r, ROBUST).mean()))
+        return replace(frf.result(solution), level=level)
+
+
+def with_modes(problem: FitProblem | ModeProblem, function: FitFunction, stage: float) -> FitFunction:
+    """Return a function of FRFs with the modes of its problem up to a frequency [Hz], if it has any."""
+    targets = problem.modes if isinstance(problem, FitProblem) else None
+    if targets is None or not isinstance(problem, FitProblem):
+        return function
+    lines = targets.fitted[targets.frequency[targets.fitted] <= stage]
+    if not lines.size:
+        return function
+    own = ModeProblem(problem.reduced, targets, problem.nuisances, problem.damping, problem.model_error)
+    start = function.start[: len(function.variables) + len(problem.damping.start)]  # without scatter
+    modes = ModeFunction(own, function.effects, function.variables, start, lines)  # type: ignore[arg-type]
+    return JointFunction.of(function, modes)

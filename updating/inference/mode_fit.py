@@ -1,0 +1,442 @@
+"""Fits of a reduced model to measured modes: what varies is what varies in fits to FRFs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, ParameterRef, parameter_values
+from fem.reduction.parametric_modes import DampedMode, ModesAt, Pairs, ParametricModes
+from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.terms import Term
+from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.fit_data import sensor_vectors
+from updating.inference.fit_function import ROBUST, FitFunction
+from updating.inference.fit_result import FitResult
+from updating.inference.mode_targets import FAR, IN_PLANE, LEAST_MAC, Matched, ModeTargets, match
+from updating.inference.parameters import DampingCurve, Nuisance
+from updating.inference.solve import Solution
+from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
+from updating.least_squares.loss import pseudo_huber
+from updating.least_squares.mode_levels import ModeLevels
+
+FREQUENCY, DAMPING, SHAPE = 0, 1, 2
+"""Groups of residuals: ln f, ln ζ, and components of shapes in parts of their root mean square."""
+LARGEST_LEFT = np.array([0.01, 0.4, 0.1])
+"""Largest plausible size of what frame theory leaves of each, for the default ``model_error`` [-]."""
+MIXED = 0.003
+"""Relative error of stiffness by which neighbouring modes mix, for the default ``model_error`` [-]."""
+LEAST_MIXED = 1e-4
+"""The same for a model that is right but for its mesh [-]."""
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Partners = list[tuple[int, int, DampedMode] | None]
+"""Measured mode, computed mode and that with its damping, None for one without a partner."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModeProblem:
+    """Everything that a fit to modes needs but the candidates.
+
+    Attributes
+    ----------
+    reduced : ReducedModel
+    targets : ModeTargets
+    nuisances : tuple of Nuisance
+    damping : DampingCurve
+    model_error : float
+        As of :class:`updating.inference.fit.FitProblem`: what frame theory leaves of frequencies, damping and
+        shapes grows in proportion.
+    mesh_level : float
+        Relative error of frequencies that the mesh leaves [-].
+    scatter : None
+        Small deviations by their slopes are those of FRFs.
+    """
+
+    reduced: ReducedModel
+    targets: ModeTargets
+    nuisances: tuple[Nuisance, ...]
+    damping: DampingCurve
+    model_error: float = EXPLAINED_LEVEL
+    mesh_level: float = 0.0
+    scatter: None = None
+    stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
+    n_lines: int = 0
+
+    @property
+    def form_right(self) -> bool:
+        """Whether nothing but noise and the mesh may be left."""
+        return self.model_error == 0
+
+    @property
+    def noise_counted(self) -> float:
+        """For how many times the independent data noise stands in covariances."""
+        return 1.0
+
+    @property
+    def left(self) -> Floats:
+        """Largest plausible size of what the form leaves of frequencies, damping and shapes, (3,) [-]."""
+        return LARGEST_LEFT * self.model_error / EXPLAINED_LEVEL
+
+    @property
+    def data(self) -> ModeTargets:
+        """The measured modes."""
+        return self.targets
+
+    def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
+        """Return the modes that are fitted, all of them: there are few."""
+        return self.targets.fitted
+
+    def parametric(
+        self,
+        modes: NDArray[np.int64],
+        refs: Sequence[ParameterRef] = (),
+        effects: Sequence[Effect] = (),
+        release: Sequence[tuple[str, str]] = (),
+    ) -> ParametricModes:
+        """Return the model's modes as a function of parameters, for some of the measured ones."""
+        sensors = self.targets.sensors
+        at = self.reduced.projected(sensors, partial(sensor_vectors, self.reduced.model, sensors))[1]
+        return ParametricModes(self.reduced, at, self.targets.frequency[modes], refs, effects, release)
+
+    def seen(self, at: ModesAt) -> NDArray[np.bool_]:
+        """Return which computed modes a test can see."""
+        pairs = at.pairs(0)
+        out = np.arange(len(pairs.eigenvalues)) >= pairs.n_rigid
+        out &= pairs.eigenvalues > 0
+        if self.targets.plane:
+            within, all_ = (self._motion(axes) for axes in (self.targets.plane, "xyz"))
+            V = at.columns @ pairs.vectors
+            size = [np.einsum("rk,rs,sk->k", V, G, V, optimize=True) for G in (within, all_)]
+            out &= size[0] >= IN_PLANE * size[1]
+        return out
+
+    def _motion(self, axes: str) -> Floats:
+        """Return the squares of all points' motions along some axes, on the basis's columns."""
+        basis = self.reduced.basis
+
+        def part() -> Floats:
+            chosen = np.isin(np.arange(len(basis.T)) % 6, ["xyz".index(a) for a in axes])
+            return np.where(chosen[:, None], basis.T, 0.0)
+
+        return self.reduced.projected(("motion", axes), part)[1]
+
+    def function(
+        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
+    ) -> ModeFunction:
+        """Return the residuals of some measured modes as a function of all that varies."""
+        fixed = {ref for e in effects for ref in e.replaces()}
+        varying = [n for n in self.nuisances if (n.effect, n.parameter) not in fixed]
+        nuisance = nuisance_unknowns(self.reduced.model, varying)
+        variables = (*nuisance, *effect_unknowns(effects, starts))
+        start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
+        return ModeFunction(self, tuple(effects), variables, start, lines)  # type: ignore[arg-type]
+
+    def surroundings(self, key: tuple[str, str]) -> float:
+        """Return the median impedance of the structure to motion along a released constraint [N/m, N·m/rad].
+
+        Over the band of the measured modes.
+        """
+        f = self.targets.frequency
+        return self.reduced.impedance(key, (2 * np.pi * np.linspace(f[0], f[-1], 30)) ** 2)
+
+    def nominal(self) -> FitResult:
+        """Return the model as it was given, unfitted."""
+        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
+        n = len(variables)
+        empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
+        values = {v.ref: v.to_value(v.mean) for v in variables}
+        zero = dict.fromkeys(values, 0.0)
+        return FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan)
+
+    def at_nominal(self, result: FitResult) -> FitResult:
+        """Return a result with the nuisance parameters of the model back at their nominal values."""
+        own = {e.name for e in self.reduced.model.effects}
+        nominal = self.reduced.model.values()
+        return replace(result, values={r: nominal[r] if r[0] in own else v for r, v in result.values.items()})
+
+    def computed(self, result: FitResult) -> ComputedModes:
+        """Return the modes of a fitted model that belong to the measured ones, those held out too."""
+        every, refs = np.arange(self.targets.n), list(result.values)
+        parametric = self.parametric(every, refs, result.effects)
+        zeta = self.damping.ratio(self.targets.frequency, result.zeta)
+        at = parametric.at(np.array([result.values[r] for r in refs]), zeta)
+        fitted = self.targets.fitted
+        matched, everything = (matched_modes(self, at, modes) for modes in (fitted, every))
+        partner, mac = everything.partner.copy(), everything.mac.copy()
+        partner[fitted], mac[fitted] = matched.partner, matched.mac
+        modes = [at.damped(i, int(k)) if k >= 0 else None for i, k in enumerate(partner)]
+        f = np.array([np.nan if m is None else m.frequency for m in modes])
+        return ComputedModes(f, np.array([np.nan if m is None else m.zeta for m in modes]), mac)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComputedModes:
+    """Computed partners of measured modes; NaN where there is none.
+
+    Attributes
+    ----------
+    frequency : ndarray (n,)
+        [Hz].
+    zeta, mac : ndarray (n,)
+        Damping ratio, and modal assurance criterion where there are shapes [-].
+    """
+
+    frequency: Floats
+    zeta: Floats
+    mac: Floats
+
+
+def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -> Matched:
+    """Return the computed partners of some measured modes."""
+    t = problem.targets
+    some = replace(
+        t, frequency=t.frequency[modes], shapes=t.shapes[:, modes],
+        numbers=None if t.numbers is None else t.numbers[modes],
+    )  # fmt: skip
+    pairs = at.pairs(0)
+    return match(some, pairs.frequency, pairs.shapes, problem.seen(at))
+
+
+@dataclass(eq=False)
+class ModeFunction(FitFunction):
+    """Residuals of measured modes as a function of all that varies; ``lines`` are the modes.
+
+    ln f and ln ζ, computed over measured, and (1 - P) ψ √n of each shape ψ of length 1, with P the
+    projection on the computed one: nothing depends on how shapes are scaled. Each is weighted by the least
+    deviation of its group over its own.
+    """
+
+    # A step that is tried without derivatives is often asked for them next.
+    _last: tuple[bytes, ModesAt, Complexes, Partners, Complexes | None] | None = field(
+        default=None, init=False, repr=False
+    )
+
+    @property
+    def _data(self) -> ModeTargets:
+        return self._modes_problem.targets
+
+    @property
+    def _modes_problem(self) -> ModeProblem:
+        problem: Any = self.problem
+        return problem
+
+    @cached_property
+    def _deviation(self) -> list[Floats]:
+        """Standard deviations of frequencies, damping ratios and shapes, of the modes that have them."""
+        t, modes = self._data, self.lines
+        frequency = np.hypot(t.frequency_std[modes], self._modes_problem.mesh_level)
+        damped = modes[np.isfinite(t.zeta[modes])]
+        return [frequency, t.zeta_std[damped], t.shape_std[modes] if t.has_shapes else np.zeros(0)]
+
+    @cached_property
+    def _known(self) -> NDArray[np.bool_]:
+        """Outputs at which each mode was measured, (n_modes, n_out)."""
+        t = self._data
+        return ~np.isnan(t.shapes[:, self.lines]).T if t.has_shapes else np.zeros((len(self.lines), 0), bool)
+
+    @cached_property
+    def _sizes(self) -> list[int]:
+        return [len(self._deviation[0]), len(self._deviation[1]), int(self._known.sum())]
+
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """Kind of each residual, (m,)."""
+        return np.repeat([FREQUENCY, DAMPING, SHAPE], self._sizes)
+
+    def noise(self) -> Floats:
+        """Return the mean squares of the residuals of each group that noise leaves, (n_groups,)."""
+        return self.mode_levels().noise
+
+    def levels(self, stage: float = np.inf) -> Any:
+        """Return the cost of the groups' mean squares."""
+        return self.mode_levels()
+
+    def mode_levels(self) -> ModeLevels:
+        """Return the cost of the groups' mean squares: noise as stated, and a discrepancy."""
+        complex_ = np.iscomplexobj(self._data.shapes)
+        n_shape = self._known.sum() - len(self._known) if self._data.has_shapes else 0
+        n = np.array([self._sizes[0], self._sizes[1], n_shape * (2 if complex_ else 1)], dtype=float)
+        there = [k for k in (FREQUENCY, DAMPING, SHAPE) if self._sizes[k]]
+        least = np.array([np.min(d) if len(d) else 1.0 for d in self._deviation])
+        variance = least**2 / np.array([1.0, 1.0, 2.0 if complex_ else 1.0])
+        size = np.array(self._sizes, dtype=float)
+        left = self._modes_problem.left
+        return ModeLevels.up_to(n[there], size[there], variance[there], left[there])
+
+    @cached_property
+    def _parametric(self) -> ParametricModes:
+        return self._modes_problem.parametric(self.lines, [v.ref for v in self.variables], self.effects)
+
+    def __call__(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        """Return the weighted residuals, (m,), and their Jacobian, (n, m), if asked."""
+        key = x.tobytes()
+        if self._last is None or self._last[0] != key:
+            at = self.modes_at(x)
+            self._last = (key, at, *self.residuals(at), None)
+        _, at, r, found, J = self._last
+        if gradient and J is None:
+            J = self._jacobian(x, at, found)
+            self._last = (key, at, r, found, J)
+        return r, J if gradient else None
+
+    def _jacobian(self, x: Floats, at: ModesAt, found: Partners) -> Complexes:
+        """Return the derivatives (n, m) of the residuals by x."""
+        n, curve = len(self.variables), self.problem.damping
+        J = np.zeros((len(x), sum(self._sizes)), dtype=complex)
+        slopes = np.array([v.slope(xi) for v, xi in zip(self.variables, x[:n], strict=True)])
+        J[:n] = slopes[:, None] * self.slopes(at, found, self._parametric.slopes(self._values(x)), n)
+        f = self._data.frequency[self.lines]
+        m = n + len(curve.start)
+        hats, zeta = curve.hats(f), np.exp(curve.hats(f) @ x[n:m] + curve.offset(f))
+        J[n:m] = self._by_damping(at, found, np.atleast_2d(zeta), hats.reshape(-1, *hats.shape[-2:]))
+        return J
+
+    def _values(self, x: Floats) -> Floats:
+        return np.array([v.to_value(xi) for v, xi in zip(self.variables, x, strict=False)])
+
+    def modes_at(self, x: Floats, release: Sequence[tuple[str, str]] = ()) -> ModesAt:
+        """Return the modes at some unknowns, without some constraints if asked."""
+        f, curve, n = self._data.frequency[self.lines], self.problem.damping, len(self.variables)
+        zeta = np.exp(curve.hats(f) @ x[n : n + len(curve.start)] + curve.offset(f))
+        parametric = self._parametric
+        if release:
+            refs = [v.ref for v in self.variables]
+            parametric = self._modes_problem.parametric(self.lines, refs, self.effects, release)
+        return parametric.at(self._values(x), zeta)
+
+    def residuals(self, at: ModesAt) -> tuple[Complexes, Partners]:
+        """Return the weighted residuals (m,) of computed modes, and which of them are the partners."""
+        t, modes = self._data, self.lines
+        matched = matched_modes(self._modes_problem, at, modes)
+        found = [(i, int(k), at.damped(i, int(k))) if k >= 0 else None for i, k in enumerate(matched.partner)]
+        f_std, zeta_std, _ = self._deviation
+        off = [
+            FAR if m is None else np.log(m[2].frequency / t.frequency[modes[i]]) for i, m in enumerate(found)
+        ]
+        parts: list[Any] = [np.array(off) * (f_std.min() / f_std)]
+        damped = [i for i, mode in enumerate(modes) if np.isfinite(t.zeta[mode])]
+        if damped:
+            off = []
+            for i in damped:
+                m = found[i]
+                off.append(FAR if m is None else np.log(max(m[2].zeta, 1e-9) / t.zeta[modes[i]]))
+            parts.append(np.array(off) * (zeta_std.min() / zeta_std))
+        for i in range(len(modes)) if t.has_shapes else ():
+            parts.append(self._of_shape(i, found[i], at)[0])
+        return np.concatenate(parts).astype(complex), found
+
+    def _of_shape(
+        self, i: int, mode: tuple[int, int, DampedMode] | None, at: ModesAt
+    ) -> tuple[NDArray[Any], tuple[Floats, NDArray[Any], NDArray[Any]] | None]:
+        """Return the residual of a shape, and what its derivatives need: W, W φ and W ψ.
+
+        W = (1 + Σ m_k² φ_k φ_kᵀ)^-½ over other modes k: the model's error of stiffness mixes neighbours, the
+        more the nearer they are, m_k ~ ε / 2|ln f ratio|.
+        """
+        t, known = self._data, self._known[i]
+        std = self._deviation[SHAPE]
+        scale = np.sqrt(known.sum()) * std.min() / std[i]
+        psi = t.shapes[known, self.lines[i]]
+        if mode is None:
+            return np.full(known.sum(), np.sqrt(1 - LEAST_MAC) / np.sqrt(known.sum())) * scale, None
+        pairs = at.pairs(i)
+        phi = (at.outputs.T @ mode[2].vector)[known]
+        if not np.iscomplexobj(psi) and np.iscomplexobj(phi):
+            phi = np.real(phi * np.exp(-0.5j * np.angle((phi**2).sum())))
+        W = self._mixing(pairs, mode[1], known, phi, std[i])
+        a, b = W @ phi, W @ psi
+        e = b - a * ((a.conj() @ b) / (a.conj() @ a))
+        return e * scale, (W, a, b)
+
+    def _mixing(
+        self, pairs: Pairs, k: int, known: NDArray[np.bool_], phi: NDArray[Any], std: float
+    ) -> Floats:
+        share = self._modes_problem.model_error / EXPLAINED_LEVEL
+        error = float(np.hypot(MIXED * share, LEAST_MIXED))
+        lam = pairs.eigenvalues
+        with np.errstate(divide="ignore"):
+            m = np.minimum(error * abs(lam[k]) / np.abs(lam - lam[k]), 1.0)
+        m[k] = 0.0
+        m[: pairs.n_rigid] = 0.0
+        some = np.flatnonzero(m > 0.1 * std)
+        if not some.size:
+            return np.eye(len(phi))
+        size = float(np.sqrt((np.abs(phi) ** 2).sum()))
+        # A component of ψ, of length 1, has the deviation std/√n; the mixed shapes are as large as φ.
+        B = pairs.shapes[np.ix_(known, some)] * (m[some] / (size * std / np.sqrt(known.sum())))
+        U, s, _ = np.linalg.svd(B, full_matrices=False)
+        return np.eye(len(U)) + (U * (1 / np.sqrt(1 + s**2) - 1)) @ U.T
+
+    def slopes(self, at: ModesAt, found: Partners, terms: Sequence[tuple[int, Term]], n: int) -> Complexes:
+        """Return what n changes of the matrices do to the residuals, to the first order, (n, m)."""
+        J = np.zeros((n, sum(self._sizes)), dtype=complex)
+        pairs = [m for m in found if m is not None]
+        if not pairs or not n:
+            return J
+        by, shapes = at.slopes(pairs, terms, n)
+        ends = np.cumsum([0, *self._known.sum(axis=1)]) + self._sizes[0] + self._sizes[1]
+        for c, mode in enumerate(pairs):
+            self._of_eigenvalue(J, mode, by[:, c])
+            if self._data.has_shapes:
+                i = mode[0]
+                J[:, ends[i] : ends[i + 1]] = self._of_moved_shape(at, mode, shapes[c])
+        return J
+
+    def _of_eigenvalue(self, J: Complexes, mode: tuple[int, int, DampedMode], d: Complexes) -> None:
+        """Write into J what changes d (n,) of an eigenvalue do to ln f and ln ζ."""
+        i, lam = mode[0], mode[2].eigenvalue
+        f_std, zeta_std, _ = self._deviation
+        J[:, i] = d.real / (2 * lam.real) * (f_std.min() / f_std[i])
+        damped = np.flatnonzero(np.isfinite(self._data.zeta[self.lines]))
+        if i in damped and lam.imag > 0:
+            k = int(np.searchsorted(damped, i))
+            weight = zeta_std.min() / zeta_std[k]
+            J[:, self._sizes[0] + k] = (d.imag / lam.imag - d.real / lam.real) * weight
+
+    def _of_moved_shape(
+        self, at: ModesAt, mode: tuple[int, int, DampedMode], moved: Complexes
+    ) -> NDArray[Any]:
+        """Return what changes (n, n_out) of a shape do to its residual (Golub and Pereyra, 1973, (4.12))."""
+        i = mode[0]
+        parts, known = self._of_shape(i, mode, at)[1], self._known[i]
+        assert parts is not None
+        W, a, b = parts
+        d: NDArray[Any] = moved[:, known] @ W.T
+        d = d if np.iscomplexobj(b) else np.real(d)
+        size = a.conj() @ a
+        c = (a.conj() @ b) / size
+        e = b - a * c
+        first = c * (d - np.outer((d @ a.conj()) / size, a))
+        second = np.outer((d.conj() @ e) / size, a)
+        std = self._deviation[SHAPE]
+        return -(first + second) * np.sqrt(known.sum()) * std.min() / std[i]
+
+    def _by_damping(self, at: ModesAt, found: Partners, zeta: Floats, hats: Floats) -> Complexes:
+        """Return the derivatives of the residuals by the logarithms of the damping curve's unknowns."""
+        J = np.zeros((hats.shape[-1], sum(self._sizes)), dtype=complex)
+        for mode in found:
+            if mode is not None:
+                own = at.by_zeta(mode[0], mode[2]) * zeta[:, mode[0]]
+                self._of_eigenvalue(J, mode, own @ hats[:, mode[0]])
+        return J
+
+    def result(self, solution: Solution) -> FitResult:
+        """Return a solution as values with standard deviations; the level is that of frequencies [-]."""
+        out = super().result(solution)
+        r, _ = self(solution.x, False)
+        level = float(np.sqrt(pseudo_huber(r[: self._sizes[0]], ROBUST).mean()))
+        return replace(out, level=level)
+
+
+def start_of(effects: Sequence[Effect]) -> list[dict[str, float]]:
+    """Return the values of effects to start from."""
+    return [parameter_values(e) for e in effects]

@@ -1,0 +1,211 @@
+"""Measured natural frequencies, damping and shapes as data of fits, and how computed modes meet them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from fem.summary import fields_summary
+from updating.measurement.measurement import Sensor
+
+LIKENESS = 3.0
+"""How much more the logarithm of a frequency ratio weighs than 1 - MAC where modes are matched [-]."""
+FAR = 0.5
+"""Logarithm of a frequency ratio beyond which modes are no partners [-]."""
+LEAST_MAC = 0.2
+"""Least modal assurance criterion of partners [-]."""
+UNSEEN_NATS = 3.0
+"""Cost of a computed mode among the measured ones that a test has not seen [nats]."""
+IN_PLANE = 0.5
+"""Least share of a mode's motion in the plane of a test for it to be seen [-]."""
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeTargets:
+    """Measured modes.
+
+    Attributes
+    ----------
+    frequency : ndarray (n,)
+        Rising, without those of rigid bodies [Hz].
+    frequency_std : ndarray (n,)
+        Relative standard deviations [-].
+    zeta, zeta_std : ndarray (n,)
+        Damping ratios and their relative standard deviations, NaN where they were not measured [-].
+    shapes : ndarray (n_out, n)
+        Each of length 1, real or complex; NaN at outputs at which a mode was not measured. Without shapes
+        there are no rows.
+    shape_std : ndarray (n,)
+        Standard deviation of a component, relative to the root mean square of the shape [-].
+    sensors : tuple of Sensor
+        Of the rows of the shapes.
+    numbers : ndarray of int (n,) or None
+        Which elastic modes of the nominal model they are, counted from 0.
+    plane : str
+        Axes along which the test has seen motion, such as ``"xz"``; empty for all.
+    held_out : ndarray of bool (n,)
+        Modes that no fit sees.
+    name : str
+        Where they come from.
+    """
+
+    frequency: Floats
+    frequency_std: Floats
+    zeta: Floats
+    zeta_std: Floats
+    shapes: NDArray[np.number]
+    shape_std: Floats
+    sensors: tuple[Sensor, ...]
+    numbers: NDArray[np.int64] | None
+    plane: str
+    held_out: NDArray[np.bool_]
+    name: str = "modes"
+
+    __repr__ = fields_summary
+
+    @classmethod
+    def of(
+        cls,
+        frequency: Floats,
+        frequency_std: Floats | float,
+        *,
+        zeta: Floats | None = None,
+        zeta_std: Floats | float = 0.1,
+        shapes: NDArray[np.number] | None = None,
+        shape_std: Floats | float = 0.03,
+        sensors: Sequence[Sensor] = (),
+        numbers: Sequence[int] | None = None,
+        plane: str = "",
+        held_out: Sequence[int] = (),
+        name: str = "modes",
+    ) -> "ModeTargets":
+        """Return measured modes in rising order, shapes of length 1; ``held_out`` counts from 0 as given."""
+        f = np.asarray(frequency, dtype=float)
+        n, order = len(f), np.argsort(f, kind="stable")
+        each = [np.broadcast_to(np.asarray(s, dtype=float), (n,))[order] for s in (
+            frequency_std, np.full(n, np.nan) if zeta is None else zeta, zeta_std, shape_std,
+        )]  # fmt: skip
+        psi = np.zeros((0, n)) if shapes is None else np.asarray(shapes)
+        length = np.sqrt(np.nansum(np.abs(psi) ** 2, axis=0))
+        psi = (psi / np.where(length > 0, length, 1.0))[:, order]
+        seen = np.zeros(n, dtype=bool)
+        seen[list(held_out)] = True
+        own = None if numbers is None else np.asarray(numbers, dtype=np.int64)[order]
+        return cls(
+            f[order], each[0], np.where(each[1] > 0, each[1], np.nan), each[2], psi, each[3],
+            tuple(sensors), own, plane, seen[order], name,
+        )  # fmt: skip
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return len(self.frequency)
+
+    @property
+    def has_shapes(self) -> bool:
+        """Whether there are shapes."""
+        return len(self.shapes) > 1
+
+    @property
+    def noise_level(self) -> float:
+        """Relative deviation that the noise of the frequencies of a fit leaves, root mean square [-]."""
+        return float(np.sqrt((self.frequency_std[self.fitted] ** 2).mean()))
+
+    @property
+    def fitted(self) -> NDArray[np.int64]:
+        """Modes that fits see."""
+        return np.flatnonzero(~self.held_out)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matched:
+    """Computed modes beside measured ones.
+
+    Attributes
+    ----------
+    partner : ndarray of int (n,)
+        Computed mode of each measured one, -1 where it has none.
+    mac : ndarray (n,)
+        Modal assurance criterion with the partner; NaN without shapes [-].
+    """
+
+    partner: NDArray[np.int64]
+    mac: Floats
+
+
+def match(
+    targets: ModeTargets, frequency: Floats, shapes: NDArray[np.number], seen: NDArray[np.bool_]
+) -> Matched:
+    """Find the computed partner of each measured mode.
+
+    With shapes so that the sum of MAC less ``LIKENESS`` |ln f ratio| is largest: modes that have crossed keep
+    their partners. Without, in the order of frequencies; a computed mode between two measured ones may have
+    been missed by the test, at a cost. With numbers as they say.
+
+    Parameters
+    ----------
+    targets : ModeTargets
+    frequency : ndarray (m,)
+        Of the computed modes, rising [Hz].
+    shapes : ndarray (n_out, m)
+        At the sensors.
+    seen : ndarray of bool (m,)
+        Which of them a test can see: no motion of a rigid body, and enough in its plane.
+    """
+    n, nothing = targets.n, np.full(targets.n, np.nan)
+    allowed = np.flatnonzero(seen)
+    if targets.has_shapes:
+        mac = mac_of(targets.shapes, shapes[:, allowed])
+        off = np.abs(np.log(targets.frequency[:, None] / np.maximum(frequency[allowed], 1e-300)))
+        possible = (off < FAR) & (mac >= LEAST_MAC)
+        rows, columns = linear_sum_assignment(np.where(possible, LIKENESS * off - mac, 1e3))
+        partner = np.full(n, -1)
+        ok = possible[rows, columns]
+        partner[rows[ok]] = allowed[columns[ok]]
+        value = nothing.copy()
+        value[rows[ok]] = mac[rows[ok], columns[ok]]
+        return Matched(partner, value)
+    if targets.numbers is not None:
+        partner = np.where(targets.numbers < len(allowed), targets.numbers, -1)
+        return Matched(np.where(partner >= 0, allowed[np.minimum(partner, len(allowed) - 1)], -1), nothing)
+    return Matched(_in_order(targets, frequency, allowed), nothing)
+
+
+def mac_of(measured: NDArray[np.number], computed: NDArray[np.number]) -> Floats:
+    """Return the modal assurance criterion (n, m) over the outputs that each measured shape has."""
+    known = ~np.isnan(measured)
+    psi = np.where(known, measured, 0.0)
+    cross = np.abs(psi.conj().T @ computed) ** 2
+    size = (known.T.astype(float)) @ (np.abs(computed) ** 2)
+    return cross / np.maximum((np.abs(psi) ** 2).sum(axis=0)[:, None] * size, 1e-300)
+
+
+def _in_order(targets: ModeTargets, frequency: Floats, allowed: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return partners that rise with the measured modes, by dynamic programming.
+
+    The cost is Σ ½ ρ(ln f ratio / s)² with a relative scale s = 5 % of what models are off before a fit, and
+    ``UNSEEN_NATS`` for each computed mode that is passed over.
+    """
+    n, m = targets.n, min(len(allowed), 3 * targets.n + 6)
+    if m < n:
+        return np.concatenate([allowed, np.full(n - m, -1)])[:n]
+    off = np.log(targets.frequency[:, None] / np.maximum(frequency[allowed[:m]], 1e-300)) / 0.05
+    cost = 2 * (np.sqrt(1 + off**2 / 2) - 1) * 2
+    best = np.full((n + 1, m + 1), np.inf)
+    best[0] = UNSEEN_NATS * np.arange(m + 1)
+    for i in range(n):
+        for j in range(i, m):
+            best[i + 1, j + 1] = min(best[i, j] + cost[i, j], best[i + 1, j] + UNSEEN_NATS)
+    out, i, j = np.full(n, -1), n, int(np.argmin(best[n]))
+    while i > 0:
+        if best[i, j] == best[i - 1, j - 1] + cost[i - 1, j - 1]:
+            i, j = i - 1, j - 1
+            out[i] = allowed[j]
+        else:
+            j -= 1
+    return out
