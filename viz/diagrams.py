@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import forces_on_lines
-from fem.effects.joint import Joint
-from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.model import Model
 from viz import style
@@ -28,6 +26,8 @@ from viz.triangles import Floats
 POSITIVE, NEGATIVE = "#2c7fb8", "#d95f0e"
 _PIECES = 24
 """Least number of pieces along a member."""
+_HOLDERS = ("support", "joint")
+"""Colours of the marks of effects that hold the structure."""
 _HEIGHT = 0.13
 """Largest ordinate as a part of the structure's size [-]."""
 _AXIS = {"color": style.MUTED, "line_width": 5.0}
@@ -187,8 +187,8 @@ def _pairs(n: int) -> NDArray[np.int64]:
 
 def _holders(model: Model) -> Model:
     """Return a model with supports and joints alone, to draw what holds the structure."""
-    frame = [e for e in model.effects if isinstance(e, Frame | Support | Joint)]
-    return Model(model.mesh, tuple(frame))
+    drawn = [e for e in model.effects if isinstance(e, Frame) or (e.marker and e.marker.colour in _HOLDERS)]
+    return Model(model.mesh, tuple(drawn))
 
 
 def _name_extremes(scene: Scene, solution: StaticSolution, tips: Floats, values: Floats) -> None:

@@ -510,7 +510,7 @@ def test_sets_have_their_place_in_the_seed():
     """The order of the sets is part of what a seed means."""
     assert tuple(SETS) == (
         "single", "null", "withheld", "weak", "two", "faults",
-        "connection", "connections", "mixed", "mounting",
+        "connection", "connections", "mixed", "mounting", "modes", "frequencies", "states", "modes-null",
     )  # fmt: skip
     assert all(KINDS[k].found_as for k in KINDS)
 

@@ -396,7 +396,7 @@ def test_modes_that_join_the_basis_are_exact(kind):
     def error(reduced):
         nothing = np.zeros((model.n_dof, 0))
         e = ParametricFRF(reduced, nothing, nothing, np.ones(1), [], [effect])
-        total, _ = e._matrices(np.zeros(0))
+        total, _ = e.matrices(np.zeros(0))
         lam = np.sort(np.linalg.eigvals(np.linalg.solve(total["M"], total["K"])).real)
         f = np.sqrt(np.maximum(lam, 0.0))[free] / (2 * np.pi)
         return (abs(f - exact) / exact).max()

@@ -471,7 +471,7 @@ def test_directions_that_do_not_exist_are_refused_with_file_and_line(path, direc
 def test_amplitudes_without_phase_are_no_frfs(path):
     with pytest.raises(
         UffError,
-        match=r"line 1 .*FRF 1Z[+]/1Z[+]: its values are real: amplitudes without phase are not used as FRFs",
+        match=r"line 1 .*FRF 1Z[+]/1Z[+]: its values are real: amplitudes without phase, which are not used",
     ):
         quietly(path, record(form=2), reader=read_frf)
 

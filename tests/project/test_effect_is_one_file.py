@@ -45,6 +45,7 @@ ALLOWED = {
         BUILDS,
         {"Joint", "MultiPointConstraint", "RigidLink", "Superelement", "TabulatedStiffness", "Viscoelastic"},
     ),
+    "dovetail/file/loads.py": ("reads motions of supports and joints", {"Joint", "Support"}),
     "dovetail/file/parts.py": (BUILDS, {"AddedMass", "Support"}),
     "dovetail/file/template.py": ("hides a mass in the example that it writes", {"AddedMass"}),
     "dovetail/file/measured_modes.py": ("an example in an error message", {"member_stiffness"}),
@@ -54,7 +55,11 @@ ALLOWED = {
     "dovetail/validation/frames.py": ("makes the model of a case", {"Joint", "Support"}),
     "dovetail/validation/hidden.py": (
         ANSWERS,
-        {"foot_shift", "joint_hole", "joint_offset", "part_shift", "point_mass", "support_shift"},
+        {
+            "crack", "distributed_mass", "end_release", "foot_shift", "joint_hole", "joint_mass",
+            "joint_offset", "member_density", "member_stiffness", "part_shift", "point_mass",
+            "stiffness_loss", "support_shift",
+        },
     ),
     "dovetail/validation/hidden_connections.py": (ANSWERS, {"joint_stiffness", "support_flexibility"}),
     "dovetail/validation/hidden_mountings.py": (
