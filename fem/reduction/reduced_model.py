@@ -218,7 +218,8 @@ class ReducedModel:
             changing = [
                 acting(c)
                 for c in contributions
-                if c.law is not None or any(map(np.iscomplexobj, (c.K, c.M, c.C, c.D)))
+                if c.law is not None
+                or any(X is not None and np.iscomplexobj(X) for X in (c.K, c.M, c.C, c.D))
             ]
             contributions = changing if changing else contributions[:1]
         dofs = np.unique(

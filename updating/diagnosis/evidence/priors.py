@@ -14,10 +14,10 @@ FORM_SECTION = {"Iy": 0.02, "Iz": 0.02, "J": 0.05}
 """Standard deviations of bending and torsional stiffness of members that are alike, relative [-]."""
 FORM_ZONE = {"u": 1.0, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, and of its mass, relative [-]."""
-FORM_MODES, FORM_DAMPING = 0.001, 0.1
-"""Relative errors that frame theory leaves of modes, in eigenvalues, and in damping beside the curve [-]."""
-FORM_STIFFNESS, FORM_LOSS = 0.03, 0.5
-"""Relative errors of elastic connections' stiffness, and of their damping [-]."""
+FORM_DAMPING = 0.1
+"""Standard deviation of a member's loss factor beside the damping curve, in parts of that [-]."""
+FORM_MODES = 0.002
+"""Standard deviation of the relative shift of each mode's eigenvalue that frame theory leaves [-]."""
 PLACE_ODDS = np.log(10.0)
 """Prior odds, as a logarithm, against one more place at which something is missing."""
 UNKNOWN_ODDS = np.log(1e4)

@@ -8,7 +8,7 @@ import numpy as np
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
 from updating.diagnosis.evidence.places import Place
-from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_LOSS, FORM_MODES, FORM_STIFFNESS
+from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.screening import Grid, Screened, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
@@ -93,10 +93,8 @@ class FrfRanking:
         return rivals(problem, last, [Grid.of(problem, e) for e in effects], n_best)
 
     def scatter(self, problem: FitProblem, result: FitResult) -> Scatter | None:
-        """Return errors of modes and of connections."""
-        form = 0.0 if problem.model_error == 0 else 1.0
-        modes, connections = (form * FORM_MODES, FORM_DAMPING), (form * FORM_STIFFNESS, form * FORM_LOSS)
-        return scatter_of(problem, result, modes, connections)
+        """Return the damping of single members, and shifts of modes where the form is not right."""
+        return scatter_of(problem, result, FORM_DAMPING, FORM_MODES if problem.model_error > 0 else 0.0)
 
     def basis_for(
         self, problem: FitProblem, result: FitResult, n_lines: int, share: float

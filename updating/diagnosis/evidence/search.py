@@ -23,7 +23,6 @@ from updating.diagnosis.evidence.scan import Scanned
 from updating.inference.fit import FitProblem
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
-from updating.inference.scatter import Scatter
 
 QUICK_LINES, FULL_LINES = 40, 100
 """Lines of quick fits, and of full ones."""
@@ -71,13 +70,10 @@ class Hypothesis:
     fitted : Fitted
     prior : float
         Logarithm of its prior probability, up to a constant.
-    scatter : Scatter, optional
-        Errors of modes around it.
     """
 
     fitted: Fitted
     prior: float
-    scatter: Scatter | None = None
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -375,7 +371,7 @@ class Search:
             model = reduced.model.with_values(values)
             reduced = ReducedModel(model, reduced.basis, assemble(model, reciprocal=False))
         own = tuple(n for n in self.problem.nuisances if n.effect not in names)
-        return replace(self.problem, reduced=reduced, nuisances=own, scatter=base.scatter)
+        return replace(self.problem, reduced=reduced, nuisances=own)
 
     def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
         """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
@@ -479,13 +475,11 @@ class Search:
         return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
 
     def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis fitted on with errors of modes and connections, by their slopes there."""
+        """Return a hypothesis fitted on with the small deviations of its form, by their slopes there."""
         scatter = self.ranking.scatter(problem, h.fitted.result)
         whole: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
         problem, values = replace(problem, scatter=scatter), values_of(h.effects)
-        return replace(
-            h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, **whole), scatter=scatter
-        )
+        return replace(h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, **whole))
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
