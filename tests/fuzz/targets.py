@@ -225,18 +225,6 @@ def _mat_seeds(folder: Path) -> list[bytes]:
     ]
 
 
-def _hdf5_seeds(folder: Path) -> list[bytes]:
-    def write(path: Path) -> None:
-        import h5py
-
-        frf = _frf()
-        with h5py.File(path, "w") as file:
-            file["f"], file["H"] = frf.frequency, frf.H
-            file["H"].attrs["units"] = "g/N"
-
-    return _written(folder, ".h5", write)
-
-
 def _wav_seeds(folder: Path) -> list[bytes]:
     values = np.random.default_rng(2).integers(-3000, 3000, (40, 2)).astype("int16")
     return _written(folder, ".wav", lambda p: wavfile.write(p, 512, values))
@@ -264,7 +252,6 @@ TARGETS: dict[str, Target] = {
         Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), read_mesh),
         Target("npz", "f.npz", _npz_seeds, _read_npz, _draw_npz),
         Target("mat", "f.mat", _mat_seeds, _read_named),
-        Target("h5", "f.h5", _hdf5_seeds, _read_named),
         Target("wav", "f.wav", _wav_seeds, read_time_data),
         Target("columns", "f.txt", _texts(decks.COLUMNS), _read_columns),
         Target("csv", "f.csv", _texts(decks.CSV), lambda path: read_csv(path)),
