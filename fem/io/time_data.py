@@ -183,6 +183,8 @@ def _wav(path: Path, sample_rate: float | None) -> TimeData:
     cut = next((str(w.message) for w in caught if "EOF" in str(w.message)), None)
     if cut is not None:
         _refuse(path, f"it is cut short ({cut})")
+    if not values.size:
+        _refuse(path, "it holds no samples")
     values = values.reshape(len(values), -1)
     full = None
     if values.dtype.kind in "iu":

@@ -11,6 +11,12 @@ RATE, F0, ZETA = 1024.0, 60.0, 0.02
 G0 = 9.80665
 
 
+def arrays(path):
+    """Return the arrays of an npz file."""
+    with np.load(path) as file:
+        return dict(file)
+
+
 def response(force):
     """Return the displacement of 1 kg on a spring by the impulse-invariant filter, exact for samples."""
     w = 2 * np.pi * F0
@@ -50,7 +56,7 @@ def run(path, *more):
 def test_hits_become_receptances_with_coherence(tmp_path, capsys):
     path = record(tmp_path, hits())
     assert run(path, "--hits", "1.4", "--band", "5", "150", "--picture", str(tmp_path / "p.png")) == 0
-    found = np.load(tmp_path / "frf.npz")
+    found = arrays(tmp_path / "frf.npz")
     frf = read_frf(tmp_path / "frf.npz")
     assert (frf.kind, frf.outputs, frf.inputs) == ("receptance", ("motion",), ("hammer",))
     # the motion falls by exp(-2π 60 0.02 1.4) = 3e-5 within a block
@@ -70,7 +76,7 @@ def test_double_hits_and_overloads_are_left_out_with_a_warning(tmp_path, capsys)
     err = capsys.readouterr().err
     assert "hit 2 is left out: double hit" in err
     assert "hit 3 is left out: overload in force 1" in err
-    assert np.load(tmp_path / "frf.npz")["averages"] == 2
+    assert arrays(tmp_path / "frf.npz")["averages"] == 2
 
 
 def test_blocks_that_end_too_soon_and_the_exponential_window_are_said(tmp_path, capsys):
@@ -81,7 +87,7 @@ def test_blocks_that_end_too_soon_and_the_exponential_window_are_said(tmp_path, 
     out = capsys.readouterr().out
     decay = -np.log(0.01) * RATE / 205  # samples of 0.2 s
     assert f"adds {decay:.4g} 1/s to the decay" in out
-    assert np.load(tmp_path / "frf.npz")["added_decay"] == pytest.approx(decay)
+    assert arrays(tmp_path / "frf.npz")["added_decay"] == pytest.approx(decay)
 
 
 def test_random_forces_by_blocks_into_a_universal_file(tmp_path):
@@ -104,13 +110,13 @@ def test_scales_go_before_units_and_channels_without_units_are_said(tmp_path, ca
     assert (
         "channel motion of r.csv has the unit 'V' and is taken to be in SI units" in capsys.readouterr().out
     )
-    plain = np.load(tmp_path / "frf.npz")["H"]
+    plain = arrays(tmp_path / "frf.npz")["H"]
     assert (
         run(path, "--hits", "1.4", "--band", "5", "150", "--kind", "receptance", "--scale", "motion=0.25")
         == 0
     )
     assert "taken to be" not in capsys.readouterr().out
-    np.testing.assert_allclose(np.load(tmp_path / "frf.npz")["H"], 0.25 * plain)
+    np.testing.assert_allclose(arrays(tmp_path / "frf.npz")["H"], 0.25 * plain)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +142,7 @@ def test_records_of_hits_are_joined(tmp_path, capsys):
     ]
     out = ["--out", str(tmp_path / "frf.npz"), "--band", "5", "150"]
     assert main(["frf-estimate", *paths, *out, "--hits", "1.4"]) == 0
-    assert np.load(tmp_path / "frf.npz")["averages"] == 4
+    assert arrays(tmp_path / "frf.npz")["averages"] == 4
     assert main(["frf-estimate", *paths, *out]) == 2
     assert "several records are joined where --hits" in capsys.readouterr().err
     other = record(tmp_path, hits(), unit="m", name="c.csv")
