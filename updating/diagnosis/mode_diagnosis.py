@@ -13,7 +13,7 @@ from fem.model import Effect, Model
 from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
-from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
+from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, searched, told
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Hypothesis, Search
@@ -165,21 +165,37 @@ def search_modes(
     """Search what a model lacks by measured modes; parameters as of :func:`diagnose_modes`."""
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
-    model, mesh = fine_enough(with_higher_mass(model), targets)
-    form, own = form_of(model) if model_error > 0 else ((), ())
-    formed = model
-    for effect in form:
-        formed = formed.with_effect(effect)
-    every = (*nuisances, *own)
-    problem = build_mode_problem(
-        formed, targets, every, damping_std=damping_std, model_error=model_error, mesh_level=mesh
+    problem, model, formed, own = formed_problem(
+        model, targets, nuisances, damping_std=damping_std, model_error=model_error
     )
     say("fitting the uncertain parameters", 0.05)
     candidates = candidates_for(model, targets, kinds, exclude)
-    search = Search(problem, own, candidates, partial(_told, say), ranking=ModeRanking())
-    best = search.run()
-    say("refining", 0.9)
-    return Searched(search, search.polished(best), (), float("nan"), formed)
+    return searched_modes(
+        Search(problem, own, candidates, partial(told, say), ranking=ModeRanking()), formed, say
+    )
+
+
+def formed_problem(
+    model: Model,
+    targets: ModeTargets,
+    nuisances: Sequence[Nuisance],
+    *,
+    damping_std: float,
+    model_error: float,
+) -> tuple[ModeProblem, Model, Model, tuple[Nuisance, ...]]:
+    """Return a problem, its model refined and that with its uncertain form, and the form's parameters."""
+    model, mesh = fine_enough(with_higher_mass(model), targets)
+    form, own = form_of(model) if model_error > 0 else ((), ())
+    formed = model.with_effect(*form)
+    problem = build_mode_problem(
+        formed, targets, (*nuisances, *own), damping_std=damping_std, model_error=model_error, mesh_level=mesh
+    )
+    return problem, model, formed, own
+
+
+def searched_modes(search: Search, model: Model, say: Progress) -> Searched:
+    """Return a search by modes of a model that has ended."""
+    return searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
 
 
 def candidates_for(
@@ -194,10 +210,6 @@ def candidates_for(
     if kinds is None and not np.isfinite(targets.zeta).any():
         every = [e for e in every if Role.DISSIPATION not in e.role]
     return tuple(every)
-
-
-def _told(say: Progress, text: str) -> None:
-    say(text, 0.5)
 
 
 def diagnose_modes(

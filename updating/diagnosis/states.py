@@ -7,6 +7,7 @@ it is taken off the second one's data. Then only the difference is left to expla
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +15,23 @@ from scipy.optimize import linear_sum_assignment
 
 from fem.model import Model
 from updating.diagnosis.begin import Progress
-from updating.diagnosis.evidence.diagnosis import Searched
+from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.fitting import Fitted, fit
-from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, candidates_for, concluded
+from updating.diagnosis.mode_diagnosis import (
+    ModeDiagnosis,
+    candidates_for,
+    concluded,
+    formed_problem,
+    searched_modes,
+)
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.mode_fit import ModeProblem, matched_modes
-from updating.inference.mode_preparation import build_mode_problem, fine_enough
+from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import FAR, LIKENESS, ModeTargets, mac_of
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import fitted_model, with_higher_mass
+from updating.inference.preparation import fitted_model
 
 CHANGED = 0.1
 """Share of the form's error that is not common to both states: it acts on what has changed alone [-]."""
@@ -42,14 +48,11 @@ class Calibrated:
     problem : ModeProblem
         Of the first state.
     fitted : Fitted
-    mesh : float
-        Relative error of frequencies that the mesh leaves [-].
     """
 
     model: Model
     problem: ModeProblem
     fitted: Fitted
-    mesh: float
 
 
 def calibrate(
@@ -61,15 +64,11 @@ def calibrate(
     model_error: float = EXPLAINED_LEVEL,
 ) -> Calibrated:
     """Fit uncertain parameters, and the form's, to the modes of the first state."""
-    model, mesh = fine_enough(with_higher_mass(model), before)
-    form, own = form_of(model) if model_error > 0 else ((), ())
-    for effect in form:
-        model = model.with_effect(effect)
-    problem = build_mode_problem(
-        model, before, (*nuisances, *own), damping_std=damping_std, model_error=model_error, mesh_level=mesh
+    problem, _, formed, _ = formed_problem(
+        model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
     fitted = fit(problem)
-    return Calibrated(fitted_model(model, fitted.result), problem, fitted, mesh)
+    return Calibrated(fitted_model(formed, fitted.result), problem, fitted)
 
 
 def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
@@ -190,11 +189,8 @@ def diagnose_change(
     )
     problem = replace(problem, damping=curve)
     candidates = candidates_for(first.model, data, kinds, exclude)
-    search = Search(problem, (), candidates, lambda text: say(text, 0.5), ranking=ModeRanking())
-    best = search.run()
-    say("refining", 0.9)
-    done = Searched(search, search.polished(best), (), float("nan"), first.model)
-    out = concluded(done, begun)
+    search = Search(problem, (), candidates, partial(told, say), ranking=ModeRanking())
+    out = concluded(searched_modes(search, first.model, say), begun)
     level = 100 * first.fitted.level
     note = (
         f"the first state was met to {level:.2g} % in frequency; what is left there was taken off the second "

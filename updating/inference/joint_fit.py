@@ -12,7 +12,6 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeFunction, ModeProblem
-from updating.inference.scatter import Scatter
 from updating.inference.solve import Solution
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
@@ -78,11 +77,6 @@ class JointFunction(FitFunction):
         assert self.frf is not None
         assert self.modes is not None
         return self.frf, self.modes
-
-    def with_scatter(self, scatter: Scatter | None) -> FitFunction:
-        """Return the function with small deviations of the FRFs among its unknowns."""
-        frf, modes = self.both
-        return JointFunction.of(frf.with_scatter(scatter), modes)
 
     def __call__(
         self, x: NDArray[np.float64], gradient: bool

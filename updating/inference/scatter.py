@@ -1,7 +1,7 @@
-"""Damping that scatters among members: small deviations that every model has, by their slopes.
+"""Small deviations that every model has, by their slopes: damping of members, and modes off in frequency.
 
-Members of one material dissipate by some per cent more or less than each other. A damping curve over
-frequency cannot say so, and thousands of lines see it.
+Members of one material dissipate by some per cent more or less than each other, which a damping curve over
+frequency cannot say. Beams against real structures differ mostly in frequencies. Thousands of lines see both.
 """
 
 from collections.abc import Callable

@@ -159,7 +159,7 @@ def begin_search(
     whole, result, faults = find_faults(whole, whole.assessed(null.result))
     whole = replace(with_seen_noise(whole, null.result), modes=modes)
     candidates = _candidates(model, measurement, kinds, exclude)
-    search = Search(whole, own, candidates, partial(_told, progress))
+    search = Search(whole, own, candidates, partial(told, progress))
     if modes is not None:
         null = fit(whole, n_lines=FULL_LINES, x_from=result)
         result = null.result
@@ -190,5 +190,6 @@ def _candidates(
     return tuple(e for e in propose(model, kinds, exclude, measurement) if not e.is_form)
 
 
-def _told(say: Progress, text: str) -> None:
+def told(say: Progress, text: str) -> None:
+    """Report a text of the search, which does not know how far it is."""
     say(text, 0.5)
