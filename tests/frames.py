@@ -310,6 +310,25 @@ def rows_at(model, frame, readings):
     return R
 
 
+MAST = """\
+[points]
+foot = [0.0, 0.0, 0.0]
+tip = [0.0, 0.0, 1.0]
+
+[members.mast]
+from = "foot"
+to = "tip"
+section = { shape = "rectangle", b = 0.03, h = 0.01 }
+
+[materials.steel]
+E = 210e9
+rho = 7850.0
+
+[[supports]]
+point = "foot"
+"""
+"""A mast of 1 m on a support, of a study."""
+
 CROSSED_BEAMS = """
 [materials.steel]
 E = 210e9

@@ -5,24 +5,10 @@ import pytest
 from scipy.io import savemat
 
 from dovetail import StudyError, load_study
+from tests.frames import MAST
 
-STUDY = """\
-[points]
-foot = [0.0, 0.0, 0.0]
-tip = [0.0, 0.0, 1.0]
-
-[members.mast]
-from = "foot"
-to = "tip"
-section = { shape = "rectangle", b = 0.03, h = 0.01 }
-
-[materials.steel]
-E = 210e9
-rho = 7850.0
-
-[[supports]]
-point = "foot"
-
+STUDY = f"""\
+{MAST}
 [[sensors]]
 name = "s1"
 point = [0.0, 0.0, 0.5]

@@ -5,24 +5,10 @@ import pytest
 
 from dovetail import StudyError, load_study
 from dovetail.file.paths import input_files, with_paths
+from tests.frames import MAST
 
-MODEL = """\
-[points]
-foot = [0.0, 0.0, 0.0]
-tip = [0.0, 0.0, 1.0]
-
-[members.mast]
-from = "foot"
-to = "tip"
-section = { shape = "rectangle", b = 0.03, h = 0.01 }
-
-[materials.steel]
-E = 210e9
-rho = 7850.0
-
-[[supports]]
-point = "foot"
-
+MODEL = f"""\
+{MAST}
 [frequency]
 stop = 60.0
 """
