@@ -13,6 +13,8 @@ from fem.effects.member_damping import MemberDamping
 from fem.reduction.local_changes import LocalChanges
 from tests.frames import write_study
 from updating.diagnosis.evidence.fitting import with_seen_noise
+from updating.diagnosis.evidence.priors import FORM_MODES
+from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.preparation import direct_responses
 from updating.inference.scatter import scatter_of
@@ -135,6 +137,14 @@ def test_slopes_of_the_scatter_are_those_of_shifted_eigenvalues(problem, fitted)
     for mode, slope in enumerate(slopes):
         expected = np.log(receptances(problem, fitted, lines, partial(shifted, mode)) / plain) / 1e-6
         np.testing.assert_allclose(slope, expected, atol=max(1e-3 * np.abs(expected).max(), 1e-6))
+
+
+def test_modes_are_uncertain_where_the_form_is_not_right(problem, fitted):
+    exact, real = (FrfRanking().scatter(replace(problem, model_error=e), fitted).std for e in (0.0, 0.3))
+    n_members = len(problem.reduced.model.mesh.members)
+    np.testing.assert_array_equal(real[:n_members], exact)
+    assert len(real) > n_members
+    np.testing.assert_array_equal(real[n_members:], FORM_MODES)
 
 
 def test_a_fit_with_scatter_moves_it_and_keeps_the_values_it_reports(problem, fitted):
