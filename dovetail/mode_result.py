@@ -1,4 +1,4 @@
-"""What a run on modes found: the object, its form as ``result.json``, and explanations in words."""
+"""The result of a run on modes, and its form as ``result.json``."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -93,13 +93,3 @@ def mode_result_dict(done: ModeRunResult) -> dict[str, Any]:
         "measured_notes": list(study.measured_notes),
         "warnings": list(study.warnings),
     }
-
-
-def explanation_text(e: Explanation) -> str:
-    """Return an explanation with the values of its effects."""
-    values = [
-        f"{p.name} {p.value:.3g}{'' if p.at_bound else f' ± {p.std:.1g}'} {p.unit}"
-        for parameters in e.parameters
-        for p in parameters
-    ]
-    return f"{e.label}: {', '.join(values)}" if values else e.label

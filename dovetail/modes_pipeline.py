@@ -11,7 +11,8 @@ from dovetail.disk.output import Output, check_outputs, result_folder, write_jso
 from dovetail.file.contents import Study
 from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.paths import input_files
-from dovetail.mode_result import ModeRunResult, explanation_text, mode_result_dict
+from dovetail.mode_result import ModeRunResult, mode_result_dict
+from dovetail.report.words import explanation_text
 from dovetail.result import JSON, REPORT
 from fem.io.atomic import replacing
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, fields
 from html import escape
 
-from dovetail.mode_result import explanation_text
 from dovetail.notebook.html import number, table
+from dovetail.report.words import explanation_text
 from updating.diagnosis import mode_diagnosis
 
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from dovetail.mode_result import ModeRunResult, explanation_text
+from dovetail.mode_result import ModeRunResult
 from dovetail.report.answer import CLASS
 from dovetail.report.page import Markup, bullets, page, paragraph, section, table, tag
+from dovetail.report.words import explanation_text
 from updating.diagnosis.mode_diagnosis import ModeTable
 
 

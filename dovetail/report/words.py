@@ -9,6 +9,7 @@ from fem.model import Effect, Parameter
 from fem.summary import percent
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
+from updating.diagnosis.mode_diagnosis import Explanation
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
@@ -87,6 +88,12 @@ def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:
     if not math.isfinite(of.absent):
         return f"{text} instead of rigid"
     return f"{text} instead of {with_unit(of.absent, p.unit, like=near(of.absent, p.value))}"
+
+
+def explanation_text(e: Explanation) -> str:
+    """Return an explanation with the values of its effects."""
+    values = [f"{p.name} {fitted_text(p)}" for parameters in e.parameters for p in parameters]
+    return f"{e.label}: {', '.join(values)}" if values else e.label
 
 
 def near(value: float, other: float) -> float | None:
