@@ -331,11 +331,11 @@ def _notes(problem: ModeProblem) -> tuple[str, ...]:
     t, out = problem.targets, []
     if not t.has_shapes:
         out.append(
-            f"{len(t.fitted)} natural frequencies without shapes say how much is missing, hardly where: read "
-            "the explanations as a set"
+            f"{len(t.fitted)} natural frequencies without shapes hardly locate an effect: read the "
+            "explanations as a set"
         )
     if not np.isfinite(t.zeta).any():
-        out.append("there are no damping ratios: nothing is said of damping")
+        out.append("no damping ratios are given: the data do not determine damping")
     return tuple(out)
 
 

@@ -193,7 +193,7 @@ def diagnose_change(
     out = concluded(searched_modes(search, first.model, say), begun)
     level = 100 * first.fitted.level
     note = (
-        f"the first state was met to {level:.2g} % in frequency; what is left there was taken off the second "
-        "state, and what follows is the difference"
+        f"the calibrated model misses the first state's frequencies by {level:.2g} %; these residuals were "
+        "subtracted from the second state, so that only the change remains"
     )
     return replace(out, notes=(note, *out.notes))
