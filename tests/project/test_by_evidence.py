@@ -140,9 +140,7 @@ def test_faults_are_right_only_all_together():
     assert not table.faults_are([], [found])
 
 
-@pytest.mark.parametrize(
-    ("path", "name"), [(path, name) for path in (FURTHER, LATER) for name in read(path)]
-)
+@pytest.mark.parametrize(("path", "name"), [(path, name) for path in (FURTHER, LATER) for name in read(path)])
 def test_a_named_structure_is_whole_and_in_no_other_file(path, name):
     structure = read(path)[name]
     assert [name in read(p) for p in (STRUCTURES, FURTHER, LATER)].count(True) == 1
