@@ -10,7 +10,8 @@ import pytest
 from dovetail.validation.calibration import read_records
 from dovetail.validation.evidence import at_truth
 from tests.independent import by_evidence, table
-from tests.independent.foreign.structure import FURTHER, read
+from tests.independent.foreign.parts import PIECES
+from tests.independent.foreign.structure import FURTHER, LATER, STRUCTURES, read
 
 
 def candidate(kind, where, **parameters):
@@ -139,10 +140,10 @@ def test_faults_are_right_only_all_together():
     assert not table.faults_are([], [found])
 
 
-@pytest.mark.parametrize("name", list(read(FURTHER)))
-def test_a_further_structure_is_whole_and_none_of_the_usual_ones(name):
-    structure, usual = read(FURTHER)[name], read()
-    assert name not in usual
+@pytest.mark.parametrize(("path", "name"), [(path, name) for path in (FURTHER, LATER) for name in read(path)])
+def test_a_named_structure_is_whole_and_in_no_other_file(path, name):
+    structure = read(path)[name]
+    assert [name in read(p) for p in (STRUCTURES, FURTHER, LATER)].count(True) == 1
     names = [s["name"] for s in structure.channels]
     assert len(set(names)) == len(names)
     assert set(structure.excitations) <= set(names)
@@ -153,6 +154,32 @@ def test_a_further_structure_is_whole_and_none_of_the_usual_ones(name):
         points = [structure.members[m].at(s) for m, s in c.sides]
         assert all(0 <= s <= structure.members[m].length for m, s in c.sides)
         assert np.ptp(points, axis=0).max() < 0.03  # what is bolted together lies on each other
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [(p, name) for p in (STRUCTURES, FURTHER, LATER) for name, s in read(p).items() if not s.solid],
+)
+def test_beams_of_one_body_are_connected_at_nodes(path, name):
+    """A member that crosses another one between two nodes is not welded to it."""
+    structure = read(path)[name]
+    marks = [*structure.sensors, *(side for c in structure.connections.values() for side in c.sides)]
+    nodes = {
+        m: {
+            tuple(member.at(s).round(5))
+            for s in (*np.linspace(0, member.length, PIECES + 1), *(at[1] for at in marks if at[0] == m))
+        }
+        for m, member in structure.members.items()
+    }
+    for body in structure.bodies:
+        first, *left = body
+        reached, before = set(nodes[first]), len(left) + 1
+        while len(left) < before:
+            before = len(left)
+            for m in [m for m in left if nodes[m] & reached]:
+                reached |= nodes[m]
+                left.remove(m)
+        assert not left
 
 
 @pytest.mark.shared("data/independent-cases")
