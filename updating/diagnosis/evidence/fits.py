@@ -125,6 +125,22 @@ class Fits:
         fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in begun]
         return max(fits, key=lambda h: h.score)
 
+    def pruned(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return a hypothesis without those of several new effects whose absence raises its score.
+
+        On few lines; one of them stays.
+        """
+        while len(h.effects) > len(base.effects) + 1:
+            fewer = [
+                tuple(x for x in h.effects if x.name != e.name) for e in h.effects if e.name not in base.key
+            ]
+            options = possible(partial(self.quickly, quick, h, rest, values_of(rest)) for rest in fewer)
+            best = max(options, key=lambda o: o.score, default=h)
+            if best.score <= h.score:
+                break
+            h = best
+        return h
+
     def quickly(
         self, quick: AnyProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
     ) -> Hypothesis:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import partial
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.priors import TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.scan import Scanned
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
 
@@ -33,6 +34,8 @@ N_PLACES, N_PAIRS, N_FULL, N_FINAL, N_BEAM = 4, 2, 6, 3, 2
 connections; of hypotheses that are fitted fully at most and at least, and kept."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
+N_SHORT = 3
+"""For each hypothesis that is fitted on, so many of the best candidates get a short fit."""
 MOST_FITS = 3
 """A hypothesis is fitted fully from at most so many values."""
 N_RIVALS = 6
@@ -41,7 +44,11 @@ MOST_EFFECTS = 6
 """Largest number of effects in a hypothesis."""
 BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
 """Kinds that give way in single directions: all of a connection's together are its block."""
-BLOCK_SHARES = (0.2, 0.6)
+CONNECTIONS = ("joint", "support", "end")
+"""Kinds of places that have such springs."""
+MOST_PAIRED = 8
+"""Pairs are made of so many connections."""
+BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
 BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
 """The basis gets responses at so many lines of what was found while it errs there by more than this share of
@@ -101,9 +108,9 @@ def _shortly(
     return fits.shortly(quick, base, effects, starts)
 
 
-def _continued(shared: tuple[Fits, AnyProblem], item: list[Hypothesis]) -> Hypothesis:
-    fits, quick = shared
-    return fits.continued(quick, item)
+def _continued(shared: tuple[Fits, AnyProblem, Hypothesis], item: list[Hypothesis]) -> Hypothesis:
+    fits, quick, base = shared
+    return fits.pruned(quick, fits.continued(quick, item), base)
 
 
 def _quickly(
@@ -200,8 +207,9 @@ class Search:
             for k, (fits, first) in enumerate(short)
             if k < self.ranking.breadth or first
         ]
-        tried = self.workers.map(_continued, (self.fits, quick), begun)
-        tried.sort(key=lambda h: -h.score)
+        tried = self.workers.map(_continued, shared, begun)
+        best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
+        tried = sorted(best.values(), key=lambda h: -h.score)
         now = self.fits.quickly(quick, base, base.effects, kept).score
         least = 1 if base.effects else N_FINAL
         tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][:N_FULL]
@@ -264,7 +272,6 @@ class Search:
             return effect.name not in base.key and not fields & set(effect.released())
 
         singles = [s for s in ranked if len(s.places) == 1]
-        pairs = [s for s in ranked if len(s.places) == 2][:N_PAIRS]
         self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
         within = {r: v for r, v in current.values.items() if r[0] not in self.fits.form_names}
         now = replace(current, values=within)
@@ -274,7 +281,7 @@ class Search:
         screened = self.ranking.screened(
             quick, now, [c for c in self.candidates if fits(c)], lambda e: e.name in there
         )
-        chosen = list(screened[: self.ranking.breadth])
+        chosen = list(screened[: N_SHORT * self.ranking.breadth])
         for names in held:
             best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
@@ -282,37 +289,58 @@ class Search:
         out: list[Proposal] = [
             ((s.effect,), [(start,) for start in s.starts], s.effect.name in first) for s in chosen
         ]
-        done = {frozenset([e.name for e in effects]) for effects, *_ in out}
-        connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")][:N_PLACES]
-        for scanned in (*connections, *pairs):
-            block = [
-                e
-                for p in scanned.places
-                for e in p.effects
-                if e.kind in BLOCK_KINDS and _turns(e) and fits(e)
-            ]
-            key = frozenset(e.name for e in block)
-            if len(block) > 1 and key not in done:
-                done.add(key)
-                out.append((tuple(block), self.block_starts(block), False))
-        return out
+        return out + self.blocks(quick, now, ranked, fits)
+
+    def blocks(
+        self,
+        quick: AnyProblem,
+        now: FitResult,
+        ranked: Sequence[Scanned],
+        fits: Callable[[Effect], bool],
+    ) -> list[Proposal]:
+        """Return the springs of a connection in all directions, and of two connections.
+
+        At the first places of the scan, and where their small changes together explain the residuals best.
+        """
+        springs: dict[str, tuple[Effect, ...]] = {}
+        for p in self.places:
+            own = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and fits(e))
+            if p.kind in CONNECTIONS and own:
+                springs[p.whole] = springs.get(p.whole, ()) + own
+        scanned = [tuple(e for p in s.places for e in springs.get(p.whole, ())) for s in ranked]
+        one = [s for s, r in zip(scanned, ranked, strict=True) if s and len(r.places) == 1][:N_PLACES]
+        two = [s for s, r in zip(scanned, ranked, strict=True) if s and len(r.places) == 2][:N_PAIRS]
+        alone = self.ranking.blocks(quick, now, list(springs.values()))
+        first = [each[0].effects for each in alone[:MOST_PAIRED]]
+        paired = self.ranking.blocks(quick, now, [*two, *(a + b for a, b in combinations(first, 2))])
+        keys = {key_of(block) for block in (*one, *two)}
+        chosen = [
+            each
+            for blocks, n in ((alone, N_PLACES), (paired, N_PAIRS))
+            for k, each in enumerate(blocks)
+            if k < n or key_of(each[0].effects) in keys
+        ]
+        out: dict[frozenset[str], Proposal] = {}
+        for each in chosen:
+            block = each[0].effects
+            if len(block) > 1:
+                starts = [*(b.start for b in each), *self.block_starts(block)]
+                out[key_of(block)] = block, starts, False
+        return list(out.values())
 
     def block_starts(self, block: Sequence[Effect]) -> Starts:
-        """Return starts in which each direction gives way a little or much, by the effects' own grids.
+        """Return starts in which directions give way a little or much, by the effects' own grids.
 
-        All combinations at one place; at several, each place's directions together.
+        At one place those along and those about axes together; at several, each place's directions.
         """
         grids = [sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block]
         places = [place_of(e)[1] for e in block]
-        groups = (
-            list(range(len(block)))
-            if len(set(places)) == 1
-            else [sorted(set(places)).index(p) for p in places]
-        )
-        out = []
-        for shares in product(BLOCK_SHARES, repeat=max(groups) + 1):
-            out.append(tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True)))
-        return out[: 2**4]
+        names = [str(_turns(e)) for e in block] if len(set(places)) == 1 else places
+        groups = [sorted(set(names)).index(name) for name in names]
+        return [
+            tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True))
+            for shares in product(BLOCK_SHARES, repeat=max(groups) + 1)
+        ]
 
     # fits ---------------------------------------------------------------------------------------------------
 
