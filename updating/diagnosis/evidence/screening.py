@@ -173,12 +173,14 @@ def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tu
         The model so far, with the effects already found.
     grids : sequence of Grid
     """
+    if not grids:
+        return ()
     looks = [look_at(problem, base) for base in (current, problem.at_nominal(current))]
     tried = [[start for look in looks for start in look.best_starts(grid)] for grid in grids]
     costs = np.array([[cost for cost, _ in starts] for starts in tried]).reshape(len(grids), -1)
     rank = np.argsort(np.argsort(costs, axis=0, kind="stable"), axis=0)
     out = []
-    for i in np.argsort(rank.min(axis=1), kind="stable") if len(grids) else ():
+    for i in np.argsort(rank.min(axis=1), kind="stable"):
         if not np.isfinite(costs[i]).any():
             continue
         points: list[dict[str, float]] = []

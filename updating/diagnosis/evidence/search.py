@@ -55,7 +55,7 @@ BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
 the level."""
 Say = Callable[[str], None]
 Proposal = tuple[tuple[Effect, ...], Starts, bool]
-"""Effects to add, values to start from, and whether they are one effect at the first place of the scan."""
+"""Effects to add, values to start from, and whether they are at the first place of the scan."""
 
 
 def _size(effect: Effect, values: dict[str, float]) -> float:
@@ -325,7 +325,7 @@ class Search:
             block = each[0].effects
             if len(block) > 1:
                 starts = [*(b.start for b in each), *self.block_starts(block)]
-                out[key_of(block)] = block, starts, False
+                out[key_of(block)] = block, starts, block in one[:1]
         return list(out.values())
 
     def block_starts(self, block: Sequence[Effect]) -> Starts:
