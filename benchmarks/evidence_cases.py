@@ -53,7 +53,7 @@ def told(done):
     """Return what was found, how probable that is, and what is left."""
     search, best = done.search, done.best
     nothing = search.known[frozenset()]
-    floor = search.floor * DB_PER_NEPER / 2**0.5
+    floor = search.fits.floor * DB_PER_NEPER / 2**0.5
     faults = ", ".join(f"{f.kind} {f.sensor}" for f in done.faults) or "no faults"
     return (
         f"{best.name}; {faults}",

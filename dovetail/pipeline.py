@@ -46,7 +46,9 @@ N_BANDS = 8
 """Bands of the comparison."""
 
 
-def run(study: Study, out: Path, progress: Progress | None = None, *, force: bool = False) -> RunResult:
+def run(
+    study: Study, out: Path, progress: Progress | None = None, *, force: bool = False, processes: int = 1
+) -> RunResult:
     """Find what a study's model lacks, and write a report.
 
     ``out`` gets ``report.html``, ``result.json``, ``frf.npz``, ``pictures/`` and ``found.toml``, the study
@@ -61,6 +63,8 @@ def run(study: Study, out: Path, progress: Progress | None = None, *, force: boo
         Called with a text and the fraction done.
     force : bool
         Whether to write into a folder that holds other files.
+    processes : int
+        So many fit side by side.
 
     Raises
     ------
@@ -73,15 +77,15 @@ def run(study: Study, out: Path, progress: Progress | None = None, *, force: boo
     measured(study)
     check_outputs(input_files(study.path), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
-        result = analyse(study, out, _part(say, 0.0, 0.85))
+        result = analyse(study, out, _part(say, 0.0, 0.85), processes)
         write(result, scratch, _part(say, 0.85, 1.0))
     return result
 
 
-def analyse(study: Study, folder: Path, say: Progress) -> RunResult:
+def analyse(study: Study, folder: Path, say: Progress, processes: int = 1) -> RunResult:
     """Compare, diagnose and locate; nothing is drawn or written."""
     begun = time.perf_counter()
-    diagnosis = diagnose_study(study, say)
+    diagnosis = diagnose_study(study, say, processes)
     say("comparing", 1.0)
     return analysed(study, diagnosis, folder, begun)
 
@@ -133,7 +137,7 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
         scratch.write_bytes(found_text(result, result.folder).encode())
 
 
-def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
+def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
     more: dict[str, Any] = {}
     if study.modes is not None:
@@ -149,6 +153,7 @@ def diagnose_study(study: Study, say: Progress | None = None) -> Diagnosis:
         n_lines=study.n_lines or N_FIT_LINES,
         model_error=study.model_error,
         progress=say,
+        processes=processes,
         **more,
     )
 

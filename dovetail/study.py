@@ -220,7 +220,7 @@ class Study(config.Study):
         elastic = range(modes.n_rigid, min(modes.n_rigid + n, len(modes.frequency)))
         return modes_figure(self.model, modes, list(elastic), title=f"{self.name}, {self.label}")
 
-    def diagnose(self, progress: Progress | None = None) -> Diagnosis | ModeDiagnosis:
+    def diagnose(self, progress: Progress | None = None, processes: int = 1) -> Diagnosis | ModeDiagnosis:
         """Return which effects the model lacks; see :func:`updating.diagnose`.
 
         By FRFs; by measured modes where the study has nothing else.
@@ -229,6 +229,9 @@ class Study(config.Study):
         ----------
         progress : callable, optional
             Called with a text and the fraction done; an exception from it ends the search.
+        processes : int
+            So many processes fit side by side, with the same result. With more than one, a script must guard
+            its own work by ``if __name__ == "__main__":``.
 
         Raises
         ------
@@ -237,7 +240,7 @@ class Study(config.Study):
         """
         if has_modes_alone(self):
             return ModeDiagnosis.of(diagnose_study_modes(self, progress))
-        return Diagnosis.of(diagnose_study(self, progress))
+        return Diagnosis.of(diagnose_study(self, progress, processes))
 
     def candidates(
         self, kinds: Sequence[str] | str | None = None, at: Sequence[str] | str | None = None
@@ -382,9 +385,11 @@ class Study(config.Study):
         model = self.start or self.model.without_effect(*(e.name for e in self.added))
         return {e.name for e in candidates_of(kind, model, self.sensors, self.excitations)}
 
-    def run(self, out: str | os.PathLike[str], progress: Progress | None = None) -> RunResult:
+    def run(
+        self, out: str | os.PathLike[str], progress: Progress | None = None, processes: int = 1
+    ) -> RunResult:
         """Compare, diagnose and locate, and write the report into a folder; see :func:`pipeline.run`."""
-        return run(self, Path(out), progress)
+        return run(self, Path(out), progress, processes=processes)
 
 
 def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEEDS) -> Study:

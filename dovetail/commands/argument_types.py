@@ -18,6 +18,16 @@ def whole_up_to(most: int, least: int = 1) -> Callable[[str], int]:
     return read
 
 
+def add_processes(p: argparse.ArgumentParser) -> None:
+    """Add the number of processes that fit side by side; all processors unless given."""
+    p.add_argument(
+        "--processes",
+        type=whole_up_to(1000),
+        metavar="P",
+        help="processes that fit side by side (default: as many as there are processors)",
+    )
+
+
 def count(text: str) -> int:
     """Read a whole number of at least 1."""
     value = int(text) if text.isdecimal() and len(text) < 20 else 0

@@ -2,7 +2,7 @@
 
 import argparse
 
-from dovetail.commands.argument_types import count
+from dovetail.commands.argument_types import add_processes, count
 from dovetail.commands.common import (
     Options,
     check_places,
@@ -20,6 +20,7 @@ EXAMPLE = "dovetail diagnose study.toml"
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     p.add_argument("--number", type=count, default=20, metavar="N", help="candidates to print (default 20)")
+    add_processes(p)
 
 
 def run(options: Options, progress: Progress) -> None:
@@ -29,6 +30,7 @@ def run(options: Options, progress: Progress) -> None:
     from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone, mode_lines
     from dovetail.report import words
     from updating.correlation import DB_PER_NEPER
+    from updating.inference.workers import cores
 
     check_places(options)
     study = loaded(options)
@@ -48,7 +50,7 @@ def run(options: Options, progress: Progress) -> None:
         )
         say(options, *mode_lines(study.name, by_modes))
         return
-    found = pipeline.diagnose_study(study, progress)
+    found = pipeline.diagnose_study(study, progress, options.processes or cores())
     progress.close()
     write_json(
         options.json,

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from dovetail.commands.argument_types import add_processes
 from dovetail.commands.common import (
     Options,
     check_places,
@@ -26,6 +27,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="folder for report.html, result.json, frf.npz and pictures/",
     )
     p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+    add_processes(p)
 
 
 def run(options: Options, progress: Progress) -> None:
@@ -35,6 +37,7 @@ def run(options: Options, progress: Progress) -> None:
     from dovetail.modes_pipeline import has_modes_alone, mode_lines, run_modes
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
+    from updating.inference.workers import cores
 
     out = Output("--out", options.out, NAMES)
     check_places(options, out)
@@ -45,7 +48,9 @@ def run(options: Options, progress: Progress) -> None:
         write_json(options.json, mode_result_dict(by_modes))
         say(options, *mode_lines(study.name, by_modes.diagnosis), "", str(by_modes.report))
         return
-    done = pipeline.run(study, options.out, progress, force=options.force)
+    done = pipeline.run(
+        study, options.out, progress, force=options.force, processes=options.processes or cores()
+    )
     progress.close()
     write_json(options.json, result_dict(done))
     say(

@@ -18,6 +18,7 @@ from fem.effects.joint import Spread
 from fem.model import Effect, parameter_values
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.places import place_of
+from updating.inference.workers import cores
 from updating.live.engine import Evaluation, LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
@@ -309,7 +310,7 @@ class Desk:
     def diagnose(self) -> Job:
         """Search for effects that the study's model lacks, as `dovetail diagnose` does."""
         study = holding_out(self.study, self.now.hypothesis.held_out)
-        return Job("Diagnose", lambda say: diagnose_study(study, say)).start()
+        return Job("Diagnose", lambda say: diagnose_study(study, say, cores())).start()
 
     def save(self, path: Path) -> Path:
         """Write the study with the present hypothesis in it; see :func:`saving.save_study`."""

@@ -14,7 +14,8 @@ from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
-from updating.diagnosis.evidence.search import Hypothesis, Search
+from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 
 CREDIBLE = 0.9
@@ -68,7 +69,7 @@ class Stated:
                 if name in bounds
             }
             if self.is_at(candidate.with_values(**true)):
-                grid = candidate.starts(search.problem.surroundings)
+                grid = candidate.starts(search.fits.problem.surroundings)
                 own = {tuple(sorted({**g, **true}.items())) for g in grid} or {tuple(true.items())}
                 out += [(candidate, dict(values)) for values in sorted(own)]
         return out
@@ -88,7 +89,7 @@ def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> Hypothesis | N
         if len({e.name for e in effects}) < len(effects):
             continue  # one candidate cannot be two of the hidden effects
         try:
-            fits.append(search.at(effects, tuple(values for _, values in starts)))
+            fits.append(search.fits.at(effects, tuple(values for _, values in starts)))
         except np.linalg.LinAlgError:
             continue
     return max(fits, key=lambda h: h.score, default=None)

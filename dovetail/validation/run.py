@@ -3,18 +3,14 @@
 import hashlib
 import json
 import os
-import signal
-import threading
 import time
 import traceback
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from functools import lru_cache
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -30,6 +26,7 @@ from dovetail.validation.modal_cases import run_modal_case
 from fem.effects import candidate_kinds
 from fem.io.atomic import WriteError, replacing
 from updating.diagnosis.diagnose import diagnose
+from updating.inference.workers import process_pool
 
 CASES_FILE = "cases.jsonl"
 LOCK_FILE = ".lock"
@@ -258,7 +255,7 @@ def _records(settings: CaseSettings, tasks: Sequence[Task], processes: int) -> G
     while waiting:
         running: dict[Future[Record], Task] = {}
         try:
-            with _workers(processes) as pool:
+            with process_pool(processes) as pool:
                 while waiting or running:
                     while waiting and len(running) < processes:
                         task = waiting.pop(0)
@@ -272,37 +269,9 @@ def _records(settings: CaseSettings, tasks: Sequence[Task], processes: int) -> G
                 yield _alone(settings, task)
 
 
-@contextmanager
-def _workers(n: int) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of processes that end when this one ends, however it ends, or the block is left early.
-
-    Each holds one end of a pipe and ends when the other end, which this process alone holds, is closed.
-    """
-    context = get_context("spawn")
-    watched, held = context.Pipe(duplex=False)
-    with watched, held, ProcessPoolExecutor(n, context, _end_with, (watched,)) as pool:
-        try:
-            yield pool
-        except BaseException:  # leaving the pool waits for its processes, so they must end first
-            held.close()
-            raise
-
-
-def _end_with(watched: Connection) -> None:
-    """Let this process end when the other end of a pipe is closed, and not by Ctrl-C."""
-
-    def watch() -> None:
-        with suppress(EOFError, OSError):
-            watched.recv_bytes()  # nothing is ever sent
-        os._exit(1)
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=watch, daemon=True).start()
-
-
 def _alone(settings: CaseSettings, task: Task) -> Record:
     try:
-        with _workers(1) as pool:
+        with process_pool(1) as pool:
             return pool.submit(run_case, settings, task).result()
     except BrokenProcessPool:
         return {

@@ -41,12 +41,18 @@ class Factor:
         Which of `BACKENDS` made it.
     plan : Plan or None
         The order of elimination, for other matrices with the same pattern of entries.
+    matrix : sparse (n, n), optional
+        The matrix: another process factorises it again, as factors are not sent.
     """
 
     solve: Callable[[NDArray[Any]], NDArray[Any]]
     count_negative: Callable[[], int]
     backend: str
     plan: Plan | None = None
+    matrix: Any = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return factorise, (self.matrix, None, self.backend)
 
 
 @cache
@@ -130,7 +136,7 @@ def _superlu(A: Any) -> Factor:
             raise ValueError(msg)
         return int((pivots < 0).sum())
 
-    return Factor(lu.solve, count_negative, "superlu")
+    return Factor(lu.solve, count_negative, "superlu", matrix=A)
 
 
 def _multifrontal(A: Any, like: Factor | None) -> Factor:
@@ -151,7 +157,7 @@ def _multifrontal(A: Any, like: Factor | None) -> Factor:
             raise _no_signs()
         return blocks.negative
 
-    return Factor(blocks.solve, count_negative, "multifrontal", plan)
+    return Factor(blocks.solve, count_negative, "multifrontal", plan, A)
 
 
 @cache
@@ -184,7 +190,7 @@ def _pardiso(A: Any) -> Factor:
             return solve(np.real(b)) + 1j * solve(np.imag(b))
         return solver.solve(upper, np.asfortranarray(b, dtype=float)).reshape(b.shape)
 
-    return Factor(solve, lambda: int(solver.get_iparm(23)), "pardiso")
+    return Factor(solve, lambda: int(solver.get_iparm(23)), "pardiso", matrix=A)
 
 
 def _no_signs() -> ValueError:

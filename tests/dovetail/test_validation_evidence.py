@@ -71,7 +71,8 @@ def fake_search(candidates):
         return SimpleNamespace(score=float(len(effects)))
 
     problem = SimpleNamespace(surroundings=lambda key: 1.0)
-    return SimpleNamespace(candidates=candidates, problem=problem, at=at, known={}), begun
+    fits = SimpleNamespace(problem=problem, at=at)
+    return SimpleNamespace(candidates=candidates, fits=fits, known={}), begun
 
 
 def test_a_soft_connection_is_started_from_all_its_directions_with_their_stiffness(soft):

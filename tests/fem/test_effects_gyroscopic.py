@@ -20,7 +20,7 @@ from fem.sensitivity.frf import differentiate_frf
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, build_problem
-from updating.diagnosis.screening import Grid, screen
+from updating.diagnosis.evidence.screening import Grid, screen
 
 PLACES = [(3, "y"), (7, "z"), (12, "ry"), (5, "x")]
 FREQUENCY = np.linspace(20.0, 600.0, 25)

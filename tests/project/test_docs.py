@@ -39,7 +39,7 @@ def test_constants_have_the_values_that_are_documented(module, name, value):
         "updating.inference.parameters",
         "updating.diagnosis.patches",
         "updating.inference.preparation",
-        "updating.diagnosis.screening",
+        "updating.diagnosis.evidence.screening",
         "updating.diagnosis.separation",
     ],
 )

@@ -183,5 +183,5 @@ def test_an_effect_without_a_structure_gets_no_fit(problem, fitted, monkeypatch)
 
     search = Search(problem, (), problem.reduced.model.of_kind(MemberDamping), 0.0)
     nothing = search.full((), ())
-    monkeypatch.setattr("updating.diagnosis.evidence.search.fit", singular)
-    assert search.shortly(problem, nothing, (), [()]) == []
+    monkeypatch.setattr("updating.diagnosis.evidence.fits.fit", singular)
+    assert search.fits.shortly(problem, nothing, (), [()]) == []

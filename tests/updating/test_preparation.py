@@ -7,7 +7,7 @@ import numpy as np
 from dovetail.validation.cases import CaseSettings, draw_case
 from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
-from updating.diagnosis.screening import Grid
+from updating.diagnosis.evidence.screening import Grid
 from updating.inference import preparation
 from updating.inference.preparation import build_problem
 

@@ -24,8 +24,8 @@ from updating.diagnosis.diagnosis import (
     Diagnosis,
 )
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
+from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
-from updating.diagnosis.evidence.search import Hypothesis, values_of
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
@@ -34,6 +34,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, basis_error, fitted_model
+from updating.inference.workers import workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults, settle_faults
 from updating.quality.gates import Gates, check_gates, with_last_faults
@@ -57,6 +58,7 @@ def diagnose(
     model_error: float = EXPLAINED_LEVEL,
     modes: ModeTargets | None = None,
     progress: Progress | None = None,
+    processes: int = 1,
 ) -> Diagnosis:
     """Find the physical effects that a model lacks, by the evidence for them.
 
@@ -89,12 +91,30 @@ def diagnose(
         Measured modes that are fitted beside the FRFs.
     progress : callable, optional
         Called with a text and the fraction done.
+    processes : int
+        So many processes fit side by side, with the same result. With more than one, a script must guard
+        its own work by ``if __name__ == "__main__":``, as :mod:`multiprocessing` demands.
     """
     started, say = time.perf_counter(), progress or (lambda text, done: None)
-    begun = begin_search(
-        model, measurements[0], nuisances, damping_std=damping_std, band=band, kinds=kinds,
-        exclude=exclude, n_lines=n_lines, model_error=model_error, modes=modes, progress=say,
-    )  # fmt: skip
+    with workers(processes) as crew:
+        begun = begin_search(
+            model, measurements[0], nuisances, damping_std=damping_std, band=band, kinds=kinds,
+            exclude=exclude, n_lines=n_lines, model_error=model_error, modes=modes, progress=say, crew=crew,
+        )  # fmt: skip
+        found = _diagnosed(begun, model, measurements, kinds, exclude, model_error, say)
+    return replace(found, seconds=time.perf_counter() - started)
+
+
+def _diagnosed(
+    begun: Searched,
+    model: Model,
+    measurements: Sequence[Measurement],
+    kinds: Sequence[str] | None,
+    exclude: Sequence[str],
+    model_error: float,
+    say: Progress,
+) -> Diagnosis:
+    """Return what a search says that has begun."""
     first = begun.problem
     gates = check_gates(
         first, first.assessed(begun.best.fitted.result), measurements[1:], begun.mesh_db, begun.faults
@@ -107,8 +127,7 @@ def diagnose(
         done = searched(begun, say)
         done = with_laws(done, levels, laws) if laws else done
     say("checking", 0.95)
-    found = _concluded(done, gates, model_error, stated=bool(levels))
-    return replace(found, seconds=time.perf_counter() - started)
+    return _concluded(done, gates, model_error, stated=bool(levels))
 
 
 def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool) -> Diagnosis:
@@ -170,7 +189,7 @@ def _chain(done: Searched, best: Hypothesis) -> list[Hypothesis]:
         h, rest = chain[0], []
         for e in h.effects:
             fewer = tuple(x for x in h.effects if x.name != e.name)
-            rest.append(search.full(fewer, values_of(fewer), h.fitted, h))
+            rest.append(search.full(fewer, values_of(fewer), h, h))
         chain.insert(0, max(rest, key=lambda r: r.score))
     return chain
 
@@ -257,7 +276,7 @@ def _beside(done: Searched, problem: FitProblem, best: Hypothesis, before: FitRe
 def _with_forces(problem: FitProblem, done: Searched, effects: Sequence[Effect]) -> FitProblem:
     """Return a problem whose basis is that of the search with the responses to the forces of effects."""
     once = {e.name: e for e in effects}
-    return replace(problem, reduced=done.search.problem.reduced.with_forces_of(list(once.values())))
+    return replace(problem, reduced=done.search.fits.problem.reduced.with_forces_of(list(once.values())))
 
 
 def _twins(done: Searched, best: Hypothesis, effect: Effect) -> list[str]:

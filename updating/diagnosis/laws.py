@@ -5,7 +5,7 @@ levels together. The most probable of them is the answer.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,15 @@ from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.search import N_FINAL, AnyProblem, Hypothesis, Search, values_of
+from updating.diagnosis.evidence.fits import AnyProblem
+from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
+from updating.diagnosis.evidence.ranking import FrfRanking
+from updating.diagnosis.evidence.search import N_FINAL, Search
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
+from updating.inference.scatter import Scatter
 from updating.least_squares.loss import pseudo_huber
 
 N_LAWS = 4
@@ -34,13 +38,12 @@ LARGE_MOTION = 0.9
 """Share of lines and forces at which a joint moves less than the amplitude of its law [-]."""
 
 
-@dataclass(slots=True, eq=False)
-class LevelSearch(Search):
-    """A search whose hypotheses are fitted to several levels of force together."""
+class LevelRanking(FrfRanking):
+    """Ranking for several levels of force, which are fitted together."""
 
-    def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis as it is: slopes of modes' errors are those of linear structures."""
-        return h
+    def scatter(self, problem: FitProblem, result: FitResult) -> Scatter | None:
+        """Return nothing: slopes of modes' errors are those of linear structures."""
+        return None
 
 
 def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[AmplitudeDependent]) -> Searched:
@@ -56,18 +59,19 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
         Candidates.
     """
     one = done.search
-    at_first = one.problem
+    at_first = one.fits.problem
     assert isinstance(at_first, FitProblem)
     problem = LevelProblem.of(at_first, levels)
     candidates = (*one.candidates, *laws)
-    search = LevelSearch(problem, one.form, candidates, one.say, scanned=one.scanned)
+    search = Search(
+        problem, one.fits.form, candidates, one.say, scanned=one.scanned, ranking=LevelRanking(),
+        workers=one.workers,
+    )  # fmt: skip
     first = one.known[frozenset()]
-    nothing = search.full((), (), first.fitted, first)
+    nothing = search.full((), (), first, first)
     bases = [nothing]
     if done.best.effects:
-        bases.append(
-            search.full(done.best.effects, values_of(done.best.effects), done.best.fitted, done.best)
-        )
+        bases.append(search.full(done.best.effects, values_of(done.best.effects), done.best, done.best))
     for base in bases:
         _add_laws(search, base, at_first, laws)
     best = search.simplified(max(search.known.values(), key=lambda h: h.score))
@@ -75,19 +79,19 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
 
 
 def _add_laws(
-    search: LevelSearch, base: Hypothesis, problem: FitProblem, laws: Sequence[AmplitudeDependent]
+    search: Search, base: Hypothesis, problem: FitProblem, laws: Sequence[AmplitudeDependent]
 ) -> None:
     """Fit the most promising laws beside a hypothesis."""
-    quick = search.quick(base)
+    quick = search.fits.quick(base)
     fits = []
-    for starts in _looked_at(problem, search.problem, base.fitted.result, laws):
+    for starts in _looked_at(problem, search.fits.problem, base.fitted.result, laws):
         effects, values = (*base.effects, starts[0]), values_of(base.effects)
-        short = search.shortly(quick, base, effects, [(*values, parameter_values(s)) for s in starts])
+        short = search.fits.shortly(quick, base, effects, [(*values, parameter_values(s)) for s in starts])
         if short:
-            fits.append(search.continued(quick, short[:2]))
+            fits.append(search.fits.continued(quick, short[:2]))
     fits.sort(key=lambda h: -h.score)
     for h in fits[:N_FINAL]:
-        search.full(h.effects, values_of(h.effects), h.fitted, base)
+        search.full(h.effects, values_of(h.effects), h, base)
 
 
 def _looked_at(

@@ -15,8 +15,9 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, searched, told
 from updating.diagnosis.evidence.form import form_of
+from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
-from updating.diagnosis.evidence.search import Hypothesis, Search
+from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import EffectParameter, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
 from updating.inference.fit import EXPLAINED_LEVEL
@@ -143,7 +144,7 @@ class ModeDiagnosis:
     @property
     def noise_limit(self) -> float:
         """Relative deviation of frequencies that noise and the mesh account for [-]."""
-        return self.searched.search.floor
+        return self.searched.search.fits.floor
 
     @property
     def found(self) -> tuple[Effect, ...]:
@@ -253,7 +254,7 @@ def diagnose_modes(
 
 def concluded(done: Searched, begun: float) -> ModeDiagnosis:
     """Return what a search by modes has to tell; it began at a ``time.perf_counter()`` [s]."""
-    search, best, problem = done.search, done.best, done.search.problem
+    search, best, problem = done.search, done.best, done.search.fits.problem
     assert isinstance(problem, ModeProblem)
     explanations = [
         Explanation(

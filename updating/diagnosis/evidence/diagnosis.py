@@ -10,13 +10,16 @@ from fem.model import Effect, Model
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.begin import Progress, builder, refined
 from updating.diagnosis.candidates import propose
+from updating.diagnosis.evidence.fits import FULL_LINES
 from updating.diagnosis.evidence.fitting import fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
-from updating.diagnosis.evidence.search import FULL_LINES, Hypothesis, Search
+from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_fine
+from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults
 
@@ -52,14 +55,14 @@ class Searched:
     @property
     def problem(self) -> FitProblem:
         """The problem of the first level of force."""
-        p = self.search.problem
+        p = self.search.fits.problem
         assert isinstance(p, FitProblem)
         return p.first if isinstance(p, LevelProblem) else p
 
     @property
     def n_levels(self) -> int:
         """Number of levels of force whose data the hypotheses were fitted to."""
-        p = self.search.problem
+        p = self.search.fits.problem
         return len(p.levels) if isinstance(p, LevelProblem) else 1
 
     @property
@@ -113,15 +116,16 @@ def search_by_evidence(
     model_error: float = EXPLAINED_LEVEL,
     modes: ModeTargets | None = None,
     progress: Progress | None = None,
+    crew: Workers = ALONE,
 ) -> Searched:
     """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
 
-    Measured ``modes`` are fitted beside the FRFs.
+    Measured ``modes`` are fitted beside the FRFs. A ``crew`` computes independent fits.
     """
     say = progress or (lambda text, done: None)
     begun = begin_search(
         model, measurement, nuisances, damping_std=damping_std, band=band, kinds=kinds, exclude=exclude,
-        n_lines=n_lines, model_error=model_error, modes=modes, progress=say,
+        n_lines=n_lines, model_error=model_error, modes=modes, progress=say, crew=crew,
     )  # fmt: skip
     return searched(begun, say)
 
@@ -139,6 +143,7 @@ def begin_search(
     model_error: float = EXPLAINED_LEVEL,
     modes: ModeTargets | None = None,
     progress: Progress,
+    crew: Workers = ALONE,
 ) -> Searched:
     """Return a search that knows the model without effects, with faults of the measurement set right.
 
@@ -159,11 +164,11 @@ def begin_search(
     whole, result, faults = find_faults(whole, whole.assessed(null.result))
     whole = replace(with_seen_noise(whole, null.result), modes=modes)
     candidates = _candidates(model, measurement, kinds, exclude)
-    search = Search(whole, own, candidates, partial(told, progress))
+    search = Search(whole, own, candidates, partial(told, progress), workers=crew)
     if modes is not None:
         null = fit(whole, n_lines=FULL_LINES, x_from=result)
         result = null.result
-    nothing = search.scattered(whole, Hypothesis(replace(null, result=result), 0.0))
+    nothing = search.fits.scattered(whole, Hypothesis(replace(null, result=result), 0.0))
     search.known[frozenset()] = nothing
     notes = ()
     if n > 1:

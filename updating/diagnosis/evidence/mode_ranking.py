@@ -19,11 +19,12 @@ from fem.reduction.parametric_modes import ModesAt
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
 from fem.system import assemble
+from updating.diagnosis.evidence.blocks import Block
 from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.priors import PLACE_ODDS
 from updating.diagnosis.evidence.scan import Scanned
-from updating.diagnosis.screening import Grid, Screened
+from updating.diagnosis.evidence.screening import Grid, Screened
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeFunction, ModeProblem, Partners
 from updating.inference.preparation import fitted_model
@@ -248,6 +249,12 @@ class ModeRanking:
         out.sort(key=lambda pair: pair[0])
         return tuple(s for _, s in out)
 
+    def blocks(
+        self, problem: ModeProblem, current: FitResult, groups: Sequence[tuple[Effect, ...]]
+    ) -> list[tuple[Block, ...]]:
+        """Return nothing: modes say too little of several springs at once."""
+        return []
+
     def rivals(
         self, problem: ModeProblem, last: FitResult, effects: Sequence[Effect], n_best: int
     ) -> tuple[Screened, ...]:
@@ -302,7 +309,7 @@ def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> Floats:
     """Return what the best multiple of each candidate's change leaves of the misfit, in deviations²."""
     owner, most, effects = [], [], []
     for n, grid in enumerate(grids):
-        for point, factor in grid.slight_points:
+        for point, factor in grid.slight_points():
             owner.append(n)
             most.append(factor)
             effects.append(grid.effect.with_values(**point))

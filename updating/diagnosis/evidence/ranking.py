@@ -7,10 +7,11 @@ import numpy as np
 
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
+from updating.diagnosis.evidence.blocks import Block, blocks_of
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES
 from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.screening import Grid, Screened, rivals, screen, shortlist
+from updating.diagnosis.evidence.screening import Grid, Screened, look_at, rivals, screen, shortlist
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import direct_responses
@@ -39,6 +40,12 @@ class Ranking(Protocol):
         self, problem: Any, current: FitResult, effects: Sequence[Effect], listed: Callable[[Effect], bool]
     ) -> tuple[Screened, ...]:
         """Return candidates with starts, the most promising first; some are on the list in any case."""
+        ...
+
+    def blocks(
+        self, problem: Any, current: FitResult, groups: Sequence[tuple[Effect, ...]]
+    ) -> list[tuple[Block, ...]]:
+        """Return groups of effects with starts, the most promising first."""
         ...
 
     def rivals(
@@ -85,6 +92,15 @@ class FrfRanking:
             chosen = shortlist(problem, bases, grids)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, current, grids)
+
+    def blocks(
+        self, problem: FitProblem, current: FitResult, groups: Sequence[tuple[Effect, ...]]
+    ) -> list[tuple[Block, ...]]:
+        """Return groups of effects by what a little of them does, beside fitted and nominal parameters."""
+        grids = {e.name: Grid.of(problem, e) for group in groups for e in group}
+        looks = (look_at(problem, base) for base in (current, problem.at_nominal(current)))
+        both = zip(*(blocks_of(look, grids, groups) for look in looks), strict=True)
+        return sorted(both, key=lambda blocks: min(b.cost for b in blocks))
 
     def rivals(
         self, problem: FitProblem, last: FitResult, effects: Sequence[Effect], n_best: int

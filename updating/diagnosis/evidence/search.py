@@ -2,42 +2,40 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from functools import partial
-from itertools import product
-from typing import Any
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, ParameterRef, parameter_values
-from fem.reduction.reduced_model import ReducedModel
-from fem.system import assemble
+from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.evidence.fitting import Fitted, fit
+from updating.diagnosis.evidence.fits import FULL_LINES, AnyProblem, Fits, around, with_forces
+from updating.diagnosis.evidence.hypothesis import (
+    Hypothesis,
+    Odds,
+    Starts,
+    Values,
+    key_of,
+    near_to,
+    values_of,
+)
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import PLACE_ODDS, TWIN_NATS, UNKNOWN_ODDS
+from updating.diagnosis.evidence.priors import TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.scan import Scanned
-from updating.inference.fit import FitProblem
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
+from updating.inference.workers import ALONE, Workers
 
-QUICK_LINES, FULL_LINES = 40, 100
-"""Lines of quick fits, and of full ones."""
-SHORT_STEPS, QUICK_STEPS = 2, 6
-"""Steps of first, short fits in each band, and of those that go on from them."""
-FAR = 3.0
-"""Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
-too [-]."""
 N_PLACES, N_PAIRS, N_FULL, N_FINAL, N_BEAM = 4, 2, 6, 3, 2
 """Numbers of places at which each kind, and of connections at which the block, gets a short fit; of pairs of
 connections; of hypotheses that are fitted fully at most and at least, and kept."""
-AROUND = (0.6, 1.0, 1.6)
-"""Factors of a found positive parameter at which other maxima are looked for."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
+N_SHORT = 3
+"""For each hypothesis that is fitted on, so many of the best candidates get a short fit."""
 MOST_FITS = 3
 """A hypothesis is fitted fully from at most so many values."""
 N_RIVALS = 6
@@ -46,59 +44,18 @@ MOST_EFFECTS = 6
 """Largest number of effects in a hypothesis."""
 BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
 """Kinds that give way in single directions: all of a connection's together are its block."""
-N_STARTS = 3
-"""Number of starts that are kept after short fits of the lowest band."""
-BLOCK_SHARES = (0.2, 0.6)
+CONNECTIONS = ("joint", "support", "end")
+"""Kinds of places that have such springs."""
+MOST_PAIRED = 8
+"""Pairs are made of so many connections."""
+BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
 BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
 """The basis gets responses at so many lines of what was found while it errs there by more than this share of
 the level."""
-AnyProblem = FitProblem | ModeProblem
 Say = Callable[[str], None]
-Values = tuple[dict[str, float], ...]
-Starts = list[Values]
 Proposal = tuple[tuple[Effect, ...], Starts, bool]
-"""Effects to add, values to start from, and whether they are one effect at the first place of the scan."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis:
-    """A model with effects, fitted.
-
-    Attributes
-    ----------
-    fitted : Fitted
-    prior : float
-        Logarithm of its prior probability, up to a constant.
-    """
-
-    fitted: Fitted
-    prior: float
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The effects at their fitted values."""
-        return self.fitted.effects
-
-    @property
-    def score(self) -> float:
-        """Logarithm of its posterior probability, up to a constant."""
-        return self.fitted.log_evidence + self.prior
-
-    @property
-    def key(self) -> frozenset[str]:
-        """Names of the effects."""
-        return frozenset(e.name for e in self.effects)
-
-    @property
-    def places(self) -> frozenset[str]:
-        """Members and connections that the effects act on."""
-        return frozenset(set[str]().union(*map(near_to, self.effects)))
-
-    @property
-    def name(self) -> str:
-        """Effects in words."""
-        return " + ".join(sorted(f"{e.kind} {e.where}" for e in self.effects)) or "nothing"
+"""Effects to add, values to start from, and whether they are at the first place of the scan."""
 
 
 def _size(effect: Effect, values: dict[str, float]) -> float:
@@ -109,37 +66,16 @@ def _size(effect: Effect, values: dict[str, float]) -> float:
     return abs(np.log(value / p.absent)) if p.log and p.absent > 0 else abs(value - p.absent)
 
 
-def values_of(effects: Sequence[Effect]) -> Values:
-    """Return the parameter values of effects."""
-    return tuple(map(parameter_values, effects))
-
-
-def _with_forces(problem: AnyProblem, effects: Sequence[Effect], values: Values) -> AnyProblem:
-    """Return a problem whose basis has the responses to forces of effects at some values."""
-    there = [e.with_values(**v) for e, v in zip(effects, values, strict=True)]
-    return replace(problem, reduced=problem.reduced.with_forces_of(there))
-
-
-def _moved(one: Fitted, two: Fitted) -> bool:
+def _moved(one: Hypothesis, two: Hypothesis) -> bool:
     """Whether an effect's parameter is more than a deviation from where it is in another fit."""
-    a, b = one.result, two.result
-    names = {e.name for e in one.effects} & {e.name for e in two.effects}
+    a, b = one.fitted.result, two.fitted.result
+    names = one.key & two.key
     return any(abs(a.values[r] - b.values[r]) > b.std[r] for r in a.values if r[0] in names)
 
 
 def _turns(effect: Effect) -> bool:
     """Whether an effect lets a connection give way about an axis."""
     return effect.kind == "end_release" or str(getattr(effect, "direction", "")).startswith("r")
-
-
-def near_to(effect: Effect) -> set[str]:
-    """Return the names of the members and connections that an effect acts on."""
-    fields = (getattr(effect, key, None) for key in ("joint", "support", "member"))
-    names = {f for f in fields if isinstance(f, str)}
-    for key in ("joints", "supports"):
-        many = getattr(effect, key, None)
-        names |= {x for x in many if isinstance(x, str)} if isinstance(many, tuple) else set()
-    return names or {place_of(effect)[1]}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,6 +98,46 @@ class Maximum:
         return float(np.abs((self.x - other.x) / np.sqrt(np.diag(other.covariance))).max())
 
 
+# What processes are asked for, each with what they share.
+
+
+def _shortly(
+    shared: tuple[Fits, AnyProblem, Hypothesis], item: tuple[tuple[Effect, ...], Starts]
+) -> list[Hypothesis]:
+    (fits, quick, base), (effects, starts) = shared, item
+    return fits.shortly(quick, base, effects, starts)
+
+
+def _continued(shared: tuple[Fits, AnyProblem, Hypothesis], item: list[Hypothesis]) -> Hypothesis:
+    fits, quick, base = shared
+    return fits.pruned(quick, fits.continued(quick, item), base)
+
+
+def _quickly(
+    shared: tuple[Fits, AnyProblem, Hypothesis], item: tuple[Sequence[Effect], Values]
+) -> Hypothesis | None:
+    (fits, quick, near), (effects, values) = shared, item
+    try:
+        return fits.quickly(quick, near, effects, values)
+    except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
+        return None
+
+
+def _highest(shared: tuple[Fits, AnyProblem, Hypothesis], item: Hypothesis) -> Hypothesis:
+    fits, quick, base = shared
+    return fits.highest(quick, item, base)
+
+
+def _fully(shared: tuple[Fits, Hypothesis], near: Hypothesis) -> Hypothesis:
+    fits, base = shared
+    return fits.fully(near.effects, values_of(near.effects), near, base)
+
+
+def _again(shared: tuple[Fits, Hypothesis], near: Hypothesis | None) -> Hypothesis:
+    fits, h = shared
+    return _fully(shared, near) if near is not None else fits.at(h.effects, values_of(h.effects))
+
+
 @dataclass(slots=True, eq=False)
 class Search:
     """A search and all hypotheses that it has fitted.
@@ -173,37 +149,33 @@ class Search:
     form : tuple of Nuisance
         Those of them that are the form's.
     candidates : tuple of Effect
-    floor : float
-        Level that noise and the mesh leave [nepers].
+    workers : Workers
+        What computes independent fits.
     """
 
-    problem: AnyProblem
-    form: tuple[Nuisance, ...]
+    problem: InitVar[AnyProblem]
+    form: InitVar[tuple[Nuisance, ...]]
     candidates: tuple[Effect, ...]
     say: Say = lambda text: None
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
-    places: tuple[Place, ...] = ()
     scanned: tuple[Scanned, ...] = ()
     ranking: Ranking = field(default_factory=FrfRanking)
+    workers: Workers = ALONE
 
-    floor: float = field(init=False)
+    fits: Fits = field(init=False)
+    places: tuple[Place, ...] = field(init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
-    _n_candidates: Counter[str] = field(init=False)
-    _n_places: Counter[str] = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.floor = float(np.hypot(self.problem.data.noise_level, self.problem.mesh_level))
-        self.places = places_of(self.problem, self.candidates)
-        where = [place_of(c) for c in self.candidates]
-        self._n_candidates = Counter(name for _, name in where)
-        self._n_places = Counter(kind for kind, _ in set(where))
+    def __post_init__(self, problem: AnyProblem, form: tuple[Nuisance, ...]) -> None:
+        self.fits = Fits(problem, form, Odds.of(self.candidates), self.ranking)
+        self.places = places_of(problem, self.candidates)
 
     # the search ---------------------------------------------------------------------------------------------
 
     def run(self) -> Hypothesis:
         """Return the most probable hypothesis; all that were fitted fully are in ``known``."""
         best = self.full((), ())
-        self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.floor:.4f}")
+        self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
         beam = [best]
         while beam and len(best.effects) < MOST_EFFECTS:
             better = {h.key: h for b in beam for h in self.extended(b)}
@@ -215,56 +187,48 @@ class Search:
             self.say(f"=> {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
         return max(self.known.values(), key=lambda h: h.score)
 
-    def is_far(self, h: Hypothesis) -> bool:
-        """Whether a hypothesis is so far from the data that its uncertain parameters may be bent."""
-        return h.fitted.level > FAR * self.floor
-
     def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""
         return h.score > best.score - BEAM_NATS and not h.places <= best.places
 
     def extended(self, base: Hypothesis) -> list[Hypothesis]:
         """Return the best hypotheses with something more than another has, simplified."""
-        quick = self.quick(base)
-        kept = tuple(parameter_values(e) for e in base.effects)
-        short: list[tuple[list[Hypothesis], bool]] = []
-        for effects, starts, first in self.proposals(base, quick):
-            fits = self.shortly(quick, base, (*base.effects, *effects), [(*kept, *s) for s in starts])
-            if fits:
-                short.append((fits, first))
+        quick = self.fits.quick(base)
+        shared, kept = (self.fits, quick, base), values_of(base.effects)
+        proposals = self.proposals(base, quick)
+        wanted = [((*base.effects, *new), [(*kept, *s) for s in starts]) for new, starts, _ in proposals]
+        fitted = self.workers.map(_shortly, shared, wanted)
+        firsts = [first for *_, first in proposals]
+        short = [(fits, first) for fits, first in zip(fitted, firsts, strict=True) if fits]
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
-        tried = [
-            self.continued(quick, fits[: 2 if k < self.ranking.breadth // 2 else 1])
+        begun = [
+            fits[: 2 if k < self.ranking.breadth // 2 else 1]
             for k, (fits, first) in enumerate(short)
             if k < self.ranking.breadth or first
         ]
-        tried.sort(key=lambda h: -h.score)
-        now = self.quickly(quick, base, base.effects, kept).score
+        tried = self.workers.map(_continued, shared, begun)
+        best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
+        tried = sorted(best.values(), key=lambda h: -h.score)
+        now = self.fits.quickly(quick, base, base.effects, kept).score
         least = 1 if base.effects else N_FINAL
         tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][:N_FULL]
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
-        out = []
-        for h in tried:
-            if h.score < tried[0].score - 2 * TWIN_NATS and len(out) >= N_FINAL:  # few lines say less
-                break
-            h = self.highest(quick, h, base)
-            out.append(self.simplified(self.full(h.effects, values_of(h.effects), h.fitted, base)))
-        return out
+        # Few lines say less than all.
+        near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
+        highest = self.workers.map(_highest, shared, near)
+        return [self.simplified(h) for h in self.all_full(highest, base)]
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
         while len(h.effects) > 1:
-            quick, options = self.quick(h), []
-            for e in h.effects:
-                rest = tuple(x for x in h.effects if x.name != e.name)
-                options.append(self.quickly(quick, h, rest, values_of(rest)))
-            best = max(options, key=lambda o: o.score)
-            now = self.quickly(quick, h, h.effects, values_of(h.effects))
-            if best.score < now.score - TWIN_NATS:
+            fewer = [tuple(x for x in h.effects if x.name != e.name) for e in h.effects]
+            now, options = self.on_few_lines(h, [(rest, values_of(rest)) for rest in fewer])
+            best = max(options, key=lambda o: o.score, default=None)
+            if best is None or best.score < now.score - TWIN_NATS:
                 return h
-            less = self.full(best.effects, values_of(best.effects), best.fitted, h, anew=True)
+            less = self.full(best.effects, values_of(best.effects), best, h, anew=True)
             if less.score <= h.score:
                 return h
             h = less
@@ -276,19 +240,20 @@ class Search:
 
         All that are nearly as probable are fitted fully: they are its credible set.
         """
-        result, quick = h.fitted.result, self.quick(h)
-        now = self.quickly(quick, h, h.effects, values_of(h.effects))
+        result, quick = h.fitted.result, self.fits.quick(h)
+        others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
             near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
-            own = {r: v for r, v in result.values.items() if r[0] not in self._form_names}
+            own = {r: v for r, v in result.values.items() if r[0] not in self.fits.form_names}
             last = replace(result, effects=(*rest, e), values=own)
             found = self.ranking.rivals(quick, last, near, N_RIVALS)
-            for s in found:
-                other = self.quickly(quick, h, (*rest, s.effect), (*values_of(rest), s.starts[0]))
-                self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
-                if other.score > now.score - 2 * TWIN_NATS:  # few lines say less
-                    self.full(other.effects, values_of(other.effects), other.fitted, h)
+            others += [((*rest, s.effect), (*values_of(rest), s.starts[0])) for s in found]
+        now, rivals = self.on_few_lines(h, others)
+        for other in rivals:
+            self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
+        # Few lines say less than all.
+        self.all_full([r for r in rivals if r.score > now.score - 2 * TWIN_NATS], h)
         return max(
             (k for k in self.known.values() if len(k.effects) == len(h.effects)), key=lambda k: k.score
         )
@@ -298,7 +263,7 @@ class Search:
     def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[Proposal]:
         """Return effects that may be added."""
         current = base.fitted.result
-        ranked = self.ranking.scan(self.problem, current, self.places)
+        ranked = self.ranking.scan(self.fits.problem, current, self.places)
         if not base.effects:
             self.scanned = ranked
         fields = {r for e in base.effects for r in e.released()}
@@ -307,9 +272,8 @@ class Search:
             return effect.name not in base.key and not fields & set(effect.released())
 
         singles = [s for s in ranked if len(s.places) == 1]
-        pairs = [s for s in ranked if len(s.places) == 2][:N_PAIRS]
         self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
-        within = {r: v for r, v in current.values.items() if r[0] not in self._form_names}
+        within = {r: v for r, v in current.values.items() if r[0] not in self.fits.form_names}
         now = replace(current, values=within)
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
@@ -317,7 +281,7 @@ class Search:
         screened = self.ranking.screened(
             quick, now, [c for c in self.candidates if fits(c)], lambda e: e.name in there
         )
-        chosen = list(screened[: self.ranking.breadth])
+        chosen = list(screened[: N_SHORT * self.ranking.breadth])
         for names in held:
             best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
@@ -325,118 +289,77 @@ class Search:
         out: list[Proposal] = [
             ((s.effect,), [(start,) for start in s.starts], s.effect.name in first) for s in chosen
         ]
-        done = {frozenset([e.name for e in effects]) for effects, *_ in out}
-        connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")][:N_PLACES]
-        for scanned in (*connections, *pairs):
-            block = [
-                e
-                for p in scanned.places
-                for e in p.effects
-                if e.kind in BLOCK_KINDS and _turns(e) and fits(e)
-            ]
-            key = frozenset(e.name for e in block)
-            if len(block) > 1 and key not in done:
-                done.add(key)
-                out.append((tuple(block), self.block_starts(block), False))
-        return out
+        return out + self.blocks(quick, now, ranked, fits)
+
+    def blocks(
+        self,
+        quick: AnyProblem,
+        now: FitResult,
+        ranked: Sequence[Scanned],
+        fits: Callable[[Effect], bool],
+    ) -> list[Proposal]:
+        """Return the springs of a connection in all directions, and of two connections.
+
+        At the first places of the scan, and where their small changes together explain the residuals best.
+        """
+        springs: dict[str, tuple[Effect, ...]] = {}
+        for p in self.places:
+            own = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and fits(e))
+            if p.kind in CONNECTIONS and own:
+                springs[p.whole] = springs.get(p.whole, ()) + own
+        scanned = [tuple(e for p in s.places for e in springs.get(p.whole, ())) for s in ranked]
+        one = [s for s, r in zip(scanned, ranked, strict=True) if s and len(r.places) == 1][:N_PLACES]
+        two = [s for s, r in zip(scanned, ranked, strict=True) if s and len(r.places) == 2][:N_PAIRS]
+        alone = self.ranking.blocks(quick, now, list(springs.values()))
+        first = [each[0].effects for each in alone[:MOST_PAIRED]]
+        paired = self.ranking.blocks(quick, now, [*two, *(a + b for a, b in combinations(first, 2))])
+        keys = {key_of(block) for block in (*one, *two)}
+        chosen = [
+            each
+            for blocks, n in ((alone, N_PLACES), (paired, N_PAIRS))
+            for k, each in enumerate(blocks)
+            if k < n or key_of(each[0].effects) in keys
+        ]
+        out: dict[frozenset[str], Proposal] = {}
+        for each in chosen:
+            block = each[0].effects
+            if len(block) > 1:
+                starts = [*(b.start for b in each), *self.block_starts(block)]
+                out[key_of(block)] = block, starts, block in one[:1]
+        return list(out.values())
 
     def block_starts(self, block: Sequence[Effect]) -> Starts:
-        """Return starts in which each direction gives way a little or much, by the effects' own grids.
+        """Return starts in which directions give way a little or much, by the effects' own grids.
 
-        All combinations at one place; at several, each place's directions together.
+        At one place those along and those about axes together; at several, each place's directions.
         """
-        grids = [sorted(e.starts(self.problem.surroundings), key=partial(_size, e)) for e in block]
+        grids = [sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block]
         places = [place_of(e)[1] for e in block]
-        groups = (
-            list(range(len(block)))
-            if len(set(places)) == 1
-            else [sorted(set(places)).index(p) for p in places]
-        )
-        out = []
-        for shares in product(BLOCK_SHARES, repeat=max(groups) + 1):
-            out.append(tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True)))
-        return out[: 2**4]
+        names = [str(_turns(e)) for e in block] if len(set(places)) == 1 else places
+        groups = [sorted(set(names)).index(name) for name in names]
+        return [
+            tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True))
+            for shares in product(BLOCK_SHARES, repeat=max(groups) + 1)
+        ]
 
     # fits ---------------------------------------------------------------------------------------------------
 
-    @property
-    def _form_names(self) -> set[str]:
-        return {n.effect for n in self.form}
+    def on_few_lines(
+        self, h: Hypothesis, others: Sequence[tuple[Sequence[Effect], Values]]
+    ) -> tuple[Hypothesis, list[Hypothesis]]:
+        """Return a hypothesis fitted on few lines with the form fixed, and others fitted so from near it.
 
-    def quick(self, base: Hypothesis) -> AnyProblem:
-        """Return the problem with the form fixed: as it is in a hypothesis, or nominal if that is far."""
-        names, values = self._form_names, self.form_of(base)
-        reduced = self.problem.reduced
-        if any(values.values()):
-            model = reduced.model.with_values(values)
-            reduced = ReducedModel(model, reduced.basis, assemble(model, reciprocal=False))
-        own = tuple(n for n in self.problem.nuisances if n.effect not in names)
-        return replace(self.problem, reduced=reduced, nuisances=own)
-
-    def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
-        """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
-        if self.is_far(base):
-            return {}
-        return {r: v for r, v in base.fitted.result.values.items() if r[0] in self._form_names}
-
-    def shortly(
-        self, quick: AnyProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
-    ) -> list[Hypothesis]:
-        """Return a hypothesis after a few steps from each of some starts, the best first.
-
-        None where no start has a structure. Of many starts those go on that do best in the lowest band. All
-        else begins where it is in a base and, where that is far from the data, at its nominal values, too.
+        Of the others those that have a structure.
         """
-        if len(starts) > N_STARTS:
-            tried = [
-                fit(
-                    quick, effects, start, stages=quick.stages[:1], n_lines=QUICK_LINES, max_iterations=3
-                ).log_likelihood
-                for start in starts
-            ]
-            starts = [starts[k] for k in np.argsort(tried)[::-1][:N_STARTS]]
-        ways: list[dict[str, Any]] = [{"stages": quick.stages[-1:], "x_from": base.fitted.result}]
-        ways += [{}] if self.is_far(base) else []
-        fits = []
-        for start in starts:
-            problem = _with_forces(quick, effects, start)
-            for way in ways:
-                with suppress(np.linalg.LinAlgError):
-                    fits.append(
-                        fit(problem, effects, start, n_lines=QUICK_LINES, max_iterations=SHORT_STEPS, **way)
-                    )
-        fits.sort(key=lambda f: -f.log_evidence)
-        return [Hypothesis(f, self.prior(effects)) for f in fits]
-
-    def highest(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
-        """Return a hypothesis at the highest of the maxima around it, on few lines.
-
-        Resonances that pass each other leave several. All but the effects beside those of the base begins as
-        it is there, and these off in one positive parameter.
-        """
-        starts = self._around(h.effects, len(base.effects))
-        fits = [self.quickly(quick, base, h.effects, start) for start in starts]
-        return max([h, *fits], key=lambda k: k.score)
-
-    def continued(self, quick: AnyProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
-        """Return the best of hypotheses with the same effects that are fitted on from where they are."""
-        fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in begun]
-        return max(fits, key=lambda h: h.score)
-
-    def quickly(
-        self, quick: AnyProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
-    ) -> Hypothesis:
-        """Return a hypothesis fitted on few lines with the form fixed, from near another one."""
-        problem = _with_forces(quick, effects, values)
-        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
-        fitted = fit(problem, effects, values, n_lines=QUICK_LINES, max_iterations=QUICK_STEPS, **way)
-        return Hypothesis(fitted, self.prior(effects))
+        wanted = [(h.effects, values_of(h.effects)), *others]
+        first, *rest = self.workers.map(_quickly, (self.fits, self.fits.quick(h), h), wanted)
+        return first or h, [f for f in rest if f is not None]
 
     def full(
         self,
         effects: Sequence[Effect],
         values: Values,
-        near: Fitted | None = None,
+        near: Hypothesis | None = None,
         base: Hypothesis | None = None,
         *,
         anew: bool = False,
@@ -445,49 +368,28 @@ class Search:
 
         From others, and ``anew``, it is fitted again, and the better one stays.
         """
-        key = frozenset(e.name for e in effects)
-        known = self.known.get(key)
-        again = anew or (near is not None and known is not None and _moved(near, known.fitted))
-        if known is None or (again and self._n_fits[key] < MOST_FITS):
-            self._n_fits[key] += 1
-            fitted = self.fitted(effects, values, near, base)
-            if known is None or fitted.score > known.score:
-                self.known[key] = fitted
+        key = key_of(effects)
+        if self._deserves_fit(key, near, anew=anew):
+            self._keep(self.fits.fully(effects, values, near, base))
         return self.known[key]
 
-    def fitted(
-        self,
-        effects: Sequence[Effect],
-        values: Values,
-        near: Fitted | None = None,
-        base: Hypothesis | None = None,
-    ) -> Hypothesis:
-        """Return a hypothesis fitted on all lines with the form free, from some values.
+    def all_full(self, many: Sequence[Hypothesis], base: Hypothesis) -> list[Hypothesis]:
+        """Return hypotheses that were fitted on few lines as :meth:`full` does."""
+        wanted = [h for h in many if self._deserves_fit(h.key, h)]
+        for fitted in self.workers.map(_fully, (self.fits, base), wanted):
+            self._keep(fitted)
+        return [self.known[h.key] for h in many]
 
-        Everything else begins where it is near there, with the form of a base, or else at its nominal value.
-        """
-        problem = _with_forces(self.problem, effects, values)
-        way: dict[str, Any] = {}
-        if near is not None and base is not None:
-            from_near = replace(near.result, values={**self.form_of(base), **near.result.values})
-            way = {"stages": problem.stages[-1:], "x_from": from_near}
-        fitted = fit(problem, effects, values, n_lines=FULL_LINES, **way)
-        return self.scattered(problem, Hypothesis(fitted, self.prior(effects)))
+    def _deserves_fit(self, key: frozenset[str], near: Hypothesis | None, *, anew: bool = False) -> bool:
+        known = self.known.get(key)
+        again = anew or (near is not None and known is not None and _moved(near, known))
+        return known is None or (again and self._n_fits[key] < MOST_FITS)
 
-    def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis fitted on with the small deviations of its form, by their slopes there."""
-        scatter = self.ranking.scatter(problem, h.fitted.result)
-        whole: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
-        problem, values = replace(problem, scatter=scatter), values_of(h.effects)
-        return replace(h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, **whole))
-
-    def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
-        """Return a hypothesis from the better of fits that begin at some values, staged and not."""
-        problem = _with_forces(self.problem, effects, values)
-        ways = problem.stages, problem.stages[-1:]
-        fits = [fit(problem, effects, values, stages=way, n_lines=FULL_LINES) for way in ways]
-        best = Hypothesis(max(fits, key=lambda f: f.log_evidence), self.prior(effects))
-        return self.scattered(problem, best)
+    def _keep(self, h: Hypothesis) -> None:
+        self._n_fits[h.key] += 1
+        known = self.known.get(h.key)
+        if known is None or h.score > known.score:
+            self.known[h.key] = h
 
     def on_own_basis(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis on a basis with its responses at some lines, where the search's is not good.
@@ -495,15 +397,15 @@ class Search:
         Effects that act on a whole member converge slowly on modes without them.
         """
         for n_lines in BASIS_LINES if h.effects else ():
-            problem = _with_forces(self.problem, h.effects, values_of(h.effects))
+            problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
             better = self.ranking.basis_for(problem, h.fitted.result, n_lines, BASIS_SHARE)
             if better is None:
                 break
             error, reduced = better
-            self.problem = replace(self.problem, reduced=reduced)
+            self.fits = replace(self.fits, problem=replace(self.fits.problem, reduced=reduced))
             decibels = error * DB_PER_NEPER
             self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
-            self.known[h.key] = h = self.fitted(h.effects, values_of(h.effects), h.fitted, h)
+            self.known[h.key] = h = self.fits.fully(h.effects, values_of(h.effects), h, h)
         return h
 
     def polished(self, h: Hypothesis) -> Hypothesis:
@@ -518,22 +420,17 @@ class Search:
         """
         if not h.effects:
             return h
-        quick = self.quick(h)
-        fits = [h.fitted, self.at(h.effects, values_of(h.effects)).fitted]
-        starts = self._around(h.effects)
-        around = [self.quickly(quick, h, h.effects, start) for start in starts]
-        here = self.quickly(quick, h, h.effects, values_of(h.effects))
-        for a in around:
-            if a.score > here.score - BEAM_NATS and _moved(a.fitted, here.fitted):
-                fits.append(self.fitted(h.effects, values_of(a.effects), a.fitted, h).fitted)
-        fits.sort(key=lambda f: -f.log_evidence)
-        best = fits[0]
+        here, others = self.on_few_lines(h, [(h.effects, start) for start in around(h.effects)])
+        near = [a for a in others if a.score > here.score - BEAM_NATS and _moved(a, here)]
+        fits = [h, *self.workers.map(_again, (self.fits, h), [None, *near])]
+        fits.sort(key=lambda f: -f.score)
+        best = fits[0].fitted
         # The scale of an unknown is that of its start: all are compared on the one of the best.
-        values = [parameter_values(e) for e in best.effects]
-        function = self.problem.function(best.effects, values, self.problem.lines_up_to(np.inf, FULL_LINES))
+        problem, values = self.fits.problem, values_of(best.effects)
+        function = problem.function(best.effects, values, problem.lines_up_to(np.inf, FULL_LINES))
         scale = np.outer(function.units, function.units)
         apart: list[Maximum] = []
-        for f in fits:
+        for f in (f.fitted for f in fits):
             m = Maximum(function.point_of(f.result), f.result.covariance / scale, f.log_evidence)
             if f.log_evidence > best.log_evidence - BEAM_NATS and all(m.distance(a) > 1.0 for a in apart):
                 apart.append(m)
@@ -545,30 +442,7 @@ class Search:
         self.known[h.key] = Hypothesis(replace(best, result=result), h.prior)
         return self.known[h.key]
 
-    def _around(self, effects: Sequence[Effect], first: int = 0) -> Starts:
-        """Return starts at the effects' values but for one positive parameter, some factors off."""
-        values = values_of(effects)
-        starts: Starts = []
-        for k, e in list(enumerate(effects))[first:]:
-            for p in e.parameters():
-                for factor in AROUND if p.log else ():
-                    moved = {p.name: float(np.clip(factor * p.value, p.lower, p.upper))}
-                    starts.append((*values[:k], values[k] | moved, *values[k + 1 :]))
-        return starts
-
-    def prior(self, effects: Sequence[Effect]) -> float:
-        """Return the logarithm of the prior probability of effects."""
-        total = 0.0
-        seen: set[str] = set()
-        for e in effects:
-            kind, name = place_of(e)
-            total -= np.log(max(self._n_candidates[name], 1))
-            if name not in seen:
-                seen.add(name)
-                total -= PLACE_ODDS + np.log(max(self._n_places[kind], 1))
-        return float(total)
-
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        left = self.ranking.left(self.problem)
+        left = self.ranking.left(self.fits.problem)
         return best.score + best.fitted.gain_of(best.fitted.levels.noise + left) - UNKNOWN_ODDS

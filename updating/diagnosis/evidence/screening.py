@@ -4,7 +4,7 @@ Nothing is refitted here. Each candidate's grid is projected on the reduced basi
 the grid costs what its few DOFs cost.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -17,9 +17,11 @@ from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from updating.correlation import complex_log
+from updating.diagnosis.evidence.fitting import levels_of
 from updating.inference.fit import FitProblem
-from updating.inference.fit_function import LEVEL_FLOOR, ROBUST
+from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
+from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 N_WHOLE, N_LOW = 44, 24
@@ -32,6 +34,9 @@ N_WHOLE_LIST, N_LOW_LIST = 18, 8
 """Lines of the whole band, and of the low one, for the short list."""
 MOST_PLACES = 4
 """At most so many of a candidate's places, for the short list."""
+
+NEAR_BOUND = 0.01
+"""A parameter this near its bound, in its standard deviations, is at it [-]."""
 
 _TOGETHER = 100
 """So many candidates of the list are judged at once."""
@@ -72,12 +77,11 @@ class Grid:
         """Return the grid that the effect asks for."""
         return cls(effect, tuple(effect.starts(problem.surroundings)))
 
-    @cached_property
-    def slight_points(self) -> tuple[tuple[dict[str, float], float], ...]:
-        """Points at which the effect is nearly absent, one for each choice of all but the first parameter.
+    def slight_points(self, absent: float | None = None) -> tuple[tuple[dict[str, float], float], ...]:
+        """Return points of near absence, one for each choice of all but the first parameter.
 
         They show what a little of it does. With each stands by how much it can be multiplied before it is
-        beyond the strongest point.
+        beyond the strongest point. ``absent`` is the first parameter's value there, if not its own.
         """
         first = self.effect.parameters()[0].name
         alike: dict[tuple, list[dict[str, float]]] = {}
@@ -85,7 +89,7 @@ class Grid:
             alike.setdefault(tuple(v for name, v in point.items() if name != first), []).append(point)
         slight = []
         for points in alike.values():
-            p = self.effect.with_values(**points[0]).parameters()[0]
+            p = self._first(points[0], absent)
             strength = np.abs([_distance(p, point[first]) for point in points])
             strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
             weakest, most = int(np.argmin(strength)), float(strength[np.isfinite(strength)].max(initial=0.0))
@@ -100,13 +104,17 @@ class Grid:
             self._terms = tuple(map(problem.reduced.value_of, effects))
         return self._terms
 
-    def scaled(self, point: dict[str, float], factor: float) -> dict[str, float]:
+    def _first(self, point: dict[str, float], absent: float | None) -> Parameter:
+        p = self.effect.with_values(**point).parameters()[0]
+        return p if absent is None else replace(p, absent=absent)
+
+    def scaled(self, point: dict[str, float], factor: float, absent: float | None = None) -> dict[str, float]:
         """Return a point with its first parameter at a multiple of the distance from where it is absent.
 
         Of a stiffness that is infinite where it is absent, the flexibility is scaled. The result lies within
         the parameter's bounds.
         """
-        return _scaled(self.effect.with_values(**point).parameters()[0], point, factor)
+        return _scaled(self._first(point, absent), point, factor)
 
     def one_sided(self) -> bool:
         """Whether the first parameter can lie on one side only of where it is absent."""
@@ -149,11 +157,14 @@ class Screened:
 def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
-    Each point of each grid is judged by six residual levels: with the nuisance parameters as they are fitted
-    now and with their nominal values, in each case on the whole band, on the low band (where a wrong modulus
-    shifts resonances by less than their width), and on the whole band after the part has been taken off that
-    a small change of the nuisance parameters explains. The level at which a candidate does best among all
-    others counts.
+    Each is judged by six measures, beside the nuisance parameters as they are fitted now, and beside their
+    nominal values:
+
+    - the likelihood at each point of its grid, after a small change of the nuisance parameters,
+    - the likelihood with the best multiple of what a little of it does: near the noise all is linear,
+    - the level in the low band, where a wrong modulus shifts resonances by less than their width.
+
+    The measure by which a candidate does best among all others counts, and it begins where that is best.
 
     Parameters
     ----------
@@ -162,25 +173,28 @@ def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tu
         The model so far, with the effects already found.
     grids : sequence of Grid
     """
-    bases = (current, problem.at_nominal(current))
-    levels = [np.full((3 * len(bases), len(g.points)), np.inf) for g in grids]
-    for b, base in enumerate(bases):
-        look = _Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
-        for i, grid in enumerate(grids):
-            levels[i][3 * b : 3 * (b + 1)] = look.levels(grid)
-    best = np.array([rows.min(axis=1) for rows in levels]).reshape(len(grids), 3 * len(bases))
-    rank = np.argsort(np.argsort(best, axis=0), axis=0)
+    if not grids:
+        return ()
+    looks = [look_at(problem, base) for base in (current, problem.at_nominal(current))]
+    tried = [[start for look in looks for start in look.best_starts(grid)] for grid in grids]
+    costs = np.array([[cost for cost, _ in starts] for starts in tried]).reshape(len(grids), -1)
+    rank = np.argsort(np.argsort(costs, axis=0, kind="stable"), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):
-        if not np.isfinite(best[i]).any():
+        if not np.isfinite(costs[i]).any():
             continue
-        points: list[int] = []
+        points: list[dict[str, float]] = []
         for measure in np.argsort(rank[i], kind="stable"):
-            k = int(np.argmin(levels[i][measure]))
-            if k not in points:
-                points.append(k)
-        out.append(Screened(grids[i].effect, tuple(grids[i].points[k] for k in points[:2])))
+            cost, point = tried[i][measure]
+            if np.isfinite(cost) and point not in points:
+                points.append(point)
+        out.append(Screened(grids[i].effect, tuple(points[:2])))
     return tuple(out)
+
+
+def look_at(problem: FitProblem, base: FitResult) -> "Look":
+    """Look at candidates from where a fit is."""
+    return Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
 
 
 def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
@@ -194,13 +208,13 @@ def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: 
     without = replace(best, effects=best.effects[:-1], values=values)
     if len(grids) > MOST_RIVALS:
         grids = [grids[i] for i in shortlist(problem, (without,), grids)]
-    look = _Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
+    look = Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
     found = []
     for i, grid in enumerate(grids):
-        levels = look.levels(grid).min(axis=0)
-        k = int(np.argmin(levels))
-        if np.isfinite(levels[k]):
-            found.append((float(levels[k]), i, k))
+        costs = look.levels(grid)[0]
+        k = int(np.argmin(costs))
+        if np.isfinite(costs[k]):
+            found.append((float(costs[k]), i, k))
     return tuple(Screened(grids[i].effect, (grids[i].points[k],)) for _, i, k in sorted(found)[:n_best])
 
 
@@ -220,11 +234,11 @@ def shortlist(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[G
 def _proportional_levels(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> Floats:
     """Return the levels that the best strength of each candidate would leave if FRFs changed in proportion.
 
-    Shape (2 n_bases, n_grids): for each base on the whole band without what nuisance parameters explain, and
-    on the low band. The change is taken from the responses at all DOFs and the candidate's element matrices,
-    so that none is projected.
+    Shape (2 n_bases, n_grids): for each base the cost on the whole band without what nuisance parameters
+    explain, and the level on the low band. The change is taken from the responses at all DOFs and the
+    candidate's element matrices, so that none is projected.
     """
-    looks = [_Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_LISTED) for base in bases]
+    looks = [Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_LISTED) for base in bases]
     responses = [look.fields() for look in looks]
     levels = np.full((2 * len(looks), len(grids)), np.inf)
     model = problem.reduced.model
@@ -234,7 +248,7 @@ def _proportional_levels(problem: FitProblem, bases: Sequence[FitResult], grids:
         slopes: list[list[Complexes]] = [[] for _ in looks]
         for i in range(first, min(first + _TOGETHER, len(grids))):
             effect = grids[i].effect
-            points = () if effect.released() else grids[i].slight_points
+            points = () if effect.released() else grids[i].slight_points()
             step = max(1, -(-len(points) // MOST_PLACES))
             for point, factor in points[(step - 1) // 2 :: step]:
                 contributions = effect.with_values(**point).contribute(model)
@@ -243,22 +257,51 @@ def _proportional_levels(problem: FitProblem, bases: Sequence[FitResult], grids:
                 for mine, every in zip(slopes, responses, strict=True):
                     mine.append(every.slope(contributions, effect.connection))
         one_sided = np.array([grids[i].one_sided() for i in owner], dtype=bool)
+        replaced = [tuple(grids[i].effect.replaces()) for i in owner]
         for b, look in enumerate(looks if owner else ()):
-            two = look.linear(np.stack(slopes[b]), np.array(most), one_sided)
+            two = look.linear(np.stack(slopes[b]), np.array(most), one_sided, replaced)
             for i, each in zip(owner, two.T, strict=True):
                 levels[2 * b : 2 * b + 2, i] = np.minimum(levels[2 * b : 2 * b + 2, i], each)
     return levels
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Little:
+    """What a little of a candidate does, at each of its slight points.
+
+    Attributes
+    ----------
+    grid : Grid
+    points : tuple of dict
+    absent : float or None
+        The first parameter's value where the candidate is absent, if not its own.
+    change : ndarray (n_points, m)
+        Of the weighted residuals; 0 where it cannot be or is not seen.
+    most : ndarray (n_points,)
+        Multiples up to which it stays on its grid.
+    """
+
+    grid: Grid
+    points: tuple[dict[str, float], ...]
+    absent: float | None
+    change: Complexes
+    most: Floats
+
+    def values(self, k: int, factor: float) -> dict[str, float]:
+        """Return the parameter values at a multiple of one of the points."""
+        return self.grid.scaled(self.points[k], factor, self.absent)
+
+
 @dataclass(eq=False)
-class _Look:
+class Look:
     """A model with all but the candidates fixed, at a few lines.
 
     Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
     (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each, and ``whole`` tells
     which of them stand for the whole band. ``slopes`` (n, m) are the weighted slopes of the nuisance
-    parameters ``refs`` and of damping for these, ``trust`` (m,) what each value counts and ``known`` (n,) the
-    prior precision; real and imaginary parts stand side by side.
+    parameters ``refs`` and of damping for these, ``trust`` (m,) what each value counts by the likelihood and
+    ``known`` (n,) the prior precision; real and imaginary parts stand side by side. ``share`` (m, n_groups)
+    takes the mean over the values of each group, whose ``likelihood`` is that of a fit.
     """
 
     problem: FitProblem
@@ -272,6 +315,8 @@ class _Look:
     slopes: Floats
     trust: Floats
     known: Floats
+    share: Floats
+    likelihood: Levels
     # By the constraints that an effect releases, and by the nuisance parameters that it replaces.
     _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(
         default_factory=dict, init=False, repr=False
@@ -288,21 +333,32 @@ class _Look:
         n_whole: int,
         n_low: int,
         most: int,
-    ) -> "_Look":
+    ) -> "Look":
         """Look from where the base is."""
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
         function = problem.function(base.effects, [parameter_values(e) for e in base.effects], whole)
-        r, J = function(function.moved_to(base), True)
+        x = function.moved_to(base)
+        r, J = function(x, True)
         assert J is not None
         some = _some(len(r), most)
         r, J = r[some], J[:, some]
-        misfit = float(pseudo_huber(r, ROBUST).mean())
-        weight = pseudo_huber_weight(r, ROBUST) * problem.n_independent() / len(r) / (LEVEL_FLOOR**2 + misfit)
+        group = np.unique(function.groups, return_inverse=True)[1][some]
+        share = np.eye(group.max(initial=0) + 1)[group]
+        share /= np.maximum(share.sum(axis=0), 1.0)
+        likelihood = levels_of(function)
+        assert isinstance(likelihood, Levels)
+        worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share)
+        weight = pseudo_huber_weight(r, ROBUST) * (share @ worth)
         prior = function.prior()
         known = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
         slopes, trust = np.hstack([J.real, J.imag]), np.concatenate([weight, weight])
-        refs = tuple(v.ref for v in function.variables)
+        # What is at its bound moves no farther.
+        low_bound, high_bound = function.limits().T
+        near = NEAR_BOUND * np.where(np.isfinite(prior.std), prior.std, 0.0)
+        free = (x > low_bound + near) & (x < high_bound - near)
+        slopes, known = slopes[free], known[free]
+        refs = tuple(v.ref for v, is_free in zip(function.variables, free, strict=False) if is_free)
 
         data, lines = problem.data, np.concatenate([whole, low])
         n_first = int(np.prod(data.mask[whole].shape))
@@ -310,22 +366,59 @@ class _Look:
         low_at = flat[flat >= n_first]
         at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
         measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
-        return cls(problem, base, lines, at, measured, w, at < n_first, refs, slopes, trust, known)
+        return cls(
+            problem, base, lines, at, measured, w, at < n_first, refs, slopes, trust, known, share, likelihood
+        )
+
+    def best_starts(self, grid: Grid) -> list[tuple[float, dict[str, float]]]:
+        """Return the best point of a candidate by each of three measures, and how good it is."""
+        levels = self.levels(grid)
+        best = [(float(row.min()), grid.points[int(np.argmin(row))]) for row in levels]
+        best.append(self._best_of_little(grid))
+        return best
 
     def levels(self, grid: Grid) -> Floats:
-        """Return the level on the whole band, on the low one if it has lines, and with nuisances adapted.
+        """Return the cost on the whole band with nuisances adapted, and the level on the low one.
 
-        Shape (3 or 2, n_points).
+        Shape (2, n_points); one row if the low band has no lines.
         """
-        H = self._local(grid.effect.released()).with_terms(self._terms(grid))
-        r, possible = self._possible(H)
-        levels = np.where(possible, self._levels(r, grid.effect.replaces()), np.inf)
+        r, possible = self._at(grid)
+        first, low = r[:, self.whole], r[:, ~self.whole]
+        every = [self.costs(self.adapted(first, grid.effect.replaces()))]
+        every += [_level(low)] if low.size else []
+        levels = np.where(possible, np.stack(every), np.inf)
         return levels if np.abs(r - self._now).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
 
-    def _levels(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Floats:
-        first, low = r[:, self.whole], r[:, ~self.whole]
-        adapted = self._adapted(first, replaced)
-        return np.stack([_level(each) for each in ([first, low, adapted] if low.size else [first, adapted])])
+    def _best_of_little(self, grid: Grid) -> tuple[float, dict[str, float]]:
+        """Return the cost of the best multiple of what a little of a candidate does, and its values there."""
+        little, replaced = self.little(grid), grid.effect.replaces()
+        now = self.adapted(self._now[None, self.whole], replaced)[0]
+        change, trust = self.adapted(little.change, replaced), self.trust[: len(now)]
+        costs, factors = _best_multiples(now, change, little.most, grid.one_sided(), trust, self.costs)
+        k = int(np.argmin(costs))
+        return float(costs[k]), little.values(k, float(factors[k]))
+
+    def little(self, grid: Grid) -> "Little":
+        """Return what a little of a candidate does to the residuals of the whole band.
+
+        An effect that replaces an uncertain parameter does nothing at that parameter's value.
+        """
+        base, replaced = self.base.values, grid.effect.replaces()
+        absent = next((float(base[ref]) for ref in replaced if ref in base), None)
+        points = grid.slight_points(absent)
+        little = Grid(grid.effect, tuple(point for point, _ in points))
+        r, possible = self._at(little)
+        change = np.where(possible[:, None], (r - self._now)[:, self.whole], 0.0)
+        return Little(grid, little.points, absent, change, np.array([factor for _, factor in points]))
+
+    def _at(self, grid: Grid) -> tuple[Complexes, NDArray[np.bool_]]:
+        """Return the residuals of a candidate at its points, and which of them can be."""
+        return self._possible(self._local(grid.effect.released()).with_terms(self._terms(grid)))
+
+    def costs(self, r: Complexes) -> Floats:
+        """Return the negative log likelihood of residuals (n, m) in the whole band, (n,)."""
+        v = pseudo_huber(r, ROBUST) @ self.share
+        return np.array([self.likelihood.cost(each) for each in v])
 
     def _terms(self, grid: Grid) -> tuple:
         """Return what the effect adds at the points, on members and joints as they are in the base.
@@ -360,17 +453,36 @@ class _Look:
         """Return the responses at all DOFs at the lines."""
         return self._local(()).fields()
 
-    def linear(self, slopes: Complexes, most: Floats, one_sided: NDArray[np.bool_]) -> Floats:
-        """Return the levels that the best multiples of n changes of the receptances leave, (2, n).
+    def linear(
+        self,
+        slopes: Complexes,
+        most: Floats,
+        one_sided: NDArray[np.bool_],
+        replaced: Sequence[tuple[ParameterRef, ...]],
+    ) -> Floats:
+        """Return the costs of the best multiples of n changes of the receptances, (2, n).
 
-        On the whole band without what nuisances explain, and on the low band; infinite if it is invisible.
+        On the whole band without what nuisances explain but those that are ``replaced``, and the level on the
+        low band; infinite if it is invisible.
         """
         H = self._local(()).H.ravel()[self.at]
         with np.errstate(divide="ignore", invalid="ignore"):
             d = self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H
-        every: Any = np.vstack([self._now, np.where(np.isfinite(d), d, 0.0)])
-        bands = self._adapted(every[:, self.whole]), every[:, ~self.whole]
-        return np.stack([_best_multiples(r[0], r[1:], most, one_sided)[0] for r in bands])
+        d = np.where(np.isfinite(d), d, 0.0)
+        now, low, out = self._now[self.whole], self._now[~self.whole], np.empty((2, len(d)))
+        for without in set(replaced):
+            k = np.array([i for i, each in enumerate(replaced) if each == without])
+            every = self.adapted(np.vstack([now, d[k][:, self.whole]]), without)
+            trust = self.trust[: len(now)]
+            out[0, k], _ = _best_multiples(every[0], every[1:], most[k], one_sided[k], trust, self.costs)
+        weight = pseudo_huber_weight(low, ROBUST)
+        out[1], _ = _best_multiples(low, d[:, ~self.whole], most, one_sided, weight, _level)
+        return out
+
+    @property
+    def now(self) -> Complexes:
+        """The weighted residuals of the whole band without a candidate."""
+        return self._now[self.whole]
 
     @cached_property
     def _now(self) -> Complexes:
@@ -389,7 +501,7 @@ class _Look:
             r: Any = self.weight * complex_log(computed / self.measured)
         return np.where(np.isfinite(r), r, 0.0)
 
-    def _adapted(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Complexes:
+    def adapted(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Complexes:
         """Return residuals without what a small change of the nuisance parameters explains.
 
         Those that an effect replaces stay as they are.
@@ -423,21 +535,25 @@ class _Look:
 
 
 def _best_multiples(
-    now: Complexes, change: Complexes, most: Floats, one_sided: bool | NDArray[np.bool_]
+    now: Complexes,
+    change: Complexes,
+    most: Floats,
+    one_sided: bool | NDArray[np.bool_],
+    weight: Floats,
+    cost: Callable[[Complexes], Floats],
 ) -> tuple[Floats, Floats]:
-    """Return the levels (n,) that the best multiples of changes (n, m) of residuals (m,) leave, and these.
+    """Return the costs (n,) that the best multiples of changes (n, m) of residuals (m,) leave, and these.
 
-    Within ± ``most`` (n,), or from 0 to it where they are one-sided; the level is infinite where the change
+    Within ± ``most`` (n,), or from 0 to it where they are one-sided; the cost is infinite where the change
     is invisible.
     """
-    weight = pseudo_huber_weight(now, ROBUST)
     size = (weight * np.abs(change) ** 2).sum(axis=1)
     slope = (weight * (change.conj() * now).real).sum(axis=1)
     least = np.where(one_sided, 0.0, -most)
     factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
     moved = factor[:, None] * change
     visible = np.abs(moved).max(axis=1, initial=0.0) >= VISIBLE
-    return np.where(visible, _level(now + moved), np.inf), factor
+    return np.where(visible, cost(now + moved), np.inf), factor
 
 
 def _some(n: int, most: int) -> NDArray[np.int64]:

@@ -1,0 +1,68 @@
+"""Several springs of a connection together, by what a little of each does."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from fem.model import Effect
+from updating.diagnosis.evidence.hypothesis import Values
+from updating.diagnosis.evidence.screening import Grid, Little, Look
+
+LEAST_MULTIPLE = 1.0
+"""An effect that the data do not ask for begins at its slight point [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Effects that are tried together.
+
+    Attributes
+    ----------
+    cost : float
+        Negative log likelihood that the best multiples of their small changes leave.
+    effects : tuple of Effect
+    start : tuple of dict
+        Their values there.
+    """
+
+    cost: float
+    effects: tuple[Effect, ...]
+    start: Values
+
+
+def blocks_of(look: Look, grids: dict[str, Grid], groups: Sequence[tuple[Effect, ...]]) -> list[Block]:
+    """Return groups of effects, each at the multiples of small changes that explain the residuals best.
+
+    Minimises Σ w |r + Σ_k f_k d_k|² within the bounds of each effect, with d_k what a little of it does and
+    uncertain parameters adapted.
+
+    Parameters
+    ----------
+    look : Look
+    grids : dict
+        By the names of the effects.
+    groups : sequence of tuple of Effect
+    """
+    little = {name: look.little(grid) for name, grid in grids.items()}
+    return [_block(look, [little[e.name] for e in group]) for group in groups]
+
+
+def _block(look: Look, parts: Sequence[Little]) -> Block:
+    """Return the block of some effects."""
+    replaced = tuple(dict.fromkeys(ref for p in parts for ref in p.grid.effect.replaces()))
+    change = np.stack([p.change[0] for p in parts])
+    every = look.adapted(np.vstack([look.now, change]), replaced)
+    weight = np.sqrt(look.trust[: every.shape[1]])
+    now, *columns = (np.concatenate([x.real, x.imag]) for x in weight * every)
+    most = np.array([max(p.most[0], 1.0) for p in parts])
+    least = np.where([p.grid.one_sided() for p in parts], 0.0, -most)
+    A = np.stack(columns, axis=1)
+    size = np.linalg.norm(A, axis=0)
+    size[size == 0] = 1.0
+    factors = lsq_linear(A / size, -now, (least * size, most * size)).x / size
+    cost = float(look.costs((every[0] + factors @ every[1:])[None])[0])
+    factors = np.where(np.abs(factors) < LEAST_MULTIPLE, LEAST_MULTIPLE, factors)
+    start = tuple(p.values(0, float(f)) for p, f in zip(parts, factors, strict=True))
+    return Block(cost, tuple(p.grid.effect for p in parts), start)

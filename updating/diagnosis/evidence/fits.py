@@ -1,0 +1,215 @@
+"""Fits of hypotheses: short and quick ones on few lines with the form fixed, full ones with all free."""
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fem.model import Effect, ParameterRef
+from fem.reduction.reduced_model import ReducedModel
+from fem.system import assemble
+from updating.diagnosis.evidence.fitting import fit
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Starts, Values, values_of
+from updating.diagnosis.evidence.ranking import Ranking
+from updating.inference.fit import FitProblem
+from updating.inference.mode_fit import ModeProblem
+from updating.inference.parameters import Nuisance
+
+QUICK_LINES, FULL_LINES = 40, 100
+"""Lines of quick fits, and of full ones."""
+SHORT_STEPS, QUICK_STEPS = 2, 6
+"""Steps of first, short fits in each band, and of those that go on from them."""
+FAR = 3.0
+"""Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
+too [-]."""
+AROUND = (0.6, 1.0, 1.6)
+"""Factors of a found positive parameter at which other maxima are looked for."""
+N_STARTS = 3
+"""Number of starts that are kept after short fits of the lowest band."""
+AnyProblem = FitProblem | ModeProblem
+Fit = TypeVar("Fit")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fits:
+    """Fits to one set of data, each by itself: several processes may share them.
+
+    Attributes
+    ----------
+    problem : FitProblem or ModeProblem
+        With the form among the uncertain parameters.
+    form : tuple of Nuisance
+        Those of them that are the form's.
+    odds : Odds
+    ranking : Ranking
+    """
+
+    problem: AnyProblem
+    form: tuple[Nuisance, ...]
+    odds: Odds
+    ranking: Ranking
+
+    @property
+    def floor(self) -> float:
+        """Level that noise and the mesh leave [nepers]."""
+        return float(np.hypot(self.problem.data.noise_level, self.problem.mesh_level))
+
+    @property
+    def form_names(self) -> set[str]:
+        """Names of the effects that are the form."""
+        return {n.effect for n in self.form}
+
+    def is_far(self, h: Hypothesis) -> bool:
+        """Whether a hypothesis is so far from the data that its uncertain parameters may be bent."""
+        return h.fitted.level > FAR * self.floor
+
+    def quick(self, base: Hypothesis) -> AnyProblem:
+        """Return the problem with the form fixed: as it is in a hypothesis, or nominal if that is far."""
+        names, values = self.form_names, self.form_of(base)
+        reduced = self.problem.reduced
+        if any(values.values()):
+            model = reduced.model.with_values(values)
+            reduced = ReducedModel(model, reduced.basis, assemble(model, reciprocal=False))
+        own = tuple(n for n in self.problem.nuisances if n.effect not in names)
+        return replace(self.problem, reduced=reduced, nuisances=own)
+
+    def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
+        """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
+        if self.is_far(base):
+            return {}
+        return {r: v for r, v in base.fitted.result.values.items() if r[0] in self.form_names}
+
+    def shortly(
+        self, quick: AnyProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
+    ) -> list[Hypothesis]:
+        """Return a hypothesis after a few steps from each of some starts, the best first.
+
+        None where no start has a structure. Of many starts those go on that do best in the lowest band. All
+        else begins where it is in a base and, where that is far from the data, at its nominal values, too.
+        """
+        few: dict[str, Any] = {"n_lines": QUICK_LINES, "max_iterations": SHORT_STEPS}
+        if len(starts) > N_STARTS:
+            tried = possible(partial(self._in_lowest_band, quick, effects, start) for start in starts)
+            starts = [start for _, start in sorted(tried, key=lambda each: -each[0])[:N_STARTS]]
+        ways: list[dict[str, Any]] = [{"stages": quick.stages[-1:], "x_from": base.fitted.result}]
+        ways += [{}] if self.is_far(base) else []
+        problems = [(with_forces(quick, effects, start), start) for start in starts]
+        fits = possible(
+            partial(self._fit, problem, effects, start, **few, **way)
+            for problem, start in problems
+            for way in ways
+        )
+        return sorted(fits, key=lambda h: -h.fitted.log_evidence)
+
+    def _in_lowest_band(
+        self, quick: AnyProblem, effects: Sequence[Effect], start: Values
+    ) -> tuple[float, Values]:
+        how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": QUICK_LINES, "max_iterations": 3}
+        return self._fit(quick, effects, start, **how).fitted.log_likelihood, start
+
+    def highest(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return a hypothesis at the highest of the maxima around it, on few lines.
+
+        Resonances that pass each other leave several. All but the effects beside those of the base begins as
+        it is there, and these off in one positive parameter.
+        """
+        starts = around(h.effects, len(base.effects))
+        fits = possible(partial(self.quickly, quick, base, h.effects, start) for start in starts)
+        return max([h, *fits], key=lambda k: k.score)
+
+    def continued(self, quick: AnyProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
+        """Return the best of hypotheses with the same effects that are fitted on from where they are."""
+        fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in begun]
+        return max(fits, key=lambda h: h.score)
+
+    def pruned(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return a hypothesis without those of several new effects whose absence raises its score.
+
+        On few lines; one of them stays.
+        """
+        while len(h.effects) > len(base.effects) + 1:
+            fewer = [
+                tuple(x for x in h.effects if x.name != e.name) for e in h.effects if e.name not in base.key
+            ]
+            options = possible(partial(self.quickly, quick, h, rest, values_of(rest)) for rest in fewer)
+            best = max(options, key=lambda o: o.score, default=h)
+            if best.score <= h.score:
+                break
+            h = best
+        return h
+
+    def quickly(
+        self, quick: AnyProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
+    ) -> Hypothesis:
+        """Return a hypothesis fitted on few lines with the form fixed, from near another one."""
+        problem = with_forces(quick, effects, values)
+        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
+        return self._fit(problem, effects, values, n_lines=QUICK_LINES, max_iterations=QUICK_STEPS, **way)
+
+    def fully(
+        self,
+        effects: Sequence[Effect],
+        values: Values,
+        near: Hypothesis | None = None,
+        base: Hypothesis | None = None,
+    ) -> Hypothesis:
+        """Return a hypothesis fitted on all lines with the form free, from some values.
+
+        Everything else begins where it is near there, with the form of a base, or else at its nominal value.
+        """
+        problem = with_forces(self.problem, effects, values)
+        way: dict[str, Any] = {}
+        if near is not None and base is not None:
+            result = near.fitted.result
+            from_near = replace(result, values={**self.form_of(base), **result.values})
+            way = {"stages": problem.stages[-1:], "x_from": from_near}
+        return self.scattered(problem, self._fit(problem, effects, values, n_lines=FULL_LINES, **way))
+
+    def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis fitted on with the small deviations of its form, by their slopes there."""
+        scatter = self.ranking.scatter(problem, h.fitted.result)
+        if scatter is None:
+            return h
+        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
+        problem, values = replace(problem, scatter=scatter), values_of(h.effects)
+        return replace(h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, **way))
+
+    def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
+        """Return a hypothesis from the better of fits that begin at some values, staged and not."""
+        problem = with_forces(self.problem, effects, values)
+        ways = problem.stages, problem.stages[-1:]
+        fits = [self._fit(problem, effects, values, stages=way, n_lines=FULL_LINES) for way in ways]
+        return self.scattered(problem, max(fits, key=lambda h: h.fitted.log_evidence))
+
+    def _fit(self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **how: Any) -> Hypothesis:
+        return Hypothesis(fit(problem, effects, values, **how), self.odds.prior(effects))
+
+
+def with_forces(problem: AnyProblem, effects: Sequence[Effect], values: Values) -> AnyProblem:
+    """Return a problem whose basis has the responses to forces of effects at some values."""
+    there = [e.with_values(**v) for e, v in zip(effects, values, strict=True)]
+    return replace(problem, reduced=problem.reduced.with_forces_of(there))
+
+
+def possible(fits: Iterable[Callable[[], Fit]]) -> list[Fit]:
+    """Return the fits whose start has a structure: others take away more mass than there is."""
+    out = []
+    for each in fits:
+        with suppress(np.linalg.LinAlgError):
+            out.append(each())
+    return out
+
+
+def around(effects: Sequence[Effect], first: int = 0) -> Starts:
+    """Return starts at the effects' values but for one positive parameter, some factors off."""
+    values = values_of(effects)
+    starts: Starts = []
+    for k, e in list(enumerate(effects))[first:]:
+        for p in e.parameters():
+            for factor in AROUND if p.log else ():
+                moved = {p.name: float(np.clip(factor * p.value, p.lower, p.upper))}
+                starts.append((*values[:k], values[k] | moved, *values[k + 1 :]))
+    return starts

@@ -1,0 +1,101 @@
+"""Models with effects more than the nominal one, and how probable they are before any data."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.model import Effect, parameter_values
+from updating.diagnosis.evidence.fitting import Fitted
+from updating.diagnosis.evidence.places import place_of
+from updating.diagnosis.evidence.priors import PLACE_ODDS
+
+Values = tuple[dict[str, float], ...]
+Starts = list[Values]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """A model with effects, fitted.
+
+    Attributes
+    ----------
+    fitted : Fitted
+    prior : float
+        Logarithm of its prior probability, up to a constant.
+    """
+
+    fitted: Fitted
+    prior: float
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects at their fitted values."""
+        return self.fitted.effects
+
+    @property
+    def score(self) -> float:
+        """Logarithm of its posterior probability, up to a constant."""
+        return self.fitted.log_evidence + self.prior
+
+    @property
+    def key(self) -> frozenset[str]:
+        """Names of the effects."""
+        return key_of(self.effects)
+
+    @property
+    def places(self) -> frozenset[str]:
+        """Members and connections that the effects act on."""
+        return frozenset(set[str]().union(*map(near_to, self.effects)))
+
+    @property
+    def name(self) -> str:
+        """Effects in words."""
+        return " + ".join(sorted(f"{e.kind} {e.where}" for e in self.effects)) or "nothing"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odds:
+    """Prior odds of effects, by how many candidates a place has, and how many places a kind of place."""
+
+    n_candidates: Counter[str]
+    n_places: Counter[str]
+
+    @classmethod
+    def of(cls, candidates: Sequence[Effect]) -> "Odds":
+        """Count candidates and their places."""
+        where = [place_of(c) for c in candidates]
+        return cls(Counter(name for _, name in where), Counter(kind for kind, _ in set(where)))
+
+    def prior(self, effects: Sequence[Effect]) -> float:
+        """Return the logarithm of the prior probability of effects."""
+        total = 0.0
+        seen: set[str] = set()
+        for e in effects:
+            kind, name = place_of(e)
+            total -= np.log(max(self.n_candidates[name], 1))
+            if name not in seen:
+                seen.add(name)
+                total -= PLACE_ODDS + np.log(max(self.n_places[kind], 1))
+        return float(total)
+
+
+def key_of(effects: Sequence[Effect]) -> frozenset[str]:
+    """Return the names of effects."""
+    return frozenset(e.name for e in effects)
+
+
+def values_of(effects: Sequence[Effect]) -> Values:
+    """Return the parameter values of effects."""
+    return tuple(map(parameter_values, effects))
+
+
+def near_to(effect: Effect) -> set[str]:
+    """Return the names of the members and connections that an effect acts on."""
+    fields = (getattr(effect, key, None) for key in ("joint", "support", "member"))
+    names = {f for f in fields if isinstance(f, str)}
+    for key in ("joints", "supports"):
+        many = getattr(effect, key, None)
+        names |= {x for x in many if isinstance(x, str)} if isinstance(many, tuple) else set()
+    return names or {place_of(effect)[1]}
