@@ -49,7 +49,8 @@ def begun(*hidden):
         return SimpleNamespace(score=0.0)
 
     problem = SimpleNamespace(surroundings=None)
-    search = SimpleNamespace(candidates=CANDIDATES, problem=problem, at=at, known={frozenset(): None})
+    fits = SimpleNamespace(problem=problem, at=at)
+    search = SimpleNamespace(candidates=CANDIDATES, fits=fits, known={frozenset(): None})
     assert (at_truth(search, by_evidence.stated(hidden)) is None) == (not out)
     return out
 
