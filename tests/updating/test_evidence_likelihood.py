@@ -13,7 +13,7 @@ from fem.effects.member_damping import MemberDamping
 from fem.reduction.local_changes import LocalChanges
 from tests.frames import write_study
 from updating.diagnosis.evidence.fitting import with_seen_noise
-from updating.diagnosis.evidence.priors import FORM_MODES
+from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_MODES
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.preparation import direct_responses
@@ -87,26 +87,8 @@ def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, sta
 # ---------------------------------------------------------------------------------------------- scatter
 
 
-def test_slopes_of_the_scatter_are_those_of_members_loss_factors(problem, fitted):
-    lines = problem.lines_up_to(np.inf, 20)
-    scatter = scatter_of(problem, fitted, 0.1, 0.0)
-    slopes = scatter.slopes(lines)
-    refs, frequency = list(fitted.values), problem.data.frequency[lines]
-    values, zeta = np.array([fitted.values[r] for r in refs]), problem.damping.ratio(frequency, fitted.zeta)
-    members = list(problem.reduced.model.mesh.members)
-    for member, slope in zip(members, slopes, strict=True):
-        H = []
-        for loss in (0.0, 1e-6):
-            effect = MemberDamping(name="more", member=member, loss_factor=loss)
-            H.append(problem.engine(frequency, refs, (effect,)).evaluate(values, zeta, gradient=False)[0])
-        expected = np.log(H[1] / H[0]) / 1e-6
-        np.testing.assert_allclose(slope, expected, atol=0.02 * np.abs(expected).max())
-    ratio = np.atleast_2d(problem.damping.ratio(problem.data.frequency, fitted.zeta))[0]
-    np.testing.assert_allclose(scatter.std, 0.1 * 2 * np.median(ratio))
-
-
-def receptances(problem, fitted, lines, change):
-    """Return the receptances of the reduced model with its stiffness changed, by dense solves."""
+def receptances(problem, fitted, lines, change, loss):
+    """Return receptances of the reduced model with its stiffness changed by a part of its own loss."""
     f, refs = problem.data.frequency[lines], list(fitted.values)
     values, zeta = np.array([fitted.values[r] for r in refs]), problem.damping.ratio(f, fitted.zeta)
     engine = problem.engine(f, refs)
@@ -114,37 +96,39 @@ def receptances(problem, fitted, lines, change):
     K, M, joints = (total[key] for key in ("K", "M", "connections"))
     out = []
     for w, z, of_joints in zip(2 * np.pi * f, *np.atleast_2d(zeta)[[0, -1]], strict=True):
-        Z = (1 + 2j * z) * (K - joints + change(K, M)) + (1 + 2j * of_joints) * joints - w**2 * M
-        out.append(engine.outputs.T @ np.linalg.solve(Z, engine.inputs))
+        Z = (1 + 2j * z) * (K - joints) + (1 + 2j * of_joints) * joints - w**2 * M
+        out.append(engine.outputs.T @ np.linalg.solve(Z + loss(z) * change(K, M), engine.inputs))
     return np.stack(out)
 
 
-def test_slopes_of_the_scatter_are_those_of_shifted_eigenvalues(problem, fitted):
-    """K + δ λ (Mφ)(Mφ)ᵀ shifts one eigenvalue by the share δ: dense solves with one mode at a time."""
+@pytest.mark.parametrize(
+    ("stds", "loss"),
+    [((0.0, 0.002), lambda z: 1 + 2j * z), ((0.1, 0.0), lambda z: 2j * z)],
+    ids=["eigenvalues", "damping ratios"],
+)
+def test_slopes_of_the_scatter_are_those_of_single_modes(problem, fitted, stds, loss):
+    """K + δ λ (Mφ)(Mφ)ᵀ shifts one eigenvalue by the share δ; its loss alone shifts the damping ratio."""
     lines, limit = problem.lines_up_to(np.inf, 12), (2 * np.pi * problem.data.frequency[-1]) ** 2
-    scatter = scatter_of(problem, fitted, 0.1, 0.002)
-    n_members = len(problem.reduced.model.mesh.members)
+    scatter = scatter_of(problem, fitted, *stds)
 
     def shifted(mode, K, M):
         lam, V = eigh(K, M)
         at = np.flatnonzero(lam > 1e-6 * limit)[mode]
         return 1e-6 * lam[at] * np.outer(M @ V[:, at], M @ V[:, at])
 
-    plain = receptances(problem, fitted, lines, lambda K, M: 0 * K)
-    slopes = scatter.slopes(lines)[n_members:]
-    np.testing.assert_array_equal(scatter.std[n_members:], 0.002)
+    plain = receptances(problem, fitted, lines, lambda K, M: 0 * K, loss)
+    slopes = scatter.slopes(lines)
+    np.testing.assert_array_equal(scatter.std, max(stds))
     assert len(slopes) > 3
     for mode, slope in enumerate(slopes):
-        expected = np.log(receptances(problem, fitted, lines, partial(shifted, mode)) / plain) / 1e-6
+        expected = np.log(receptances(problem, fitted, lines, partial(shifted, mode), loss) / plain) / 1e-6
         np.testing.assert_allclose(slope, expected, atol=max(1e-3 * np.abs(expected).max(), 1e-6))
 
 
-def test_modes_are_uncertain_where_the_form_is_not_right(problem, fitted):
+def test_eigenvalues_are_uncertain_where_the_form_is_not_right(problem, fitted):
     exact, real = (FrfRanking().scatter(replace(problem, model_error=e), fitted).std for e in (0.0, 0.3))
-    n_members = len(problem.reduced.model.mesh.members)
-    np.testing.assert_array_equal(real[:n_members], exact)
-    assert len(real) > n_members
-    np.testing.assert_array_equal(real[n_members:], FORM_MODES)
+    np.testing.assert_array_equal(exact, FORM_DAMPING)
+    np.testing.assert_array_equal(real, np.tile([FORM_MODES, FORM_DAMPING], len(exact)))
 
 
 def test_a_fit_with_scatter_moves_it_and_keeps_the_values_it_reports(problem, fitted):

@@ -1,7 +1,7 @@
-"""Small deviations that every model has, by their slopes: damping of members, and modes off in frequency.
+"""Small deviations that every model has, by their slopes: modes off in frequency and in damping.
 
-Members of one material dissipate by some per cent more or less than each other, which a damping curve over
-frequency cannot say. Beams against real structures differ mostly in frequencies. Thousands of lines see both.
+Beams against real structures differ mostly in frequencies. Each mode dissipates by some per cent more or less
+than a smooth damping curve says. Thousands of lines see both.
 """
 
 from collections.abc import Callable
@@ -10,9 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.places import frame_of
-from fem.elements.frame import Frame, member_contribution
-from fem.model import Contribution
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -46,46 +43,42 @@ class Scatter:
 
 
 def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
-    """Return loss factors of members beside the damping curve and shifts of modes, at a fitted model.
+    """Return shifts of the modes' eigenvalues and damping ratios at a fitted model.
+
+    With Z⁻¹ = Σ φ_r φ_rᵀ / (λ_r s + m), s = 1 + i(η + 2ζ) and m = -ω², a change of ln λ_r adds
+    -(φ_r s λ_r φ_rᵀ) (λ_r s + m)⁻² to the receptances, and one of ln ζ_r the same with 2iζ for s.
 
     Parameters
     ----------
     problem : FitProblem
     result : FitResult
     damping : float
-        Standard deviation of each loss factor in parts of the median loss factor 2ζ [-].
+        Standard deviation of the logarithm of each mode's damping ratio [-].
     eigenvalue : float
         Standard deviation of the relative shift of each elastic mode's eigenvalue [-].
     """
-    model = problem.reduced.model
-    members = list(model.mesh.members) if model.of_kind(Frame) else []
-    members = members if len(members) > 1 else []
-    every = np.atleast_2d(problem.damping.ratio(problem.data.frequency, result.zeta))[0]
     highest = (2 * np.pi * problem.data.frequency[-1]) ** 2
     refs, values = list(result.values), np.array(list(result.values.values()))
 
-    def changes_at(lines: NDArray[np.int64]) -> LocalChanges:
-        f = problem.data.frequency[lines]
-        engine = problem.engine(f, refs, result.effects)
-        return LocalChanges.of(engine, values, problem.damping.ratio(f, result.zeta))
+    def ratio_at(lines: NDArray[np.int64]) -> Floats:
+        return problem.damping.ratio(problem.data.frequency[lines], result.zeta)
 
-    few = problem.lines_up_to(np.inf, 2)
-    n_modes = len(_shifted(changes_at(few), highest)) if eigenvalue > 0 else 0
+    def changes_at(lines: NDArray[np.int64]) -> LocalChanges:
+        engine = problem.engine(problem.data.frequency[lines], refs, result.effects)
+        return LocalChanges.of(engine, values, ratio_at(lines))
+
+    n_modes = len(_shifted(changes_at(problem.lines_up_to(np.inf, 2)), highest))
 
     def slopes(lines: NDArray[np.int64]) -> Complexes:
-        changes = changes_at(lines)
-        fields, state, out = changes.fields(), changes.state, []
-        for m in members:
-            parts = member_contribution(frame_of(model), model, m)
-            out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
-        for r in _shifted(changes, highest) if n_modes else ():
-            force = state.stiffness * state.lam[r] * changes.Xi[r]
-            out.append(-np.einsum("of,if->foi", changes.Xo[r], force))
-        H = changes.H
+        changes, zeta = changes_at(lines), np.atleast_2d(ratio_at(lines))[0]
+        state, H, out = changes.state, changes.H, []
+        for r in _shifted(changes, highest)[:n_modes]:
+            for factor, std in ((state.stiffness, eigenvalue), (2j * zeta, damping)):
+                force = factor * state.lam[r] * changes.Xi[r]
+                out += [-np.einsum("of,if->foi", changes.Xo[r], force)] if std > 0 else []
         return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
 
-    loss = np.full(len(members), damping * 2 * float(np.median(every)))
-    std = np.concatenate([loss, np.full(n_modes, eigenvalue)])
+    std = np.tile([s for s in (eigenvalue, damping) if s > 0], n_modes)
     return Scatter(std, slopes) if len(std) else None
 
 

@@ -109,7 +109,7 @@ class FrfRanking:
         return rivals(problem, last, [Grid.of(problem, e) for e in effects], n_best)
 
     def scatter(self, problem: FitProblem, result: FitResult) -> Scatter | None:
-        """Return the damping of single members, and shifts of modes where the form is not right."""
+        """Return scatter of the modes' damping, and of their eigenvalues where the form is not right."""
         return scatter_of(problem, result, FORM_DAMPING, FORM_MODES if problem.model_error > 0 else 0.0)
 
     def basis_for(
