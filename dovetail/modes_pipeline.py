@@ -11,16 +11,19 @@ from dovetail.disk.output import Output, check_outputs, result_folder, write_jso
 from dovetail.file.contents import Study
 from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.paths import input_files
+from dovetail.found import mode_found_text
 from dovetail.mode_result import ModeRunResult, mode_result_dict
 from dovetail.report.words import explanation_text
-from dovetail.result import JSON, REPORT
+from dovetail.result import FOUND, JSON, REPORT
 from fem.io.atomic import replacing
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
-from updating.diagnosis.states import diagnose_change
+from fem.model import Effect, Model
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes, formed_problem
+from updating.diagnosis.states import changed_problem, diagnose_change
+from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 
 Progress = Callable[[str, float], None]
-NAMES = (REPORT, JSON)
+NAMES = (REPORT, JSON, FOUND)
 """What the folder of a run on modes holds."""
 MOST_SAID = 12
 """Explanations that are printed."""
@@ -53,7 +56,30 @@ def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagn
     after = targets_of(study.modes)
     if study.baseline is None:
         return diagnose_modes(study.model, after, study.nuisances, **more)
-    return diagnose_change(study.model, targets_of(study.baseline), after, study.nuisances, **more)
+    before, model, changes = _states(study)
+    return diagnose_change(model, before, after, study.nuisances, changes=changes, **more)
+
+
+def mode_problem(study: Study) -> ModeProblem:
+    """Return the reduced model and the measured modes of a study, as a diagnosis begins with.
+
+    Of two states it is the second one's, with the model calibrated on the first.
+    """
+    assert study.modes is not None
+    after = targets_of(study.modes)
+    more: dict[str, Any] = {"damping_std": study.damping_std, "model_error": study.model_error}
+    if study.baseline is None:
+        return formed_problem(study.model, after, study.nuisances, **more)[0]
+    before, model, changes = _states(study)
+    return changed_problem(model, before, after, study.nuisances, changes=changes, **more)[2]
+
+
+def _states(study: Study) -> tuple[ModeTargets, Model, tuple[Effect, ...]]:
+    """Return the modes and the model of the first state, and the effects that have come since."""
+    assert study.baseline is not None
+    model = study.model
+    changes = tuple(e for e in model.effects if e.name in study.changes)
+    return targets_of(study.baseline), model.without_effect(*study.changes), changes
 
 
 def run_modes(
@@ -74,6 +100,9 @@ def run_modes(
         write_json(scratch / JSON, mode_result_dict(done))
         with replacing(scratch / REPORT) as file:
             file.write_text(report_html(done), encoding="utf-8")
+        with replacing(scratch / FOUND) as file:
+            # the folder's own name: files that the text names are found from there
+            file.write_bytes(mode_found_text(done, out).encode())
     return done
 
 

@@ -24,7 +24,8 @@ from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
 from dovetail.found import fitted_damping, text_with_model
-from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone
+from dovetail.mode_result import ModeRunResult
+from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone, run_modes
 from dovetail.notebook.candidates import Candidates
 from dovetail.notebook.comparison import Comparison, Misfit
 from dovetail.notebook.diagnosis import Diagnosis
@@ -297,7 +298,8 @@ class Study(config.Study):
         model = self.model
         for effect in new:
             model = effect.added_to(model)
-        return replace(self, model=model, added=(*self.added, *new))
+        came = () if self.baseline is None else tuple(e.name for e in new)
+        return replace(self, model=model, added=(*self.added, *new), changes=(*self.changes, *came))
 
     def fit(self, *, faults: bool = False) -> "Study":
         """Return the study with its uncertain parameters, its damping and the added effects fitted.
@@ -382,9 +384,12 @@ class Study(config.Study):
         model = self.start or self.model.without_effect(*(e.name for e in self.added))
         return {e.name for e in candidates_of(kind, model, self.sensors, self.excitations)}
 
-    def run(self, out: str | os.PathLike[str], progress: Progress | None = None) -> RunResult:
-        """Compare, diagnose and locate, and write the report into a folder; see :func:`pipeline.run`."""
-        return run(self, Path(out), progress)
+    def run(self, out: str | os.PathLike[str], progress: Progress | None = None) -> RunResult | ModeRunResult:
+        """Compare, diagnose and locate, and write the report into a folder; see :func:`pipeline.run`.
+
+        By FRFs; by measured modes where the study has nothing else.
+        """
+        return (run_modes if has_modes_alone(self) else run)(self, Path(out), progress)
 
 
 def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEEDS) -> Study:

@@ -2,11 +2,13 @@
 
 import json
 import shutil
+import tomllib
 
 import pytest
 
 from dovetail import StudyError, load_study
 from dovetail.cli import main
+from dovetail.file.paths import with_paths
 from dovetail.modes_pipeline import targets_of
 
 LINES = """
@@ -97,3 +99,75 @@ def test_the_change_between_two_states_is_found(root, tmp_path):
     assert values["position"] == pytest.approx(0.30, abs=0.01)
     assert found.modes.errors(found.modes.fitted, False) > 0.005
     assert "0.06" in found._repr_html_()
+
+
+def frequencies_of(study, **mass):
+    """Return six natural frequencies of a study's model [Hz], with a point mass on the mast if it has values."""
+    study = study.add("point_mass:mast", **mass) if mass else study
+    return study.solve_modes(6).frequency[:6].tolist()
+
+
+def run_again(tmp_path, capsys, text):
+    """Return the result of a run, and what `compare` and `diagnose` tell of its found.toml."""
+    study, out = written(tmp_path, text), tmp_path / "out"
+    assert main(["run", str(study), "--out", str(out)]) == 0
+    again = tmp_path / "again.json"
+    assert main(["compare", str(out / "found.toml"), "--json", str(again)]) == 0
+    capsys.readouterr()
+    result, compared = (json.loads(f.read_text(encoding="utf-8")) for f in (out / "result.json", again))
+    return result, compared, load_study(out / "found.toml")
+
+
+def test_the_found_study_gives_the_reported_error(tmp_path, capsys):
+    plain = load_study(written(tmp_path, ""))
+    measured = frequencies_of(plain, mass=0.3, position=0.7)
+    text = f"[uncertain]\nE = 0.02\n\n[modes]\nfrequency = {measured}\nfrequency_std = 1e-3\nheld_out = [6]\n"
+    result, compared, found = run_again(
+        tmp_path, capsys, text + "zeta = [0.004, 0.004, 0.005, 0.006, 0.006, 0.007]\n"
+    )
+    assert [e["name"] for e in result["effects"]] == ["point_mass:mast"]
+    for key in ("fit", "held_out"):
+        error = result["frequency_error"]["found"][key]
+        assert compared["frequency_error"][key] == pytest.approx(error, rel=5e-3)
+    by_mode = zip(result["modes"], compared["modes"], strict=True)
+    assert all(b["zeta_computed"] == pytest.approx(a["zeta_found"], rel=1e-3) for a, b in by_mode)
+    assert found.diagnose().verdict == "nothing missing"
+
+
+def test_a_change_since_the_baseline_stays_one_in_the_found_study(tmp_path, capsys):
+    plain = load_study(written(tmp_path, ""))
+    before, after = (frequencies_of(plain, **mass) for mass in ({}, {"mass": 0.02, "position": 0.7}))
+    text = f"[baseline]\nfrequency = {before}\nfrequency_std = 2e-4\n\n[modes]\nfrequency = {after}\n"
+    result, compared, found = run_again(tmp_path, capsys, text + "frequency_std = 2e-4\n")
+    assert found.changes == ("known point_mass:mast",)
+    assert compared["frequency_error"]["fit"] == pytest.approx(
+        result["frequency_error"]["found"]["fit"], abs=1e-6
+    )
+    assert found.diagnose().verdict == "nothing missing"
+
+
+def test_an_effect_that_is_added_by_hand_is_fitted_to_modes(tmp_path, capsys):
+    measured = frequencies_of(load_study(written(tmp_path, "")), mass=0.3, position=0.7)
+    study = written(tmp_path, f"[modes]\nfrequency = {measured}\nfrequency_std = 1e-3\n")
+    command = ["compare", str(study), "--add", "point_mass:mast", "--set", "position=0.68", "--json"]
+    errors = []
+    for more in ([], ["--fitted"]):
+        assert main([*command, str(tmp_path / "c.json"), *more]) == 0
+        compared = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+        errors.append(compared["frequency_error"]["fit"])
+    assert errors[1] < 1e-4 < errors[0]
+    assert compared["added"][0]["parameters"][0]["value"] == pytest.approx(0.3, rel=0.01)
+    assert "added: point_mass:mast" in capsys.readouterr().out
+
+
+def test_a_change_without_a_baseline_is_refused(tmp_path):
+    effect = '[[effects]]\ncandidate = "point_mass:mast"\nsince_baseline = true\n'
+    with pytest.raises(StudyError, match=r"since_baseline: the study has no \[baseline\]") as caught:
+        load_study(written(tmp_path, f"[modes]\nfrequency = {NOMINAL}\n\n{effect}"))
+    assert "\n" not in str(caught.value)
+
+
+def test_files_of_both_states_are_found_from_another_folder(tmp_path):
+    text = '[modes]\nfile = "after.npz"\n\n[baseline]\nfile = "old/before.npz"\n'
+    moved = tomllib.loads(with_paths(text, tmp_path, tmp_path / "out"))
+    assert (moved["modes"]["file"], moved["baseline"]["file"]) == ("../after.npz", "../old/before.npz")
