@@ -12,18 +12,19 @@ from dovetail.file.contents import Study
 from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.paths import input_files
 from dovetail.found import mode_found_text
-from dovetail.mode_result import ModeRunResult, mode_result_dict
+from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.report.words import explanation_text
-from dovetail.result import FOUND, JSON, REPORT
+from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
 from fem.model import Effect, Model
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes, formed_problem
+from updating.diagnosis.reported_modes import reported_modes
 from updating.diagnosis.states import changed_problem, diagnose_change
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 
 Progress = Callable[[str, float], None]
-NAMES = (REPORT, JSON, FOUND)
+NAMES = (REPORT, JSON, PICTURES, FOUND)
 """What the folder of a run on modes holds."""
 MOST_SAID = 12
 """Explanations that are printed."""
@@ -85,25 +86,36 @@ def _states(study: Study) -> tuple[ModeTargets, Model, tuple[Effect, ...]]:
 def run_modes(
     study: Study, out: Path, progress: Progress | None = None, *, force: bool = False
 ) -> ModeRunResult:
-    """Diagnose a study by its modes, and write ``report.html`` and ``result.json`` into a folder.
+    """Diagnose a study by its modes, and write a report.
+
+    ``out`` gets ``report.html``, ``result.json``, ``pictures/`` and ``found.toml``, all of them or none.
 
     Raises
     ------
     OutputError
         If ``out`` holds something else.
     """
-    from dovetail.report.modes import report_html
-
+    say = progress or (lambda text, done: None)
     check_outputs(input_files(study.path), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
-        done = ModeRunResult(study, diagnose_study_modes(study, progress), datetime.now().astimezone(), out)
-        write_json(scratch / JSON, mode_result_dict(done))
-        with replacing(scratch / REPORT) as file:
-            file.write_text(report_html(done), encoding="utf-8")
-        with replacing(scratch / FOUND) as file:
-            # the folder's own name: files that the text names are found from there
-            file.write_bytes(mode_found_text(done, out).encode())
+        d = diagnose_study_modes(study, lambda text, done: say(text, 0.85 * done))
+        done = ModeRunResult(study, d, mode_uncertain(d), datetime.now().astimezone(), out)
+        _write(done, scratch, lambda text, done: say(text, 0.85 + 0.15 * done))
     return done
+
+
+def _write(result: ModeRunResult, folder: Path, say: Progress) -> None:
+    """Write pictures, ``result.json``, the report and ``found.toml`` into a folder."""
+    from dovetail.report.mode_drawn import draw_modes
+    from dovetail.report.modes import write_report
+
+    drawn = reported_modes(result.diagnosis)
+    album = draw_modes(result, drawn, folder / PICTURES, say)
+    write_json(folder / JSON, mode_result_dict(result))
+    write_report(result, drawn, album, folder / REPORT)
+    with replacing(folder / FOUND) as scratch:
+        # the folder's own name: files that the text names are found from there, not from where it is made
+        scratch.write_bytes(mode_found_text(result, result.folder).encode())
 
 
 def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:

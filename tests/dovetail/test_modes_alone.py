@@ -102,7 +102,7 @@ def test_the_change_between_two_states_is_found(root, tmp_path):
 
 
 def frequencies_of(study, **mass):
-    """Return six natural frequencies of a study's model [Hz], with a point mass on the mast if it has values."""
+    """Return six natural frequencies of a study's model [Hz], with a point mass if it has values."""
     study = study.add("point_mass:mast", **mass) if mass else study
     return study.solve_modes(6).frequency[:6].tolist()
 

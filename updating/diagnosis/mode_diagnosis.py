@@ -169,6 +169,11 @@ class ModeDiagnosis:
         return _reported(self.searched)
 
     @property
+    def sure(self) -> bool:
+        """Whether the first explanation is more probable than all others together."""
+        return self.explanations[0].probability >= HALF
+
+    @property
     def credible(self) -> tuple[Explanation, ...]:
         """The fewest explanations that have ``CREDIBLE`` together."""
         before = np.cumsum([0.0, *(e.probability for e in self.explanations)])
@@ -351,7 +356,7 @@ def _reason(d: ModeDiagnosis) -> str:
     place = percent(d.searched.probability_there(d.searched.best))
     lower = "bring" if len(d.found) > 1 else "brings"
     told = f"{labels(d.found)} {lower} the frequencies from {before} to {after}"
-    if first.probability < HALF:
+    if not d.sure:
         return f"{n} explanations share {CREDIBLE:.0%}, none is sure; the first, {sure}: {told}".replace(
             "0%", "0 %"
         )
