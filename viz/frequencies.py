@@ -64,7 +64,8 @@ def plot_deviations(
         ax.grid(visible=False, axis="x")
         ax.set_xlabel("measured natural frequency [Hz]")
         ax.set_ylabel("computed less measured [%]")
-        keys = list(ax.get_legend_handles_labels()[0])
+        *models, bars = ax.get_legend_handles_labels()[0]  # bars of errors come last
+        keys = [bars, *models]
         if held.any():
             keys.append(Patch(facecolor=style.HELD_OUT, edgecolor="#e6d9a8", label="predicted, not fitted"))
         legend_above(figure, title, keys)

@@ -138,12 +138,13 @@ def _draw_structure(result: ModeRunResult, album: Album) -> None:
     study = result.study
     sensors = study.modes.sensors if study.modes else ()
     marks = [(p.point, p.label) for p in places_by_modes(result) if p.role == "finding"]
-    seen = f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
+    seen = f" with {len(sensors)} sensors" if sensors else ""
+    seen += f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
     album.add(
         "structure",
         lambda p: render.render_model(study.model, p, sensors, (), marks),
-        f"The structure with {len(sensors)} sensors{seen}.",
-        f"The model with sections and {len(sensors)} sensors{seen}.",
+        f"The structure{seen}.",
+        f"The model{seen}.",
     )
 
 

@@ -25,7 +25,7 @@ from dovetail.report.responses import shapes, uncertain
 from dovetail.report.shown import TURN, Shown
 from dovetail.report.small_print import MODULES_OF_MODES, about_modes, assumptions, notes
 from fem.io.atomic import replacing
-from fem.summary import percent
+from updating.diagnosis.mode_diagnosis import percent
 from updating.diagnosis.reported_modes import ReportedModes
 
 CORRECTED = (
@@ -50,7 +50,7 @@ def mode_report_html(result: ModeRunResult, shown: Shown) -> str:
         _compared(result),
         _explanations(result, shown),
         _modes(result, shown),
-        uncertain(result),
+        uncertain(result, "to the baseline" if d.baseline is not None else "with the effects"),
         _places(result),
         _next(result),
         notes(result, shown),

@@ -124,8 +124,8 @@ def shapes(shown: Shown, arrows: str = "") -> Markup:
     )
 
 
-def uncertain(result: RunResult | ModeRunResult) -> Markup:
-    """Return the uncertain parameters before and after the fit."""
+def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") -> Markup:
+    """Return the uncertain parameters before and after the fit; ``fitted`` says to or with what."""
     rows = [[u.words, *_parameter_row(u)] for u in result.uncertain]
     bound = sum(u.at_bound for u in result.uncertain)
     text = (
@@ -136,7 +136,7 @@ def uncertain(result: RunResult | ModeRunResult) -> Markup:
     )
     return section(
         "Uncertain parameters",
-        paragraph(f"Fitted in every step within their prior standard deviations.{text}"),
+        paragraph(f"Fitted {fitted} within their prior standard deviations.{text}"),
         table(
             ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""],
             rows,

@@ -87,6 +87,7 @@ def _program() -> str:
 def about_modes(result: ModeRunResult) -> Markup:
     """Return the facts of a run on modes."""
     d = result.diagnosis
+    problem = d.problem if d.baseline is None else d.baseline.problem
     return section(
         "About this run",
         facts(
@@ -94,7 +95,7 @@ def about_modes(result: ModeRunResult) -> Markup:
                 *_run(result),
                 ("duration", f"{d.seconds:.0f} s"),
                 _mesh(result.study),
-                ("error of the mesh", f"{100 * d.problem.mesh_level:.2g} % of natural frequencies"),
+                ("error of the mesh", f"{100 * problem.mesh_level:.2g} % of natural frequencies"),
                 ("files beside this one", "result.json (for programs), found.toml, pictures/"),
             ]
         ),
