@@ -41,7 +41,8 @@ MAC = "Modal assurance criterion of measured shapes with those of the model repo
 
 def step_errors(d: ModeDiagnosis) -> list[tuple[str, float, float | None]]:
     """Return label and errors of each step, of fitted modes and of those held out [%]."""
-    added = " and ".join(f"+ {words.effect_label(e.kind, e.where)}" for e in d.found)
+    each = [words.effect_label(e.kind, e.where) for e in d.found]
+    added = f"+ {each[0]}" if len(each) == 1 else f"+ {len(each)} effects"
     out = []
     for label, f in mode_steps(d).items():
         fit, held = (100 * d.modes.errors(f, k) for k in (False, True))
@@ -50,15 +51,13 @@ def step_errors(d: ModeDiagnosis) -> list[tuple[str, float, float | None]]:
 
 
 def digits_of(d: ModeDiagnosis) -> int:
-    """Return the digits after the point that errors in percent need to have two that count."""
-    errors = [e for _, fit, held in step_errors(d) for e in (fit, held) if e]
-    least = min([e for e in (*errors, 100 * d.noise_limit) if e > 0], default=1.0)
-    return int(np.clip(1 - floor(log10(least)), 1, 6))
+    """Return the digits after the point that leave two of the noise floor in percent."""
+    return int(np.clip(1 - floor(log10(max(100 * d.noise_limit, 1e-9))), 1, 6))
 
 
 def hypotheses_by_modes(d: ModeDiagnosis) -> list[tuple[str, float]]:
-    """Return the explanations in words with their probabilities."""
-    return [(e.label, e.probability) for e in d.explanations]
+    """Return the explanations in words, numbered, with their probabilities."""
+    return [(f"{k}: {e.label}", e.probability) for k, e in enumerate(d.explanations, 1)]
 
 
 def places_by_modes(result: ModeRunResult) -> list[Place]:

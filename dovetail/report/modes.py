@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.mode_result import ModeRunResult, mode_findings, mode_steps
+from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report import cells, words
 from dovetail.report.answer import first_screen, verdict_box
 from dovetail.report.compared import check_first
@@ -25,6 +25,7 @@ from dovetail.report.responses import shapes, uncertain
 from dovetail.report.shown import TURN, Shown
 from dovetail.report.small_print import MODULES_OF_MODES, about_modes, assumptions, notes
 from fem.io.atomic import replacing
+from fem.summary import counted
 from updating.diagnosis.mode_diagnosis import percent
 from updating.diagnosis.reported_modes import ReportedModes
 
@@ -58,7 +59,7 @@ def mode_report_html(result: ModeRunResult, shown: Shown) -> str:
         about_modes(result),
     ]
     box = verdict_box(
-        d.verdict, words.mode_headline(result), [words.finding_text(f) for f in mode_findings(d)],
+        d.verdict, words.mode_headline(result), words.mode_values(d),
         words.mode_probability_text(d), d.reason,
     )  # fmt: skip
     return page(
@@ -120,7 +121,7 @@ def _compared(result: ModeRunResult) -> Markup:
         "held out",
     ]  # fmt: skip
     mesh, plane = study.model.mesh, study.modes.plane if study.modes else ""
-    size = f"{len(mesh.members)} members, {mesh.n_lines} beam elements, {mesh.n_points} points"
+    size = f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, {mesh.n_points} points"
     seen = [("motion that the test has seen", f"along {', '.join(plane)}")] if plane else []
     return section(
         "Compared data",
@@ -131,7 +132,9 @@ def _compared(result: ModeRunResult) -> Markup:
 
 def _explanations(result: ModeRunResult, shown: Shown) -> Markup:
     d = result.diagnosis
-    rows = [[words.explanation_text(e), percent(e.probability)] for e in d.credible]
+    rows = [
+        [f"{k}: {words.explanation_text(e)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)
+    ]
     credible = "The fewest explanations that have a probability of 90 % together"
     known = hypotheses_by_modes(d)
     return section(

@@ -223,6 +223,12 @@ def mode_headline(result: ModeRunResult) -> str:
     return "The model does not fit the data, and no effect known to the program explains why."
 
 
+def mode_values(d: ModeDiagnosis) -> list[str]:
+    """Return the effects found by modes with their values, a line each."""
+    lines = [finding_text(f) for f in mode_findings(d)]
+    return lines if d.sure or not lines else ["The most probable explanation:", *lines]
+
+
 def mode_probability_text(d: ModeDiagnosis) -> str:
     """Return the probability of what was found by modes, and of its place."""
     if not d.found:

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from dovetail import StudyError, load_study
 from dovetail.cli import main
 from dovetail.file.paths import with_paths
 from dovetail.file.toml import toml_value
-from dovetail.modes_pipeline import targets_of
+from dovetail.found import mode_found_text
+from dovetail.modes_pipeline import mode_problem, targets_of
 from dovetail.report.mode_drawn import make_mode_figures, measured_shapes
 from dovetail.report.outline import read_outline
 from fem.analysis.modes import Modes
@@ -111,13 +113,19 @@ def test_the_change_between_two_states_is_found(root, tmp_path):
     text = (folder / "study.toml").read_text(encoding="utf-8")
     few = text.replace(', "support_flexibility", "crack", "member_stiffness"]', "]")
     (folder / "study.toml").write_text(few, encoding="utf-8")
-    found = load_study(folder / "study.toml").diagnose()
+    study = load_study(folder / "study.toml")
+    found = study.diagnose()
     (effect,) = found.found
     values = {p.name: p.value for p in effect.parameters()}
     assert values["mass"] == pytest.approx(0.06, rel=0.05)
     assert values["position"] == pytest.approx(0.30, abs=0.01)
     assert found.modes.errors(found.modes.fitted, False) > 0.005
     assert "0.06" in found._repr_html_()
+    again = mode_found_text(SimpleNamespace(study=study, diagnosis=found), folder)
+    (folder / "found.toml").write_text(again, encoding="utf-8")
+    problem = mode_problem(load_study(folder / "found.toml"))  # the form of both states included
+    computed = problem.computed(problem.nominal()).frequency
+    assert computed == pytest.approx(found.modes.found, rel=1e-5)
 
 
 def frequencies_of(study, **mass):
