@@ -155,10 +155,15 @@ def _draw_errors(result: RunResult, album: Album) -> None:
 
 
 def save_staircase(
-    steps: Sequence[tuple[str, float, float | None]], floor_db: float, path: Path, **more: Any
+    steps: Sequence[tuple[str, float, float | None]],
+    floor: float,
+    path: Path,
+    *,
+    ylabel: str = "error of the amplitude [dB]",
+    **more: Any,
 ) -> None:
     """Draw a staircase into a file; more as :func:`viz.search.plot_staircase`."""
-    figure = search.plot_staircase(steps, floor_db, **({"ylabel": "error of the amplitude [dB]"} | more))
+    figure = search.plot_staircase(steps, floor, ylabel=ylabel, **more)
     low, high = figure.axes[0].get_ylim()
     figure.axes[0].set_ylim(low, high + 0.17 * (high - low))  # room for the legend over the last step
     save(figure, path, DPI)
