@@ -88,6 +88,7 @@ def _structure(result: ModeRunResult, shown: Shown) -> Markup:
 
 def _how_sure(result: ModeRunResult) -> Markup:
     d, digits = result.diagnosis, digits_of(result.diagnosis)
+    head = ["step", "fitted modes [%]", *(["held-out modes [%]"] if d.modes.held_out.any() else [])]
     rows = [
         [label, *(f"{e:.{digits}f}" if e is not None and math.isfinite(e) else "–" for e in errors)]
         for label, *errors in step_errors(d)
@@ -95,7 +96,7 @@ def _how_sure(result: ModeRunResult) -> Markup:
     return section(
         "How sure",
         bullets(words.mode_confidence(result)),
-        table(["step", "fitted modes [%]", "held-out modes [%]"], rows, numbers=(1, 2)),
+        table(head, [row[: len(head)] for row in rows], numbers=(1, 2)),
         paragraph(
             "Errors are root mean squares of ln(f computed / f measured). Hypotheses are ranked by their "
             "evidence; held-out modes do not count."
