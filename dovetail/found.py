@@ -20,12 +20,14 @@ from dovetail.file.writing import (
     with_element_sizes,
     with_parameters,
 )
+from dovetail.mode_result import ModeRunResult
 from dovetail.result import FRFS, RunResult
 from fem.connection_damping import ConnectionDamping
 from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.mode_fit import ModeProblem
 from updating.quality.corrections import Fault
 
 Connections = tuple[NDArray[np.float64], NDArray[np.float64]] | None
@@ -91,9 +93,8 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
         File in it that holds the choice of values that were compared.
     """
     study, model = reported.study, reported.model
-    heading = toml_comment(f"{study.path.name} with the effects found by dovetail and with its fitted values")
     text = text_with_model(
-        replace(study, text=study.text.rstrip("\n") + "\n\n" + heading),
+        _headed(study),
         folder,
         fitted_values(reported),
         fitted_damping(reported.problem, reported.result, model),
@@ -103,6 +104,42 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
     return with_values(text, {("measurements", 0, "compared"): compared}) if study.measurements else text
 
 
+def mode_found_text(result: ModeRunResult, folder: Path) -> str:
+    """Return the study with the model that a run on modes reports, as a file in a folder.
+
+    Damping is that of the study where no damping ratio was measured. What has changed between two states is
+    marked as such, so that the first one's modes are still compared with the model without it.
+
+    Parameters
+    ----------
+    result : ModeRunResult
+    folder : Path
+        Where the text will lie.
+    """
+    study, d = result.study, result.diagnosis
+    before, now = study.model.values(), d.model.values()
+    values = {ref: float(now[ref]) for ref, v in before.items() if ref in now and now[ref] != v}
+    known = {e.name for e in study.model.effects}
+    forms = [e for e in d.model.effects if e.is_form and e.name not in known]
+    two = d.baseline is not None
+    damped = np.isfinite(d.problem.targets.zeta).any()
+    return text_with_model(
+        _headed(study),
+        folder,
+        values | rebased_values(d.model, study.model.effects),
+        fitted_damping(d.problem, d.final.fitted.result, d.model) if damped else None,
+        [e.rebased(d.model) for e in (*forms, *(() if two else d.found))],
+        (),
+        [e.rebased(d.model) for e in d.found] if two else (),
+    )
+
+
+def _headed(study: Study) -> Study:
+    """Return a study whose text says at its end whose effects follow."""
+    heading = toml_comment(f"{study.path.name} with the effects found by dovetail and with its fitted values")
+    return replace(study, text=study.text.rstrip("\n") + "\n\n" + heading)
+
+
 def text_with_model(
     study: Study,
     folder: Path,
@@ -110,6 +147,7 @@ def text_with_model(
     damping: tuple[Damping, Connections] | None,
     effects: Sequence[Effect],
     faults: Sequence[Fault],
+    changes: Sequence[Effect] = (),
 ) -> str:
     """Return a study's text with other values, effects and faults in it, as a file in a folder.
 
@@ -124,12 +162,14 @@ def text_with_model(
     effects : sequence of Effect
         Relative to these values.
     faults : sequence of Fault
+    changes : sequence of Effect
+        Effects that have come since the baseline.
     """
     text = with_element_sizes(with_paths(study.text, study.path.parent, folder), study.chosen_sizes)
     text = with_parameters(text, values)
     if damping is not None:
         text = with_damping(text, *damping)
-    text = with_effects(text, effects)
+    text = with_effects(with_effects(text, effects), changes, since_baseline=True)
     return "\n\n".join(part.strip("\n") for part in (text, *map(fault_table, faults))) + "\n"
 
 
@@ -140,7 +180,9 @@ def fitted_values(reported: Reported) -> dict[ParameterRef, float]:
     return values | rebased_values(reported.model, reported.study.model.effects)
 
 
-def fitted_damping(problem: FitProblem, result: FitResult, model: Model) -> tuple[Damping, Connections]:
+def fitted_damping(
+    problem: FitProblem | ModeProblem, result: FitResult, model: Model
+) -> tuple[Damping, Connections]:
     """Return the fitted damping, and frequencies and ratios of connections where there are any.
 
     Both are powers of frequency between the frequencies where they are given.

@@ -1,21 +1,37 @@
 """The result of a run on modes, and its form as ``result.json``."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dovetail.file.contents import Study
-from dovetail.result import REPORT, SCHEMA, program_version
+from dovetail.result import JSON, REPORT, SCHEMA, Uncertain, program_version, uncertain_of
+from updating.diagnosis.findings import Finding, parameters_of
 from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModeRunResult:
-    """A diagnosis from modes with its study and folder."""
+    """A diagnosis from modes with its study and folder.
+
+    Attributes
+    ----------
+    study : Study
+    diagnosis : ModeDiagnosis
+    uncertain : tuple of Uncertain
+        Uncertain parameters before and after the fit; of two states, that to the first one.
+    finished : datetime
+    folder : Path
+        Where the files are.
+    """
 
     study: Study
     diagnosis: ModeDiagnosis
+    uncertain: tuple[Uncertain, ...]
     finished: datetime
     folder: Path
 
@@ -23,6 +39,43 @@ class ModeRunResult:
     def report(self) -> Path:
         """The report."""
         return self.folder / REPORT
+
+    @property
+    def json(self) -> Path:
+        """The result for programs."""
+        return self.folder / JSON
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know."""
+        return self.diagnosis.notes
+
+
+def mode_findings(d: ModeDiagnosis) -> tuple[Finding, ...]:
+    """Return the effects of the verdict with their values."""
+    result = d.final.fitted.result
+    return tuple(Finding(e, parameters_of(e, result), ()) for e in d.found)
+
+
+def mode_steps(d: ModeDiagnosis) -> dict[str, NDArray[np.float64]]:
+    """Return the frequencies of the models that are compared with the measured ones, by label [Hz].
+
+    Of two states the first model is that which was calibrated on the baseline.
+    """
+    m, what = d.modes, "effects" if len(d.found) > 1 else "effect"
+    if d.baseline is None:
+        return {"nominal": m.nominal, "fitted": m.fitted} | ({f"with the {what}": m.found} if d.found else {})
+    return {"fitted to the baseline": m.fitted} | ({"with the change": m.found} if d.found else {})
+
+
+def mode_uncertain(d: ModeDiagnosis) -> tuple[Uncertain, ...]:
+    """Return the uncertain parameters before and after the fit; of two states, that to the first one."""
+    if d.baseline is None:
+        problem, result, model = d.problem, d.final.fitted.result, d.model
+    else:
+        problem, result, model = d.baseline.problem, d.baseline.fitted.result, d.baseline.model
+    damped = bool(np.isfinite(problem.targets.zeta).any())
+    return uncertain_of(problem, result, model, damped=damped)
 
 
 def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
@@ -87,6 +140,7 @@ def mode_result_dict(done: ModeRunResult) -> dict[str, Any]:
         "finished": done.finished.isoformat(timespec="seconds"),
         "seconds": d.seconds,
         **mode_diagnosis_dict(d),
+        "uncertain": [asdict(u) for u in done.uncertain],
         "model": {"values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()}},
         "assumptions": list(study.assumptions),
         "notes": list(d.notes),

@@ -11,16 +11,20 @@ from dovetail.disk.output import Output, check_outputs, result_folder, write_jso
 from dovetail.file.contents import Study
 from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.paths import input_files
-from dovetail.mode_result import ModeRunResult, mode_result_dict
+from dovetail.found import mode_found_text
+from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.report.words import explanation_text
-from dovetail.result import JSON, REPORT
+from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
-from updating.diagnosis.states import diagnose_change
+from fem.model import Effect, Model
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes, formed_problem
+from updating.diagnosis.reported_modes import reported_modes
+from updating.diagnosis.states import changed_problem, diagnose_change
+from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 
 Progress = Callable[[str, float], None]
-NAMES = (REPORT, JSON)
+NAMES = (REPORT, JSON, PICTURES, FOUND)
 """What the folder of a run on modes holds."""
 MOST_SAID = 12
 """Explanations that are printed."""
@@ -53,28 +57,65 @@ def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagn
     after = targets_of(study.modes)
     if study.baseline is None:
         return diagnose_modes(study.model, after, study.nuisances, **more)
-    return diagnose_change(study.model, targets_of(study.baseline), after, study.nuisances, **more)
+    before, model, changes = _states(study)
+    return diagnose_change(model, before, after, study.nuisances, changes=changes, **more)
+
+
+def mode_problem(study: Study) -> ModeProblem:
+    """Return the reduced model and the measured modes of a study, as a diagnosis begins with.
+
+    Of two states it is the second one's, with the model calibrated on the first.
+    """
+    assert study.modes is not None
+    after = targets_of(study.modes)
+    more: dict[str, Any] = {"damping_std": study.damping_std, "model_error": study.model_error}
+    if study.baseline is None:
+        return formed_problem(study.model, after, study.nuisances, **more)[0]
+    before, model, changes = _states(study)
+    return changed_problem(model, before, after, study.nuisances, changes=changes, **more)[2]
+
+
+def _states(study: Study) -> tuple[ModeTargets, Model, tuple[Effect, ...]]:
+    """Return the modes and the model of the first state, and the effects that have come since."""
+    assert study.baseline is not None
+    model = study.model
+    changes = tuple(e for e in model.effects if e.name in study.changes)
+    return targets_of(study.baseline), model.without_effect(*study.changes), changes
 
 
 def run_modes(
     study: Study, out: Path, progress: Progress | None = None, *, force: bool = False
 ) -> ModeRunResult:
-    """Diagnose a study by its modes, and write ``report.html`` and ``result.json`` into a folder.
+    """Diagnose a study by its modes, and write a report.
+
+    ``out`` gets ``report.html``, ``result.json``, ``pictures/`` and ``found.toml``, all of them or none.
 
     Raises
     ------
     OutputError
         If ``out`` holds something else.
     """
-    from dovetail.report.modes import report_html
-
+    say = progress or (lambda text, done: None)
     check_outputs(input_files(study.path), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
-        done = ModeRunResult(study, diagnose_study_modes(study, progress), datetime.now().astimezone(), out)
-        write_json(scratch / JSON, mode_result_dict(done))
-        with replacing(scratch / REPORT) as file:
-            file.write_text(report_html(done), encoding="utf-8")
+        d = diagnose_study_modes(study, lambda text, done: say(text, 0.85 * done))
+        done = ModeRunResult(study, d, mode_uncertain(d), datetime.now().astimezone(), out)
+        _write(done, scratch, lambda text, done: say(text, 0.85 + 0.15 * done))
     return done
+
+
+def _write(result: ModeRunResult, folder: Path, say: Progress) -> None:
+    """Write pictures, ``result.json``, the report and ``found.toml`` into a folder."""
+    from dovetail.report.mode_drawn import draw_modes
+    from dovetail.report.modes import write_report
+
+    drawn = reported_modes(result.diagnosis)
+    album = draw_modes(result, drawn, folder / PICTURES, say)
+    write_json(folder / JSON, mode_result_dict(result))
+    write_report(result, drawn, album, folder / REPORT)
+    with replacing(folder / FOUND) as scratch:
+        # the folder's own name: files that the text names are found from there, not from where it is made
+        scratch.write_bytes(mode_found_text(result, result.folder).encode())
 
 
 def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:

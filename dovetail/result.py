@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.contents import Study
-from fem.model import Effect
+from fem.model import Effect, Model
 from updating.correlation import Comparison
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
 from updating.diagnosis.localisation import Localisation
+from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import DampingCurve
 from updating.quality.faults import Fault
 
@@ -149,9 +151,15 @@ def bands_of_lines(
 
 def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
     """Return the uncertain parameters before and after the last fit."""
-    problem, final = d.problem, d.steps[-1].result
+    return uncertain_of(d.problem, d.steps[-1].result, d.model)
+
+
+def uncertain_of(
+    problem: FitProblem | ModeProblem, final: FitResult, model: Model, *, damped: bool = True
+) -> tuple[Uncertain, ...]:
+    """Return the uncertain parameters before and after a fit, with the damping if asked."""
     out = []
-    there = {e.name for e in d.model.effects}
+    there = {e.name for e in model.effects}
     for n in problem.nuisances:
         if n.effect not in there:  # corners that were in the model before the verdict was "unexplained"
             continue
@@ -175,13 +183,15 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
                 effect.where if effect.is_form else "",
             )
         )
+    if not damped:
+        return tuple(out)
     curve = problem.damping
     first = len(final.values)
     n = len(curve.start)
     sd = np.sqrt(np.maximum(np.diag(final.covariance), 0.0))[first : first + n]
     sd = sd if len(sd) == n else np.full(n, np.nan)
     names = [f"damping ratio at {f:.4g} Hz" for f in curve.knots]
-    if any(e.connection for e in d.model.effects):
+    if any(e.connection for e in model.effects):
         names += [CONNECTIONS_LEVEL, CONNECTIONS_POWER]
     for name, nominal, fitted, s in zip(names, curve.start, final.zeta, sd, strict=False):
         moved = float(np.log(fitted / nominal))

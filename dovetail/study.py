@@ -24,7 +24,8 @@ from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
 from dovetail.found import fitted_damping, text_with_model
-from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone
+from dovetail.mode_result import ModeRunResult
+from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone, run_modes
 from dovetail.notebook.candidates import Candidates
 from dovetail.notebook.comparison import Comparison, Misfit
 from dovetail.notebook.diagnosis import Diagnosis
@@ -300,7 +301,8 @@ class Study(config.Study):
         model = self.model
         for effect in new:
             model = effect.added_to(model)
-        return replace(self, model=model, added=(*self.added, *new))
+        came = () if self.baseline is None else tuple(e.name for e in new)
+        return replace(self, model=model, added=(*self.added, *new), changes=(*self.changes, *came))
 
     def fit(self, *, faults: bool = False) -> "Study":
         """Return the study with its uncertain parameters, its damping and the added effects fitted.
@@ -387,8 +389,13 @@ class Study(config.Study):
 
     def run(
         self, out: str | os.PathLike[str], progress: Progress | None = None, processes: int = 1
-    ) -> RunResult:
-        """Compare, diagnose and locate, and write the report into a folder; see :func:`pipeline.run`."""
+    ) -> RunResult | ModeRunResult:
+        """Compare, diagnose and locate, and write the report into a folder; see :func:`pipeline.run`.
+
+        By FRFs; by measured modes where the study has nothing else.
+        """
+        if has_modes_alone(self):
+            return run_modes(self, Path(out), progress)
         return run(self, Path(out), progress, processes=processes)
 
 

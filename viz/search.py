@@ -122,24 +122,34 @@ def plot_staircase(
     floor_db: float | None = None,
     title: str = "",
     ylabel: str = "relative error [dB]",
+    *,
+    unit: str = "dB",
+    digits: int = 1,
+    names: tuple[str, str] = ("on the lines of the fit", "on held-out lines"),
 ) -> Figure:
     """Plot the error of the nominal model, of the fitted one, and after each added effect.
 
     Parameters
     ----------
     steps : sequence of (label, fit_db, held_out_db or None)
-        Error on the lines of the fit and on held-out ones after each step [dB].
+        Error on the lines of the fit and on held-out ones after each step [dB, or ``unit``].
     floor_db : float, optional
-        Error that measurement noise alone would leave [dB].
+        Error that measurement noise alone would leave [dB, or ``unit``].
     title, ylabel : str
         Heading and axis label.
+    unit : str
+        Of other errors.
+    digits : int
+        After the point.
+    names : (str, str)
+        Of what was fitted and what was held out.
     """
     fit = np.array([step[1] for step in steps], dtype=float)
     held = np.array([np.nan if step[2] is None else step[2] for step in steps], dtype=float)
     n = len(steps)
     values = np.concatenate([fit, held[np.isfinite(held)], [] if floor_db is None else [floor_db]])
     low, high = float(values.min()), float(values.max())
-    pad = 0.16 * max(high - low, 1.0)
+    pad = 0.16 * max(high - low, 10.0 ** (1 - digits))
     with style.look():
         figure = style.new_figure(min(style.WIDTH, 2.6 + 1.15 * n), 3.4)
         ax = figure.add_subplot()
@@ -147,12 +157,12 @@ def plot_staircase(
             ax.axhspan(low - 10 * pad, floor_db, color=style.NOISE, linewidth=0, zorder=0)
             ax.axhline(floor_db, color=style.MUTED, linewidth=0.9, linestyle=":", zorder=1)
             ax.annotate(
-                f"noise floor {number(floor_db, 1)} dB", (-0.5, floor_db), xytext=(3, -3),
+                f"noise floor {number(floor_db, digits)} {unit}", (-0.5, floor_db), xytext=(3, -3),
                 textcoords="offset points", ha="left", va="top", fontsize=7.5, color=style.MUTED,
             )  # fmt: skip
-        series = [(fit, style.FITTED, "-", "on the lines of the fit", 1)]
+        series = [(fit, style.FITTED, "-", names[0], 1)]
         if np.isfinite(held).any():
-            series.append((held, style.VERMILION, "--", "on held-out lines", -1))
+            series.append((held, style.VERMILION, "--", names[1], -1))
         for data, colour, line, name, _ in series:
             for k in range(n):
                 ax.plot([k - 0.36, k + 0.36], [data[k]] * 2, color=colour, linewidth=2.6,
@@ -175,7 +185,7 @@ def plot_staircase(
             ):
                 if np.isfinite(data[k]):
                     ax.annotate(
-                        number(data[k], 1), (k, data[k]), xytext=(0, 4 if above else -4),
+                        number(data[k], digits), (k, data[k]), xytext=(0, 4 if above else -4),
                         textcoords="offset points", ha="center", va="bottom" if above else "top",
                         fontsize=8, color=colour, weight="bold", zorder=4,
                         bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8},

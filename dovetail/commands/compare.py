@@ -1,4 +1,4 @@
-"""``dovetail compare``: the model's FRFs beside the measured ones."""
+"""``dovetail compare``: the model's FRFs, or modes, beside the measured ones."""
 
 import argparse
 from dataclasses import replace
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dovetail.study import Study
     from updating.correlation.frf_correlation import Comparison
 
-HELP = "compare the model's FRFs with the measured ones"
+HELP = "compare the model's FRFs, or natural frequencies, with the measured ones"
 EXAMPLE = "dovetail compare study.toml --add point_mass:beam --set mass=0.45,position=0.12 --fitted"
 
 
@@ -57,8 +57,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 
 def run(options: Options, progress: Progress) -> None:
-    """Print how far the model's FRFs are from the measured ones."""
+    """Print how far the model's FRFs, or natural frequencies, are from the measured ones."""
     from dovetail import pipeline, result
+    from dovetail.commands.compared_modes import compare_modes
+    from dovetail.modes_pipeline import has_modes_alone
     from dovetail.report import words
     from updating.correlation import compare as compare_frfs
     from updating.diagnosis.begin import begin_fitted
@@ -67,6 +69,9 @@ def run(options: Options, progress: Progress) -> None:
     study = loaded(options)
     for name, values in options.added:
         study = study.add(name, **values)
+    if has_modes_alone(study) and not study.amplitudes:
+        compare_modes(options, study, progress)
+        return
     if study.amplitudes and not study.measurements:
         _compare_amplitudes(options, study, progress)
         return

@@ -19,7 +19,7 @@ from dovetail.file.connections import (
 )
 from dovetail.file.contents import Study
 from dovetail.file.conventions import check_phase
-from dovetail.file.effects import candidates_of, read_effects, read_values
+from dovetail.file.effects import candidates_of, read_changes, read_effects, read_values
 from dovetail.file.faults import read_faults, tilted
 from dovetail.file.geometry import (
     MOST_ELEMENTS,
@@ -323,6 +323,7 @@ class _Reader:
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
             loads=parts.loads,
             baseline=self._baseline(sensors, notes),
+            changes=read_changes(top),
         )
 
     def _baseline(self, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:

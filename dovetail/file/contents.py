@@ -67,6 +67,8 @@ class Study:
         Measured modes, where the study gives them.
     baseline : MeasuredModes or None
         Those of an earlier state, where what has changed is asked for.
+    changes : tuple of str
+        Names of effects of the model that have come since the baseline.
     plan : UpdatePlan
         Plan of :command:`dovetail update`.
     warnings : tuple of str
@@ -118,6 +120,7 @@ class Study:
     amplitudes: tuple[Measurement, ...] = ()
     loads: Loads = Loads()  # noqa: RUF009 - frozen
     baseline: MeasuredModes | None = None
+    changes: tuple[str, ...] = ()
 
     @property
     def lack_of_frfs(self) -> str:

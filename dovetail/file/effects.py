@@ -21,11 +21,15 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
 
     A value that is not given stays the candidate's initial one. The effect is called "known" and the
     candidate's name, so that a search may propose the candidate again. Candidates after joints' patches are
-    those of a model with these, the others of one without the known effects.
+    those of a model with these, the others of one without the known effects. Those that have come since the
+    baseline are candidates of a model with all others.
     """
     out: list[Effect] = []
     names = {e.name for e in model.effects}
-    for t in top.tables("effects"):
+    tables = [(t, _is_change(top, t)) for t in top.tables("effects")]
+    for t, change in sorted(tables, key=lambda pair: pair[1]):
+        if change:
+            model, out = _with_all(model, out), []
         name = t.text("candidate")
         with t.at("candidate"):
             effect = candidate_named(name, model, sensors, excitations)
@@ -37,7 +41,7 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
             effect = replace(
                 effect, amplitude=t.number("amplitude", effect.amplitude, above=0, unit="m or rad")
             )
-        own = t.text("name", f"known {name}")
+        own = _own_name(t)
         if own in names:
             t.refuse("name", f"the model has two effects '{own}'; names must differ")
         names.add(own)
@@ -47,9 +51,30 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
             model = effect.added_to(model)
         else:
             out.append(effect)
-    for effect in out:
+    return _with_all(model, out)
+
+
+def _with_all(model: Model, effects: Sequence[Effect]) -> Model:
+    for effect in effects:
         model = effect.added_to(model)
     return model
+
+
+def _own_name(t: Table) -> str:
+    return t.text("name", f"known {t.text('candidate')}")
+
+
+def _is_change(top: Table, t: Table) -> bool:
+    """Whether an effect has come since the baseline."""
+    change = t.flag("since_baseline", False)
+    if change and "baseline" not in top.values:
+        t.refuse("since_baseline", "the study has no [baseline], the modes of the state before the effect")
+    return change
+
+
+def read_changes(top: Table) -> tuple[str, ...]:
+    """Return the names of the known effects that have come since the baseline."""
+    return tuple(_own_name(t) for t in top.tables("effects") if t.flag("since_baseline", False))
 
 
 def read_values(top: Table, model: Model) -> Model:
@@ -159,7 +184,7 @@ def candidates_of(
     return effect_classes()[kind].propose_for_test(model, _instruments(model, sensors, excitations))
 
 
-def effect_table(effect: Effect, candidate: str, name: str = "") -> str:
+def effect_table(effect: Effect, candidate: str, name: str = "", *, since_baseline: bool = False) -> str:
     """Return the ``[[effects]]`` entry that stands for an effect that a search has found.
 
     Parameters
@@ -170,8 +195,11 @@ def effect_table(effect: Effect, candidate: str, name: str = "") -> str:
         Name of the candidate that it was.
     name : str
         Its own name, where it is not "known" and the candidate's.
+    since_baseline : bool
+        Whether the first of two states does not have it.
     """
     values: dict[str, Any] = {"candidate": candidate} | ({"name": name} if name else {})
+    values |= {"since_baseline": True} if since_baseline else {}
     values |= {p.name: _written(float(p.value)) for p in effect.parameters()}
     if isinstance(effect, AmplitudeDependent):
         values["amplitude"] = float(effect.amplitude)

@@ -114,10 +114,11 @@ def with_damping(text: str, damping: Damping, connections: tuple[np.ndarray, np.
     return with_values(text, changes)
 
 
-def with_effects(text: str, effects: Sequence[Effect]) -> str:
+def with_effects(text: str, effects: Sequence[Effect], *, since_baseline: bool = False) -> str:
     """Return a study's text with effects that were found, as ``[[effects]]``.
 
-    One that gives a known effect of the text another value changes that.
+    One that gives a known effect of the text another value changes that, unless it has come since the
+    baseline, before which the known one has its value.
     """
     for effect in effects:
         candidate = effect.name.removeprefix("known ")
@@ -126,6 +127,7 @@ def with_effects(text: str, effects: Sequence[Effect]) -> str:
         same = [i for i, e in enumerate(entries) if e["candidate"] == candidate]
         own = parameter_values(effect)
         instead = [(names.index(name), key) for name, key in effect.replaces() if name in names]
+        same = [i for i in same if entries[i].get("since_baseline", False) == since_baseline]
         if instead and {i for i, _ in instead} <= set(same) and instead[0][1] in own:
             i, key = instead[0]
             text = with_values(text, {("effects", i, key): float(own[key])})
@@ -134,7 +136,8 @@ def with_effects(text: str, effects: Sequence[Effect]) -> str:
         number = 2
         while name in names:
             name, number = f"known {candidate} ({number})", number + 1
-        table = effect_table(effect, candidate, "" if name == f"known {candidate}" else name)
+        own_name = "" if name == f"known {candidate}" else name
+        table = effect_table(effect, candidate, own_name, since_baseline=since_baseline)
         text = text.rstrip("\n") + "\n\n" + table
     return text
 

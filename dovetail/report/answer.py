@@ -1,5 +1,8 @@
 """The first screen of a report: verdict, probability, staircase, and the structure with the place."""
 
+from collections.abc import Sequence
+
+from dovetail.file.contents import Study
 from dovetail.report import cells, words
 from dovetail.report.page import Markup, bullets, join, paragraph, section, table, tag
 from dovetail.report.shown import TURN, Shown
@@ -12,26 +15,34 @@ CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "une
 
 def answer(result: RunResult, shown: Shown) -> Markup:
     """Return heading, verdict and probability, with the staircase beside the structure."""
-    d, study = result.diagnosis, result.study
-    values = [tag("p", words.finding_text(f), class_="value") for f in d.findings]
-    sure = words.probability_text(d)
-    box = tag(
-        "div",
-        tag("p", f"Verdict: {d.verdict}", class_="kind"),
-        tag("p", words.headline(result), class_="sentence"),
-        *values,
-        tag("p", sure, class_="value probability") if sure else "",
-        tag("p", f"{d.reason[:1].upper()}{d.reason[1:]}.", class_="why"),
-        class_=f"verdict {CLASS.get(d.verdict, 'unexplained')}",
+    d = result.diagnosis
+    box = verdict_box(
+        d.verdict,
+        words.headline(result),
+        [words.finding_text(f) for f in d.findings],
+        words.probability_text(d),
+        d.reason,
     )
-    more = [tag("p", study.description)] if study.description else []
+    return first_screen(result.study, box, _staircase(result, shown), _structure(result, shown))
+
+
+def verdict_box(verdict: str, headline: str, values: Sequence[str], sure: str, reason: str) -> Markup:
+    """Return the verdict in words, with values, probability and reason."""
     return tag(
-        "header",
-        tag("h1", study.name),
-        *more,
-        box,
-        tag("div", _staircase(result, shown), _structure(result, shown), class_="answer"),
+        "div",
+        tag("p", f"Verdict: {verdict}", class_="kind"),
+        tag("p", headline, class_="sentence"),
+        *(tag("p", value, class_="value") for value in values),
+        tag("p", sure, class_="value probability") if sure else "",
+        tag("p", f"{reason[:1].upper()}{reason[1:]}.", class_="why"),
+        class_=f"verdict {CLASS.get(verdict, 'unexplained')}",
     )
+
+
+def first_screen(study: Study, box: Markup, staircase: Markup, structure: Markup) -> Markup:
+    """Return heading and verdict, with the staircase beside the structure."""
+    more = [tag("p", study.description)] if study.description else []
+    return tag("header", tag("h1", study.name), *more, box, tag("div", staircase, structure, class_="answer"))
 
 
 def _staircase(result: RunResult, shown: Shown) -> Markup:

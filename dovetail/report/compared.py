@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dovetail.mode_result import ModeRunResult
 from dovetail.report.drawn import held_out_bands
 from dovetail.report.page import Markup, bullets, facts, folded, paragraph, section, table
 from dovetail.report.shown import Shown
@@ -9,7 +10,7 @@ from dovetail.result import RunResult
 from updating.inference.fit_data import TRANSVERSE, FitData
 
 
-def check_first(result: RunResult) -> Markup:
+def check_first(result: RunResult | ModeRunResult) -> Markup:
     """Return the probable faults of the study; nothing without any."""
     warnings = result.study.warnings
     return section("Check first", bullets(warnings)) if warnings else Markup()

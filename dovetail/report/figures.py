@@ -3,7 +3,7 @@
 import json
 import zlib
 from base64 import b64encode
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +28,7 @@ from dovetail.report.drawn import (
 from dovetail.result import RunResult
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
+from fem.model import Model
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import EFFECT
 from updating.diagnosis.fitted_modes import modes_of, most_changed, pair_modes
@@ -262,16 +263,32 @@ def _frf_error(result: RunResult) -> Figure:
 def _modes(result: RunResult) -> Figure | None:
     d = result.diagnosis
     _, without, fitted = modes_of(d)
-    chosen = list(range(fitted.n_rigid, fitted.n_modes))[:MOST_MODES]
+    pair = most_changed(pair_modes(without, fitted)) if d.verdict == EFFECT else None
+    return moving_modes(
+        d.model, fitted, list(range(fitted.n_rigid, fitted.n_modes)), measured_shapes(result, fitted),
+        first=pair.index if pair else -1,
+    )  # fmt: skip
+
+
+def moving_modes(
+    model: Model,
+    modes: Modes,
+    indices: Sequence[int],
+    measured: Mapping[int, MeasuredShape],
+    *,
+    labels: Mapping[int, str] | None = None,
+    first: int = -1,
+) -> Figure | None:
+    """Return modes that the page moves, as many as it can hold, at the beginning one of them."""
+    chosen = list(indices)[:MOST_MODES]
     if not chosen:
         return None
-    vertices = modes_figure(d.model, fitted, chosen[:1], frames=False).layout.meta["modes"][0]["surface"].size
+    vertices = modes_figure(model, modes, chosen[:1], frames=False).layout.meta["modes"][0]["surface"].size
     chosen = chosen[: max(1, MOST_MODE_VALUES // vertices)]
-    figure = modes_figure(d.model, fitted, chosen, measured=measured_shapes(result, fitted), frames=False)
-    pair = most_changed(pair_modes(without, fitted)) if d.verdict == EFFECT else None
+    figure = modes_figure(model, modes, chosen, measured=measured, labels=labels, frames=False)
     meta: dict[str, Any] = dict(figure.layout.meta)
     meta["modes"] = [_in_few_bytes(mode) for mode in meta["modes"]]
-    meta["first"] = chosen.index(pair.index) if pair and pair.index in chosen else 0
+    meta["first"] = chosen.index(first) if first in chosen else 0
     figure.layout.meta = meta  # pyright: ignore[reportAttributeAccessIssue]
     return figure
 

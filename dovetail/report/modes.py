@@ -1,86 +1,213 @@
-"""The report of a diagnosis from modes: verdict, explanations, and measured beside computed modes."""
+"""The report of a run on modes: the same story as that of FRFs, told by natural frequencies and shapes."""
+
+import math
+from pathlib import Path
 
 import numpy as np
 
-from dovetail.mode_result import ModeRunResult
-from dovetail.report.answer import CLASS
-from dovetail.report.page import Markup, bullets, page, paragraph, section, table, tag
-from dovetail.report.words import explanation_text
-from updating.diagnosis.mode_diagnosis import ModeTable
+from dovetail.mode_result import ModeRunResult, mode_steps
+from dovetail.report import cells, words
+from dovetail.report.answer import first_screen, verdict_box
+from dovetail.report.compared import check_first
+from dovetail.report.mode_drawn import (
+    DEVIATIONS,
+    MAC,
+    STAIRCASE,
+    digits_of,
+    hypotheses_by_modes,
+    make_mode_figures,
+    staircase_alt,
+    step_errors,
+)
+from dovetail.report.page import Markup, bullets, contents, facts, page, paragraph, section, table, tag
+from dovetail.report.pictures import Album
+from dovetail.report.responses import shapes, uncertain
+from dovetail.report.shown import TURN, Shown
+from dovetail.report.small_print import MODULES_OF_MODES, about_modes, assumptions, notes
+from fem.io.atomic import replacing
+from fem.summary import counted
+from updating.diagnosis.mode_diagnosis import percent
+from updating.diagnosis.reported_modes import ReportedModes
+
+CORRECTED = (
+    "Measured frequencies are those of the second state without what the calibrated model leaves on the "
+    "baseline."
+)
 
 
-def report_html(done: ModeRunResult) -> str:
+def write_report(result: ModeRunResult, drawn: ReportedModes, album: Album, path: Path) -> None:
+    """Write the report with its interactive figures, whole or not at all."""
+    shown = Shown(album, make_mode_figures(result, drawn))
+    with replacing(path) as scratch:
+        scratch.write_text(mode_report_html(result, shown), encoding="utf-8")
+
+
+def mode_report_html(result: ModeRunResult, shown: Shown) -> str:
     """Return the report as one HTML page that loads nothing else."""
-    d, study = done.diagnosis, done.study
-    box = tag(
-        "div",
-        tag("p", f"Verdict: {d.verdict}", class_="kind"),
-        tag("p", f"{d.reason[:1].upper()}{d.reason[1:]}.", class_="sentence"),
-        class_=f"verdict {CLASS.get(d.verdict, 'unexplained')}",
+    d = result.diagnosis
+    parts = [
+        check_first(result),
+        _how_sure(result),
+        _compared(result),
+        _explanations(result, shown),
+        _modes(result, shown),
+        uncertain(result, "to the baseline" if d.baseline is not None else "with the effects"),
+        _places(result),
+        _next(result),
+        notes(result, shown),
+        assumptions(result, MODULES_OF_MODES),
+        about_modes(result),
+    ]
+    box = verdict_box(
+        d.verdict, words.mode_headline(result), words.mode_values(d),
+        words.mode_probability_text(d), d.reason,
+    )  # fmt: skip
+    return page(
+        f"{result.study.name}: {d.verdict}",
+        tag("a", "Skip to the figures and tables", class_="skip", href="#body"),
+        first_screen(result.study, box, _staircase(result, shown), _structure(result, shown)),
+        contents(parts),
+        tag("main", *parts, id="body"),
+        shown.scripts(),
     )
-    more = [tag("p", study.description)] if study.description else []
-    head = tag("header", tag("h1", study.name), *more, box)
-    parts = [_explanations(done), _modes(d.modes), _places(done), _next(done), _notes(done)]
-    return page(f"{study.name}: {d.verdict}", head, tag("main", *parts, id="body"))
 
 
-def _explanations(done: ModeRunResult) -> Markup:
-    rows = [[explanation_text(e), f"{e.probability:.2f}"] for e in done.diagnosis.credible]
+def _staircase(result: ModeRunResult, shown: Shown) -> Markup:
+    return shown.figure("staircase", staircase_alt(result.diagnosis), STAIRCASE, ["staircase"])
+
+
+def _structure(result: ModeRunResult, shown: Shown) -> Markup:
+    d = result.diagnosis
+    found = ", ".join(words.effect_label(e.kind, e.where) for e in d.found)
+    alt = "The structure" + (f"; marked: {found}" if found else "")
+    caption = "The model with sections" + ("; rings mark what was found" if found else "")
+    if len(d.credible) > 1:
+        caption += "; diamonds mark the places of other explanations"
+    return shown.figure("model", f"{alt}.", f"{caption}.", ["structure"], hint=TURN)
+
+
+def _how_sure(result: ModeRunResult) -> Markup:
+    d, digits = result.diagnosis, digits_of(result.diagnosis)
+    head = ["step", "fitted modes [%]", *(["held-out modes [%]"] if d.modes.held_out.any() else [])]
+    rows = [
+        [label, *(f"{e:.{digits}f}" if e is not None and math.isfinite(e) else "–" for e in errors)]
+        for label, *errors in step_errors(d)
+    ]
     return section(
-        "What may be missing",
-        paragraph("The fewest explanations that have a probability of 90 % together."),
-        table(["explanation", "probability"], rows, numbers=[1]),
+        "How sure",
+        bullets(words.mode_confidence(result)),
+        table(head, [row[: len(head)] for row in rows], numbers=(1, 2)),
+        paragraph(
+            "Errors are root mean squares of ln(f computed / f measured). Hypotheses are ranked by their "
+            "evidence; held-out modes do not count."
+        ),
     )
 
 
-def _modes(m: ModeTable) -> Markup:
+def _compared(result: ModeRunResult) -> Markup:
+    study = result.study
+    rows = []
+    for name, m in (("modes", study.modes), ("baseline", study.baseline)):
+        if m is None:
+            continue
+        f, std, zeta = m.modes.frequency, 100 * m.frequency_std, m.modes.zeta
+        spread = f"{std.min():.2g}" + (f" to {std.max():.2g}" if np.ptp(std) else "")
+        rows.append([
+            name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread,
+            "yes" if zeta is not None and np.isfinite(zeta).any() else "no", len(m.sensors) or "–",
+            ", ".join(map(str, m.held_out)) or "–",
+        ])  # fmt: skip
+    head = [
+        "state", "data", "modes", "band [Hz]", "std of frequencies [%]", "damping", "sensors of shapes",
+        "held out",
+    ]  # fmt: skip
+    mesh, plane = study.model.mesh, study.modes.plane if study.modes else ""
+    size = f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, {mesh.n_points} points"
+    seen = [("motion that the test has seen", f"along {', '.join(plane)}")] if plane else []
+    return section(
+        "Compared data",
+        table(head, rows, numbers=(2, 6), caption="Measured modes"),
+        facts([*seen, ("model", size)]),
+    )
+
+
+def _explanations(result: ModeRunResult, shown: Shown) -> Markup:
+    d = result.diagnosis
+    rows = [
+        [f"{k}: {words.explanation_text(e)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)
+    ]
+    credible = "The fewest explanations that have a probability of 90 % together"
+    known = hypotheses_by_modes(d)
+    return section(
+        "What has changed" if d.baseline is not None else "What may be missing",
+        shown.figure(
+            "probability",
+            "Bars of the probability of each explanation; the table has the numbers.",
+            "Probability of each explanation by the data and the priors, all of them together 100 %.",
+        )
+        if len(known) > 1
+        else "",
+        table(["explanation", "probability"], rows, numbers=(1,), caption=f"{credible}.", at_most=12),
+        paragraph(
+            "Standard deviations are linearised and hold if the explanation is the right one; the uncertain "
+            "parameters vary with it."
+        ),
+    )
+
+
+def _modes(result: ModeRunResult, shown: Shown) -> Markup:
+    m, steps = result.diagnosis.modes, mode_steps(result.diagnosis)
+    damped, shaped = np.isfinite(m.zeta).any(), np.isfinite(m.mac_found).any()
+    head = ["measured [Hz]", "std [%]", *(f"{label} [%]" for label in steps)]
+    head += ["damping measured [%]", "damping computed [%]"] if damped else []
+    head += ["MAC nominal", "MAC reported"] if shaped else []
     rows = []
     for k, f in enumerate(m.measured):
-        off = [
-            f"{100 * (g[k] / f - 1):+.2f}" if np.isfinite(g[k]) else "-"
-            for g in (m.nominal, m.fitted, m.found)
-        ]
-        mac = [f"{x[k]:.3f}" if np.isfinite(x[k]) else "-" for x in (m.mac_nominal, m.mac_found)]
-        zeta = [f"{100 * x[k]:.2f}" if np.isfinite(x[k]) else "-" for x in (m.zeta, m.zeta_found)]
-        role = "predicted" if m.held_out[k] else "fitted"
-        rows.append([f"{f:.5g}", f"{100 * m.std[k]:.2g}", *off, *mac, *zeta, role])
-    head = [
-        "measured [Hz]", "std [%]", "nominal [%]", "parameters fitted [%]", "with what was found [%]",
-        "MAC nominal", "MAC found", "damping measured [%]", "damping found [%]", "",
-    ]  # fmt: skip
-    seen, held = (
-        ", ".join(
-            f"{name} {100 * m.errors(f, held):.2g} %"
-            for name, f in (("nominal", m.nominal), ("fitted", m.fitted), ("found", m.found))
-        )
-        for held in (False, True)
+        row = [f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in steps.values())]
+        row += [cells.number(100 * x[k], 3) for x in (m.zeta, m.zeta_found)] if damped else []
+        row += [_mac_text(x[k]) for x in (m.mac_nominal, m.mac_found)] if shaped else []
+        rows.append([*row, "predicted" if m.held_out[k] else "fitted"])
+    sensors = (
+        "Arrows show the measured shape, scaled to the mode. Rings show where the model puts their tips."
+        if shaped
+        else ""
     )
-    text = f"Errors of frequencies, root mean square: {seen}."
-    if m.held_out.any():
-        text += f" Of the modes that no fit has seen: {held}."
-    return section("Modes", paragraph(text), table(head, rows, numbers=range(9)))
+    predicted = " Shaded modes were predicted, not fitted." if m.held_out.any() else ""
+    return section(
+        "Natural frequencies and mode shapes",
+        paragraph(CORRECTED) if result.diagnosis.baseline else "",
+        shown.figure(
+            "deviations",
+            "Deviations of computed from measured natural frequencies, mode by mode; the table has the "
+            "numbers.",
+            DEVIATIONS + predicted,
+            ["deviations"],
+        ),
+        table([*head, ""], rows, numbers=range(len(head)), at_most=25),
+        shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"]) if shaped else "",
+        shapes(shown, sensors),
+    )
 
 
-def _places(done: ModeRunResult) -> Markup:
-    rows = [[name, f"{left:.2f}"] for name, left in done.diagnosis.places[:20]]
+def _mac_text(value: float) -> str:
+    return f"{value:.3f}" if math.isfinite(value) else "–"
+
+
+def _places(result: ModeRunResult) -> Markup:
+    rows = [[words.place(name), f"{left:.2f}"] for name, left in result.diagnosis.places[:20]]
     if not rows:
         return Markup()
     return section(
         "Where",
-        paragraph("The share of the misfit that changes at a place leave; small is likely."),
-        table(["place", "misfit left"], rows, numbers=[1], at_most=8),
+        paragraph("Share of the misfit that changes at a place leave: the smaller, the more likely."),
+        table(["place", "misfit left [-]"], rows, numbers=(1,), at_most=8),
     )
 
 
-def _next(done: ModeRunResult) -> Markup:
-    proposals = done.diagnosis.next_measurements
+def _next(result: ModeRunResult) -> Markup:
+    proposals = result.diagnosis.next_measurements
     if not proposals:
         return Markup()
     return section(
         "What to measure next", paragraph("To tell the first two explanations apart:"), bullets(proposals)
     )
-
-
-def _notes(done: ModeRunResult) -> Markup:
-    notes = [*done.diagnosis.notes, *done.study.warnings, *done.study.assumptions, *done.study.measured_notes]
-    return section("Notes", bullets(notes)) if notes else Markup()

@@ -1,6 +1,6 @@
 """The pictures of a run, as files; one that cannot be drawn is left out and named."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,11 +22,14 @@ from dovetail.report.drawn import (
     telling_pairs,
 )
 from dovetail.result import RunResult
+from fem.analysis.modes import Modes
+from fem.model import Model
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING
 from updating.diagnosis.findings import Ranked
 from updating.diagnosis.fitted_modes import ModePair, modes_of, most_changed, pair_modes
 from viz import curves, heat_maps, search
+from viz.interactive.modes import MeasuredShape
 from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.style import save
 
@@ -125,7 +128,7 @@ def _draw_errors(result: RunResult, album: Album) -> None:
     ]
     album.add(
         "staircase",
-        lambda p: _save_staircase(steps, d.noise_floor_db, p),
+        lambda p: save_staircase(steps, d.noise_floor_db, p),
         "Error after each step: "
         + "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
         + f"; noise floor {d.noise_floor_db:.2f} dB.",
@@ -151,8 +154,16 @@ def _draw_errors(result: RunResult, album: Album) -> None:
         _draw_ranking(result, k, ranked, album)
 
 
-def _save_staircase(steps: Sequence[tuple[str, float, float | None]], floor_db: float, path: Path) -> None:
-    figure = search.plot_staircase(steps, floor_db, ylabel="error of the amplitude [dB]")
+def save_staircase(
+    steps: Sequence[tuple[str, float, float | None]],
+    floor: float,
+    path: Path,
+    *,
+    ylabel: str = "error of the amplitude [dB]",
+    **more: Any,
+) -> None:
+    """Draw a staircase into a file; more as :func:`viz.search.plot_staircase`."""
+    figure = search.plot_staircase(steps, floor, ylabel=ylabel, **more)
     low, high = figure.axes[0].get_ylim()
     figure.axes[0].set_ylim(low, high + 0.17 * (high - low))  # room for the legend over the last step
     save(figure, path, DPI)
@@ -285,23 +296,17 @@ def _draw_structure(result: RunResult, album: Album) -> None:
 
 
 def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
-    from viz import animation, render
+    from viz import animation
 
     _, without, fitted = modes_of(result.diagnosis)
     model = result.diagnosis.model
-    elastic = range(fitted.n_rigid, fitted.n_modes)
-    for k in elastic[:N_MODES]:
-        say("drawing mode shapes", 0.5 + 0.1 * (k - fitted.n_rigid))
-        title = mode_heading(
-            k, fitted.n_rigid, fitted.frequency[k], None if fitted.zeta is None else fitted.zeta[k]
-        )
-        album.add(
-            f"mode-{k - fitted.n_rigid + 1}",
-            lambda p, k=k, title=title: render.render_mode(model, fitted, k, p, title=title),
-            f"Shape of elastic mode {k - fitted.n_rigid + 1} of the fitted model at "
-            f"{fitted.frequency[k]:.4g} Hz.",
-            title,
-        )
+    elastic = range(fitted.n_rigid, fitted.n_modes)[:N_MODES]
+    zeta = fitted.zeta
+    titles = {
+        k: mode_heading(k, fitted.n_rigid, fitted.frequency[k], None if zeta is None else zeta[k])
+        for k in elastic
+    }
+    add_modes(album, model, fitted, titles, {}, say)
     if result.diagnosis.verdict != EFFECT:
         return
     pair = most_changed(pair_modes(without, fitted))
@@ -317,6 +322,28 @@ def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
         f"The mode that the effect changes most: {_moved(pair)}.",
         ".gif",
     )
+
+
+def add_modes(
+    album: Album,
+    model: Model,
+    modes: Modes,
+    titles: Mapping[int, str],
+    measured: Mapping[int, MeasuredShape],
+    say: Say,
+) -> None:
+    """Draw the modes that have a title, with measured shapes where there are any."""
+    from viz import render
+
+    for done, (k, title) in enumerate(titles.items()):
+        say("drawing mode shapes", 0.5 + 0.1 * done)
+        number = k - modes.n_rigid + 1
+        album.add(
+            f"mode-{number}",
+            lambda p, k=k, title=title: render.render_mode(model, modes, k, p, measured.get(k), title),
+            f"Shape of elastic mode {number} of the fitted model at {modes.frequency[k]:.4g} Hz.",
+            title,
+        )
 
 
 def mode_heading(k: int, n_rigid: int, frequency: float, zeta: float | None) -> str:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from dovetail.mode_result import ModeRunResult
 from dovetail.report import cells, words
 from dovetail.report.page import Markup, join, paragraph, section, table, tag
 from dovetail.report.shown import TURN, Shown
@@ -87,12 +88,20 @@ def modes(result: RunResult, shown: Shown) -> Markup:
             f"mode.{grows}"
         ),
         table(head, rows, numbers=range(7), at_most=15),
-        _shapes(shown),
+        shapes(
+            shown,
+            "Arrows show the measured motion at the line nearest to the natural frequency, in quadrature and "
+            "scaled to the mode; neighbouring modes take part in it. Rings show where the model puts the "
+            "arrows' tips.",
+        ),
     )
 
 
-def _shapes(shown: Shown) -> Markup:
-    """Return the modes that move; still shapes, and the one that changes most, where no script runs."""
+def shapes(shown: Shown, arrows: str = "") -> Markup:
+    """Return the modes that move; still shapes, and the one that changes most, where no script runs.
+
+    ``arrows`` says what arrows and rings in the figure show.
+    """
     names = [n for n in shown.album.pictures if n.startswith("mode-") and n != "mode-changed"]
     if "modes" not in shown:
         pairs = tag("div", *(shown.picture(n) for n in names), class_="pair") if names else ""
@@ -107,17 +116,16 @@ def _shapes(shown: Shown) -> Markup:
     return shown.figure(
         "modes",
         "Mode shapes of the fitted model; the list above chooses one.",
-        "Mode shapes of the fitted model, coloured by displacement over the outline at rest. Arrows show the "
-        "measured motion at the line nearest to the natural frequency, in quadrature and scaled to the mode; "
-        "neighbouring modes take part in it. Rings show where the model puts the arrows' tips.",
+        "Mode shapes of the fitted model, coloured by displacement over the outline at rest. "
+        f"{arrows}".strip(),
         names,
         tools=tools,
         hint=TURN,
     )
 
 
-def uncertain(result: RunResult) -> Markup:
-    """Return the uncertain parameters before and after the fit."""
+def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") -> Markup:
+    """Return the uncertain parameters before and after the fit; ``fitted`` says to or with what."""
     rows = [[u.words, *_parameter_row(u)] for u in result.uncertain]
     bound = sum(u.at_bound for u in result.uncertain)
     text = (
@@ -128,7 +136,7 @@ def uncertain(result: RunResult) -> Markup:
     )
     return section(
         "Uncertain parameters",
-        paragraph(f"Fitted in every step within their prior standard deviations.{text}"),
+        paragraph(f"Fitted {fitted} within their prior standard deviations.{text}"),
         table(
             ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""],
             rows,

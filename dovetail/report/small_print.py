@@ -3,9 +3,11 @@
 import ast
 import importlib
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+from dovetail.file.contents import Study
+from dovetail.mode_result import ModeRunResult
 from dovetail.report import words
 from dovetail.report.page import Markup, bullets, facts, folded, paragraph, section, table, tag
 from dovetail.report.shown import Shown
@@ -20,7 +22,16 @@ MODULES = (
 """Modules whose constants decide the verdict; the report lists them."""
 
 
-def notes(result: RunResult, shown: Shown) -> Markup:
+MODULES_OF_MODES = (
+    "updating.diagnosis.evidence.priors", "updating.diagnosis.evidence.search",
+    "updating.diagnosis.evidence.mode_ranking", "updating.diagnosis.mode_diagnosis",
+    "updating.diagnosis.states", "updating.inference.mode_preparation", "updating.inference.mode_fit",
+    "updating.inference.mode_targets",
+)  # fmt: skip
+"""The same of a diagnosis from modes."""
+
+
+def notes(result: RunResult | ModeRunResult, shown: Shown) -> Markup:
     """Return notes for the reader on methods and limits."""
     study = result.study
     known = [
@@ -33,9 +44,9 @@ def notes(result: RunResult, shown: Shown) -> Markup:
     return section("Notes", bullets(known)) if known else Markup()
 
 
-def assumptions(result: RunResult) -> Markup:
+def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODULES) -> Markup:
     """Return assumptions, the thresholds of the search, and the study file."""
-    rows = [[tag("code", name), words.number(value), text] for name, value, text in thresholds()]
+    rows = [[tag("code", name), words.number(value), text] for name, value, text in thresholds(modules)]
     study = result.study
     return section(
         "Assumptions and thresholds",
@@ -49,9 +60,9 @@ def assumptions(result: RunResult) -> Markup:
     )
 
 
-def thresholds() -> Iterator[tuple[str, float, str]]:
+def thresholds(modules: Sequence[str] = MODULES) -> Iterator[tuple[str, float, str]]:
     """Yield name, value and meaning (the docstring under it) of every constant that decides a verdict."""
-    for name in MODULES:
+    for name in modules:
         module = importlib.import_module(name)
         body = ast.parse(inspect.getsource(module)).body
         for statement, after in pairwise(body):
@@ -73,24 +84,51 @@ def _program() -> str:
     return "Dovetail, not installed" if version == "unknown" else f"Dovetail {version}"
 
 
-def about(result: RunResult) -> Markup:
-    """Return the facts of the run."""
-    d, study = result.diagnosis, result.study
-    mesh = study.model.mesh
+def about_modes(result: ModeRunResult) -> Markup:
+    """Return the facts of a run on modes."""
+    d = result.diagnosis
+    problem = d.problem if d.baseline is None else d.baseline.problem
     return section(
         "About this run",
         facts(
             [
-                ("study file", study.path.name),
-                ("program", _program()),
-                ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
+                *_run(result),
+                ("duration", f"{d.seconds:.0f} s"),
+                _mesh(result.study),
+                ("error of the mesh", f"{100 * problem.mesh_level:.2g} % of natural frequencies"),
+                ("files beside this one", "result.json (for programs), found.toml, pictures/"),
+            ]
+        ),
+    )
+
+
+def _run(result: RunResult | ModeRunResult) -> list[tuple[str, str]]:
+    return [
+        ("study file", result.study.path.name),
+        ("program", _program()),
+        ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
+    ]
+
+
+def _mesh(study: Study) -> tuple[str, str]:
+    mesh = study.model.mesh
+    return (
+        "mesh",
+        f"{mesh.n_lines} elements of {1e3 * mesh.lengths().min():.3g} to "
+        f"{1e3 * mesh.lengths().max():.3g} mm, {study.model.n_dof} degrees of freedom before constraints",
+    )
+
+
+def about(result: RunResult) -> Markup:
+    """Return the facts of the run."""
+    d = result.diagnosis
+    return section(
+        "About this run",
+        facts(
+            [
+                *_run(result),
                 ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
-                (
-                    "mesh",
-                    f"{mesh.n_lines} elements of {1e3 * mesh.lengths().min():.3g} to "
-                    f"{1e3 * mesh.lengths().max():.3g} mm, {study.model.n_dof} degrees of freedom before "
-                    "constraints",
-                ),
+                _mesh(result.study),
                 ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),
                 (
                     "error of the reduced basis",

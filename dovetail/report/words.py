@@ -4,12 +4,14 @@ import math
 import re
 from collections.abc import Sequence
 
-from dovetail.result import RunResult, added_parameters
+from dovetail.mode_result import ModeRunResult, mode_findings, mode_steps
+from dovetail.result import RunResult, Uncertain, added_parameters
 from fem.model import Effect, Parameter
 from fem.summary import percent
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
-from updating.diagnosis.mode_diagnosis import Explanation
+from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
+from updating.diagnosis.mode_diagnosis import percent as percent_of_modes
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
@@ -202,6 +204,61 @@ def headline(result: RunResult) -> str:
     return d.verdict
 
 
+def mode_headline(result: ModeRunResult) -> str:
+    """Return the verdict of a run on modes in plain sentences."""
+    d = result.diagnosis
+    change = d.baseline is not None
+    if d.verdict == EFFECT and d.sure:
+        told = " ".join(map(sentence, mode_findings(d)))
+        return f"Since the baseline: {told[:1].lower()}{told[1:]}" if change else told
+    if d.verdict == EFFECT:
+        what = "Something has changed" if change else "The model lacks something"
+        return f"{what}. These data leave open which of {len(d.credible)} explanations is right."
+    if d.verdict == NOTHING:
+        return (
+            "Nothing has changed that these data can show."
+            if change
+            else "The model lacks nothing that these data can show."
+        )
+    return "The model does not fit the data, and no effect known to the program explains why."
+
+
+def mode_values(d: ModeDiagnosis) -> list[str]:
+    """Return the effects found by modes with their values, a line each."""
+    lines = [finding_text(f) for f in mode_findings(d)]
+    return lines if d.sure or not lines else ["The most probable explanation:", *lines]
+
+
+def mode_probability_text(d: ModeDiagnosis) -> str:
+    """Return the probability of what was found by modes, and of its place."""
+    if not d.found:
+        return ""
+    known, place_ = d.searched.probability(d.final), d.searched.probability_there(d.final)
+    of_all, there = map(percent_of_modes, (known, place_))
+    return f"Probability among all hypotheses: {of_all}, of the place {there}"
+
+
+def mode_confidence(result: ModeRunResult) -> list[str]:
+    """Return how sure the verdict of a run on modes is, in a few sentences."""
+    d = result.diagnosis
+    m, (first, last) = d.modes, (list(mode_steps(d).values())[k] for k in (0, -1))
+    before, after = (100 * m.errors(f, False) for f in (first, last))
+    start = "calibrated" if d.baseline is not None else "nominal"
+    out = [
+        f"The {start} model's natural frequencies are {before:.2g} % off, those of the model reported "
+        f"{after:.2g} %. Noise and mesh account for {100 * d.noise_limit:.2g} %."
+    ]
+    if m.held_out.any():
+        held = [100 * m.errors(f, True) for f in (first, last)]
+        out.append(
+            f"Modes that no fit has seen are {held[0]:.2g} % off before, {held[1]:.2g} % in the end. A "
+            "prediction that is met is worth more than a fit."
+        )
+    if len(d.credible) > 1:
+        out.append(f"{len(d.credible)} explanations share a probability of 90 %: read them as a set.")
+    return [*out, *_far_from_nominal(result.uncertain)]
+
+
 def probability_text(d: Diagnosis) -> str:
     """Return the probability of the found effects among all hypotheses; empty where the search gives none."""
     found = {f.effect.name for f in d.findings}
@@ -316,14 +373,7 @@ def confidence(result: RunResult) -> list[str]:
         f"{d.discretisation_db:.2f} dB error of the mesh. The residual is "
         f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
     )
-    if far := [
-        f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in result.uncertain if abs(u.moved) >= FAR
-    ]:
-        out.append(
-            "Beware of uncertain parameters far from nominal, in prior standard deviations: "
-            f"{', '.join(far)}. "
-            "They may stand in for something else that the model has wrong."
-        )
+    out += _far_from_nominal(result.uncertain)
     for finding, ranked in zip(d.findings, d.rounds, strict=False):
         out.append(_rivals(finding, ranked, len(d.findings) > 1))
     best = best_of(d.rounds)
@@ -334,6 +384,17 @@ def confidence(result: RunResult) -> list[str]:
             f"held-out lines {best.held_out_db:.2f} dB: too little to call it an effect."
         )
     return out
+
+
+def _far_from_nominal(parameters: Sequence[Uncertain]) -> list[str]:
+    """Return a warning of uncertain parameters that went far; none without any."""
+    far = [f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in parameters if abs(u.moved) >= FAR]
+    if not far:
+        return []
+    return [
+        f"Beware of uncertain parameters far from nominal, in prior standard deviations: {', '.join(far)}. "
+        "They may stand in for something else that the model has wrong."
+    ]
 
 
 def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:

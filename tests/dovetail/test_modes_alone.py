@@ -1,13 +1,26 @@
 """Studies with measured modes alone, and with two states: files, commands, results."""
 
 import json
+import re
 import shutil
+import tomllib
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from dovetail import StudyError, load_study
 from dovetail.cli import main
-from dovetail.modes_pipeline import targets_of
+from dovetail.file.paths import with_paths
+from dovetail.file.toml import toml_value
+from dovetail.found import mode_found_text
+from dovetail.modes_pipeline import mode_problem, targets_of
+from dovetail.report.mode_drawn import make_mode_figures, measured_shapes
+from dovetail.report.outline import read_outline
+from fem.analysis.modes import Modes
+from fem.io import write_npz
+from updating.diagnosis.reported_modes import reported_modes
+from updating.measurement.measurement import sensor_rows
 
 LINES = """
 [points]
@@ -37,6 +50,16 @@ kinds = ["point_mass"]
 model_error = 0.0
 """
 NOMINAL = [8.36, 25.05, 52.35, 146.4, 156.0]
+
+
+SENSORS = [(axis, s) for axis in "xy" for s in (0.3, 0.6, 0.8, 1.0)]
+
+
+@pytest.fixture(autouse=True)
+def _without_opengl(monkeypatch):
+    """Leave pictures of the structure out: others test them, and they take long without a graphics card."""
+    for module in ("pictures", "mode_drawn"):
+        monkeypatch.setattr(f"dovetail.report.{module}.can_draw", lambda: False)
 
 
 def written(folder, text):
@@ -90,10 +113,185 @@ def test_the_change_between_two_states_is_found(root, tmp_path):
     text = (folder / "study.toml").read_text(encoding="utf-8")
     few = text.replace(', "support_flexibility", "crack", "member_stiffness"]', "]")
     (folder / "study.toml").write_text(few, encoding="utf-8")
-    found = load_study(folder / "study.toml").diagnose()
+    study = load_study(folder / "study.toml")
+    found = study.diagnose()
     (effect,) = found.found
     values = {p.name: p.value for p in effect.parameters()}
     assert values["mass"] == pytest.approx(0.06, rel=0.05)
     assert values["position"] == pytest.approx(0.30, abs=0.01)
     assert found.modes.errors(found.modes.fitted, False) > 0.005
     assert "0.06" in found._repr_html_()
+    again = mode_found_text(SimpleNamespace(study=study, diagnosis=found), folder)
+    (folder / "found.toml").write_text(again, encoding="utf-8")
+    problem = mode_problem(load_study(folder / "found.toml"))  # the form of both states included
+    computed = problem.computed(problem.nominal()).frequency
+    assert computed == pytest.approx(found.modes.found, rel=1e-5)
+
+
+def frequencies_of(study, **mass):
+    """Return six natural frequencies of a study's model [Hz], with a point mass if it has values."""
+    study = study.add("point_mass:mast", **mass) if mass else study
+    return study.solve_modes(6).frequency[:6].tolist()
+
+
+def run_again(tmp_path, capsys, text):
+    """Return the result of a run, and what `compare` and `diagnose` tell of its found.toml."""
+    study, out = written(tmp_path, text), tmp_path / "out"
+    assert main(["run", str(study), "--out", str(out)]) == 0
+    again = tmp_path / "again.json"
+    assert main(["compare", str(out / "found.toml"), "--json", str(again)]) == 0
+    capsys.readouterr()
+    result, compared = (json.loads(f.read_text(encoding="utf-8")) for f in (out / "result.json", again))
+    return result, compared, load_study(out / "found.toml")
+
+
+def test_the_found_study_gives_the_reported_error(tmp_path, capsys):
+    plain = load_study(written(tmp_path, ""))
+    measured = frequencies_of(plain, mass=0.3, position=0.7)
+    text = f"[uncertain]\nE = 0.02\n\n[modes]\nfrequency = {measured}\nfrequency_std = 1e-3\nheld_out = [6]\n"
+    result, compared, found = run_again(
+        tmp_path, capsys, text + "zeta = [0.004, 0.004, 0.005, 0.006, 0.006, 0.007]\n"
+    )
+    assert [e["name"] for e in result["effects"]] == ["point_mass:mast"]
+    for key in ("fit", "held_out"):
+        error = result["frequency_error"]["found"][key]
+        assert compared["frequency_error"][key] == pytest.approx(error, rel=5e-3)
+    by_mode = zip(result["modes"], compared["modes"], strict=True)
+    assert all(b["zeta_computed"] == pytest.approx(a["zeta_found"], rel=1e-3) for a, b in by_mode)
+    assert found.diagnose().verdict == "nothing missing"
+
+
+def test_a_change_since_the_baseline_stays_one_in_the_found_study(tmp_path, capsys):
+    plain = load_study(written(tmp_path, ""))
+    before, after = (frequencies_of(plain, **mass) for mass in ({}, {"mass": 0.02, "position": 0.7}))
+    text = f"[baseline]\nfrequency = {before}\nfrequency_std = 2e-4\n\n[modes]\nfrequency = {after}\n"
+    result, compared, found = run_again(tmp_path, capsys, text + "frequency_std = 2e-4\n")
+    assert found.changes == ("known point_mass:mast",)
+    assert compared["frequency_error"]["fit"] == pytest.approx(
+        result["frequency_error"]["found"]["fit"], abs=1e-6
+    )
+    assert found.diagnose().verdict == "nothing missing"
+
+
+def test_an_effect_that_is_added_by_hand_is_fitted_to_modes(tmp_path, capsys):
+    measured = frequencies_of(load_study(written(tmp_path, "")), mass=0.3, position=0.7)
+    study = written(tmp_path, f"[modes]\nfrequency = {measured}\nfrequency_std = 1e-3\n")
+    command = ["compare", str(study), "--add", "point_mass:mast", "--set", "position=0.68", "--json"]
+    errors = []
+    for more in ([], ["--fitted"]):
+        assert main([*command, str(tmp_path / "c.json"), *more]) == 0
+        compared = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+        errors.append(compared["frequency_error"]["fit"])
+    assert errors[1] < 1e-4 < errors[0]
+    assert compared["added"][0]["parameters"][0]["value"] == pytest.approx(0.3, rel=0.01)
+    assert "added: point_mass:mast" in capsys.readouterr().out
+
+
+def test_a_change_without_a_baseline_is_refused(tmp_path):
+    effect = '[[effects]]\ncandidate = "point_mass:mast"\nsince_baseline = true\n'
+    with pytest.raises(StudyError, match=r"since_baseline: the study has no \[baseline\]") as caught:
+        load_study(written(tmp_path, f"[modes]\nfrequency = {NOMINAL}\n\n{effect}"))
+    assert "\n" not in str(caught.value)
+
+
+def test_files_of_both_states_are_found_from_another_folder(tmp_path):
+    text = '[modes]\nfile = "after.npz"\n\n[baseline]\nfile = "old/before.npz"\n'
+    moved = tomllib.loads(with_paths(text, tmp_path, tmp_path / "out"))
+    assert (moved["modes"]["file"], moved["baseline"]["file"]) == ("../after.npz", "../old/before.npz")
+
+
+def written_shapes(folder, name='a<b>&"{x}'):
+    """Write a study whose modes have shapes: a mast with a mass at 0.7 m, the last mode held out."""
+    rows = "".join(
+        f'\n[[sensors]]\nname = "{axis}{s}"\nmember = "mast"\nposition = {s}\ndirection = "{axis}"\n'
+        for axis, s in SENSORS
+    )
+    plain = load_study(written(folder, rows))
+    study = plain.add("point_mass:mast", mass=0.3, position=0.7)
+    modes = study.solve_modes(6)
+    shapes = sensor_rows(study.model, study.sensors) @ modes.shapes[:, :6]
+    labels = tuple(s.name for s in study.sensors)
+    write_npz(folder / "modes.npz", Modes(modes.frequency[:6], shapes, labels=labels))
+    text = f"{rows}\n[study]\nname = {toml_value(name)}\n\n[uncertain]\nE = 0.02\n\n[modes]\n"
+    return written(folder, text + 'file = "modes.npz"\nfrequency_std = 1e-3\nheld_out = [6]\n')
+
+
+@pytest.fixture(scope="module")
+def shaped(tmp_path_factory):
+    """Return a run on modes with shapes, and its folder."""
+    folder = tmp_path_factory.mktemp("shapes")
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("pictures", "mode_drawn"):
+            patch.setattr(f"dovetail.report.{module}.can_draw", lambda: False)
+        return load_study(written_shapes(folder)).run(folder / "out")
+
+
+def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
+    text = shaped.report.read_text(encoding="utf-8")
+    assert set(re.findall(r'<figure data-figure="([^"]+)"', text)) == {
+        "model", "staircase", "probability", "deviations", "mac", "modes",
+    }  # fmt: skip
+    first = text[: text.index("<nav")]
+    assert "Verdict: effect" in first
+    assert "Probability among all hypotheses: above 99 %" in first
+    assert {"staircase", "model"} == set(re.findall(r'<figure data-figure="([^"]+)"', first))
+    assert "could not be made" not in text
+    assert "a<b>" not in text
+    assert sorted(p.name for p in (shaped.folder / "pictures").iterdir()) == [
+        "deviations.png", "mac.png", "staircase.png",
+    ]  # fmt: skip
+
+
+def test_the_figures_of_modes_show_the_table(shaped):
+    d = shaped.diagnosis
+    drawn = reported_modes(d)
+    figures = make_mode_figures(shaped, drawn)
+    assert figures.failures == []
+    staircase = figures.known["staircase"].data
+    for k, held in enumerate((False, True)):
+        errors = [100 * d.modes.errors(f, held) for f in (d.modes.nominal, d.modes.fitted, d.modes.found)]
+        assert staircase[k].y == pytest.approx(errors)
+    (found,) = (t for t in figures.known["deviations"].data if t.meta == {"series": "with the effect"})
+    assert found.y == pytest.approx(100 * (d.modes.found / d.modes.measured - 1))
+    (place,) = (t for t in figures.known["model"].data if (t.meta or {}).get("role") == "finding")
+    assert place.z == pytest.approx([0.7], abs=0.02)
+
+
+def test_partners_in_the_full_model_are_those_of_the_fit(shaped):
+    d = shaped.diagnosis
+    drawn = reported_modes(d)
+    assert drawn.modes.frequency[drawn.partner] == pytest.approx(d.modes.found, rel=1e-4)
+    own = drawn.mac[np.arange(d.modes.measured.size), drawn.partner - drawn.modes.n_rigid]
+    assert own == pytest.approx(d.modes.mac_found, abs=1e-3)
+    shapes = measured_shapes(shaped, drawn)
+    assert set(shapes) == set(drawn.partner)
+    assert all(len(points) == len(SENSORS) for points, _ in shapes.values())
+
+
+def test_the_found_study_of_shapes_is_compared_from_its_folder(shaped, tmp_path):
+    told = json.loads(shaped.json.read_text(encoding="utf-8"))
+    assert main(["compare", str(shaped.folder / "found.toml"), "--json", str(tmp_path / "c.json")]) == 0
+    compared = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+    for key in ("fit", "held_out"):
+        # of exact data: both are next to nothing beside the standard deviation of 1e-3
+        assert compared["frequency_error"][key] == pytest.approx(
+            told["frequency_error"]["found"][key], abs=2e-5
+        )
+    assert [m["mac"] for m in compared["modes"]] == pytest.approx([m["mac_found"] for m in told["modes"]])
+
+
+def test_the_report_of_modes_is_told_as_blocks(shaped):
+    outline = read_outline(shaped.folder)
+    assert outline.name == shaped.study.name
+    assert outline.texts("sentence")
+    assert "Natural frequencies and mode shapes" in [p.heading for p in outline.parts]
+
+
+def test_an_unsure_change_says_so(tmp_path):
+    """One symmetric pair of modes cannot say what has changed."""
+    text = "[baseline]\nfrequency = [8.3, 25.0]\nfrequency_std = 1e-3\n\n"
+    study = load_study(written(tmp_path, f"{text}[modes]\nfrequency = [8.2, 24.7]\nfrequency_std = 1e-3\n"))
+    done = study.run(tmp_path / "out")
+    page = done.report.read_text(encoding="utf-8")
+    assert "fitted to the baseline" in page
+    assert "What has changed" in page

@@ -21,6 +21,7 @@ from dovetail.report.outline import Picture, Table, read_outline
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html
 from fem.analysis.frf import FRF
+from tests.dovetail.test_modes_alone import written_shapes
 from tests.frames import beam, write_study
 from updating.correlation import rms_db
 from updating.diagnosis.diagnosis import FAULT
@@ -291,6 +292,16 @@ def test_a_click_on_the_map_shows_the_sensor(folder, found, chromium):
         page.wait_for_selector('figure[data-figure="map-fitted"] .hovertext', state="attached")
         area.click(position=place)
         page.wait_for_selector(f'figure[data-figure="frf"][data-pair^="{sensors[row]}/"]')
+
+
+def test_a_report_of_modes_fits_a_narrow_page(chromium, tmp_path, monkeypatch):
+    for module in ("pictures", "mode_drawn"):
+        monkeypatch.setattr(f"dovetail.report.{module}.can_draw", lambda: False)
+    done = load_study(written_shapes(tmp_path)).run(tmp_path / "out")
+    with opened(chromium, done.report, width=400) as page:
+        for name in ("staircase", "model", "probability", "deviations", "mac", "modes"):
+            drawn(page, name)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400
 
 
 def test_any_mode_moves(folder, live, chromium):

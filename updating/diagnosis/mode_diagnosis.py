@@ -14,6 +14,7 @@ from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, searched, told
+from updating.diagnosis.evidence.fitting import Fitted
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
@@ -92,10 +93,35 @@ class ModeTable:
 
     def errors(self, computed: NDArray[np.float64], held_out: bool) -> float:
         """Return the root mean square of ln f ratios of modes that were fitted, or held out [-]."""
-        some = (self.held_out == held_out) & np.isfinite(computed)
-        if not some.any():
-            return float("nan")
-        return float(np.sqrt(np.mean(np.log(computed[some] / self.measured[some]) ** 2)))
+        return frequency_error(self.measured, computed, self.held_out == held_out)
+
+
+def frequency_error(
+    measured: NDArray[np.float64], computed: NDArray[np.float64], some: NDArray[np.bool_]
+) -> float:
+    """Return the root mean square of ln f ratios of some modes, NaN where none has a partner [-]."""
+    some = some & np.isfinite(computed)
+    if not some.any():
+        return float("nan")
+    return float(np.sqrt(np.mean(np.log(computed[some] / measured[some]) ** 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibrated:
+    """A model that was fitted to the modes of one state.
+
+    Attributes
+    ----------
+    model : Model
+        With fitted values, form included.
+    problem : ModeProblem
+        Of this state.
+    fitted : Fitted
+    """
+
+    model: Model
+    problem: ModeProblem
+    fitted: Fitted
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +147,8 @@ class ModeDiagnosis:
     searched : Searched
     notes : tuple of str
     seconds : float
+    baseline : Calibrated or None
+        The fit to an earlier state, where the change since then was searched for.
     """
 
     verdict: str
@@ -134,6 +162,17 @@ class ModeDiagnosis:
     searched: Searched
     notes: tuple[str, ...]
     seconds: float
+    baseline: Calibrated | None = None
+
+    @property
+    def final(self) -> Hypothesis:
+        """The hypothesis of the verdict: that without effects where no explanation is believed."""
+        return _reported(self.searched)
+
+    @property
+    def sure(self) -> bool:
+        """Whether the first explanation is more probable than all others together."""
+        return self.explanations[0].probability >= HALF
 
     @property
     def credible(self) -> tuple[Explanation, ...]:
@@ -264,10 +303,8 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
     ]
     explanations.append(Explanation((), (), done.unknown_probability, known=False))
     explanations.sort(key=lambda e: -e.probability)
-    believed = done.unknown < best.score
-    verdict = UNEXPLAINED if not believed else EFFECT if best.effects else NOTHING
-    nothing = search.known[frozenset()]
-    final = best if believed else nothing
+    verdict = UNEXPLAINED if not done.explains else EFFECT if best.effects else NOTHING
+    nothing, final = search.known[frozenset()], _reported(done)
     table = _table(problem, nothing, final)
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     out = ModeDiagnosis(
@@ -278,6 +315,10 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
         out, reason=_reason(out), next_measurements=_next(out),
         seconds=time.perf_counter() - begun,
     )  # fmt: skip
+
+
+def _reported(done: Searched) -> Hypothesis:
+    return done.best if done.explains else done.search.known[frozenset()]
 
 
 def _next(d: ModeDiagnosis) -> tuple[str, ...]:
@@ -316,7 +357,7 @@ def _reason(d: ModeDiagnosis) -> str:
     place = percent(d.searched.probability_there(d.searched.best))
     lower = "bring" if len(d.found) > 1 else "brings"
     told = f"{labels(d.found)} {lower} the frequencies from {before} to {after}"
-    if first.probability < HALF:
+    if not d.sure:
         return f"{n} explanations share {CREDIBLE:.0%}, none is sure; the first, {sure}: {told}".replace(
             "0%", "0 %"
         )

@@ -6,20 +6,21 @@ it is taken off the second one's data. Then only the difference is left to expla
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from fem.model import Model
+from fem.model import Effect, Model
 from updating.diagnosis.begin import Progress
 from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import (
+    Calibrated,
     ModeDiagnosis,
     candidates_for,
     concluded,
@@ -35,24 +36,6 @@ from updating.inference.preparation import fitted_model
 
 CHANGED = 0.1
 """Share of the form's error that is not common to both states: it acts on what has changed alone [-]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibrated:
-    """A model that was fitted to the first state.
-
-    Attributes
-    ----------
-    model : Model
-        With fitted values, form included.
-    problem : ModeProblem
-        Of the first state.
-    fitted : Fitted
-    """
-
-    model: Model
-    problem: ModeProblem
-    fitted: Fitted
 
 
 def calibrate(
@@ -152,12 +135,40 @@ def _left(
     return out
 
 
+def changed_problem(
+    model: Model,
+    before: ModeTargets,
+    after: ModeTargets,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    changes: Sequence[Effect] = (),
+    damping_std: float = 0.5,
+    model_error: float = EXPLAINED_LEVEL,
+) -> tuple[Calibrated, Model, ModeProblem]:
+    """Return the calibration on the first state, and model and problem of the second one.
+
+    Parameters as of :func:`diagnose_change`.
+    """
+    first = calibrate(model, before, nuisances, damping_std=damping_std, model_error=model_error)
+    changed = first.model.with_effect(*changes)
+    problem = build_mode_problem(
+        changed, corrected(first, after), (), damping_std=damping_std, model_error=CHANGED * model_error,
+        mesh_level=0.0,
+    )  # fmt: skip
+    curve = replace(
+        problem.damping,
+        nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.result.zeta)[0],
+    )
+    return first, changed, replace(problem, damping=curve)
+
+
 def diagnose_change(
     model: Model,
     before: ModeTargets,
     after: ModeTargets,
     nuisances: Sequence[Nuisance] = (),
     *,
+    changes: Sequence[Effect] = (),
     damping_std: float = 0.5,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
@@ -172,28 +183,24 @@ def diagnose_change(
     Parameters
     ----------
     model : Model
+        In the first state.
     before, after : ModeTargets
+    changes : sequence of Effect
+        Effects that are known to have come since the first state.
     nuisances, damping_std, kinds, exclude, model_error, progress
         As of :func:`updating.diagnosis.mode_diagnosis.diagnose_modes`.
     """
     begun, say = time.perf_counter(), progress or (lambda text, done: None)
     say("calibrating on the first state", 0.0)
-    first = calibrate(model, before, nuisances, damping_std=damping_std, model_error=model_error)
-    data = corrected(first, after)
-    problem = build_mode_problem(
-        first.model, data, (), damping_std=damping_std, model_error=CHANGED * model_error, mesh_level=0.0
+    first, changed, problem = changed_problem(
+        model, before, after, nuisances, changes=changes, damping_std=damping_std, model_error=model_error
     )
-    curve = replace(
-        problem.damping,
-        nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.result.zeta)[0],
-    )
-    problem = replace(problem, damping=curve)
-    candidates = candidates_for(first.model, data, kinds, exclude)
+    candidates = candidates_for(changed, problem.targets, kinds, exclude)
     search = Search(problem, (), candidates, partial(told, say), ranking=ModeRanking())
-    out = concluded(searched_modes(search, first.model, say), begun)
+    out = concluded(searched_modes(search, changed, say), begun)
     level = 100 * first.fitted.level
     note = (
         f"the calibrated model misses the first state's frequencies by {level:.2g} %; these residuals were "
         "subtracted from the second state, so that only the change remains"
     )
-    return replace(out, notes=(note, *out.notes))
+    return replace(out, notes=(note, *out.notes), baseline=first)

@@ -173,7 +173,7 @@ class ModeProblem:
         partner[fitted], mac[fitted] = matched.partner, matched.mac
         modes = [at.damped(i, int(k)) if k >= 0 else None for i, k in enumerate(partner)]
         f = np.array([np.nan if m is None else m.frequency for m in modes])
-        return ComputedModes(f, np.array([np.nan if m is None else m.zeta for m in modes]), mac)
+        return ComputedModes(f, np.array([np.nan if m is None else m.zeta for m in modes]), mac, partner)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,11 +186,14 @@ class ComputedModes:
         [Hz].
     zeta, mac : ndarray (n,)
         Damping ratio, and modal assurance criterion where there are shapes [-].
+    partner : ndarray of int (n,)
+        Numbers of the computed modes, those of rigid bodies included; -1 for none.
     """
 
     frequency: Floats
     zeta: Floats
     mac: Floats
+    partner: NDArray[np.int64]
 
 
 def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -> Matched:

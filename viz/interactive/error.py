@@ -92,58 +92,73 @@ def staircase_figure(
     *,
     title: str = "",
     height: float = 340,
+    ylabel: str = "error of the amplitude [dB]",
+    unit: str = "dB",
+    digits: int = 2,
+    names: tuple[str, str] = ("on the lines of the fit", "on held-out lines"),
 ) -> Figure:
     """Return the error of the nominal model, of the fitted one, and after each added effect.
 
     Parameters
     ----------
     steps : sequence of (label, fit_db, held_out_db or None)
-        Error on the lines of the fit and on held-out ones after each step [dB].
+        Error on the lines of the fit and on held-out ones after each step [dB, or ``unit``].
     floor_db : float, optional
-        Error that measurement noise alone would leave, drawn as a line [dB].
+        Error that measurement noise alone would leave, drawn as a line [dB, or ``unit``].
     title : str
     height : float
         [pixel].
+    ylabel, unit : str
+        Of other errors.
+    digits : int
+        After the point.
+    names : (str, str)
+        Of what was fitted and what was held out.
     """
     n = len(steps)
     fit = np.array([step[1] for step in steps], dtype=float)
     held = np.array([np.nan if step[2] is None else step[2] for step in steps], dtype=float)
-    series = [("on the lines of the fit", fit, style.FITTED, "solid", "circle")]
+    series = [(names[0], fit, style.FITTED, "solid", "circle")]
     if np.isfinite(held).any():
-        series.append(("on held-out lines", held, style.VERMILION, "dash", "diamond"))
+        series.append((names[1], held, style.VERMILION, "dash", "diamond"))
     above = [fit >= np.where(np.isfinite(held), held, -np.inf)]
     above.append(~above[0])
-    names = [plain(step[0]) for step in steps]
+    labels = [plain(step[0]) for step in steps]
     words = [_broken(step[0], 18 if n <= 3 else 12) for step in steps]
     traces = [
         {
             "type": "scatter", "mode": "lines+markers+text", "x": list(range(n)), "y": values.tolist(),
             "name": name, "line": {"color": colour, "dash": dash, "shape": "hvh", "width": 2.4},
             "marker": {"color": colour, "symbol": symbol, "size": 9},
-            "text": [number(v, 2) if np.isfinite(v) else "" for v in values],
+            "text": [number(v, digits) if np.isfinite(v) else "" for v in values],
             "textposition": ["top center" if up else "bottom center" for up in over],
             "textfont": {"color": colour, "size": 13}, "cliponaxis": False,
             "hoverinfo": "text",
-            "hovertext": [f"{label}<br>{v:.2f} dB {name}" for label, v in zip(names, values, strict=True)],
+            "hovertext": [
+                f"{label}<br>{number(v, digits)} {unit} {name}"
+                for label, v in zip(labels, values, strict=True)
+            ],
             "customdata": [step[0] for step in steps],
         }
         for (name, values, colour, dash, symbol), over in zip(series, above, strict=False)
     ]  # fmt: skip
     every = np.concatenate([fit, held[np.isfinite(held)], [0.0]])
     top = float(np.nanmax(every)) if np.isfinite(every).any() else 1.0
-    shapes, notes = _floor_line(floor_db)
+    shapes, notes = _floor_line(floor_db, unit, digits)
     look = layout(
         height, title, shapes=shapes, annotations=notes,
         xaxis=axis(
             "", tickvals=list(range(n)), ticktext=words, showgrid=False,
             range=[-0.5, n - 0.5], tickangle=0,
         ),
-        yaxis=axis("error of the amplitude [dB]", range=[0, 1.18 * top], rangemode="tozero"),
+        yaxis=axis(plain(ylabel), range=[0, 1.18 * top], rangemode="tozero"),
     )  # fmt: skip
     return Figure(traces, look)
 
 
-def _floor_line(floor_db: float | None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def _floor_line(
+    floor_db: float | None, unit: str = "dB", digits: int = 2
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     if floor_db is None or not np.isfinite(floor_db):
         return [], []
     common = {"xref": "paper", "x0": 0, "x1": 1, "layer": "below"}
@@ -154,7 +169,7 @@ def _floor_line(floor_db: float | None) -> tuple[list[dict[str, Any]], list[dict
     ]  # fmt: skip
     note = {
         "xref": "paper", "x": 0, "xanchor": "left", "y": floor_db, "yanchor": "bottom", "showarrow": False,
-        "text": f"noise floor {number(floor_db, 2)} dB", "font": {"size": 11, "color": style.MUTED},
+        "text": f"noise floor {number(floor_db, digits)} {unit}", "font": {"size": 11, "color": style.MUTED},
     }  # fmt: skip
     return shapes, [note]
 
