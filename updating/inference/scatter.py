@@ -4,7 +4,6 @@ Beams against real structures differ mostly in frequencies. Each mode dissipates
 than a smooth damping curve says. Thousands of lines see both.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,70 +19,80 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scatter:
-    """Deviations that change the logarithms of FRFs in proportion.
-
-    Attributes
-    ----------
-    std : ndarray (n,)
-        Their standard deviations.
-    slopes_at : callable
-        Gives the slopes (n, n_lines, n_out, n_in) of ln H at some lines.
-    """
-
-    std: Floats
-    slopes_at: Callable[[NDArray[np.int64]], Complexes]
-    _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
-
-    def slopes(self, lines: NDArray[np.int64]) -> Complexes:
-        """Return the slopes at some lines (computed once)."""
-        key = lines.tobytes()
-        if key not in self._known:
-            self._known[key] = self.slopes_at(lines)
-        return self._known[key]
-
-
-def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
-    """Return shifts of the modes' eigenvalues and damping ratios at a fitted model.
+    """Shifts of the modes' eigenvalues and damping ratios, which change ln H in proportion.
 
     With Z⁻¹ = Σ φ_r φ_rᵀ / (λ_r s + m), s = 1 + i(η + 2ζ) and m = -ω², a change of ln λ_r adds
     -(φ_r s λ_r φ_rᵀ) (λ_r s + m)⁻² to the receptances, and one of ln ζ_r the same with 2iζ for s.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    result : FitResult
+        The fitted model whose slopes count.
+    eigenvalue : float
+        Standard deviation of the relative shift of each elastic mode's eigenvalue [-].
+    damping : float
+        Standard deviation of the logarithm of each mode's damping ratio [-].
+    n_modes : int
+    """
+
+    problem: FitProblem
+    result: FitResult
+    eigenvalue: float
+    damping: float
+    n_modes: int
+    _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
+
+    @property
+    def std(self) -> Floats:
+        """Standard deviations of all shifts, (n,)."""
+        return np.tile([s for s in (self.eigenvalue, self.damping) if s > 0], self.n_modes)
+
+    def slopes(self, lines: NDArray[np.int64]) -> Complexes:
+        """Return the slopes (n, n_lines, n_out, n_in) of ln H at some lines (computed once)."""
+        key = lines.tobytes()
+        if key not in self._known:
+            self._known[key] = self._slopes_at(lines)
+        return self._known[key]
+
+    def _slopes_at(self, lines: NDArray[np.int64]) -> Complexes:
+        changes, zeta = _solved(self.problem, self.result, lines)
+        state, H, out = changes.state, changes.H, []
+        for r in _shifted(self.problem, changes)[: self.n_modes]:
+            for factor, std in ((state.stiffness, self.eigenvalue), (2j * zeta, self.damping)):
+                force = factor * state.lam[r] * changes.Xi[r]
+                out += [-np.einsum("of,if->foi", changes.Xo[r], force)] if std > 0 else []
+        return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
+
+
+def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
+    """Return shifts of the modes' damping ratios and eigenvalues at a fitted model; None if they are 0.
 
     Parameters
     ----------
     problem : FitProblem
     result : FitResult
-    damping : float
-        Standard deviation of the logarithm of each mode's damping ratio [-].
-    eigenvalue : float
-        Standard deviation of the relative shift of each elastic mode's eigenvalue [-].
+    damping, eigenvalue : float
+        As of :class:`Scatter`.
     """
-    highest = (2 * np.pi * problem.data.frequency[-1]) ** 2
-    refs, values = list(result.values), np.array(list(result.values.values()))
-
-    def ratio_at(lines: NDArray[np.int64]) -> Floats:
-        return problem.damping.ratio(problem.data.frequency[lines], result.zeta)
-
-    def changes_at(lines: NDArray[np.int64]) -> LocalChanges:
-        engine = problem.engine(problem.data.frequency[lines], refs, result.effects)
-        return LocalChanges.of(engine, values, ratio_at(lines))
-
-    n_modes = len(_shifted(changes_at(problem.lines_up_to(np.inf, 2)), highest))
-
-    def slopes(lines: NDArray[np.int64]) -> Complexes:
-        changes, zeta = changes_at(lines), np.atleast_2d(ratio_at(lines))[0]
-        state, H, out = changes.state, changes.H, []
-        for r in _shifted(changes, highest)[:n_modes]:
-            for factor, std in ((state.stiffness, eigenvalue), (2j * zeta, damping)):
-                force = factor * state.lam[r] * changes.Xi[r]
-                out += [-np.einsum("of,if->foi", changes.Xo[r], force)] if std > 0 else []
-        return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
-
-    std = np.tile([s for s in (eigenvalue, damping) if s > 0], n_modes)
-    return Scatter(std, slopes) if len(std) else None
+    changes, _ = _solved(problem, result, problem.lines_up_to(np.inf, 2))
+    n_modes = len(_shifted(problem, changes)) if max(damping, eigenvalue) > 0 else 0
+    return Scatter(problem, result, eigenvalue, damping, n_modes) if n_modes else None
 
 
-def _shifted(changes: LocalChanges, highest: float) -> NDArray[np.int64]:
-    """Return the elastic modes of a solved state up to an eigenvalue and the next one."""
-    lam = changes.state.lam
+def _solved(
+    problem: FitProblem, result: FitResult, lines: NDArray[np.int64]
+) -> tuple[LocalChanges, Floats]:
+    """Return the solved state of a fitted model at some lines, and its damping ratio there."""
+    frequency, refs = problem.data.frequency[lines], list(result.values)
+    zeta = problem.damping.ratio(frequency, result.zeta)
+    engine = problem.engine(frequency, refs, result.effects)
+    values = np.array(list(result.values.values()))
+    return LocalChanges.of(engine, values, zeta), np.atleast_2d(zeta)[0]
+
+
+def _shifted(problem: FitProblem, changes: LocalChanges) -> NDArray[np.int64]:
+    """Return the elastic modes of a solved state in the band and the next one."""
+    lam, highest = changes.state.lam, (2 * np.pi * problem.data.frequency[-1]) ** 2
     elastic = np.flatnonzero(lam > 1e-6 * highest)
     return elastic[: int((lam[elastic] <= highest).sum()) + 1]

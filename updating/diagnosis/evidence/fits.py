@@ -74,7 +74,10 @@ class Fits:
             model = reduced.model.with_values(values)
             reduced = ReducedModel(model, reduced.basis, assemble(model, reciprocal=False))
         own = tuple(n for n in self.problem.nuisances if n.effect not in names)
-        return replace(self.problem, reduced=reduced, nuisances=own)
+        quick = replace(self.problem, reduced=reduced, nuisances=own)
+        result = base.fitted.result
+        at_form = replace(result, values={r: v for r, v in result.values.items() if r[0] not in names})
+        return replace(quick, scatter=self.ranking.scatter(quick, at_form))
 
     def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
         """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
