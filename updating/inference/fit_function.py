@@ -140,9 +140,9 @@ class FitFunction:
         """Return the prior of x."""
         damping = self.problem.damping
         start = np.log(damping.start)
-        scatter = np.zeros(0) if self.scatter is None else self.scatter.mean
+        scatter = np.zeros(0) if self.scatter is None else np.zeros(len(self.scatter.std))
         means = [[v.mean for v in self.variables], start, scatter]
-        stds = [[v.std for v in self.variables], np.full(len(start), damping.std), np.ones(len(scatter))]
+        stds = [[v.std for v in self.variables], np.full(len(start), damping.std), scatter + 1.0]
         return Prior(np.concatenate(means), np.concatenate(stds))
 
     def moved_to(self, result: FitResult) -> NDArray[np.float64]:

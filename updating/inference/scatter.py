@@ -1,11 +1,10 @@
-"""Small deviations by their slopes: modes off in frequency and in damping, parameters off their values.
+"""Small deviations that every model has, by their slopes: modes off in frequency and in damping.
 
 Beams against real structures differ mostly in frequencies. Each mode dissipates by some per cent more or less
 than a smooth damping curve says. Thousands of lines see both.
 """
 
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,32 +12,13 @@ from numpy.typing import NDArray
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.unknowns import ScaledUnknown
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 
-class Scatter(Protocol):
-    """Deviations that change ln H in proportion, each with a normal prior."""
-
-    @property
-    def mean(self) -> Floats:
-        """Means of all deviations in their standard deviations, (n,)."""
-        ...
-
-    @property
-    def std(self) -> Floats:
-        """Standard deviations of all deviations, (n,)."""
-        ...
-
-    def slopes(self, lines: NDArray[np.int64]) -> Complexes:
-        """Return the slopes (n, n_lines, n_out, n_in) of ln H at some lines."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class ModeScatter:
+class Scatter:
     """Shifts of the modes' eigenvalues and damping ratios, which change ln H in proportion.
 
     With Z⁻¹ = Σ φ_r φ_rᵀ / (λ_r s + m), s = 1 + i(η + 2ζ) and m = -ω², a change of ln λ_r adds
@@ -64,11 +44,6 @@ class ModeScatter:
     _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
 
     @property
-    def mean(self) -> Floats:
-        """Zeros, (n,)."""
-        return np.zeros(len(self.std))
-
-    @property
     def std(self) -> Floats:
         """Standard deviations of all shifts, (n,)."""
         return np.tile([s for s in (self.eigenvalue, self.damping) if s > 0], self.n_modes)
@@ -90,81 +65,7 @@ class ModeScatter:
         return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ParameterScatter:
-    """Parameters near the values that a fit has found, by their slopes there.
-
-    Attributes
-    ----------
-    problem : FitProblem
-        In which they are uncertain.
-    result : FitResult
-    names : frozenset of str
-        Names of their effects.
-    """
-
-    problem: FitProblem
-    result: FitResult
-    names: frozenset[str]
-    _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
-
-    @property
-    def _unknowns(self) -> list[tuple[ScaledUnknown, float]]:
-        """The parameters and their values in the fit."""
-        line = self.problem.lines_up_to(np.inf, 1)
-        function = self.problem.function((), (), line)
-        x = function.moved_to(self.result)
-        return [(v, float(x[k])) for k, v in enumerate(function.variables) if v.ref[0] in self.names]
-
-    @property
-    def mean(self) -> Floats:
-        """Means of the parameters' priors from the fit on, in standard deviations, (n,)."""
-        return np.array([(v.mean - x) / v.std for v, x in self._unknowns])
-
-    @property
-    def std(self) -> Floats:
-        """Standard deviations of the parameters' priors, (n,)."""
-        return np.array([v.std for v, _ in self._unknowns])
-
-    def slopes(self, lines: NDArray[np.int64]) -> Complexes:
-        """Return the slopes (n, n_lines, n_out, n_in) of ln H at some lines (computed once)."""
-        key = lines.tobytes()
-        if key not in self._known:
-            problem, result = self.problem, self.result
-            refs, values = list(result.values), np.array(list(result.values.values()))
-            frequency = problem.data.frequency[lines]
-            engine = problem.engine(frequency, refs, result.effects)
-            H, dH, _ = engine.evaluate(values, problem.damping.ratio(frequency, result.zeta))
-            assert dH is not None
-            slopes = np.stack([dH[refs.index(v.ref)] * v.slope(x) for v, x in self._unknowns])
-            self._known[key] = np.asarray(slopes / np.where(H != 0, H, np.inf), dtype=complex)
-        return self._known[key]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JoinedScatter:
-    """Several kinds of deviations."""
-
-    parts: tuple[Scatter, ...]
-
-    @property
-    def mean(self) -> Floats:
-        """Means of all deviations in their standard deviations, (n,)."""
-        return np.concatenate([p.mean for p in self.parts])
-
-    @property
-    def std(self) -> Floats:
-        """Standard deviations of all deviations, (n,)."""
-        return np.concatenate([p.std for p in self.parts])
-
-    def slopes(self, lines: NDArray[np.int64]) -> Complexes:
-        """Return the slopes (n, n_lines, n_out, n_in) of ln H at some lines."""
-        return np.concatenate([p.slopes(lines) for p in self.parts])
-
-
-def scatter_of(
-    problem: FitProblem, result: FitResult, damping: float, eigenvalue: float
-) -> ModeScatter | None:
+def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
     """Return shifts of the modes' damping ratios and eigenvalues at a fitted model; None if they are 0.
 
     Parameters
@@ -172,14 +73,16 @@ def scatter_of(
     problem : FitProblem
     result : FitResult
     damping, eigenvalue : float
-        As of :class:`ModeScatter`.
+        As of :class:`Scatter`.
     """
     changes, _ = _solved(problem, result, problem.lines_up_to(np.inf, 2))
     n_modes = len(_shifted(problem, changes)) if max(damping, eigenvalue) > 0 else 0
-    return ModeScatter(problem, result, eigenvalue, damping, n_modes) if n_modes else None
+    return Scatter(problem, result, eigenvalue, damping, n_modes) if n_modes else None
 
 
-def _solved(problem: FitProblem, result: FitResult, lines: NDArray[np.int64]) -> tuple[LocalChanges, Floats]:
+def _solved(
+    problem: FitProblem, result: FitResult, lines: NDArray[np.int64]
+) -> tuple[LocalChanges, Floats]:
     """Return the solved state of a fitted model at some lines, and its damping ratio there."""
     frequency, refs = problem.data.frequency[lines], list(result.values)
     zeta = problem.damping.ratio(frequency, result.zeta)

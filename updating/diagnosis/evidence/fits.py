@@ -17,7 +17,6 @@ from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.fit import FitProblem
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
-from updating.inference.scatter import JoinedScatter, ParameterScatter
 
 QUICK_LINES, FULL_LINES = 40, 100
 """Lines of quick fits, and of full ones."""
@@ -68,10 +67,7 @@ class Fits:
         return h.fitted.level > FAR * self.floor
 
     def quick(self, base: Hypothesis) -> AnyProblem:
-        """Return the problem with the form by its slopes in a hypothesis, or nominal if that is far.
-
-        Far from the data few lines tell hypotheses apart. Near the noise every line counts.
-        """
+        """Return the problem with the form fixed: as it is in a hypothesis, or nominal if that is far."""
         names, values = self.form_names, self.form_of(base)
         reduced = self.problem.reduced
         if any(values.values()):
@@ -81,14 +77,7 @@ class Fits:
         quick = replace(self.problem, reduced=reduced, nuisances=own)
         result = base.fitted.result
         at_form = replace(result, values={r: v for r, v in result.values.items() if r[0] not in names})
-        scatter = self.ranking.scatter(quick, at_form)
-        if self.is_far(base):
-            return replace(quick, n_lines=QUICK_LINES, scatter=scatter)
-        if scatter is not None and self.form:
-            assert isinstance(self.problem, FitProblem)
-            form = ParameterScatter(self.problem, result, frozenset(names))
-            scatter = JoinedScatter((scatter, form))
-        return replace(quick, n_lines=FULL_LINES, scatter=scatter)
+        return replace(quick, scatter=self.ranking.scatter(quick, at_form))
 
     def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
         """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
@@ -104,6 +93,7 @@ class Fits:
         None where no start has a structure. Of many starts those go on that do best in the lowest band. All
         else begins where it is in a base and, where that is far from the data, at its nominal values, too.
         """
+        few: dict[str, Any] = {"n_lines": QUICK_LINES, "max_iterations": SHORT_STEPS}
         if len(starts) > N_STARTS:
             tried = possible(partial(self._in_lowest_band, quick, effects, start) for start in starts)
             starts = [start for _, start in sorted(tried, key=lambda each: -each[0])[:N_STARTS]]
@@ -111,7 +101,7 @@ class Fits:
         ways += [{}] if self.is_far(base) else []
         problems = [(with_forces(quick, effects, start), start) for start in starts]
         fits = possible(
-            partial(self._fit, problem, effects, start, max_iterations=SHORT_STEPS, **way)
+            partial(self._fit, problem, effects, start, **few, **way)
             for problem, start in problems
             for way in ways
         )
@@ -160,7 +150,7 @@ class Fits:
         """Return a hypothesis fitted on few lines with the form fixed, from near another one."""
         problem = with_forces(quick, effects, values)
         way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
-        return self._fit(problem, effects, values, max_iterations=QUICK_STEPS, **way)
+        return self._fit(problem, effects, values, n_lines=QUICK_LINES, max_iterations=QUICK_STEPS, **way)
 
     def fully(
         self,
