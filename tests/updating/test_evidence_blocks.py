@@ -1,0 +1,78 @@
+"""The look at candidates near the noise: a little of each is linear, alone and together with others."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.hidden.cases import make_case
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.evidence.blocks import blocks_of
+from updating.diagnosis.evidence.screening import Grid, look_at
+from updating.inference.preparation import build_problem
+
+
+@pytest.fixture(scope="module")
+def problem():
+    case = make_case(3, "portal", "nothing")
+    return build_problem(case.model, case.measurement, case.nuisances)
+
+
+@pytest.fixture(scope="module")
+def springs(problem):
+    """Return what lets a support turn."""
+    every = {e.name: e for e in propose(problem.reduced.model, ["support_flexibility"])}
+    return tuple(every[f"support_flexibility:S1.{axis}"] for axis in ("rx", "ry", "rz"))
+
+
+def hiding(problem, effects):
+    """Return a problem whose data are those of the nominal model with effects, and no noise."""
+    on_it = replace(problem, reduced=problem.reduced.with_forces_of(effects))
+    nominal = on_it.nominal()
+    values = {(e.name, p.name): p.value for e in effects for p in e.parameters()}
+    there = replace(nominal, effects=tuple(effects), values={**nominal.values, **values})
+    return replace(on_it, data=replace(on_it.data, H=on_it.receptance(there)))
+
+
+def slight(problem, effect, times):
+    """Return an effect at a multiple of its slight point."""
+    grid = Grid.of(problem, effect)
+    return effect.with_values(**grid.scaled(grid.slight_points()[0][0], times))
+
+
+def test_a_weak_effect_begins_at_its_value(problem):
+    (heavier, *_) = propose(problem.reduced.model, ["member_density"])
+    hidden = heavier.with_values(change=0.004)
+    known = hiding(problem, [hidden])
+    look = look_at(known, known.nominal())
+    grid = Grid.of(known, heavier)
+    cost, start = look.best_starts(grid)[-1]
+    # The density of the material is uncertain, and takes a part of it.
+    assert start["change"] == pytest.approx(0.004, rel=0.1)
+    assert cost < look.costs(look.now[None])[0] - 1
+
+
+def test_springs_in_two_directions_are_found_together(problem, springs):
+    weak = [slight(problem, e, times) for e, times in zip(springs, (60.0, 100.0, 0.0), strict=True)]
+    known = hiding(problem, weak[:2])
+    look = look_at(known, known.nominal())
+    grids = {e.name: Grid.of(known, e) for e in springs}
+    (block, alone) = blocks_of(look, grids, [springs, springs[:1]])
+    assert block.cost < alone.cost - 1
+    for e, start in zip(weak[:2], block.start[:2], strict=True):
+        assert start["stiffness"] == pytest.approx(e.stiffness, rel=0.15)
+    # The third direction is rigid: it begins where it is hardly seen.
+    least = grids[springs[2].name].slight_points()[0][0]["stiffness"]
+    assert block.start[2]["stiffness"] == pytest.approx(least, rel=0.3)
+
+
+def test_what_is_at_its_bound_does_not_adapt(problem):
+    look = look_at(problem, problem.nominal())
+    ref = look.refs[0]
+    function = problem.function((), (), problem.lines_up_to(np.inf, 10))
+    (k,) = (i for i, v in enumerate(function.variables) if v.ref == ref)
+    most = function.variables[k].to_value(float(function.limits()[k, 1]))
+    nominal = problem.nominal()
+    bounded = look_at(problem, replace(nominal, values={**nominal.values, ref: most}))
+    assert ref not in bounded.refs
+    assert bounded.refs == look.refs[1:]
