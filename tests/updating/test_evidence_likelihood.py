@@ -87,6 +87,23 @@ def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, sta
 # ---------------------------------------------------------------------------------------------- scatter
 
 
+def test_slopes_of_the_scatter_are_those_of_members_loss_factors(problem, fitted):
+    lines = problem.lines_up_to(np.inf, 20)
+    scatter = scatter_of(problem, fitted, 0.1, 0.0)
+    members, slopes = list(problem.reduced.model.mesh.members), scatter.slopes(lines)
+    refs, frequency = list(fitted.values), problem.data.frequency[lines]
+    values, zeta = np.array([fitted.values[r] for r in refs]), problem.damping.ratio(frequency, fitted.zeta)
+    for member, slope in zip(members, slopes[: len(members)], strict=True):
+        H = []
+        for loss in (0.0, 1e-6):
+            effect = MemberDamping(name="more", member=member, loss_factor=loss)
+            H.append(problem.engine(frequency, refs, (effect,)).evaluate(values, zeta, gradient=False)[0])
+        expected = np.log(H[1] / H[0]) / 1e-6
+        np.testing.assert_allclose(slope, expected, atol=0.02 * np.abs(expected).max())
+    ratio = np.atleast_2d(problem.damping.ratio(problem.data.frequency, fitted.zeta))[0]
+    np.testing.assert_allclose(scatter.std[: len(members)], 0.1 * 2 * np.median(ratio))
+
+
 def receptances(problem, fitted, lines, change, loss):
     """Return receptances of the reduced model with its stiffness changed by a part of its own loss."""
     f, refs = problem.data.frequency[lines], list(fitted.values)
@@ -117,8 +134,8 @@ def test_slopes_of_the_scatter_are_those_of_single_modes(problem, fitted, stds, 
         return 1e-6 * lam[at] * np.outer(M @ V[:, at], M @ V[:, at])
 
     plain = receptances(problem, fitted, lines, lambda K, M: 0 * K, loss)
-    slopes = scatter.slopes(lines)
-    np.testing.assert_array_equal(scatter.std, max(stds))
+    slopes = scatter.slopes(lines)[len(scatter.members) :]
+    np.testing.assert_array_equal(scatter.std[len(scatter.members) :], max(stds))
     assert len(slopes) > 3
     for mode, slope in enumerate(slopes):
         expected = np.log(receptances(problem, fitted, lines, partial(shifted, mode), loss) / plain) / 1e-6
@@ -126,9 +143,11 @@ def test_slopes_of_the_scatter_are_those_of_single_modes(problem, fitted, stds, 
 
 
 def test_eigenvalues_are_uncertain_where_the_form_is_not_right(problem, fitted):
-    exact, real = (FrfRanking().scatter(replace(problem, model_error=e), fitted).std for e in (0.0, 0.3))
-    np.testing.assert_array_equal(exact, FORM_DAMPING)
-    np.testing.assert_array_equal(real, np.tile([FORM_MODES, FORM_DAMPING], len(exact)))
+    exact, real = (FrfRanking().scatter(replace(problem, model_error=e), fitted) for e in (0.0, 0.3))
+    n = len(exact.members)
+    assert n == len(problem.reduced.model.mesh.members)
+    np.testing.assert_array_equal(exact.std[n:], FORM_DAMPING)
+    np.testing.assert_array_equal(real.std[n:], np.tile([FORM_MODES, FORM_DAMPING], len(exact.std) - n))
 
 
 def test_a_fit_with_scatter_moves_it_and_keeps_the_values_it_reports(problem, fitted):

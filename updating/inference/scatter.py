@@ -1,7 +1,7 @@
-"""Small deviations that every model has, by their slopes: modes off in frequency and in damping.
+"""Small deviations that every model has, by their slopes: of frequencies and damping.
 
-Beams against real structures differ mostly in frequencies. Each mode dissipates by some per cent more or less
-than a smooth damping curve says. Thousands of lines see both.
+Beams against real structures differ mostly in frequencies. Each mode, and each member, dissipates by some per
+cent more or less than a smooth damping curve says. Thousands of lines see that.
 """
 
 from dataclasses import dataclass, field
@@ -9,6 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.effects.places import frame_of
+from fem.elements.frame import Frame, member_contribution
+from fem.model import Contribution
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -19,7 +22,9 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scatter:
-    """Shifts of the modes' eigenvalues and damping ratios, which change ln H in proportion.
+    """Shifts of members' loss factors, and of modes' eigenvalues and damping ratios.
+
+    They change ln H in proportion.
 
     With Z⁻¹ = Σ φ_r φ_rᵀ / (λ_r s + m), s = 1 + i(η + 2ζ) and m = -ω², a change of ln λ_r adds
     -(φ_r s λ_r φ_rᵀ) (λ_r s + m)⁻² to the receptances, and one of ln ζ_r the same with 2iζ for s.
@@ -32,7 +37,9 @@ class Scatter:
     eigenvalue : float
         Standard deviation of the relative shift of each elastic mode's eigenvalue [-].
     damping : float
-        Standard deviation of the logarithm of each mode's damping ratio [-].
+        Standard deviation of the logarithm of each mode's damping ratio, and of each member's loss factor in
+        parts of the median one, 2ζ [-].
+    members : tuple of str
     n_modes : int
     """
 
@@ -40,13 +47,18 @@ class Scatter:
     result: FitResult
     eigenvalue: float
     damping: float
+    members: tuple[str, ...]
     n_modes: int
     _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
 
     @property
     def std(self) -> Floats:
         """Standard deviations of all shifts, (n,)."""
-        return np.tile([s for s in (self.eigenvalue, self.damping) if s > 0], self.n_modes)
+        p = self.problem
+        ratio = np.atleast_2d(p.damping.ratio(p.data.frequency, self.result.zeta))[0]
+        loss = np.full(len(self.members), self.damping * 2 * float(np.median(ratio)))
+        of_modes = [s for s in (self.eigenvalue, self.damping) if s > 0]
+        return np.concatenate([loss, np.tile(of_modes, self.n_modes)])
 
     def slopes(self, lines: NDArray[np.int64]) -> Complexes:
         """Return the slopes (n, n_lines, n_out, n_in) of ln H at some lines (computed once)."""
@@ -58,6 +70,10 @@ class Scatter:
     def _slopes_at(self, lines: NDArray[np.int64]) -> Complexes:
         changes, zeta = _solved(self.problem, self.result, lines)
         state, H, out = changes.state, changes.H, []
+        model, fields = self.problem.reduced.model, changes.fields()
+        for m in self.members:
+            parts = member_contribution(frame_of(model), model, m)
+            out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
         for r in _shifted(self.problem, changes)[: self.n_modes]:
             for factor, std in ((state.stiffness, self.eigenvalue), (2j * zeta, self.damping)):
                 force = factor * state.lam[r] * changes.Xi[r]
@@ -66,7 +82,7 @@ class Scatter:
 
 
 def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
-    """Return shifts of the modes' damping ratios and eigenvalues at a fitted model; None if they are 0.
+    """Return small deviations of damping and of eigenvalues at a fitted model; None if they are 0.
 
     Parameters
     ----------
@@ -75,14 +91,16 @@ def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalu
     damping, eigenvalue : float
         As of :class:`Scatter`.
     """
+    if max(damping, eigenvalue) == 0:
+        return None
+    model = problem.reduced.model
+    several = damping > 0 and len(model.mesh.members) > 1 and bool(model.of_kind(Frame))
+    members = tuple(model.mesh.members) if several else ()
     changes, _ = _solved(problem, result, problem.lines_up_to(np.inf, 2))
-    n_modes = len(_shifted(problem, changes)) if max(damping, eigenvalue) > 0 else 0
-    return Scatter(problem, result, eigenvalue, damping, n_modes) if n_modes else None
+    return Scatter(problem, result, eigenvalue, damping, members, len(_shifted(problem, changes)))
 
 
-def _solved(
-    problem: FitProblem, result: FitResult, lines: NDArray[np.int64]
-) -> tuple[LocalChanges, Floats]:
+def _solved(problem: FitProblem, result: FitResult, lines: NDArray[np.int64]) -> tuple[LocalChanges, Floats]:
     """Return the solved state of a fitted model at some lines, and its damping ratio there."""
     frequency, refs = problem.data.frequency[lines], list(result.values)
     zeta = problem.damping.ratio(frequency, result.zeta)
