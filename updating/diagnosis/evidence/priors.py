@@ -15,7 +15,7 @@ FORM_SECTION = {"Iy": 0.02, "Iz": 0.02, "J": 0.05}
 FORM_ZONE = {"u": 1.0, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, and of its mass, relative [-]."""
 FORM_DAMPING = 0.1
-"""Standard deviation of each mode's damping ratio and each member's loss factor, in parts of the curve [-]."""
+"""Relative standard deviation of each mode's damping ratio and of each member's loss factor [-]."""
 FORM_MODES = 0.002
 """Standard deviation of the relative shift of each mode's eigenvalue that frame theory leaves [-]."""
 PLACE_ODDS = np.log(10.0)
