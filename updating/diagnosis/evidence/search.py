@@ -46,8 +46,8 @@ BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
 """Kinds that give way in single directions: all of a connection's together are its block."""
 CONNECTIONS = ("joint", "support", "end")
 """Kinds of places that have such springs."""
-MOST_PAIRED = 8
-"""Pairs are made of so many connections."""
+MOST_CONNECTIONS, MOST_PAIRED = 40, 8
+"""So many connections, the first of the scan, are looked at in all directions; pairs are made of so many."""
 BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
 BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
@@ -310,7 +310,9 @@ class Search:
         scanned = [tuple(e for p in s.places for e in springs.get(p.whole, ())) for s in ranked]
         one = [s for s, r in zip(scanned, ranked, strict=True) if s and len(r.places) == 1][:N_PLACES]
         two = [s for s, r in zip(scanned, ranked, strict=True) if s and len(r.places) == 2][:N_PAIRS]
-        alone = self.ranking.blocks(quick, now, list(springs.values()))
+        order = dict.fromkeys(s.places[0].whole for s in ranked if len(s.places) == 1)
+        near = [springs[whole] for whole in order if whole in springs][:MOST_CONNECTIONS]
+        alone = self.ranking.blocks(quick, now, near or list(springs.values())[:MOST_CONNECTIONS])
         first = [each[0].effects for each in alone[:MOST_PAIRED]]
         paired = self.ranking.blocks(quick, now, [*two, *(a + b for a, b in combinations(first, 2))])
         keys = {key_of(block) for block in (*one, *two)}
