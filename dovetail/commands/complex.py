@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.argument_types import finite, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
 from dovetail.commands.load_cases import add_pictures
 from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
+from dovetail.file.rotation import at_speed
 from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.whirl import whirl, whirl_name
 from fem.io import write_modes
@@ -33,6 +34,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--out", type=Path, metavar="FILE", help=f"also write the oscillating modes: {', '.join(_FORMATS)}"
     )
+    p.add_argument(
+        "--rpm",
+        type=finite,
+        metavar="N",
+        help="speed of the members with a spin, turns a minute (default: [rotation] rpm of the study)",
+    )
     add_pictures(p, "each oscillating mode")
 
 
@@ -48,7 +55,8 @@ def run(options: Options, progress: Progress) -> None:
         require_drawing("--pictures")
     study = loaded(options, ())
     progress("solving for complex modes")
-    found = solve_complex_modes(assemble(study.model, reciprocal=False), options.number)
+    model = study.model if options.rpm is None else at_speed(study.model, options.rpm)
+    found = solve_complex_modes(assemble(model, reciprocal=False), options.number)
     modes = found.as_modes()
     if options.out is not None:
         write_modes(modes, study.model.mesh, options.out)
@@ -63,7 +71,7 @@ def run(options: Options, progress: Progress) -> None:
     n = 6 * study.model.mesh.n_points
     moved = found.shapes[:n].reshape(-1, 6, found.n_modes)[:, :3].reshape(-1, found.n_modes)
     collinearity = modal_phase_collinearity(moved)
-    turning = whirl(study.model, found.poles, found.shapes)
+    turning = whirl(model, found.poles, found.shapes)
     columns = found.frequency, found.damped_frequency, found.zeta, collinearity, turning
     write_json(
         options.json,

@@ -203,7 +203,9 @@ class _Problem:
         return complex(y @ (2 * s * (self.system.M @ x) + self.damped(x)))
 
 
-def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
+def solve_complex_modes(
+    system: System, n: int = 20, *, pairs: Eigenpairs | None = None
+) -> ComplexModes:
     """Compute the n modes of smallest |s| with all damping of a model.
 
     Parameters
@@ -211,6 +213,8 @@ def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
     system : System
     n : int
         Number of modes beside rigid-body ones; overdamped ones count.
+    pairs : Eigenpairs, optional
+        Undamped modes of the system, of which the basis is made, where they are known.
 
     Returns
     -------
@@ -228,7 +232,8 @@ def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
     all_rigid = system.rigid.shape[1]
-    pairs = solve_eigenpairs(system, min(system.n_free, all_rigid + n + max(10, n // 2)))
+    if pairs is None:
+        pairs = solve_eigenpairs(system, min(system.n_free, all_rigid + n + max(10, n // 2)))
     problem = _problem(system, pairs)
     V = _start(problem, pairs)
     while True:
