@@ -144,7 +144,8 @@ def _table(rpm: np.ndarray, found: Campbell) -> list[str]:
     senses = [whirl_name(found.turning(k)) for k in range(found.n_branches)]
     head = [f"{k + 1} {sense[:1].upper()}".strip() for k, sense in enumerate(senses)]
     rows = [
-        f"{rpm[i]:12.1f}" + "".join(f"{f:11.3f}" if np.isfinite(f) else f"{'-':>11}" for f in found.frequency[i])
+        f"{rpm[i]:12.1f}"
+        + "".join(f"{f:11.3f}" if np.isfinite(f) else f"{'-':>11}" for f in found.frequency[i])
         for i in chosen
     ]
     return [

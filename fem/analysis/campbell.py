@@ -241,9 +241,7 @@ def _check(model: Model, speeds: NDArray[np.float64], n: int, orders: Sequence[f
             raise ModelError(msg)
 
 
-def _followed(
-    each: Sequence[_Modes], shaft: _Shaft
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _followed(each: Sequence[_Modes], shaft: _Shaft) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the mode of each speed on each branch, -1 for none, and the likeness from speed to speed.
 
     Pairs of modes are chosen together, for the largest sum of likenesses. Modes left over end or begin a

@@ -203,9 +203,7 @@ class _Problem:
         return complex(y @ (2 * s * (self.system.M @ x) + self.damped(x)))
 
 
-def solve_complex_modes(
-    system: System, n: int = 20, *, pairs: Eigenpairs | None = None
-) -> ComplexModes:
+def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None = None) -> ComplexModes:
     """Compute the n modes of smallest |s| with all damping of a model.
 
     Parameters

@@ -13,9 +13,7 @@ PLANAR = 1e-6
 """Size of the whirl below which its sense is rounding [-]."""
 
 
-def whirl(
-    model: Model, poles: NDArray[np.complex128], shapes: NDArray[np.complex128]
-) -> NDArray[np.float64]:
+def whirl(model: Model, poles: NDArray[np.complex128], shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the whirl of modes: 1 forward in circles, 0 in a plane, -1 backward in circles.
 
     The rotations of a rotor's axis describe an ellipse. Its circularity, positive in the sense of the spin, is

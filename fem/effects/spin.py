@@ -54,7 +54,10 @@ class Spin(Effect):
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the densities of the members."""
         return tuple(
-            (e.name, p.name) for e in model.of_kind(Frame) for p in e.parameters() if p.name.startswith("rho:")
+            (e.name, p.name)
+            for e in model.of_kind(Frame)
+            for p in e.parameters()
+            if p.name.startswith("rho:")
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:

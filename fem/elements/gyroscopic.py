@@ -7,7 +7,7 @@ from fem.elements.layout import Layout
 from fem.elements.lines import NO_CHANGE, Lines, inertias, n_gauss, some_lines
 from fem.elements.matrices import lumped_masses, to_global
 from fem.elements.quadrature import gauss_points
-from fem.elements.rigid_zones import zone_masses
+from fem.elements.rigid_zones import zone_sections
 from fem.model import Array
 
 
@@ -28,15 +28,13 @@ def unit_gyroscopic(g: Lines, layout: Layout) -> Array:
     if lumped.any():
         some, T = some_lines(g, np.flatnonzero(lumped)), g.T_nodes[lumped]
         polar, ends = lumped_masses(some), np.eye(12)
-        own = sum(
-            polar[:, k + 3, None, None] * _turned(ends[k + 4][None], ends[k + 5][None]) for k in (0, 6)
-        )
+        own = sum(polar[:, k + 3, None, None] * _turned(ends[k + 4][None], ends[k + 5][None]) for k in (0, 6))
         C[lumped] = np.swapaxes(T, 1, 2) @ own @ T
     for k in (0, 1):
         zone = np.flatnonzero(g.zone[:, k])
         if zone.size:
             some = some_lines(g, zone)
-            polar = _about_axis(some, zone_masses(layout, some, k, NO_CHANGE)[:, 3:, 3:])
+            polar = some.rho * some.zone[:, k] * zone_sections(layout, some, k, NO_CHANGE)[3]
             turn = slice(3 + 6 * k, 6 + 6 * k)
             C[zone, turn, turn] += polar[:, None, None] * _turned(some.R[:, 1], some.R[:, 2])
     return C
@@ -46,10 +44,4 @@ def _turned(y: Array, z: Array) -> Array:
     """Return yᵀz - zᵀy of rows (b, m), shape (b, m, m)."""
     outer = y[:, :, None] * z[:, None, :]
     out: Array = outer - np.swapaxes(outer, 1, 2)
-    return out
-
-
-def _about_axis(g: Lines, inertia: Array) -> Array:
-    """Return the inertia about the lines' axes of bodies that lie on them, (b,)."""
-    out: Array = np.einsum("bi,bij,bj->b", g.R[:, 0], inertia, g.R[:, 0])
     return out

@@ -1,24 +1,29 @@
 """Rotors against closed forms: discs on massless shafts, free precession, spinning shafts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as sla
 
+from fem.analysis.campbell import solve_campbell
 from fem.analysis.complex_modes import DENSE_LIMIT, solve_complex_modes
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.whirl import whirl, whirl_name
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.rotor import Rotor
+from fem.effects.spin import Spin
 from fem.materials import Material
-from fem.model import Damping
+from fem.model import Damping, ModelError, skew
 from fem.sections.section import Section
-from fem.system import assemble
-from tests.frames import beam, cross_beam, fix
+from fem.system import assemble, rigid_motions
+from tests.frames import FLAT, STEEL, beam, cross_beam, fix
 
 LIGHT = Material("light", 210e9, 1e-6)
 ROUND = Section.circle(0.02)
 MASS, IT, IP = 3.0, 0.01, 0.018
+OFF = np.array([0.0, 0.02, 0.02])
 
 
 def overhung(momentum, length=0.4):
@@ -114,3 +119,111 @@ def test_poles_with_a_rotor_are_those_of_the_state_space(damped):
     assert modes.converged
     # rounding of the state space is that of its fastest pole
     np.testing.assert_allclose(modes.poles, exact, atol=1e-15 * w * len(K), rtol=1e-6)
+
+
+SLENDER = replace(Section.circle(0.06), ky=0.0, kz=0.0)
+"""Rotary inertia without shear: Rayleigh's beam."""
+
+
+def pinned_shaft(n, length=1.0):
+    ends = (fix(0, ("x", "y", "z", "rx")), fix(1, ("y", "z")))
+    return beam(n, length, effects=ends, section=SLENDER, theory="timoshenko", spin=1.0)
+
+
+def pinned_whirl(k, speed, length=1.0):
+    """Return forward and backward whirl of a pinned Rayleigh shaft in its k-th shape.
+
+    (1 + r²β²) ω² - 2 r²β² Ω ω - EI β⁴/ρA = 0, r² = I/A, since the polar inertia is twice that of bending.
+    """
+    beta = k * np.pi / length
+    ratio = SLENDER.Iy / SLENDER.A * beta**2
+    bend = STEEL.E * SLENDER.Iy * beta**4 / (STEEL.rho * SLENDER.A)
+    roots = np.real(np.roots([1 + ratio, -2 * ratio * speed, -bend]))
+    return np.sort(roots)[::-1]
+
+
+def test_a_spinning_rayleigh_shaft():
+    """Errors fall with the fourth power of the element, and are about those (βh)⁴/1440 of a beam at rest."""
+    speed, error = 60000.0, {}
+    for n in (8, 16):
+        model = pinned_shaft(n).with_effect(Spin(name="spin", speed=speed))
+        modes = solve_complex_modes(assemble(model, reciprocal=False), 10)
+        sense = whirl(model, modes.poles, modes.shapes)
+        for sign in (1, -1):
+            mine = np.sort(modes.poles[np.nan_to_num(sense) * sign > 0.5].imag)[:2]
+            exact = [abs(pinned_whirl(k, speed)[0 if sign > 0 else 1]) for k in (1, 2)]
+            error[n, sign] = mine / exact - 1
+    split = pinned_whirl(1, speed)
+    assert split[0] > 1.3 * abs(split[1]), "the gyroscopic effect is not small"
+    for sign in (1, -1):
+        coarse, fine = error[8, sign], error[16, sign]
+        np.testing.assert_allclose(coarse / fine, 16, rtol=0.1)
+        bound = (np.pi * np.array([1, 2]) / 16) ** 4 / 1440
+        assert (abs(fine) < 2 * bound).all()
+        assert (abs(fine) > 0.1 * bound).all()
+
+
+def test_a_rayleigh_shaft_at_its_critical_speeds():
+    """At ω = Ω the forward whirl has Ω² = EIβ⁴/ρA / (1 - r²β²), the backward one / (1 + 3 r²β²)."""
+    model = pinned_shaft(16)
+    beta = np.pi
+    ratio, bend = SLENDER.Iy / SLENDER.A * beta**2, STEEL.E * SLENDER.Iy * beta**4 / (STEEL.rho * SLENDER.A)
+    exact = np.sqrt([bend / (1 + 3 * ratio), bend / (1 - ratio)])
+    found = solve_campbell(model, np.linspace(0, 1.2 * exact[1], 6), 4)
+    lowest = [c for c in found.critical if np.isfinite(c.whirl)][:2]
+    assert [whirl_name(c.whirl) for c in lowest] == ["backward", "forward"]
+    np.testing.assert_allclose([c.speed for c in lowest], exact, rtol=2 * (beta / 16) ** 4 / 1440)
+    # without damping the critical speeds of order k solve K x = Ω² (k²M - ikG) x, which is Hermitian
+    system = assemble(model)
+    unit = model.with_effect(Spin(name="spin", speed=1.0))
+    G = assemble(unit, reciprocal=False).C.toarray()
+    K, M = system.K.toarray(), system.M.toarray()
+    for order in (1.0, 2.0):
+        mu = sla.eigh(order**2 * M - 1j * order * G, K, eigvals_only=True)
+        direct = 1 / np.sqrt(mu[::-1][:3])
+        again = solve_campbell(model, np.linspace(0, 1.2 * exact[1], 6), 4, [order]).critical
+        np.testing.assert_allclose([c.speed for c in again[:2]], direct[:2], rtol=1e-7)
+
+
+def test_spin_is_linear_in_speed_and_rotation_of_the_frame():
+    """C of lumped, offset and rigid-ended shafts keeps the angular momentum ρ Ip L Ω for a rigid turn."""
+    for more in (
+        {},
+        {"mass": "lumped"},
+        {"rigid1": 0.1, "offset1": OFF, "offset2": OFF},
+        {"mass": "higher-order"},
+    ):
+        model = beam(
+            3, 0.9, along=(1, 2, -2), section=ROUND, theory="timoshenko", spin=-2.0, **more
+        ).with_effect(Spin(name="spin", speed=7.0))
+        C = assemble(model, reciprocal=False)
+        full = np.asarray((C.Q @ C.C @ C.Q.T).todense())
+        np.testing.assert_allclose(full, -full.T, atol=1e-15 * abs(full).max())
+        turns = rigid_motions(model)[:, 3:6]
+        turns = turns / turns[3, 0]  # by 1 rad
+        axis = np.array([1, 2, -2]) / 3
+        momentum = -2.0 * 7.0 * STEEL.rho * ROUND.Ip * 0.9
+        np.testing.assert_allclose(turns.T @ full @ turns, -momentum * skew(axis), atol=1e-12 * abs(momentum))
+
+
+def test_what_cannot_spin_is_refused():
+    def spun(**more):
+        return Spin(name="spin", speed=1.0).contribute(
+            beam(2, 1.0, spin=1.0, **{"section": ROUND, "theory": "timoshenko", **more})
+        )
+
+    with pytest.raises(ModelError, match="'beam' cannot spin: its theory is 'euler-bernoulli'"):
+        spun(theory="euler-bernoulli")
+    with pytest.raises(ModelError, match="a shaft that is not round"):
+        spun(section=FLAT)
+    flat = AddedMass(name="vane", point=2, mass=1.0, inertia=np.diag([3.0, 1.0, 2.0]))
+    with pytest.raises(ModelError, match="'vane' cannot spin: its inertia .* spins = false"):
+        spun(effects=(flat,))
+    assert spun(effects=(replace(flat, spins=False),))
+    aside = AddedMass(name="aside", point=2, mass=1.0, inertia=np.eye(3), arm=np.array([0, 0.1, 0]))
+    with pytest.raises(ModelError, match="its centre lies off the axis"):
+        spun(effects=(aside,))
+    with pytest.raises(ModelError, match="no member spins"):
+        solve_campbell(beam(2), [0, 1])
+    with pytest.raises(ModelError, match="an order is -1"):
+        solve_campbell(pinned_shaft(2), [0, 1], orders=[-1])
