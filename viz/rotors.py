@@ -20,7 +20,7 @@ _WORDS = {
     "forward": "forward whirl",
     "backward": "backward whirl",
     "planar": "in a plane",
-    "": "no rotor turns",
+    "": "tilts no rotor",
 }
 RPM = 60 / (2 * np.pi)
 """1 rad/s in turns a minute."""
@@ -55,7 +55,7 @@ def plot_campbell(found: Campbell, orders: Sequence[float] = (1.0,), title: str 
             end = min(rpm[-1], 60 * highest / order)
             top.plot([0, end], [0, order * end / 60], color=style.MUTED, linestyle="--", linewidth=0.9)
             top.annotate(
-                f"{order:g}X", (end, order * end / 60), xytext=(-3, -3), textcoords="offset points",
+                f"{order:g}X", (end, order * end / 60), xytext=(-12, -2), textcoords="offset points",
                 ha="right", va="top", color=style.MUTED,
             )  # fmt: skip
         top.plot(

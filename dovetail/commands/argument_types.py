@@ -99,8 +99,8 @@ def speed_range(text: str) -> tuple[float, float, int]:
         first, last, number = 0.0, 0.0, 0
     if len(parts) != 3 or not 0 <= first < last < float("inf") or not 2 <= number <= 2000:
         msg = (
-            f"'{text}' is not allowed; FIRST:LAST:NUMBER is needed, such as 0:30000:51, speeds that rise from 0 "
-            "or more, 2 to 2000 of them"
+            f"'{text}' is not allowed; FIRST:LAST:NUMBER is needed, such as 0:30000:51, speeds that rise "
+            "from 0 or more, 2 to 2000 of them"
         )
         raise argparse.ArgumentTypeError(msg)
     return first, last, number

@@ -92,7 +92,8 @@ def run(options: Options, progress: Progress) -> None:
     )
     say(
         options,
-        f"{study.name}: {study.model.mesh.n_lines} elements, {number} speeds from {first:g} to {last:g} 1/min",
+        f"{study.name}: {study.model.mesh.n_lines} elements, {number} speeds from {first:g} to {last:g} "
+        "turns a minute",
         *_critical_lines(found),
         *_table(rpm, found),
         *_unstable(rpm, found),
@@ -132,10 +133,15 @@ def _critical_lines(found: Campbell) -> list[str]:
         return ["no order meets a natural frequency within these speeds"]
     rows = [
         f"{c.speed / RPM:12.2f}  {c.order:5g}X  {c.branch + 1:6d}  {c.pole.imag / (2 * np.pi):12.4f}"
-        f"  {100 * c.zeta:9.4f}   {whirl_name(c.whirl)}"
+        f"  {_percent(c.zeta):9.4f}   {whirl_name(c.whirl) or 'no tilt'}"
         for c in found.critical
     ]
     return ["critical 1/min   order  branch  frequency Hz  damping %   whirl", *rows]
+
+
+def _percent(zeta: float) -> float:
+    """Return a damping ratio in percent, rounding as 0."""
+    return round(100 * zeta, 9) + 0.0
 
 
 def _table(rpm: np.ndarray, found: Campbell) -> list[str]:
@@ -150,7 +156,7 @@ def _table(rpm: np.ndarray, found: Campbell) -> list[str]:
     ]
     return [
         "",
-        "damped natural frequencies [Hz] (F forward, B backward, P in a plane)",
+        "damped natural frequencies [Hz] (F forward, B backward, P in a plane; others tilt no rotor)",
         f"{'1/min':>12}" + "".join(f"{name:>11}" for name in head),
         *rows,
     ]

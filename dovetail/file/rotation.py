@@ -27,8 +27,8 @@ def read_rotation(top: Table, model: Model, notes: list[str]) -> Model:
         return at_speed(model, rpm)
     if shafts and rpm is None:
         notes.append(
-            f"no [rotation] rpm is given: {', '.join(shafts)} stand still, but for the speeds of dovetail "
-            "campbell and complex --rpm"
+            f"no [rotation] rpm is given: members with a spin ({', '.join(shafts)}) stand still, but for the "
+            "speeds of dovetail campbell and complex --rpm"
         )
     return model
 

@@ -70,8 +70,9 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
     factor = lowest_factor(system, first)
     if factor <= 1:
         msg = (
-            f"load case '{case.name}' makes the structure buckle at {factor:.4g} times its size: second-order "
-            "displacements exist for factors above 1 only; reduce the load or stiffen the structure"
+            f"load case '{case.name}' makes the structure buckle at {factor:.4g} times its size: "
+            "second-order displacements exist for factors above 1 only; reduce the load or stiffen the "
+            "structure"
         )
         raise ModelError(msg)
     solution = first

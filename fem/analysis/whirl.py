@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 from fem.declarations import Role
 from fem.model import Model
 
+Complex = NDArray[np.complex128]
+
 AT_REST = 1e-12
 """Part of a mode's energy below which its gyroscopic work is rounding: no rotor's axis turns [-]."""
 
@@ -13,12 +15,12 @@ PLANAR = 1e-6
 """Size of the whirl below which its sense is rounding [-]."""
 
 
-def whirl(model: Model, poles: NDArray[np.complex128], shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
+def whirl(model: Model, poles: Complex, shapes: Complex) -> NDArray[np.float64]:
     """Return the whirl of modes: 1 forward in circles, 0 in a plane, -1 backward in circles.
 
-    The rotations of a rotor's axis describe an ellipse. Its circularity, positive in the sense of the spin, is
-    averaged with the weight of the angular momentum: xᴴ(iG)x / xᴴ|G|x, G the skew matrix and |G| its
-    absolute value element by element. Frequencies of forward modes grow with the angular momentum.
+    The rotations of a rotor's axis describe an ellipse. Its circularity, positive in the sense of the spin,
+    is averaged with the weight of the angular momentum: xᴴ(iG)x / xᴴ|G|x, G the skew matrix and |G| its
+    absolute value element by element. Frequencies of forward modes grow with the momenta.
 
     Parameters
     ----------
@@ -30,7 +32,7 @@ def whirl(model: Model, poles: NDArray[np.complex128], shapes: NDArray[np.comple
     Returns
     -------
     ndarray (n,)
-        NaN of modes in which no rotor's axis turns, and of models without rotors.
+        NaN of modes that tilt no rotor's axis, and of models without rotors.
     """
     n = shapes.shape[1]
     work, most, energy = np.zeros(n), np.zeros(n), np.zeros(n)

@@ -131,14 +131,14 @@ def _axes(mesh: Mesh, member: str) -> NDArray[np.float64]:
 def _of_member(p: MemberProperties, axes: NDArray[np.float64]) -> Iterator[str]:
     if p.theory != "timoshenko":
         yield (
-            f"its theory is '{p.theory}', without rotary inertia, which is as large as the gyroscopic effect; "
-            "take 'timoshenko' (without shear deformation: a section with ky and kz of 0)"
+            f"its theory is '{p.theory}', without rotary inertia, which is as large as the gyroscopic "
+            "effect; take 'timoshenko' (without shear deformation: a section with ky and kz of 0)"
         )
     for section in (p.section, *([] if p.section2 is None else [p.section2])):
         if abs(section.Iy - section.Iz) > _ROUNDING * max(section.Iy, section.Iz):
             yield (
-                f"its section '{section.label}' has Iy = {section.Iy:.4g} and Iz = {section.Iz:.4g} m⁴; a shaft "
-                "that is not round has a stiffness that turns with it, and no constant matrices"
+                f"its section '{section.label}' has Iy = {section.Iy:.4g} and Iz = {section.Iz:.4g} m⁴; a "
+                "shaft that is not round has a stiffness that turns with it, and no constant matrices"
             )
     if (np.linalg.norm(axes - axes[0], axis=1) > _ROUNDING).any():
         yield "it is not straight, and has no one axis; divide it into straight members"

@@ -217,7 +217,7 @@ def test_what_cannot_spin_is_refused():
     with pytest.raises(ModelError, match="a shaft that is not round"):
         spun(section=FLAT)
     flat = AddedMass(name="vane", point=2, mass=1.0, inertia=np.diag([3.0, 1.0, 2.0]))
-    with pytest.raises(ModelError, match="'vane' cannot spin: its inertia .* spins = false"):
+    with pytest.raises(ModelError, match=r"'vane' cannot spin: its inertia .* spins = false"):
         spun(effects=(flat,))
     assert spun(effects=(replace(flat, spins=False),))
     aside = AddedMass(name="aside", point=2, mass=1.0, inertia=np.eye(3), arm=np.array([0, 0.1, 0]))

@@ -1,7 +1,7 @@
 """Published rotors: Friswell, Penny, Garvey and Lees, Dynamics of Rotating Machines (2010), section 5.9.
 
-The numbers are those that ROSS 2 publishes for the same meshes (R. Timbó et al., J. Open Source Softw. 5, 2020,
-2120): examples 3 and 4 of its user guide, and its tests of critical speeds.
+The numbers are those that ROSS publishes for the same meshes (R. Timbó et al., J. Open Source Softw. 5,
+2020): examples 3 and 4 of its user guide, and its tests of critical speeds.
 """
 
 import numpy as np
