@@ -54,9 +54,9 @@ def plot_campbell(found: Campbell, orders: Sequence[float] = (1.0,), title: str 
         for order in orders:
             end = min(rpm[-1], 60 * highest / order)
             top.plot([0, end], [0, order * end / 60], color=style.MUTED, linestyle="--", linewidth=0.9)
-            top.annotate(
-                f"{order:g}X", (end, order * end / 60), xytext=(-12, -2), textcoords="offset points",
-                ha="right", va="top", color=style.MUTED,
+            top.text(
+                0.95 * end, 0.95 * order * end / 60, f"{order:g}X", ha="center", va="center",
+                color=style.MUTED, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
             )  # fmt: skip
         top.plot(
             [c.speed * RPM for c in found.critical],

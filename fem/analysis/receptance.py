@@ -75,10 +75,9 @@ class Locals:
 
 
 def locals_of(system: System, *, reciprocal: bool = True) -> Locals:
-    """Separate a system's own damping into local and wide parts.
+    """Separate a system's own damping into local and wide parts; rotors too if ``reciprocal`` is False.
 
-    Each local element gives an orthonormal basis of the range of its C, D and K with a law. Rotors are
-    refused unless ``reciprocal`` is False.
+    Each local element gives an orthonormal basis of the range of its C, D and K with a law.
     """
     if reciprocal:
         refuse_unsymmetric(system.model)

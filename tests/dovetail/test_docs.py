@@ -11,8 +11,8 @@ from fem.system import assemble
 
 TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "rotation", "damping",
-    "uncertain", "candidates", "fit", "frequency", "modes", "baseline", "identification", "update", "[supports]",
-    "[joints]",
+    "uncertain", "candidates", "fit", "frequency", "modes", "baseline", "identification", "update",
+    "[supports]", "[joints]",
     "[masses]", "[loads]", "[combinations]", "[envelopes]", "[effects]", "[update.parameters]",
     "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip

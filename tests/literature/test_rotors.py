@@ -96,3 +96,15 @@ def test_critical_speeds(discs, published):
     np.testing.assert_allclose(speeds, published, rtol=2e-4)
     for c in found.critical:
         assert c.pole.imag == pytest.approx(c.speed, rel=1e-8)
+
+
+def test_branches_keep_their_whirl_where_they_cross():
+    """Of equal bearings forward and backward modes cross; 8 speeds are as good as 57 to follow them."""
+    model = rotor(6, TWO_DISCS, (0.0, 1.5))
+    fine, coarse = (solve_campbell(model, np.linspace(0, 2000, n), 8) for n in (57, 8))
+    assert (np.diff(fine.frequency, axis=1) < 0).any(), "none cross"
+    for k in range(8):
+        known = fine.whirl[1:, k][np.isfinite(fine.whirl[1:, k])]
+        assert known.size == 0 or (np.sign(known) == np.sign(known[0])).all()
+    assert fine.likeness[1:, :8].min() > 0.9
+    np.testing.assert_allclose(fine.frequency[8::8, :8], coarse.frequency[1:, :8], rtol=1e-9)
