@@ -153,7 +153,7 @@ class Study(config.Study):
         ModelError
             As :func:`fem.analysis.statics.solve_static`.
         """
-        return solve_static(assemble(self.model), self._load_cases(cases))
+        return solve_static(assemble(self.model, reciprocal=False), self._load_cases(cases))
 
     def second_order(self, *cases: str) -> tuple[SecondOrder, ...]:
         """Return the second-order responses (P-Δ) to load cases and combinations of the study.
@@ -170,7 +170,7 @@ class Study(config.Study):
         ModelError
             As :func:`fem.analysis.second_order.solve_second_order`.
         """
-        system = assemble(self.model)
+        system = assemble(self.model, reciprocal=False)
         return tuple(solve_second_order(system, case) for case in self._load_cases(cases))
 
     def _load_cases(self, names: Collection[str]) -> list[LoadCase]:

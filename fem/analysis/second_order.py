@@ -78,7 +78,7 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
     solution = first
     for k in range(_ROUNDS):
         try:
-            new = solve_static(assemble(prestressed(system.model, solution)), case)
+            new = solve_static(assemble(prestressed(system.model, solution), reciprocal=False), case)
         except ModelError as reason:
             msg = (
                 f"load case '{case.name}': under its second-order forces the structure is not stable, though "

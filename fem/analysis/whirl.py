@@ -28,6 +28,7 @@ def whirl(model: Model, poles: Complex, shapes: Complex) -> NDArray[np.float64]:
     poles : ndarray of complex (n,)
         s, with Im s ≥ 0 [rad/s].
     shapes : ndarray of complex (n_dof, n)
+        With the modal A of :class:`fem.analysis.complex_modes.ComplexModes`.
 
     Returns
     -------
@@ -35,11 +36,7 @@ def whirl(model: Model, poles: Complex, shapes: Complex) -> NDArray[np.float64]:
         NaN of modes that tilt no rotor's axis, and of models without rotors.
     """
     n = shapes.shape[1]
-    work, most, energy = np.zeros(n), np.zeros(n), np.zeros(n)
-    for c in model.contributions():
-        if c.M is not None:
-            x = shapes[c.dofs]
-            energy += np.real(np.einsum("bin,bij,bjn->n", x.conj(), c.M, x, optimize=True))
+    work, most = np.zeros(n), np.zeros(n)
     for effect in model.effects:
         if Role.GYROSCOPIC not in effect.role:
             continue
@@ -50,7 +47,7 @@ def whirl(model: Model, poles: Complex, shapes: Complex) -> NDArray[np.float64]:
             size = np.abs(np.einsum("bji,bjn->bin", vectors.conj(), shapes[c.dofs])) ** 2
             work += np.einsum("bi,bin->n", values, size)
             most += np.einsum("bi,bin->n", np.abs(values), size)
-    turns = most > AT_REST * np.abs(poles) * energy
+    turns = most > AT_REST * np.abs(poles)  # modal A of 2i Im s: an energy of about |s|²
     return np.divide(work, most, out=np.full(n, np.nan), where=turns)
 
 

@@ -211,8 +211,9 @@ def test_complex_at_a_speed(rotor, capsys):
     model = at_speed(load_study(rotor).model, 3000)
     direct = solve_complex_modes(assemble(model, reciprocal=False), 4)
     assert [m["frequency_Hz"] for m in found["modes"]] == pytest.approx(direct.frequency.tolist())
-    rotor.write_text(ROTOR + "[rotation]\nrpm = 3000\n", encoding="utf-8")
+    rotor.write_text(ROTOR + "[[loads]]\ngravity = [0, 0, -9.81]\n[rotation]\nrpm = 3000\n", encoding="utf-8")
     again = printed(capsys, "complex", rotor, "--number", "4", "--json", "-")
+    assert main(["static", str(rotor)]) == 0  # a load does not feel the spin
     assert again["modes"][1]["frequency_Hz"] == pytest.approx(direct.frequency[1])
 
 
