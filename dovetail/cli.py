@@ -14,6 +14,7 @@ from typing import Any
 from dovetail.commands import (
     base,
     buckling,
+    campbell,
     candidates,
     check,
     compare,
@@ -41,9 +42,9 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, complex_modes, frf, frf_estimate, base, static, buckling, transient, spectrum, psd,
-    open_desk, run, report, compare, candidates, locate, diagnose, identify_modes, match, update,
-    identify_joint, validate,
+    new, check, modes, complex_modes, campbell, frf, frf_estimate, base, static, buckling, transient,
+    spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose, identify_modes, match,
+    update, identify_joint, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 

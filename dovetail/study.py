@@ -37,7 +37,9 @@ from dovetail.report import words
 from dovetail.result import RunResult
 from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
+from fem.analysis.loads import LoadCase
 from fem.analysis.modes import Modes, first_modes
+from fem.analysis.second_order import SecondOrder, solve_second_order
 from fem.analysis.statics import StaticSolution, solve_static
 from fem.connection_damping import ConnectionDamping
 from fem.effects import candidate_kinds
@@ -151,15 +153,37 @@ class Study(config.Study):
         ModelError
             As :func:`fem.analysis.statics.solve_static`.
         """
+        return solve_static(assemble(self.model, reciprocal=False), self._load_cases(cases))
+
+    def second_order(self, *cases: str) -> tuple[SecondOrder, ...]:
+        """Return the second-order responses (P-Δ) to load cases and combinations of the study.
+
+        Parameters
+        ----------
+        *cases : str
+            Names of load cases and combinations; all unless given.
+
+        Raises
+        ------
+        StudyError
+            As :meth:`static`.
+        ModelError
+            As :func:`fem.analysis.second_order.solve_second_order`.
+        """
+        system = assemble(self.model, reciprocal=False)
+        return tuple(solve_second_order(system, case) for case in self._load_cases(cases))
+
+    def _load_cases(self, names: Collection[str]) -> list[LoadCase]:
+        """Return load cases and combinations by name, all unless names are given."""
         known = {c.name: c for c in self.loads.all_cases(self.model)}
         if not known:
             msg = f"{self.path.name}: the study has no loads; give [[loads]]"
             raise StudyError(msg)
-        for name in cases:
+        for name in names:
             if name not in known:
                 msg = f"there is no load case or combination '{name}'; {suggest(name, known)}"
                 raise StudyError(msg)
-        return solve_static(assemble(self.model), [known[name] for name in cases or known])
+        return [known[name] for name in names or known]
 
     def require_ends(self) -> None:
         """Raise a :class:`StudyError` if the study has no sensors or no excitations."""

@@ -10,8 +10,9 @@ units, frequencies in Hz, e^{+iωt}; axes and signs are in `docs/conventions.md`
 
     properties            Material, Section, MemberProperties, Frame, Support, Joint, AddedMass, RigidLink,
                           MultiPointConstraint, Viscoelastic, TabulatedStiffness, Superelement, Damping
-    static                solve_static, prestressed, solve_buckling
-    modes                 solve_modes, solve_complex_modes, compute_participation, compute_energies
+    static                solve_static, solve_second_order, prestressed, solve_buckling
+    modes                 solve_modes, solve_complex_modes, solve_campbell, compute_participation,
+                          compute_energies
     frequency responses   compute_frf, frf_blocks, compute_base_frf
     derivatives           differentiate_modes, differentiate_frf
     fewer coordinates     `fem.reduction`: condensation (Guyan, dynamic, IRS, SEREP, Craig-Bampton),
@@ -22,6 +23,7 @@ units, frequencies in Hz, e^{+iωt}; axes and signs are in `docs/conventions.md`
 
 from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.buckling import BucklingModes, solve_buckling
+from fem.analysis.campbell import Campbell, solve_campbell
 from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
 from fem.analysis.frf import FRF, Accuracy, FRFError, FRFKind
 from fem.analysis.frf_solver import compute_frf, frf_blocks
@@ -34,6 +36,7 @@ from fem.analysis.loads import (
 )
 from fem.analysis.modes import MechanismError, Modes, UnstableError, solve_modes
 from fem.analysis.participation import Energies, Participation, compute_energies, compute_participation
+from fem.analysis.second_order import SecondOrder, solve_second_order
 from fem.analysis.statics import StaticSolution, solve_static
 from fem.checks import Defect, check_mesh, check_model
 from fem.effects import (
@@ -67,6 +70,7 @@ __all__ = [
     "AddedMass",
     "Attachment",
     "BucklingModes",
+    "Campbell",
     "ComplexModes",
     "Constraint",
     "Contribution",
@@ -102,6 +106,7 @@ __all__ = [
     "PropertyError",
     "Reduction",
     "RigidLink",
+    "SecondOrder",
     "Section",
     "StaticSolution",
     "Superelement",
@@ -123,7 +128,9 @@ __all__ = [
     "prestressed",
     "reassemble",
     "solve_buckling",
+    "solve_campbell",
     "solve_complex_modes",
     "solve_modes",
+    "solve_second_order",
     "solve_static",
 ]

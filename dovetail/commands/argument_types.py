@@ -78,6 +78,34 @@ def positive(text: str) -> float:
     return value
 
 
+def finite(text: str) -> float:
+    """Read a finite number of either sign."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        msg = f"'{text}' is not allowed; a number is needed"
+        raise argparse.ArgumentTypeError(msg)
+    return value
+
+
+def speed_range(text: str) -> tuple[float, float, int]:
+    """Read ``FIRST:LAST:NUMBER``: a range of speeds from 0 on, and how many there are."""
+    parts = text.split(":")
+    try:
+        first, last, number = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        first, last, number = 0.0, 0.0, 0
+    if len(parts) != 3 or not 0 <= first < last < float("inf") or not 2 <= number <= 2000:
+        msg = (
+            f"'{text}' is not allowed; FIRST:LAST:NUMBER is needed, such as 0:30000:51, speeds that rise "
+            "from 0 or more, 2 to 2000 of them"
+        )
+        raise argparse.ArgumentTypeError(msg)
+    return first, last, number
+
+
 def values_by_name(text: str) -> dict[str, float]:
     """Read values of parameters, ``mass=0.45,position=0.12``."""
     values: dict[str, float] = {}

@@ -14,6 +14,7 @@ from fem.analysis.modes import Modes
 from fem.elements.frame import Frame
 from fem.io import write_fields
 from fem.model import Model
+from fem.system import assemble
 from viz.offscreen import require_drawing
 
 HELP = "compute load factors and shapes of linear buckling"
@@ -52,7 +53,8 @@ def run(options: Options, progress: Progress) -> None:
     study = loaded(options, ())
     progress("solving for load factors")
     solution = solved_case(study, options.case)
-    found = solve_buckling(study.model, solution, options.number, sign=options.sign)
+    system = assemble(study.model, reciprocal=False)
+    found = solve_buckling(system, solution, options.number, sign=options.sign)
     if options.vtu is not None:
         names = [f"shape {k + 1}: factor {f:.6g}" for k, f in enumerate(found.factors)]
         motions = dict(zip(names, found.shapes.T, strict=True))

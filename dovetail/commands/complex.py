@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.argument_types import finite, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
 from dovetail.commands.load_cases import add_pictures
 from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
+from dovetail.file.rotation import at_speed
 from fem.analysis.complex_modes import solve_complex_modes
+from fem.analysis.whirl import whirl, whirl_name
 from fem.io import write_modes
 from fem.system import assemble
 from updating.correlation.complexity import modal_phase_collinearity
@@ -32,6 +34,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--out", type=Path, metavar="FILE", help=f"also write the oscillating modes: {', '.join(_FORMATS)}"
     )
+    p.add_argument(
+        "--rpm",
+        type=finite,
+        metavar="N",
+        help="speed of the members with a spin, turns a minute (default: [rotation] rpm of the study)",
+    )
     add_pictures(p, "each oscillating mode")
 
 
@@ -47,7 +55,8 @@ def run(options: Options, progress: Progress) -> None:
         require_drawing("--pictures")
     study = loaded(options, ())
     progress("solving for complex modes")
-    found = solve_complex_modes(assemble(study.model), options.number)
+    model = study.model if options.rpm is None else at_speed(study.model, options.rpm)
+    found = solve_complex_modes(assemble(model, reciprocal=False), options.number)
     modes = found.as_modes()
     if options.out is not None:
         write_modes(modes, study.model.mesh, options.out)
@@ -62,7 +71,8 @@ def run(options: Options, progress: Progress) -> None:
     n = 6 * study.model.mesh.n_points
     moved = found.shapes[:n].reshape(-1, 6, found.n_modes)[:, :3].reshape(-1, found.n_modes)
     collinearity = modal_phase_collinearity(moved)
-    columns = found.frequency, found.damped_frequency, found.zeta, collinearity
+    turning = whirl(model, found.poles, found.shapes)
+    columns = found.frequency, found.damped_frequency, found.zeta, collinearity, turning
     write_json(
         options.json,
         {
@@ -75,15 +85,10 @@ def run(options: Options, progress: Progress) -> None:
                     "damped_frequency_Hz": d,
                     "damping_ratio": z,
                     "modal_phase_collinearity": c,
+                    "whirl": w,
+                    "whirl_sense": whirl_name(w),
                 }
-                for pole, f, d, z, c in zip(
-                    found.poles,
-                    found.frequency,
-                    found.damped_frequency,
-                    found.zeta,
-                    collinearity,
-                    strict=True,
-                )
+                for pole, f, d, z, c, w in zip(found.poles, *columns, strict=True)
             ],
             "converged": found.converged,
             "largest_residual": float(np.max(found.residual, initial=0.0)),
@@ -92,8 +97,8 @@ def run(options: Options, progress: Progress) -> None:
         },
     )
     rows = [
-        f"{k + 1:5d}  {f:12.4f}  {d:12.4f}  {100 * z:9.4f}  {c:6.3f}{'' if d else '   overdamped'}"
-        for k, (f, d, z, c) in enumerate(zip(*columns, strict=True))
+        f"{k + 1:5d}  {f:12.4f}  {d:12.4f}  {100 * z:9.4f}  {c:6.3f}{_words(d, w)}"
+        for k, (f, d, z, c, w) in enumerate(zip(*columns, strict=True))
     ]
     say(
         options,
@@ -104,3 +109,9 @@ def run(options: Options, progress: Progress) -> None:
         *notes_of_mesh(study),
         *assumptions(study),
     )
+
+
+def _words(damped: float, turning: float) -> str:
+    """Return the words behind a mode: overdamped, or the sense of its whirl."""
+    words = [*([] if damped else ["overdamped"]), *([] if np.isnan(turning) else [whirl_name(turning)])]
+    return "".join(f"   {word}" for word in words)

@@ -9,12 +9,11 @@ import numpy as np
 from dovetail.commands.argument_types import whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
 from dovetail.commands.load_cases import add_cases, add_pictures, file_name, place_of_point, solved
+from dovetail.commands.static_cases import StaticCases, factor_fields, factor_words
 from dovetail.disk.output import Output, Progress, result_folder, write_json
 from dovetail.study import Study
 from fem.analysis.combinations import envelope
 from fem.analysis.section_forces import SECTION_FORCES
-from fem.analysis.statics import StaticSolution
-from fem.analysis.stations import forces_on_lines, stations
 from fem.elements.frame import Frame
 from fem.io import write_fields
 from fem.model import DIRECTIONS
@@ -32,6 +31,12 @@ Fields = dict[str, Any]
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     add_cases(p)
+    p.add_argument(
+        "--second-order",
+        action="store_true",
+        help="in equilibrium on the displaced structure (P-Delta), each case and combination by itself; "
+        "loads at or beyond buckling are refused",
+    )
     p.add_argument(
         "--pieces",
         type=whole_up_to(1000),
@@ -59,7 +64,10 @@ def run(options: Options, progress: Progress) -> None:
         require_drawing("--pictures")
     study = loaded(options, ())
     progress("solving for the load cases")
-    solution = solved(study, options)
+    if options.second_order:
+        solution = StaticCases.of_second_order(study.second_order(*dict.fromkeys(options.case)))
+    else:
+        solution = StaticCases((solved(study, options),))
     envelopes = {
         name: columns
         for name, of in study.loads.envelopes.items()
@@ -70,13 +78,14 @@ def run(options: Options, progress: Progress) -> None:
     if options.pictures is not None:
         _draw(options, solution, progress)
     progress.close()
-    members = {m: stations(solution, m, options.pieces) for m in study.model.mesh.members}
-    on_lines = forces_on_lines(solution, 4)
+    members = {m: solution.stations(m, options.pieces) for m in study.model.mesh.members}
+    on_lines = solution.forces_on_lines(4)
     write_json(
         options.json,
         {
             "study": study.name,
             "section_forces": SECTION_FORCES,
+            **factor_fields(solution),
             "cases": {
                 name: _case_fields(study, solution, members, k) for k, name in enumerate(solution.cases)
             },
@@ -91,7 +100,7 @@ def run(options: Options, progress: Progress) -> None:
     say(
         options,
         f"{study.name}: {study.model.mesh.n_lines} elements, {len(solution.cases)} load case(s)",
-        *(line for k in range(solution.n_cases) for line in _case_lines(study, solution, on_lines, k)),
+        *(line for k in range(len(solution.cases)) for line in _case_lines(study, solution, on_lines, k)),
         *(
             line
             for name, columns in envelopes.items()
@@ -102,10 +111,10 @@ def run(options: Options, progress: Progress) -> None:
     )
 
 
-def _case_fields(study: Study, solution: StaticSolution, members: Fields, k: int) -> Fields:
+def _case_fields(study: Study, solution: StaticCases, members: Fields, k: int) -> Fields:
     """Return a load case's responses for JSON."""
     reactions: dict[str, dict[str, float]] = {}
-    for (name, direction), value in {**solution.reactions, **solution.springs}.items():
+    for (name, direction), value in solution.held.items():
         reactions.setdefault(name, {})[direction] = value[k]
     u = solution.displacements[:, k]
     return {
@@ -127,7 +136,7 @@ def _case_fields(study: Study, solution: StaticSolution, members: Fields, k: int
     }
 
 
-def _largest(study: Study, solution: StaticSolution, k: int) -> Fields:
+def _largest(study: Study, solution: StaticCases, k: int) -> Fields:
     """Return the largest displacement of a point and where it is."""
     n = study.model.mesh.n_points
     size = np.linalg.norm(solution.displacements[: 6 * n, k].reshape(n, 6)[:, :3], axis=1)
@@ -135,18 +144,19 @@ def _largest(study: Study, solution: StaticSolution, k: int) -> Fields:
     return {"m": size[point], "place": place_of_point(study, point), "at": study.model.mesh.points[point]}
 
 
-def _case_lines(study: Study, solution: StaticSolution, on_lines: np.ndarray, k: int) -> list[str]:
+def _case_lines(study: Study, solution: StaticCases, on_lines: np.ndarray, k: int) -> list[str]:
     """Return what is printed of a load case."""
     largest = _largest(study, solution, k)
     rows: dict[str, dict[str, float]] = {}
-    held = {**solution.reactions, **solution.springs}
+    held = solution.held
     rounding = _ROUNDING * max((abs(float(value[k])) for value in held.values()), default=0.0)
     for (name, direction), value in held.items():
         rows.setdefault(name, {})[direction] = float(value[k]) if abs(value[k]) > rounding else 0.0
     width = max([len(r) for r in rows] + [8])
     out = [
         "",
-        f"{solution.cases[k]}: largest displacement {1e3 * largest['m']:.4g} mm, {largest['place']}",
+        f"{solution.cases[k]}: largest displacement {1e3 * largest['m']:.4g} mm, {largest['place']}"
+        f"{factor_words(solution, solution.cases[k])}",
         f"  {'reaction':{width}} " + "".join(f"{d:>12}" for d in DIRECTIONS) + "   N, N·m",
     ]
     for name, row in rows.items():
@@ -166,9 +176,7 @@ def _case_lines(study: Study, solution: StaticSolution, on_lines: np.ndarray, k:
     return out
 
 
-def _envelope_fields(
-    study: Study, solution: StaticSolution, on_lines: np.ndarray, columns: list[int]
-) -> Fields:
+def _envelope_fields(study: Study, solution: StaticCases, on_lines: np.ndarray, columns: list[int]) -> Fields:
     """Return an envelope for JSON: least and largest values, and the load cases that give them."""
     names = [solution.cases[c] for c in columns]
 
@@ -184,7 +192,7 @@ def _envelope_fields(
         }
 
     reactions: dict[str, Fields] = {}
-    for (name, direction), value in {**solution.reactions, **solution.springs}.items():
+    for (name, direction), value in solution.held.items():
         reactions.setdefault(name, {})[direction] = fields(value[columns])
     return {
         "of": names,
@@ -197,7 +205,7 @@ def _envelope_fields(
 
 
 def _envelope_lines(
-    name: str, study: Study, solution: StaticSolution, on_lines: np.ndarray, columns: list[int]
+    name: str, study: Study, solution: StaticCases, on_lines: np.ndarray, columns: list[int]
 ) -> list[str]:
     """Return what is printed of an envelope: the range of each section force of each member."""
     found = _envelope_fields(study, solution, on_lines, columns)
@@ -211,21 +219,22 @@ def _envelope_lines(
     return ["", f"envelope {name} of {', '.join(found['of'])} [N, N·m]", f"  {'':{width}} {head}", *rows]
 
 
-def _write_fields(path: Path, study: Study, solution: StaticSolution) -> None:
+def _write_fields(path: Path, study: Study, solution: StaticCases) -> None:
     """Write displacements, and section forces in the middle of each element."""
-    middle = forces_on_lines(solution, 2)[:, 1]
+    middle = solution.forces_on_lines(2)[:, 1]
     lines = {q: middle[:, i] for i, q in enumerate(SECTION_FORCES)}
     motions = dict(zip(solution.cases, solution.displacements.T, strict=True))
     write_fields(path, study.model.mesh, motions, lines=lines, frame=study.model.of_kind(Frame)[0])
 
 
-def _draw(options: Options, solution: StaticSolution, progress: Progress) -> None:
+def _draw(options: Options, solution: StaticCases, progress: Progress) -> None:
     """Draw deflections, and the diagrams of section forces that are there."""
     from viz.diagrams import drawn_quantities, render_deflection, render_diagram
 
     with result_folder(options.pictures, options.force) as scratch:
         for k, name in enumerate(solution.cases):
-            progress("drawing", k, solution.n_cases)
-            render_deflection(solution, scratch / file_name(k + 1, name, "deflection"), k)
-            for quantity in drawn_quantities(solution, k):
-                render_diagram(solution, quantity, scratch / file_name(k + 1, name, quantity), k)
+            progress("drawing", k, len(solution.cases))
+            own, column = solution.column(k)
+            render_deflection(own, scratch / file_name(k + 1, name, "deflection"), column)
+            for quantity in drawn_quantities(own, column):
+                render_diagram(own, quantity, scratch / file_name(k + 1, name, quantity), column)

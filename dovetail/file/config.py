@@ -52,6 +52,7 @@ from dovetail.file.parts import (
     read_supports,
 )
 from dovetail.file.plausible import beside_implausible, implausible, path_of_request
+from dovetail.file.rotation import read_rotation
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from dovetail.file.settings import read_candidates, read_fit, read_frequency
 from dovetail.file.suspicions import LazyComparison, suspicions
@@ -87,6 +88,7 @@ TABLES = (
     "constraints",
     "superelements",
     "masses",
+    "rotation",
     "loads",
     "combinations",
     "envelopes",
@@ -270,7 +272,7 @@ class _Reader:
         mesh, aimed, chosen = self._refined(geometry.mesh, parts, highest, notes)
         damping, connection_damping = read_damping(top, self.path.parent, notes)
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping)
-        model = self._model(mesh, (*parts.frame, *more), damping, groups)
+        model = self._model(mesh, (*parts.frame, *more), damping, groups, notes)
 
         every, modes, faults = self._measured(raw, raw_modes, sensors, excitations, notes)
         phased = [r.phase for r in raw] if every else []
@@ -417,7 +419,12 @@ class _Reader:
         return fine, aimed, {name: float(h) for name, h, own in chosen if not own}
 
     def _model(
-        self, mesh: Mesh, effects: tuple[Effect, ...], damping: Damping, groups: Sequence[list[Sensor]]
+        self,
+        mesh: Mesh,
+        effects: tuple[Effect, ...],
+        damping: Damping,
+        groups: Sequence[list[Sensor]],
+        notes: list[str],
     ) -> Model:
         """Return the model with masses of sensors, the study's effects and values, and shear coefficients."""
         top = self.top
@@ -428,7 +435,7 @@ class _Reader:
             model = read_effects(top, model, *groups)
             shear = SectionShear.of(model)
             model = model.with_effect(shear) if shear and shear_std(top) else model
-            model = read_values(top, model)
+            model = read_rotation(top, read_values(top, model), notes)
             model.contributions()  # finds values that no matrix can be made of
         return model
 

@@ -218,6 +218,7 @@ def _properties(
             spring1=read("spring1", lambda t: _springs(t, "spring1"), {}),
             spring2=read("spring2", lambda t: _springs(t, "spring2"), {}),
             pretension=read("pretension", lambda t: t.number("pretension", unit="N"), 0.0),
+            spin=read("spin", lambda t: t.number("spin", unit="-"), 0.0),
         )
 
 
@@ -290,6 +291,7 @@ def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
             mass=t.number("mass", least=0, unit="kg"),
             inertia=inertia,
             arm=t.vector("arm", np.zeros(3)),
+            spins=t.flag("spins", True),
         )
         t.finish()
         out.append(mass)

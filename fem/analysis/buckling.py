@@ -98,9 +98,7 @@ def solve_buckling(
         raise ModelError(msg)
     system = model if isinstance(model, System) else assemble(model)
     solution = loads if isinstance(loads, StaticSolution) else solve_static(system, loads)
-    loaded = prestressed(system.model, solution, case)
-    full = sum_contributions(loaded.effect("prestress").contribute(loaded), loaded.n_dof)[0]
-    K_G = sp.csc_array(system.Q.T @ full @ system.Q)
+    loaded, K_G = _geometric(system, solution, case)
     if not K_G.count_nonzero():
         msg = "the load gives no member a section force that works on a motion it can make: nothing buckles"
         raise ModelError(msg)
@@ -114,6 +112,20 @@ def solve_buckling(
         for message in limits(loaded, solution, column, float(modes.factors[0]), modes.shapes[:, 0]):
             warnings.warn(message, stacklevel=2)
     return modes
+
+
+def lowest_factor(system: System, solution: StaticSolution, case: int | str = 0) -> float:
+    """Return the lowest positive load factor; infinite where a load does not make the structure buckle."""
+    K_G = _geometric(system, solution, case)[1]
+    mu = _largest(system, -K_G, 1, "positive")[0] if K_G.count_nonzero() else np.zeros(0)
+    return float(1 / mu[0]) if mu.size else np.inf
+
+
+def _geometric(system: System, solution: StaticSolution, case: int | str) -> tuple[Model, sp.csc_array]:
+    """Return the model under a static load, and its geometric stiffness on the independent coordinates."""
+    loaded = prestressed(system.model, solution, case)
+    full = sum_contributions(loaded.effect("prestress").contribute(loaded), loaded.n_dof)[0]
+    return loaded, sp.csc_array(system.Q.T @ full @ system.Q)
 
 
 def _largest(

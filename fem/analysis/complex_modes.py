@@ -1,9 +1,10 @@
-"""Complex modes of systems whose damping is not proportional: (K̂ + sĈ + s²M) x = 0, time dependence e^{st}.
+"""Complex modes of systems with dampers and rotors: (K̂ + sĈ + s²M) x = 0, time dependence e^{st}.
 
-K̂ = K (1 + iη) + iD with the structure's loss factor η, Ĉ = C + αM + βK + the modal ratios' matrix. The
-problem is projected on a basis of real modes, solved there, and its residual in the whole system, brought
-back by the shifted stiffness, makes the basis larger until every pole's residual is small (Davidson's
-method). Elements that depend on frequency have their stiffness at each mode's own damped frequency.
+K̂ = K (1 + iη) + iD with the structure's loss factor η, Ĉ = C + αM + βK + the modal ratios' matrix, C with the
+skew matrices of rotors. The problem is projected on a basis of real modes, solved there, and its residual in
+the whole system, brought back by the shifted stiffness, makes the basis larger until every pole's residual is
+small (Davidson's method). Elements that depend on frequency have their stiffness at each mode's own damped
+frequency.
 """
 
 from dataclasses import dataclass
@@ -16,12 +17,13 @@ from scipy.sparse.csgraph import connected_components
 
 from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.analysis.modes import Eigenpairs, Modes, rigid_body_motions, solve_eigenpairs
+from fem.analysis.quadratic_roots import Quadratic, Root, all_roots, different, with_laws
 from fem.analysis.receptance import locals_of
 from fem.analysis.selection import Selection, dof_vectors
 from fem.linalg.solvers import Factor, factorise
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
-from fem.system import System, law_change, refuse_unsymmetric
+from fem.system import System, law_change
 
 DENSE_LIMIT = 120
 """Systems of at most this many coordinates are solved as they are, unless an element has a law."""
@@ -29,8 +31,6 @@ DENSE_LIMIT = 120
 TOLERANCE = 1e-8
 """Residual of a pole, relative; the error of s is of its square."""
 
-_LAW_ROUNDS = 60
-_MATCH = 1e-9
 _EQUAL = 1e-7
 """Relative distance below which poles count as equal."""
 
@@ -39,9 +39,10 @@ _EQUAL = 1e-7
 class ComplexModes:
     """Poles and complex shapes, the slowest first; rigid-body modes apart.
 
-    Shapes have modal A = xᵀ(2sM + Ĉ)x = 2i Im(s), so that those of light or proportional damping are the real
+    Shapes have modal A = yᵀ(2sM + Ĉ)x = 2i Im(s), so that those of light or proportional damping are the real
     ones with φᵀMφ = 1; overdamped ones, whose poles are real, have |modal A| = 2|s| and are real where K̂ is.
-    Poles at 0, of a body that drifts in dampers, have xᵀMx = 1.
+    Poles at 0, of a body that drifts in dampers, have xᵀMx = 1. Left shapes y are x itself where matrices are
+    symmetric. With rotors yᵀ(K̂ + sĈ + s²M) = 0 and yᴴMy = xᴴMx: without damping y is the conjugate of x.
 
     Attributes
     ----------
@@ -49,13 +50,15 @@ class ComplexModes:
         s, with Im s ≥ 0 [rad/s].
     shapes : ndarray of complex (n_dof, n_modes)
         x [1/√kg, rad/(m √kg)].
+    left : ndarray of complex (n_dof, n_modes)
+        y; the same array as ``shapes`` where matrices are symmetric.
     modal_a : ndarray of complex (n_modes,)
-        xᵀ(2sM + Ĉ)x [rad/s].
+        yᵀ(2sM + Ĉ)x [rad/s].
     residual : ndarray (n_modes,)
         ‖Z(s)x‖ in the norm of the flexibility, relative to ‖x‖ in that of the stiffness [-].
     partners : ndarray of complex (n_partners,)
         Poles with Im s < 0: the conjugates where K̂ is real [rad/s].
-    partner_shapes : ndarray of complex (n_dof, n_partners)
+    partner_shapes, partner_left : ndarray of complex (n_dof, n_partners)
     partner_a : ndarray of complex (n_partners,)
     rigid : ndarray (n_dof, n_rigid)
         Rigid-body motions that nothing resists or damps, φᵀMφ = I; s = 0 twice, which has no modal A.
@@ -66,10 +69,12 @@ class ComplexModes:
 
     poles: NDArray[np.complex128]
     shapes: NDArray[np.complex128]
+    left: NDArray[np.complex128]
     modal_a: NDArray[np.complex128]
     residual: NDArray[np.float64]
     partners: NDArray[np.complex128]
     partner_shapes: NDArray[np.complex128]
+    partner_left: NDArray[np.complex128]
     partner_a: NDArray[np.complex128]
     rigid: NDArray[np.float64]
     converged: bool
@@ -126,7 +131,7 @@ class ComplexModes:
         inputs: Selection,
         kind: FRFKind | str = FRFKind.ACCELERANCE,
     ) -> FRF:
-        """Superpose the modes: H = Σ x xᵀ / (a (iω - s)) of poles and partners, -φφᵀ/ω² of rigid ones.
+        """Superpose the modes: H = Σ x yᵀ / (a (iω - s)) of poles and partners, -φφᵀ/ω² of rigid ones.
 
         It lacks the modes that were not asked for.
 
@@ -146,12 +151,12 @@ class ComplexModes:
             msg = "the receptance is infinite at 0 Hz: nothing holds the structure"
             raise FRFError(msg)
         H = np.zeros((lines.size, out.shape[1], inn.shape[1]), dtype=complex)
-        for poles, x, a in (
-            (self.poles, self.shapes, self.modal_a),
-            (self.partners, self.partner_shapes, self.partner_a),
+        for poles, x, y, a in (
+            (self.poles, self.shapes, self.left, self.modal_a),
+            (self.partners, self.partner_shapes, self.partner_left, self.partner_a),
         ):
             H += np.einsum(
-                "or,fr,ri->foi", out.T @ x, 1 / (a * (1j * omega - poles)), x.T @ inn, optimize=True
+                "or,fr,ri->foi", out.T @ x, 1 / (a * (1j * omega - poles)), y.T @ inn, optimize=True
             )
         if self.rigid.shape[1]:
             H += -((out.T @ self.rigid) @ (self.rigid.T @ inn)) / omega[:, :, None] ** 2
@@ -179,22 +184,26 @@ class _Problem:
             K = K + law_change(law, np.array([abs(np.imag(s))]))[0] * X
         return K
 
-    def damped(self, X: NDArray[Any]) -> NDArray[Any]:
-        return self.C @ X + self.ratios @ (self.ratios.T @ X)
+    def damped(self, X: NDArray[Any], *, left: bool = False) -> NDArray[Any]:
+        """Return Ĉ X, or Ĉᵀ X for left shapes."""
+        return (self.C.T if left else self.C) @ X + self.ratios @ (self.ratios.T @ X)
 
-    def residual(self, s: complex, x: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], float]:
-        """Return G⁻¹ Z(s) x and its size relative to x, both in the norm of G."""
-        z = self.stiffness(s) @ x + s * self.damped(x) + s**2 * (self.system.M @ x)
+    def residual(
+        self, s: complex, x: NDArray[np.complex128], *, left: bool = False
+    ) -> tuple[NDArray[np.complex128], float]:
+        """Return G⁻¹ Z(s) x, or that of Z(s)ᵀ, and its size relative to x, both in the norm of G."""
+        z = self.stiffness(s) @ x + s * self.damped(x, left=left) + s**2 * (self.system.M @ x)
         z = z - (self.system.M @ self.rigid) @ (self.rigid.T @ z)
         w = self.factor.solve(np.column_stack([np.real(z), np.imag(z)]))
         size = np.sqrt(max(float(np.vdot(w, np.column_stack([np.real(z), np.imag(z)]))), 0.0))
         return w[:, 0] + 1j * w[:, 1], size / np.sqrt(float(np.real(np.vdot(x, self.G @ x))))
 
-    def modal_a(self, s: complex, x: NDArray[np.complex128]) -> complex:
-        return complex(x @ (2 * s * (self.system.M @ x) + self.damped(x)))
+    def modal_a(self, root: Root) -> complex:
+        s, x, y = root
+        return complex(y @ (2 * s * (self.system.M @ x) + self.damped(x)))
 
 
-def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
+def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None = None) -> ComplexModes:
     """Compute the n modes of smallest |s| with all damping of a model.
 
     Parameters
@@ -202,6 +211,8 @@ def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
     system : System
     n : int
         Number of modes beside rigid-body ones; overdamped ones count.
+    pairs : Eigenpairs, optional
+        Undamped modes of the system, of which the basis is made, where they are known.
 
     Returns
     -------
@@ -211,28 +222,26 @@ def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
     Raises
     ------
     ModelError
-        For n below 1, for mechanisms, and for effects that are not reciprocal.
+        For n below 1, and for mechanisms.
     UnstableError
         For a structure with a motion of negative stiffness.
     """
     if n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)
-    refuse_unsymmetric(system.model)
     all_rigid = system.rigid.shape[1]
-    pairs = solve_eigenpairs(system, min(system.n_free, all_rigid + n + max(10, n // 2)))
+    if pairs is None:
+        pairs = solve_eigenpairs(system, min(system.n_free, all_rigid + n + max(10, n // 2)))
     problem = _problem(system, pairs)
     V = _start(problem, pairs)
     while True:
         upper, lower = _projected(problem, V, n)
         found, new, worst = [], [], []
-        for s, y in (*upper, *lower):
-            x = V @ y
-            w, size = problem.residual(s, x)
-            found.append((s, x))
-            worst.append(size)
-            if size > TOLERANCE:
-                new += [np.real(w), np.imag(w)]
+        for root in (*upper, *lower):
+            whole, missing = _lifted(problem, V, root)
+            found.append(whole)
+            worst.append(max(size for _, size in missing))
+            new += [part(w) for w, size in missing if size > TOLERANCE for part in (np.real, np.imag)]
         if not new or V.shape[1] >= system.n_free - problem.rigid.shape[1]:
             break
         grown = _grown(problem, V, np.column_stack(new))
@@ -240,6 +249,18 @@ def solve_complex_modes(system: System, n: int = 20) -> ComplexModes:
             break
         V = grown
     return _result(problem, found, np.array(worst), len(upper))
+
+
+def _lifted(
+    problem: _Problem, V: NDArray[np.float64], root: Root
+) -> tuple[Root, list[tuple[NDArray[np.complex128], float]]]:
+    """Return a root with its vectors in the whole system, and the residuals of these."""
+    x = V @ root.right
+    missing = [problem.residual(root.s, x)]
+    if problem.system.reciprocal:
+        return Root(root.s, x, x), missing
+    y = V @ root.left
+    return Root(root.s, x, y), [*missing, problem.residual(root.s, y, left=True)]
 
 
 def _problem(system: System, pairs: Eigenpairs) -> _Problem:
@@ -280,7 +301,7 @@ def _start(problem: _Problem, pairs: Eigenpairs) -> NDArray[np.float64]:
     if n <= DENSE_LIMIT and not problem.system.laws:
         return _grown(problem, whole, np.eye(n) / np.sqrt(problem.G.diagonal()))
     V = _grown(problem, whole, pairs.vectors)
-    forces = locals_of(problem.system).U.toarray()
+    forces = locals_of(problem.system, reciprocal=False).U.toarray()
     for _ in range(2):
         if forces.shape[1]:
             response = problem.factor.solve(forces)
@@ -312,107 +333,31 @@ def _grown(problem: _Problem, V: NDArray[np.float64], new: NDArray[np.float64]) 
     return np.hstack([V, np.linalg.solve(L, new.T).T])
 
 
-Root = tuple[complex, NDArray[np.complex128]]
-
-
 def _projected(problem: _Problem, V: NDArray[np.float64], n: int) -> tuple[list[Root], list[Root]]:
     """Return the n slowest roots on a basis with Im s ≥ 0, and their partners below."""
     M, K, C = V.T @ (problem.system.M @ V), V.T @ (problem.K @ V), V.T @ problem.damped(V)
     laws = [(law, V.T @ (X @ V)) for law, X in problem.system.laws]
-    s, Y = _roots(K, C, M, laws, 0.0)
-    upper, lower = _split(s)
+    small = Quadratic(K, C, M, laws, problem.system.reciprocal)
+    roots = all_roots(small)
+    upper, lower = ([r for r in roots if (r.s.imag >= 0) == above] for above in (True, False))
     if laws:
         # more than n, as laws may change the order
-        roots = [_with_laws(K, C, M, laws, (complex(s[k]), Y[:, k])) for k in upper[: n + max(4, n // 2)]]
-        return sorted(_different(roots, M), key=lambda root: abs(root[0]))[:n], []
+        own = [with_laws(small, root) for root in upper[: n + max(4, n // 2)]]
+        return sorted(different(own, M), key=lambda root: abs(root.s))[:n], []
     if problem.real:
-        lower = lower[:0]
-    elif upper.size > n:
-        lower = lower[np.abs(s[lower]) <= 1.01 * np.abs(s[upper[n - 1]])]
-    upper, lower = ([(complex(s[k]), Y[:, k]) for k in part] for part in (upper[:n], lower))
-    return upper, lower
-
-
-def _roots(
-    K: NDArray[Any],
-    C: NDArray[Any],
-    M: NDArray[Any],
-    laws: list[tuple[Any, NDArray[np.float64]]],
-    omega: float,
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return all finite roots of (K + sC + s²M) y = 0 and their vectors.
-
-    With s = σ + 1/μ, σ > 0 no root: (μ²P₀ + μP₁ + M) y = 0, P₀ = K + σC + σ²M, P₁ = C + 2σM. μ = 0 are the
-    infinite roots of directions without mass.
-    """
-    for law, X in laws:
-        K = K + law_change(law, np.array([omega]))[0] * X
-    m = len(K)
-    size = float(np.trace(M)) / m
-    shift = 0.3 / np.sqrt(max(size, 1e-300))  # in G's norm K is 1, and M about 1/ω²
-    P0, P1 = K + shift * C + shift**2 * M, C + 2 * shift * M
-    top = -np.linalg.solve(P0, np.hstack([P1, M / shift]))
-    # companion matrix of shift·μ, so that both halves of the vectors are of one size
-    A = np.block([[top[:, :m] * shift, top[:, m:] * shift**3], [np.eye(m), np.zeros((m, m))]])
-    mu, vectors = np.linalg.eig(A)
-    finite = np.abs(mu) > 1e-13 * np.abs(mu).max()
-    s = (shift + shift / mu[finite]).astype(complex)
-    s.imag[np.abs(s.imag) < 1e-8 * np.abs(s) + 1e-10 * shift] = 0.0  # real but for rounding
-    Y = vectors[:m, finite].astype(complex)
-    return s, Y / np.linalg.norm(Y, axis=0)
-
-
-def _split(s: NDArray[np.complex128]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the roots with Im s ≥ 0 and those below, the slowest first."""
-    order = np.argsort(np.abs(s), kind="stable")
-    above = s.imag >= 0
-    return order[above[order]], order[~above[order]]
-
-
-def _with_laws(
-    K: NDArray[Any],
-    C: NDArray[Any],
-    M: NDArray[Any],
-    laws: list[tuple[Any, NDArray[np.float64]]],
-    root: Root,
-) -> Root:
-    """Iterate a root until the laws are those of its own damped frequency."""
-    s, y = root
-    for _ in range(_LAW_ROUNDS):
-        values, Y = _roots(K, C, M, laws, abs(s.imag))
-        above = np.flatnonzero(values.imag >= 0)
-        # the same mode: most alike by mass, not farther than it must be
-        like = np.abs(Y[:, above].conj().T @ (M @ y)) ** 2
-        like /= np.maximum(np.real(np.einsum("ij,ij->j", Y[:, above].conj(), M @ Y[:, above])), 1e-300)
-        best = above[int(np.argmax(like / (1 + np.abs(values[above] - s) / abs(s))))]
-        done = abs(values[best] - s) < 1e-12 * abs(s)
-        s, y = complex(values[best]), Y[:, best]
-        if done:
-            break
-    return s, y
-
-
-def _different(roots: list[Root], M: NDArray[Any]) -> list[Root]:
-    """Return roots without those that came twice."""
-    out: list[Root] = []
-    for s, y in roots:
-        mass = np.sqrt(np.real(np.vdot(y, M @ y)))
-        twice = any(
-            abs(s - t) < _MATCH * abs(s)
-            and abs(np.vdot(y, M @ z)) > 0.99 * mass * np.sqrt(np.real(np.vdot(z, M @ z)))
-            for t, z in out
-        )
-        if not twice:
-            out.append((s, y))
-    return out
+        lower = []
+    elif len(upper) > n:
+        lower = [r for r in lower if abs(r.s) <= 1.01 * abs(upper[n - 1].s)]
+    return upper[:n], lower
 
 
 def _separated(problem: _Problem, roots: list[Root]) -> list[Root]:
     """Return roots whose vectors are orthogonal in modal A also where poles are equal.
 
-    With A_jk = x_jᵀ (2sM + Ĉ) x_k of a set of equal poles, X A^(-1/2) has the unit matrix.
+    With A_jk = y_jᵀ (2sM + Ĉ) x_k of a set of equal poles, X A^(-1/2) has the unit matrix if all is
+    symmetric; otherwise Y A^(-T) has it.
     """
-    s = np.array([root[0] for root in roots])
+    s = np.array([root.s for root in roots])
     if not s.size:
         return []
     near = np.abs(s[:, None] - s) < _EQUAL * np.maximum(np.abs(s), problem.scale)[:, None]
@@ -422,13 +367,36 @@ def _separated(problem: _Problem, roots: list[Root]) -> list[Root]:
         members = np.flatnonzero(label == k)
         if members.size == 1:
             continue
-        X = np.column_stack([roots[i][1] for i in members])
-        A = X.T @ (2 * s[members].mean() * (problem.system.M @ X) + problem.damped(X))
-        values, T = np.linalg.eig((A + A.T) / 2)
-        X = X @ (T @ np.diag(1 / np.sqrt(values.astype(complex))) @ np.linalg.inv(T))
-        for i, x in zip(members, X.T, strict=True):
-            out[i] = (roots[i][0], x)
+        X, Y = (np.column_stack([roots[i][part] for i in members]) for part in (1, 2))
+        A = Y.T @ (2 * s[members].mean() * (problem.system.M @ X) + problem.damped(X))
+        if problem.system.reciprocal:
+            values, T = np.linalg.eig((A + A.T) / 2)
+            X = Y = X @ (T @ np.diag(1 / np.sqrt(values.astype(complex))) @ np.linalg.inv(T))
+        else:
+            Y = np.linalg.solve(A, Y.T).T
+        for i, x, y in zip(members, X.T, Y.T, strict=True):
+            out[i] = Root(roots[i].s, x, x if problem.system.reciprocal else y)
     return out
+
+
+def _scaled(problem: _Problem, root: Root) -> tuple[Root, complex]:
+    """Return a root whose vectors have the modal A of `ComplexModes`, and that modal A."""
+    M, (s, x, y) = problem.system.M, root
+    symmetric = problem.system.reciprocal
+    mass = x @ (M @ x) if symmetric else np.real(np.vdot(x, M @ x))
+    if not symmetric:
+        y = y * np.sqrt(mass / np.real(np.vdot(y, M @ y)))
+    a = problem.modal_a(Root(s, x, y))
+    wanted: complex = complex(2j * s.imag if s.imag else 2 * abs(s) * (1.0 if np.real(a) >= 0 else -1.0))
+    if abs(wanted) < 1e-9 * abs(a) / abs(mass):
+        wanted = complex(a / mass)  # it drifts: s = 0
+    largest = x[np.argmax(np.abs(x))]
+    if symmetric:
+        x = np.sqrt(wanted / a + 0j) * x
+        x = -x if np.real(x[np.argmax(np.abs(x))]) < 0 else x
+        return Root(s, x, x), wanted
+    turn = np.sqrt(abs(wanted / a)) * np.conj(largest) / abs(largest)
+    return Root(s, turn * x, wanted / a / turn * y), wanted
 
 
 def _result(
@@ -436,38 +404,31 @@ def _result(
 ) -> ComplexModes:
     Q = problem.system.Q
 
-    def scaled(roots: list[Root]) -> tuple[Any, Any, Any]:
-        poles, shapes, modal = [], [], []
-        for s, x in _separated(problem, roots):
-            a = problem.modal_a(s, x)
-            wanted = complex(2j * s.imag if s.imag else 2 * abs(s) * (1.0 if np.real(a) >= 0 else -1.0))
-            if abs(wanted) < 1e-9 * abs(a) / abs(x @ (problem.system.M @ x)):
-                wanted = a / (x @ (problem.system.M @ x))  # it drifts: s = 0
-            x = np.sqrt(wanted / a + 0j) * x
-            if np.real(x[np.argmax(np.abs(x))]) < 0:
-                x = -x
-            poles.append(s)
-            shapes.append(x)
-            modal.append(wanted)
-        columns = np.column_stack(shapes) if shapes else np.zeros((Q.shape[1], 0), dtype=complex)
-        return np.array(poles, dtype=complex), np.asarray(Q @ columns), np.array(modal, dtype=complex)
+    def scaled(roots: list[Root]) -> tuple[Any, Any, Any, Any]:
+        each = [_scaled(problem, root) for root in _separated(problem, roots)]
+        none = np.zeros((Q.shape[1], 0), dtype=complex)
+        x, y = (np.asarray(Q @ np.column_stack([none, *(r[part] for r, _ in each)])) for part in (1, 2))
+        poles, modal = (
+            np.array(values, dtype=complex) for values in ([r.s for r, _ in each], [a for _, a in each])
+        )
+        return poles, x, x if problem.system.reciprocal else y, modal
 
-    poles, shapes, modal = scaled(found[:n_upper])
+    upper = poles, shapes, left, modal = scaled(found[:n_upper])
     if problem.real or problem.system.laws:
         below = poles.imag > 0
-        partners, partner_shapes, partner_a = (
-            np.conj(X) for X in (poles[below], shapes[:, below], modal[below])
-        )
+        partners = tuple(np.conj(X[..., below]) for X in upper)
     else:
-        partners, partner_shapes, partner_a = scaled(found[n_upper:])
+        partners = scaled(found[n_upper:])
     return ComplexModes(
         poles=poles,
         shapes=shapes,
+        left=left,
         modal_a=modal,
         residual=residual[:n_upper],
-        partners=partners,
-        partner_shapes=partner_shapes,
-        partner_a=partner_a,
+        partners=partners[0],
+        partner_shapes=partners[1],
+        partner_left=partners[2],
+        partner_a=partners[3],
         rigid=np.asarray(Q @ problem.rigid),
         converged=bool((residual <= TOLERANCE).all()),
         model=problem.system.model,

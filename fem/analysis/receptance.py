@@ -74,12 +74,13 @@ class Locals:
         return [own[of] if isinstance(of, str) else law_change(of, omega) for of, _ in self.wide]
 
 
-def locals_of(system: System) -> Locals:
-    """Separate a system's own damping into local and wide parts.
+def locals_of(system: System, *, reciprocal: bool = True) -> Locals:
+    """Separate a system's own damping into local and wide parts; rotors too if ``reciprocal`` is False.
 
     Each local element gives an orthonormal basis of the range of its C, D and K with a law.
     """
-    refuse_unsymmetric(system.model)
+    if reciprocal:
+        refuse_unsymmetric(system.model)
     if not (system.C.count_nonzero() or system.D.count_nonzero() or system.laws):
         return Locals(sp.csr_array((system.n_free, 0)), np.zeros((0, 0)), np.zeros((0, 0)), (), ())
     n_dof = system.model.n_dof

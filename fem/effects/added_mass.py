@@ -36,6 +36,8 @@ class AddedMass(Effect):
         Inertia tensor about its own centre, global axes [kg·m²].
     arm : ndarray (3,)
         From the point to its centre of mass [m].
+    spins : bool
+        Whether it turns with a member that does (`fem.effects.spin`).
     """
 
     kind: ClassVar[str] = "added_mass"
@@ -45,6 +47,7 @@ class AddedMass(Effect):
     mass: Any
     inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
     arm: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    spins: bool = True
 
     def __post_init__(self) -> None:
         refuse_negative(self.name, mass=(self.mass, "kg"))

@@ -51,6 +51,9 @@ class MemberProperties:
         0 is a release [N/m, N·m/rad].
     pretension : float
         Axial force of the state about which the member vibrates, positive in tension [N].
+    spin : float
+        Speed at which the member turns about its axis, positive from its first to its second end, relative to
+        that of the rotation: 0 of one that does not turn (`fem.effects.spin`) [-].
     """
 
     material: Material
@@ -68,6 +71,7 @@ class MemberProperties:
     spring1: Mapping[str, float] = field(default_factory=dict)
     spring2: Mapping[str, float] = field(default_factory=dict)
     pretension: float = 0.0
+    spin: float = 0.0
 
     __repr__ = fields_summary
 
@@ -81,6 +85,9 @@ class MemberProperties:
             raise ModelError(msg)
         if not np.isfinite(self.pretension):
             msg = f"the pretension is {self.pretension}; it must be a finite number [N]"
+            raise ModelError(msg)
+        if not np.isfinite(self.spin):
+            msg = f"the spin is {self.spin}; it must be a finite number, relative to the speed [-]"
             raise ModelError(msg)
         if self.section2 is not None:
             Section.between(self.section, self.section2, 0.5)

@@ -15,13 +15,13 @@ def zone_masses(layout: Layout, g: Lines, k: int, change: SectionChange) -> Arra
     """Return the masses (b, 6, 6) of the rigid zones at ends k at their nodes, global."""
     zone = g.zone[:, k]
     arm = g.end[:, k] - ((0.5 - k) * zone)[:, None] * g.R[:, 0]
-    A, Iy, Iz, Ip = _zone_sections(layout, g, k, change)
+    A, Iy, Iz, Ip = zone_sections(layout, g, k, change)
     across = A * zone**2 / 12
     local = np.stack([A, A, A, Ip, Iy + across, Iz + across], axis=1)
     return masses_at_arms(g.R, arm, (g.rho * zone)[:, None] * local)
 
 
-def _zone_sections(layout: Layout, g: Lines, k: int, change: SectionChange) -> Array:
+def zone_sections(layout: Layout, g: Lines, k: int, change: SectionChange) -> Array:
     """Return A, Iy, Iz and Ip of the rigid zones at ends k, shape (4, b); under a taper the means."""
     of = np.stack([g.A, g.Iy, g.Iz, g.Ip])
     t = np.flatnonzero(g.tapered)

@@ -10,9 +10,9 @@ from fem.effects import candidate_kinds
 from fem.system import assemble
 
 TABLES = (
-    "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "damping", "uncertain",
-    "candidates", "fit", "frequency", "modes", "baseline", "identification", "update", "[supports]",
-    "[joints]",
+    "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "rotation", "damping",
+    "uncertain", "candidates", "fit", "frequency", "modes", "baseline", "identification", "update",
+    "[supports]", "[joints]",
     "[masses]", "[loads]", "[combinations]", "[envelopes]", "[effects]", "[update.parameters]",
     "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip

@@ -7,7 +7,9 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
+from dovetail.file.rotation import at_speed
 from fem.analysis.base_excitation import compute_base_frf
+from fem.analysis.campbell import solve_campbell
 from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.excitation import Excitation
 from fem.analysis.random_vibration import solve_random
@@ -137,6 +139,115 @@ def test_complex(column, tmp_path, capsys):
     assert found["converged"]
     assert out.exists()
     assert "not '.txt'" in refused(capsys, "complex", column, "--out", tmp_path / "a.txt")
+
+
+ROTOR = """
+[points]
+A = [0, 0, 0]
+B = [1, 0, 0]
+[members.shaft]
+from = "A"
+to = "B"
+section = { shape = "circle", d = 0.05 }
+elements = 4
+spin = 2.0
+[materials.steel]
+E = 200e9
+rho = 7850
+[[supports]]
+point = "A"
+fixed = ["x", "y", "z", "rx"]
+[[supports]]
+point = "B"
+fixed = ["y", "z"]
+[[masses]]
+name = "disc"
+point = { member = "shaft", position = 0.25 }
+mass = 5.0
+inertia = [[0.09, 0, 0], [0, 0.05, 0], [0, 0, 0.05]]
+[damping]
+modal = 0.0
+"""
+
+
+@pytest.fixture
+def rotor(tmp_path):
+    path = tmp_path / "rotor.toml"
+    path.write_text(ROTOR, encoding="utf-8")
+    return path
+
+
+def test_campbell(rotor, tmp_path, capsys):
+    picture, table = tmp_path / "c.png", tmp_path / "c.csv"
+    found = printed(
+        capsys, "campbell", rotor, "--speeds", "0:6000:7", "--number", "4", "--order", "1", "--order", "2",
+        "--json", "-", "--picture", picture, "--out", table,
+    )  # fmt: skip
+    speeds = np.linspace(0, 6000, 7) * 2 * np.pi / 60
+    direct = solve_campbell(load_study(rotor).model, speeds, 4, [1.0, 2.0])
+    assert found["speed_rpm"] == pytest.approx(np.linspace(0, 6000, 7))
+    assert found["branches"][1]["damped_frequency_Hz"] == pytest.approx(direct.frequency[:, 1])
+    critical = [c["speed_rpm"] for c in found["critical_speeds"]]
+    assert critical == pytest.approx([c.speed * 60 / (2 * np.pi) for c in direct.critical])
+    assert {c["order"] for c in found["critical_speeds"]} == {1.0, 2.0}
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    assert rows[:, 1] == pytest.approx(direct.frequency[:, 0], rel=1e-8)
+    assert main(["campbell", str(rotor), "--speeds", "0:6000:7", "--number", "2"]) == 0
+    out = capsys.readouterr().out
+    assert "critical 1/min" in out
+    assert "backward" in out
+    assert "members with a spin (shaft) stand still" in out
+    assert "FIRST:LAST:NUMBER" in refused(capsys, "campbell", rotor, "--speeds", "0:10")
+    assert "written as .csv" in refused(
+        capsys, "campbell", rotor, "--speeds", "0:9:3", "--out", tmp_path / "a.txt"
+    )
+
+
+def test_complex_at_a_speed(rotor, capsys):
+    found = printed(capsys, "complex", rotor, "--rpm", "3000", "--number", "4", "--json", "-")
+    whirling = [m["whirl_sense"] for m in found["modes"]]
+    assert whirling[:2] == ["backward", "forward"]
+    model = at_speed(load_study(rotor).model, 3000)
+    direct = solve_complex_modes(assemble(model, reciprocal=False), 4)
+    assert [m["frequency_Hz"] for m in found["modes"]] == pytest.approx(direct.frequency.tolist())
+    rotor.write_text(ROTOR + "[[loads]]\ngravity = [0, 0, -9.81]\n[rotation]\nrpm = 3000\n", encoding="utf-8")
+    again = printed(capsys, "complex", rotor, "--number", "4", "--json", "-")
+    assert main(["static", str(rotor)]) == 0  # a load does not feel the spin
+    assert again["modes"][1]["frequency_Hz"] == pytest.approx(direct.frequency[1])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("spin = 2.0", "", "no member has a spin"),
+        ("d = 0.05 }", 'd = 0.05 }\ntheory = "bar"', "member 'shaft' cannot spin: its theory is 'bar'"),
+        ("0.09, 0, 0", "0.09, 0.01, 0", "the tensor must be symmetric"),
+        (
+            "0, 0.05, 0]",
+            "0, 0.07, 0]",
+            "'disc' cannot spin: its inertia is not that of a body which is round",
+        ),
+    ],
+)
+def test_a_rotor_that_cannot_be_is_refused(rotor, capsys, old, new, message):
+    rotor.write_text(ROTOR.replace(old, new) + "[rotation]\nrpm = 3000\n", encoding="utf-8")
+    assert message in refused(capsys, "complex", rotor)
+
+
+def test_static_of_second_order(column, capsys):
+    study = load_study(column)
+    found = printed(capsys, "static", column, "--second-order", "--json", "-", "--pieces", "2")
+    direct = study.second_order("both")[0]
+    assert found["buckling_factors"]["both"] == pytest.approx(direct.factor)
+    tip = found["cases"]["both"]["points"]["B"]["x"]
+    assert tip == pytest.approx(direct.solution.displacements[6 + 0, 0])
+    first = printed(capsys, "static", column, "--json", "-")["cases"]["both"]["points"]["B"]["x"]
+    assert tip / first == pytest.approx(1 / (1 - 1 / direct.factor), rel=0.02)  # for a load near its shape
+    assert main(["static", str(column), "--second-order", "--case", "both"]) == 0
+    assert "second order, buckles at" in capsys.readouterr().out
+    column.write_text(COLUMN.replace("weight = 1.35", "weight = 500.0"), encoding="utf-8")
+    assert "'both' makes the structure buckle at 0." in refused(capsys, "static", column, "--second-order")
 
 
 def test_base(column, tmp_path, capsys):

@@ -17,9 +17,11 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
+from fem.effects.spin import Spin
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import Contribution, Effect, Instruments, Parameter, dofs_of, lever_matrix, parameter_values
+from fem.sections.section import Section
 from fem.sensitivity.frf import differentiate_frf
 from fem.sensitivity.modes import differentiate_modes
 from fem.system import assemble
@@ -77,7 +79,7 @@ GROUNDED = {
 GROUNDED |= {"stinger", "foot_shift", "support_shift"}
 """Kinds that may hold a rigid body."""
 
-TURNED = {"preload", "prestress", "rotor", "joint_hole", "part_shift"}
+TURNED = {"preload", "prestress", "rotor", "spin", "joint_hole", "part_shift"}
 """Kinds that resist its rotations: a force or an angular momentum that keeps its direction, or a part that
 lies elsewhere than the mesh has it, so that the rotation of the mesh is none of the structure."""
 
@@ -114,6 +116,20 @@ NOT_PROPOSED = (
 )
 """Effects of kinds that a search does not propose, on the crossed beams."""
 
+SHAFT = beam(
+    3,
+    0.6,
+    along=(1, 2, -0.5),
+    section=Section.circle(0.02),
+    section2=Section.circle(0.03),
+    theory="timoshenko",
+    rigid1=0.05,
+    offset1=np.array([0, 0, 0.02]),
+    spring2={"ry": 2e3},
+    spin=-1.5,
+)
+"""A tapered shaft, which may spin."""
+
 
 def some(effects):
     """Return the first, the middle and the last of the candidates of a kind."""
@@ -132,6 +148,7 @@ CASES = [
     for effect in some(candidates(model, kind))
 ]
 CASES += [pytest.param(MODELS["cross"], effect, id=f"cross-{effect.name}") for effect in NOT_PROPOSED]
+CASES.append(pytest.param(SHAFT, Spin(name="spin", speed=40.0), id="shaft-spin"))
 OWN = [
     pytest.param(model, effect, id=f"{name}-{effect.name}")
     for name, model in MODELS.items()

@@ -1,0 +1,101 @@
+"""Static responses to several load cases, of first order or each of second order."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fem.analysis.second_order import SecondOrder
+from fem.analysis.statics import StaticSolution
+from fem.analysis.stations import Stations, forces_on_lines, stations
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StaticCases:
+    """The responses to load cases, one column each.
+
+    Attributes
+    ----------
+    solutions : tuple of StaticSolution
+        One of all cases, or one for each where each has a stiffness of its own.
+    factors : mapping of str to float
+        Load factors of buckling by load case, of second-order responses.
+    """
+
+    solutions: tuple[StaticSolution, ...]
+    factors: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of_second_order(cls, found: tuple[SecondOrder, ...]) -> "StaticCases":
+        """Return the cases of second-order responses."""
+        return cls(
+            tuple(each.solution for each in found),
+            {each.solution.cases[0]: each.factor for each in found},
+        )
+
+    @property
+    def cases(self) -> tuple[str, ...]:
+        """Names of the load cases."""
+        return tuple(name for s in self.solutions for name in s.cases)
+
+    @property
+    def displacements(self) -> np.ndarray:
+        """Displacements of all DOFs, (n_dof, n_cases) [m, rad]."""
+        return np.hstack([s.displacements for s in self.solutions])
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Forces out of balance, relative, (n_cases,) [-]."""
+        return np.concatenate([s.residual for s in self.solutions])
+
+    @property
+    def held(self) -> dict[tuple[str, str], np.ndarray]:
+        """Forces of supports, rigid joints and springs to the ground, each (n_cases,) [N, N·m]."""
+        each = [{**s.reactions, **s.springs} for s in self.solutions]
+        keys = dict.fromkeys(key for own in each for key in own)
+        return {
+            key: np.concatenate(
+                [own.get(key, np.zeros(s.n_cases)) for own, s in zip(each, self.solutions, strict=True)]
+            )
+            for key in keys
+        }
+
+    def case(self, name: str) -> int:
+        """Return the column of a load case."""
+        return self.cases.index(name)
+
+    def column(self, k: int) -> tuple[StaticSolution, int]:
+        """Return the solution that has a column, and its column there."""
+        for solution in self.solutions:
+            if k < solution.n_cases:
+                return solution, k
+            k -= solution.n_cases
+        raise IndexError(k)
+
+    def stations(self, member: str, pieces: int) -> Stations:
+        """Return forces and displacements at the ends of equal pieces of a member."""
+        each = [stations(s, member, pieces) for s in self.solutions]
+        forces, moved = (
+            np.concatenate(parts, axis=2)
+            for parts in ([s.forces for s in each], [s.displacements for s in each])
+        )
+        return Stations(each[0].positions, forces, moved)
+
+    def forces_on_lines(self, pieces: int) -> np.ndarray:
+        """Return section forces along all lines, (n_lines, pieces + 1, 6, n_cases) [N, N·m]."""
+        return np.concatenate([forces_on_lines(s, pieces) for s in self.solutions], axis=3)
+
+
+def factor_fields(found: StaticCases) -> dict[str, Any]:
+    """Return the buckling factors for JSON; nothing of first-order responses."""
+    return {"second_order": True, "buckling_factors": dict(found.factors)} if found.factors else {}
+
+
+def factor_words(found: StaticCases, name: str) -> str:
+    """Return the words behind a load case on its buckling factor."""
+    if name not in found.factors:
+        return ""
+    factor = found.factors[name]
+    limit = f"buckles at {factor:.4g} times the load" if np.isfinite(factor) else "does not buckle"
+    return f"; second order, {limit}"

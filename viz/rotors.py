@@ -1,0 +1,75 @@
+"""Campbell diagrams of rotors."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from fem.analysis.campbell import Campbell
+from fem.analysis.whirl import whirl_name
+from viz import style
+from viz.axes import legend_above
+
+_COLOURS = {
+    "forward": style.VERMILION,
+    "backward": style.BLUE,
+    "planar": style.GREEN,
+    "": style.GREY,
+}
+_WORDS = {
+    "forward": "forward whirl",
+    "backward": "backward whirl",
+    "planar": "in a plane",
+    "": "tilts no rotor",
+}
+RPM = 60 / (2 * np.pi)
+"""1 rad/s in turns a minute."""
+
+
+def plot_campbell(found: Campbell, orders: Sequence[float] = (1.0,), title: str = "") -> Figure:
+    """Plot damped natural frequencies and damping ratios over speed, with orders and critical speeds.
+
+    Parameters
+    ----------
+    found : Campbell
+    orders : sequence of float
+        Of excitations, drawn as lines from the origin [-].
+    title : str
+        Heading.
+    """
+    with style.look():
+        figure = style.new_figure(height=5.6 + 0.25 * bool(title))
+        grid = figure.add_gridspec(2, 1, height_ratios=[2.8, 1])
+        top = figure.add_subplot(grid[0])
+        low = figure.add_subplot(grid[1], sharex=top)
+        rpm, frequency = found.speeds * RPM, found.frequency
+        highest = 1.08 * float(np.nanmax(frequency, initial=1e-12))
+        shown = set()
+        for k in range(found.n_branches):
+            word = whirl_name(found.turning(k))
+            label = "_" if word in shown else _WORDS[word]
+            shown.add(word)
+            top.plot(rpm, frequency[:, k], color=_COLOURS[word], label=label, linewidth=1.2)
+            low.plot(rpm, 100 * found.zeta[:, k], color=_COLOURS[word], linewidth=1.2)
+        for order in orders:
+            end = min(rpm[-1], 60 * highest / order)
+            top.plot([0, end], [0, order * end / 60], color=style.MUTED, linestyle="--", linewidth=0.9)
+            top.text(
+                0.95 * end, 0.95 * order * end / 60, f"{order:g}X", ha="center", va="center",
+                color=style.MUTED, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+            )  # fmt: skip
+        top.plot(
+            [c.speed * RPM for c in found.critical],
+            [c.pole.imag / (2 * np.pi) for c in found.critical],
+            linestyle="none", marker="o", markersize=5, markerfacecolor="white", color=style.INK,
+            label="critical speed", zorder=4,
+        )  # fmt: skip
+        top.set_ylim(0, highest)
+        top.set_xlim(rpm[0], rpm[-1])
+        top.tick_params(labelbottom=False)
+        top.set_ylabel("damped natural frequency [Hz]")
+        low.set_ylabel("damping ratio [%]")
+        low.set_xlabel("speed [1/min]")
+        low.axhline(0.0, color=style.MUTED, linewidth=0.7)
+        legend_above(figure, title, top.get_legend_handles_labels()[0])
+    return figure
