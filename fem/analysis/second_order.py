@@ -75,7 +75,7 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
             "structure"
         )
         raise ModelError(msg)
-    solution = first
+    solution, change = first, np.inf
     for k in range(_ROUNDS):
         try:
             new = solve_static(assemble(prestressed(system.model, solution), reciprocal=False), case)
