@@ -52,12 +52,12 @@ class Spin(Effect):
         return (Parameter("speed", "rad/s", self.speed, 0.0, -1e6, 1e6, linear=True),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return the densities of the members."""
+        """Return the densities of the members, and moduli: shear and sprung ends shape how sections turn."""
         return tuple(
             (e.name, p.name)
             for e in model.of_kind(Frame)
             for p in e.parameters()
-            if p.name.startswith("rho:")
+            if p.name.startswith(("rho:", "E:"))
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
