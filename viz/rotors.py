@@ -20,7 +20,7 @@ _WORDS = {
     "forward": "forward whirl",
     "backward": "backward whirl",
     "planar": "in a plane",
-    "": "tilts no rotor",
+    "": "no rotor tilts",
 }
 RPM = 60 / (2 * np.pi)
 """1 rad/s in turns a minute."""

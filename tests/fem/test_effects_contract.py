@@ -148,7 +148,8 @@ CASES = [
     for effect in some(candidates(model, kind))
 ]
 CASES += [pytest.param(MODELS["cross"], effect, id=f"cross-{effect.name}") for effect in NOT_PROPOSED]
-CASES.append(pytest.param(SHAFT, Spin(name="spin", speed=40.0), id="shaft-spin"))
+SPIN = Spin(name="spin", speed=40.0)
+CASES.append(pytest.param(SHAFT, SPIN, id="shaft-spin"))
 OWN = [
     pytest.param(model, effect, id=f"{name}-{effect.name}")
     for name, model in MODELS.items()
@@ -391,7 +392,7 @@ def test_every_kind_is_proposed_somewhere():
     }
     assert met == set(candidate_kinds())
     own = {effect.kind for model in MODELS.values() for effect in model.effects}
-    own |= {effect.kind for effect in NOT_PROPOSED}
+    own |= {effect.kind for effect in (*NOT_PROPOSED, SPIN)}
     assert met | own - {Frame.kind} == set(effect_classes()), "a kind is on no model of this file"
     assert not {effect.kind for effect in NOT_PROPOSED} & met
 
