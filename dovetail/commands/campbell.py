@@ -8,8 +8,8 @@ import numpy as np
 
 from dovetail.commands.argument_types import positive, speed_range, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
-from dovetail.commands.load_cases import check_png
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.commands.load_cases import check_png, check_suffix
+from dovetail.disk.output import Output, Progress, write_json
 from dovetail.file.rotation import RPM
 from fem.analysis.campbell import Campbell, CriticalSpeed, solve_campbell
 from fem.analysis.whirl import whirl_name
@@ -54,9 +54,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Print critical speeds and modes over speed; draw and write them."""
     check_png(options.picture)
-    if options.out is not None and options.out.suffix.lower() != ".csv":
-        msg = f"{options.out}: frequencies are written as .csv, not '{options.out.suffix}'"
-        raise OutputError(msg)
+    check_suffix(options.out, "frequencies", ".csv")
     check_places(options, Output("--out", options.out), Output("--picture", options.picture))
     study = loaded(options, ())
     first, last, number = options.speeds

@@ -61,6 +61,13 @@ def check_png(path: Path | None) -> None:
         raise OutputError(msg)
 
 
+def check_suffix(path: Path | None, what: str, *suffixes: str) -> None:
+    """Refuse a file that is not to have one of some suffixes; ``what`` is what it holds, in the plural."""
+    if path is not None and path.suffix.lower() not in suffixes:
+        msg = f"{path}: {what} are written as {' or '.join(suffixes)}, not '{path.suffix}'"
+        raise OutputError(msg)
+
+
 def place_of_point(study: Study, point: int) -> str:
     """Return a point's name, or its place on a member."""
     mesh = study.model.mesh

@@ -7,8 +7,8 @@ import numpy as np
 
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.excitations import driven_by
-from dovetail.commands.load_cases import check_png, require_sensors
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
+from dovetail.disk.output import Output, Progress, write_json
 from dovetail.file.histories import read_columns
 from dovetail.file.paths import InputFile
 from fem.analysis.random_vibration import RESPONSES, solve_random
@@ -42,9 +42,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Print root mean squares; draw and write densities."""
     check_png(options.picture)
-    if options.out is not None and options.out.suffix.lower() != ".csv":
-        msg = f"{options.out}: densities are written as .csv, not '{options.out.suffix}'"
-        raise OutputError(msg)
+    check_suffix(options.out, "densities", ".csv")
     read = [InputFile(options.psd, "the excitation's density")]
     check_places(options, Output("--out", options.out), Output("--picture", options.picture), more=read)
     study = loaded(options, ("sensors",))

@@ -8,7 +8,7 @@ import numpy as np
 from dovetail.commands.argument_types import positive, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.excitations import driven_by
-from dovetail.commands.load_cases import check_png, require_sensors
+from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from dovetail.file.histories import Columns, read_columns
 from dovetail.file.paths import InputFile
@@ -64,9 +64,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Compute responses in time, print their peaks, draw and write them."""
-    if options.out is not None and options.out.suffix.lower() not in (".csv", ".npz"):
-        msg = f"{options.out}: responses are written as .csv or .npz, not '{options.out.suffix}'"
-        raise OutputError(msg)
+    check_suffix(options.out, "responses", ".csv", ".npz")
     check_png(options.picture)
     if options.excitation is None and options.release is None:
         msg = "nothing acts: give --excitation FILE, --release CASE or both"

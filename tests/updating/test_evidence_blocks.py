@@ -7,7 +7,7 @@ import pytest
 
 from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
-from updating.diagnosis.evidence.blocks import blocks_of
+from updating.diagnosis.evidence.blocks import Blocks
 from updating.diagnosis.evidence.screening import Grid, look_at
 from updating.inference.preparation import build_problem
 
@@ -57,7 +57,8 @@ def test_springs_in_two_directions_are_found_together(problem, springs):
     known = hiding(problem, weak[:2])
     look = look_at(known, known.nominal())
     grids = {e.name: Grid.of(known, e) for e in springs}
-    (block, alone) = blocks_of(look, grids, [springs, springs[:1]])
+    blocks = Blocks(known, look)
+    block, alone = blocks.of(springs), blocks.of(springs[:1])
     assert block.cost < alone.cost - 1
     for e, start in zip(weak[:2], block.start[:2], strict=True):
         assert start["stiffness"] == pytest.approx(e.stiffness, rel=0.15)

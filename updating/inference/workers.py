@@ -1,5 +1,6 @@
 """Processes that compute side by side, each with what they share."""
 
+import copyreg
 import os
 import pickle
 import signal
@@ -10,7 +11,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from io import BytesIO
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -51,7 +51,7 @@ class Workers:
             try:
                 with TemporaryDirectory() as folder:
                     file = Path(folder, "shared")
-                    file.write_bytes(_pickled(shared))
+                    file.write_bytes(pickle.dumps(shared, pickle.HIGHEST_PROTOCOL))
                     results = [self.pool.submit(_call, function, str(file), item) for item in items]
                     return [r.result() for r in results]
             except BrokenProcessPool:  # one was stopped from outside, perhaps for its memory
@@ -117,22 +117,12 @@ def _end_with(watched: Connection) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-class _Pickler(pickle.Pickler):
-    """A pickler that knows read-only mappings, too."""
-
-    def reducer_override(self, obj: Any) -> Any:
-        """Return how a read-only mapping is made again."""
-        return (_read_only, (dict(obj),)) if isinstance(obj, MappingProxyType) else NotImplemented
-
-
 def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
 
 
-def _pickled(shared: object) -> bytes:
-    out = BytesIO()
-    _Pickler(out, pickle.HIGHEST_PROTOCOL).dump(shared)
-    return out.getvalue()
+# Meshes and effects hold read-only mappings, which pickle does not know.
+copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
 
 @lru_cache(1)

@@ -1,7 +1,7 @@
 """Several springs of a connection together, by what a little of each does."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -9,6 +9,7 @@ from scipy.optimize import lsq_linear
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Values
 from updating.diagnosis.evidence.screening import Grid, Little, Look
+from updating.inference.fit import FitProblem
 
 LEAST_MULTIPLE = 1.0
 """An effect that the data do not ask for begins at its slight point [-]."""
@@ -16,7 +17,7 @@ LEAST_MULTIPLE = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """Effects that are tried together.
+    """Effects that are tried together, and a start.
 
     Attributes
     ----------
@@ -32,21 +33,31 @@ class Block:
     start: Values
 
 
-def blocks_of(look: Look, grids: dict[str, Grid], groups: Sequence[tuple[Effect, ...]]) -> list[Block]:
-    """Return groups of effects, each at the multiples of small changes that explain the residuals best.
+@dataclass(slots=True, eq=False)
+class Blocks:
+    """Blocks beside one fit. What a little of each effect does is computed once.
 
-    Minimises Σ w |r + Σ_k f_k d_k|² within the bounds of each effect, with d_k what a little of it does and
-    uncertain parameters adapted.
-
-    Parameters
+    Attributes
     ----------
+    problem : FitProblem
     look : Look
-    grids : dict
-        By the names of the effects.
-    groups : sequence of tuple of Effect
+        From where the fit is.
     """
-    little = {name: look.little(grid) for name, grid in grids.items()}
-    return [_block(look, [little[e.name] for e in group]) for group in groups]
+
+    problem: FitProblem
+    look: Look
+    _little: dict[str, Little] = field(default_factory=dict, init=False)
+
+    def of(self, group: Sequence[Effect]) -> Block:
+        """Return some effects at the multiples of small changes that together explain the residuals best.
+
+        Minimises Σ w |r + Σ_k f_k d_k|² within the bounds of each effect, with d_k what a little of it does
+        and uncertain parameters adapted.
+        """
+        for e in group:
+            if e.name not in self._little:
+                self._little[e.name] = self.look.little(Grid.of(self.problem, e))
+        return _block(self.look, [self._little[e.name] for e in group])
 
 
 def _block(look: Look, parts: Sequence[Little]) -> Block:

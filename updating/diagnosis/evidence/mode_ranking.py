@@ -19,10 +19,10 @@ from fem.reduction.parametric_modes import ModesAt
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
 from fem.system import assemble
-from updating.diagnosis.evidence.blocks import Block
 from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.priors import PLACE_ODDS
+from updating.diagnosis.evidence.ranking import RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.evidence.screening import Grid, Screened
 from updating.inference.fit_result import FitResult
@@ -249,11 +249,9 @@ class ModeRanking:
         out.sort(key=lambda pair: pair[0])
         return tuple(s for _, s in out)
 
-    def blocks(
-        self, problem: ModeProblem, current: FitResult, groups: Sequence[tuple[Effect, ...]]
-    ) -> list[tuple[Block, ...]]:
-        """Return nothing: modes say too little of several springs at once."""
-        return []
+    def blocks(self, problem: ModeProblem, current: FitResult) -> RankedBlocks:
+        """Return what ranks nothing: modes say too little of several springs at once."""
+        return lambda groups: []
 
     def rivals(
         self, problem: ModeProblem, last: FitResult, effects: Sequence[Effect], n_best: int

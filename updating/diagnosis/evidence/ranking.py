@@ -7,7 +7,7 @@ import numpy as np
 
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
-from updating.diagnosis.evidence.blocks import Block, blocks_of
+from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES
 from updating.diagnosis.evidence.scan import Scan, Scanned
@@ -19,6 +19,8 @@ from updating.inference.scatter import Scatter, scatter_of
 
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
+
+RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
 
 
 class Ranking(Protocol):
@@ -42,10 +44,8 @@ class Ranking(Protocol):
         """Return candidates with starts, the most promising first; some are on the list in any case."""
         ...
 
-    def blocks(
-        self, problem: Any, current: FitResult, groups: Sequence[tuple[Effect, ...]]
-    ) -> list[tuple[Block, ...]]:
-        """Return groups of effects with starts, the most promising first."""
+    def blocks(self, problem: Any, current: FitResult) -> RankedBlocks:
+        """Return what puts groups of effects with starts in order, the most promising first."""
         ...
 
     def rivals(
@@ -93,14 +93,16 @@ class FrfRanking:
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, current, grids)
 
-    def blocks(
-        self, problem: FitProblem, current: FitResult, groups: Sequence[tuple[Effect, ...]]
-    ) -> list[tuple[Block, ...]]:
-        """Return groups of effects by what a little of them does, beside fitted and nominal parameters."""
-        grids = {e.name: Grid.of(problem, e) for group in groups for e in group}
-        looks = (look_at(problem, base) for base in (current, problem.at_nominal(current)))
-        both = zip(*(blocks_of(look, grids, groups) for look in looks), strict=True)
-        return sorted(both, key=lambda blocks: min(b.cost for b in blocks))
+    def blocks(self, problem: FitProblem, current: FitResult) -> RankedBlocks:
+        """Return what ranks groups by what a little of them does, beside fitted and nominal parameters."""
+        bases = current, problem.at_nominal(current)
+        beside = [Blocks(problem, look_at(problem, base)) for base in bases]
+
+        def ranked(groups: Sequence[tuple[Effect, ...]]) -> list[tuple[Block, ...]]:
+            both = [tuple(b.of(group) for b in beside) for group in groups]
+            return sorted(both, key=lambda blocks: min(b.cost for b in blocks))
+
+        return ranked
 
     def rivals(
         self, problem: FitProblem, last: FitResult, effects: Sequence[Effect], n_best: int

@@ -177,7 +177,7 @@ def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tu
         return ()
     looks = [look_at(problem, base) for base in (current, problem.at_nominal(current))]
     tried = [[start for look in looks for start in look.best_starts(grid)] for grid in grids]
-    costs = np.array([[cost for cost, _ in starts] for starts in tried]).reshape(len(grids), -1)
+    costs = np.array([[cost for cost, _ in starts] for starts in tried])
     rank = np.argsort(np.argsort(costs, axis=0, kind="stable"), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):

@@ -144,10 +144,8 @@ class Search:
 
     Attributes
     ----------
-    problem : FitProblem or ModeProblem
-        With the form among the uncertain parameters.
-    form : tuple of Nuisance
-        Those of them that are the form's.
+    problem, form, ranking
+        Of :class:`updating.diagnosis.evidence.fits.Fits`.
     candidates : tuple of Effect
     workers : Workers
         What computes independent fits.
@@ -159,15 +157,15 @@ class Search:
     say: Say = lambda text: None
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     scanned: tuple[Scanned, ...] = ()
-    ranking: Ranking = field(default_factory=FrfRanking)
+    ranking: InitVar[Ranking] = FrfRanking()  # noqa: RUF009 - it holds nothing
     workers: Workers = ALONE
 
     fits: Fits = field(init=False)
     places: tuple[Place, ...] = field(init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
 
-    def __post_init__(self, problem: AnyProblem, form: tuple[Nuisance, ...]) -> None:
-        self.fits = Fits(problem, form, Odds.of(self.candidates), self.ranking)
+    def __post_init__(self, problem: AnyProblem, form: tuple[Nuisance, ...], ranking: Ranking) -> None:
+        self.fits = Fits(problem, form, Odds.of(self.candidates), ranking)
         self.places = places_of(problem, self.candidates)
 
     # the search ---------------------------------------------------------------------------------------------
@@ -203,9 +201,9 @@ class Search:
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         begun = [
-            fits[: 2 if k < self.ranking.breadth // 2 else 1]
+            fits[: 2 if k < self.fits.ranking.breadth // 2 else 1]
             for k, (fits, first) in enumerate(short)
-            if k < self.ranking.breadth or first
+            if k < self.fits.ranking.breadth or first
         ]
         tried = self.workers.map(_continued, shared, begun)
         best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
@@ -224,7 +222,8 @@ class Search:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
         while len(h.effects) > 1:
             fewer = [tuple(x for x in h.effects if x.name != e.name) for e in h.effects]
-            now, options = self.on_few_lines(h, [(rest, values_of(rest)) for rest in fewer])
+            without = [(rest, values_of(rest)) for rest in fewer]
+            now, options = self.on_few_lines(self.fits.quick(h), h, without)
             best = max(options, key=lambda o: o.score, default=None)
             if best is None or best.score < now.score - TWIN_NATS:
                 return h
@@ -247,9 +246,9 @@ class Search:
             near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
             own = {r: v for r, v in result.values.items() if r[0] not in self.fits.form_names}
             last = replace(result, effects=(*rest, e), values=own)
-            found = self.ranking.rivals(quick, last, near, N_RIVALS)
+            found = self.fits.ranking.rivals(quick, last, near, N_RIVALS)
             others += [((*rest, s.effect), (*values_of(rest), s.starts[0])) for s in found]
-        now, rivals = self.on_few_lines(h, others)
+        now, rivals = self.on_few_lines(quick, h, others)
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
         # Few lines say less than all.
@@ -263,7 +262,7 @@ class Search:
     def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[Proposal]:
         """Return effects that may be added."""
         current = base.fitted.result
-        ranked = self.ranking.scan(self.fits.problem, current, self.places)
+        ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
         if not base.effects:
             self.scanned = ranked
         fields = {r for e in base.effects for r in e.released()}
@@ -278,10 +277,10 @@ class Search:
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
         there = set[str]().union(*held)
-        screened = self.ranking.screened(
+        screened = self.fits.ranking.screened(
             quick, now, [c for c in self.candidates if fits(c)], lambda e: e.name in there
         )
-        chosen = list(screened[: N_SHORT * self.ranking.breadth])
+        chosen = list(screened[: N_SHORT * self.fits.ranking.breadth])
         for names in held:
             best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
@@ -307,15 +306,17 @@ class Search:
             own = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and fits(e))
             if p.kind in CONNECTIONS and own:
                 springs[p.whole] = springs.get(p.whole, ()) + own
-        scanned = [tuple(e for p in s.places for e in springs.get(p.whole, ())) for s in ranked]
-        one = [s for s, r in zip(scanned, ranked, strict=True) if s and len(r.places) == 1][:N_PLACES]
-        two = [s for s, r in zip(scanned, ranked, strict=True) if s and len(r.places) == 2][:N_PAIRS]
         order = dict.fromkeys(s.places[0].whole for s in ranked if len(s.places) == 1)
         near = [springs[whole] for whole in order if whole in springs][:MOST_CONNECTIONS]
-        alone = self.ranking.blocks(quick, now, near or list(springs.values())[:MOST_CONNECTIONS])
+        pairs = (
+            tuple(e for p in s.places for e in springs.get(p.whole, ())) for s in ranked if len(s.places) == 2
+        )
+        two = [pair for pair in pairs if pair][:N_PAIRS]
+        ranked_blocks = self.fits.ranking.blocks(quick, now)
+        alone = ranked_blocks(near or list(springs.values())[:MOST_CONNECTIONS])
         first = [each[0].effects for each in alone[:MOST_PAIRED]]
-        paired = self.ranking.blocks(quick, now, [*two, *(a + b for a, b in combinations(first, 2))])
-        keys = {key_of(block) for block in (*one, *two)}
+        paired = ranked_blocks([*two, *(a + b for a, b in combinations(first, 2))])
+        keys = {key_of(block) for block in (*near[:N_PLACES], *two)}
         chosen = [
             each
             for blocks, n in ((alone, N_PLACES), (paired, N_PAIRS))
@@ -327,7 +328,7 @@ class Search:
             block = each[0].effects
             if len(block) > 1:
                 starts = [*(b.start for b in each), *self.block_starts(block)]
-                out[key_of(block)] = block, starts, block in one[:1]
+                out[key_of(block)] = block, starts, block in near[:1]
         return list(out.values())
 
     def block_starts(self, block: Sequence[Effect]) -> Starts:
@@ -347,14 +348,14 @@ class Search:
     # fits ---------------------------------------------------------------------------------------------------
 
     def on_few_lines(
-        self, h: Hypothesis, others: Sequence[tuple[Sequence[Effect], Values]]
+        self, quick: AnyProblem, h: Hypothesis, others: Sequence[tuple[Sequence[Effect], Values]]
     ) -> tuple[Hypothesis, list[Hypothesis]]:
         """Return a hypothesis fitted on few lines with the form fixed, and others fitted so from near it.
 
         Of the others those that have a structure.
         """
         wanted = [(h.effects, values_of(h.effects)), *others]
-        first, *rest = self.workers.map(_quickly, (self.fits, self.fits.quick(h), h), wanted)
+        first, *rest = self.workers.map(_quickly, (self.fits, quick, h), wanted)
         return first or h, [f for f in rest if f is not None]
 
     def full(
@@ -400,7 +401,7 @@ class Search:
         """
         for n_lines in BASIS_LINES if h.effects else ():
             problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
-            better = self.ranking.basis_for(problem, h.fitted.result, n_lines, BASIS_SHARE)
+            better = self.fits.ranking.basis_for(problem, h.fitted.result, n_lines, BASIS_SHARE)
             if better is None:
                 break
             error, reduced = better
@@ -422,7 +423,8 @@ class Search:
         """
         if not h.effects:
             return h
-        here, others = self.on_few_lines(h, [(h.effects, start) for start in around(h.effects)])
+        starts = [(h.effects, start) for start in around(h.effects)]
+        here, others = self.on_few_lines(self.fits.quick(h), h, starts)
         near = [a for a in others if a.score > here.score - BEAM_NATS and _moved(a, here)]
         fits = [h, *self.workers.map(_again, (self.fits, h), [None, *near])]
         fits.sort(key=lambda f: -f.score)
@@ -446,5 +448,5 @@ class Search:
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        left = self.ranking.left(self.fits.problem)
+        left = self.fits.ranking.left(self.fits.problem)
         return best.score + best.fitted.gain_of(best.fitted.levels.noise + left) - UNKNOWN_ODDS
