@@ -48,7 +48,8 @@ def test_a_weak_effect_begins_at_its_value(problem):
     grid = Grid.of(known, heavier)
     cost, start = look.best_starts(grid)[-1]
     # The density of the material is uncertain, and takes a part of it.
-    assert start["change"] == pytest.approx(0.004, rel=0.1)
+    (values,) = start.values
+    assert values["change"] == pytest.approx(0.004, rel=0.1)
     assert cost < look.costs(look.now[None])[0] - 1
 
 
@@ -60,11 +61,11 @@ def test_springs_in_two_directions_are_found_together(problem, springs):
     blocks = Blocks(known, look)
     block, alone = blocks.of(springs), blocks.of(springs[:1])
     assert block.cost < alone.cost - 1
-    for e, start in zip(weak[:2], block.start[:2], strict=True):
+    for e, start in zip(weak[:2], block.start.values[:2], strict=True):
         assert start["stiffness"] == pytest.approx(e.stiffness, rel=0.15)
-    # The third direction is rigid: it begins where it is hardly seen.
+    # The third direction is rigid: it begins where it is hardly seen, at few times its slight point.
     least = grids[springs[2].name].slight_points()[0][0]["stiffness"]
-    assert block.start[2]["stiffness"] == pytest.approx(least, rel=0.3)
+    assert least / 3 < block.start.values[2]["stiffness"] <= least
 
 
 def test_what_is_at_its_bound_does_not_adapt(problem):

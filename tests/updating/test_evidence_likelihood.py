@@ -13,6 +13,7 @@ from fem.effects.member_damping import MemberDamping
 from fem.reduction.local_changes import LocalChanges
 from tests.frames import write_study
 from updating.diagnosis.evidence.fitting import with_seen_noise
+from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_MODES
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
@@ -187,4 +188,4 @@ def test_an_effect_without_a_structure_gets_no_fit(problem, fitted, monkeypatch)
     search = Search(problem, (), problem.reduced.model.of_kind(MemberDamping), 0.0)
     nothing = search.full((), ())
     monkeypatch.setattr("updating.diagnosis.evidence.fits.fit", singular)
-    assert search.fits.shortly(problem, nothing, (), [()]) == []
+    assert search.fits.shortly(problem, (), [Start((), nothing.fitted.result)]) == []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -56,6 +56,10 @@ class FitFunction:
     start: NDArray[np.float64]
     lines: NDArray[np.int64]
     scatter: Scatter | None = None
+    # The end of a fit is asked for again.
+    _last: tuple[bytes, NDArray[np.complex128], NDArray[np.complex128]] | None = field(
+        default=None, init=False, repr=False
+    )
 
     def with_scatter(self, scatter: Scatter | None) -> FitFunction:
         """Return the function with small deviations among its unknowns."""
@@ -106,6 +110,17 @@ class FitFunction:
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
+        at = x.tobytes()
+        if self._last is not None and self._last[0] == at:
+            return self._last[1:]
+        r, J = self._evaluated(x, gradient)
+        if J is not None:
+            self._last = at, r, J
+        return r, J
+
+    def _evaluated(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         keep, weight = self.keep, self.problem.data.weight[self.lines]
         (own, damping, scatter), (hats, offset) = self._parts, self._damping
         values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)])

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from fem.model import Effect
-from updating.diagnosis.evidence.hypothesis import Values
+from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.screening import Grid, Little, Look
 from updating.inference.fit import FitProblem
 
@@ -23,14 +23,17 @@ class Block:
     ----------
     cost : float
         Negative log likelihood that the best multiples of their small changes leave.
+    gain : float
+        By how much less that is than without them.
     effects : tuple of Effect
-    start : tuple of dict
-        Their values there.
+    start : Start
+        Their values there, and the fit that they are looked at from.
     """
 
     cost: float
+    gain: float
     effects: tuple[Effect, ...]
-    start: Values
+    start: Start
 
 
 @dataclass(slots=True, eq=False)
@@ -64,8 +67,8 @@ def _block(look: Look, parts: Sequence[Little]) -> Block:
     """Return the block of some effects."""
     replaced = tuple(dict.fromkeys(ref for p in parts for ref in p.grid.effect.replaces()))
     change = np.stack([p.change[0] for p in parts])
-    every = look.adapted(np.vstack([look.now, change]), replaced)
-    weight = np.sqrt(look.trust[: every.shape[1]])
+    every = np.vstack([look.adapted(look.now[None], replaced, look.off), look.adapted(change, replaced)])
+    weight = np.sqrt(look.weights)
     now, *columns = (np.concatenate([x.real, x.imag]) for x in weight * every)
     most = np.array([max(p.most[0], 1.0) for p in parts])
     least = np.where([p.grid.one_sided() for p in parts], 0.0, -most)
@@ -75,5 +78,5 @@ def _block(look: Look, parts: Sequence[Little]) -> Block:
     factors = lsq_linear(A / size, -now, (least * size, most * size)).x / size
     cost = float(look.costs((every[0] + factors @ every[1:])[None])[0])
     factors = np.where(np.abs(factors) < LEAST_MULTIPLE, LEAST_MULTIPLE, factors)
-    start = tuple(p.values(0, float(f)) for p, f in zip(parts, factors, strict=True))
-    return Block(cost, tuple(p.grid.effect for p in parts), start)
+    values = tuple(p.values(0, float(f)) for p, f in zip(parts, factors, strict=True))
+    return Block(cost, look.cost_now - cost, tuple(p.grid.effect for p in parts), Start(values, look.base))

@@ -10,8 +10,7 @@ from fem.model import Effect, Model
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.begin import Progress, builder, refined
 from updating.diagnosis.candidates import propose
-from updating.diagnosis.evidence.fits import FULL_LINES
-from updating.diagnosis.evidence.fitting import fit, with_seen_noise
+from updating.diagnosis.evidence.fitting import FULL_LINES, fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.search import Search

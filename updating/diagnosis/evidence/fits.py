@@ -11,15 +11,15 @@ import numpy as np
 from fem.model import Effect, ParameterRef
 from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble
-from updating.diagnosis.evidence.fitting import fit
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Starts, Values, values_of
+from updating.diagnosis.evidence.fitting import FULL_LINES, fit
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.fit import FitProblem
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
 
-QUICK_LINES, FULL_LINES = 40, 100
-"""Lines of quick fits, and of full ones."""
+QUICK_LINES = 40
+"""Lines of quick fits."""
 SHORT_STEPS, QUICK_STEPS = 2, 6
 """Steps of first, short fits in each band, and of those that go on from them."""
 FAR = 3.0
@@ -86,32 +86,28 @@ class Fits:
         return {r: v for r, v in base.fitted.result.values.items() if r[0] in self.form_names}
 
     def shortly(
-        self, quick: AnyProblem, base: Hypothesis, effects: Sequence[Effect], starts: Starts
+        self, quick: AnyProblem, effects: Sequence[Effect], starts: Sequence[Start]
     ) -> list[Hypothesis]:
         """Return a hypothesis after a few steps from each of some starts, the best first.
 
-        None where no start has a structure. Of many starts those go on that do best in the lowest band. All
-        else begins where it is in a base and, where that is far from the data, at its nominal values, too.
+        None where no start has a structure. Of many starts those go on that do best in the lowest band.
         """
         few: dict[str, Any] = {"n_lines": QUICK_LINES, "max_iterations": SHORT_STEPS}
+        few["stages"] = quick.stages[-1:]
         if len(starts) > N_STARTS:
             tried = possible(partial(self._in_lowest_band, quick, effects, start) for start in starts)
             starts = [start for _, start in sorted(tried, key=lambda each: -each[0])[:N_STARTS]]
-        ways: list[dict[str, Any]] = [{"stages": quick.stages[-1:], "x_from": base.fitted.result}]
-        ways += [{}] if self.is_far(base) else []
-        problems = [(with_forces(quick, effects, start), start) for start in starts]
         fits = possible(
-            partial(self._fit, problem, effects, start, **few, **way)
-            for problem, start in problems
-            for way in ways
+            partial(self._fit, with_forces(quick, effects, s.values), effects, s.values, x_from=s.near, **few)
+            for s in starts
         )
         return sorted(fits, key=lambda h: -h.fitted.log_evidence)
 
     def _in_lowest_band(
-        self, quick: AnyProblem, effects: Sequence[Effect], start: Values
-    ) -> tuple[float, Values]:
+        self, quick: AnyProblem, effects: Sequence[Effect], start: Start
+    ) -> tuple[float, Start]:
         how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": QUICK_LINES, "max_iterations": 3}
-        return self._fit(quick, effects, start, **how).fitted.log_likelihood, start
+        return self._fit(quick, effects, start.values, **how).fitted.log_likelihood, start
 
     def highest(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the highest of the maxima around it, on few lines.
@@ -206,10 +202,10 @@ def possible(fits: Iterable[Callable[[], Fit]]) -> list[Fit]:
     return out
 
 
-def around(effects: Sequence[Effect], first: int = 0) -> Starts:
+def around(effects: Sequence[Effect], first: int = 0) -> list[Values]:
     """Return starts at the effects' values but for one positive parameter, some factors off."""
     values = values_of(effects)
-    starts: Starts = []
+    starts: list[Values] = []
     for k, e in list(enumerate(effects))[first:]:
         for p in e.parameters():
             for factor in AROUND if p.log else ():

@@ -23,6 +23,9 @@ from updating.least_squares.mode_levels import ModeLevels
 
 Floats = NDArray[np.float64]
 
+FULL_LINES = 100
+"""Lines of full fits."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
@@ -80,19 +83,25 @@ def n_data(problem: FitProblem, stage: float = np.inf) -> float:
     return DATA_PER_MODE * max(3.0, problem.n_modes * min(1.0, stage / problem.data.frequency[-1]))
 
 
-def levels_of(function: FitFunction, stage: float = np.inf) -> Levels | ModeLevels | JointLevels:
-    """Return how probable error levels are: noise, and what beams and the mesh leave beside it."""
+def levels_of(
+    function: FitFunction, stage: float = np.inf, n_lines: int = 0
+) -> Levels | ModeLevels | JointLevels:
+    """Return how probable error levels are: noise, and what beams and the mesh leave beside it.
+
+    The function's lines may stand for another number of lines.
+    """
     if isinstance(function, ModeFunction):
         return function.mode_levels()
     if isinstance(function, JointFunction):
         frf, modes = function.both
-        return JointLevels(_of_frf(frf, stage), modes.mode_levels())
-    return _of_frf(function, stage)
+        return JointLevels(_of_frf(frf, stage, n_lines), modes.mode_levels())
+    return _of_frf(function, stage, n_lines)
 
 
-def _of_frf(function: FitFunction, stage: float) -> Levels:
+def _of_frf(function: FitFunction, stage: float, n_lines: int) -> Levels:
     problem = function.problem
     sizes = np.unique(function.groups, return_counts=True)[1]
+    sizes = sizes * ((n_lines or len(function.lines)) / len(function.lines))
     noise = function.mean_by_group(noise_squares(problem.data, function.lines))
     n = n_data(problem, stage) * sizes / sizes.sum()
     least = (FORM_LEAST * problem.model_error) ** 2 + problem.mesh_level**2

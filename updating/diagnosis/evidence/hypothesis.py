@@ -10,9 +10,25 @@ from fem.model import Effect, parameter_values
 from updating.diagnosis.evidence.fitting import Fitted
 from updating.diagnosis.evidence.places import place_of
 from updating.diagnosis.evidence.priors import PLACE_ODDS
+from updating.inference.fit_result import FitResult
 
 Values = tuple[dict[str, float], ...]
-Starts = list[Values]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Where a fit begins.
+
+    Attributes
+    ----------
+    values : tuple of dict
+        Of the effects.
+    near : FitResult
+        All else begins as it is there.
+    """
+
+    values: Values
+    near: FitResult
 
 
 @dataclass(frozen=True, slots=True, eq=False)

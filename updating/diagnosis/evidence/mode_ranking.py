@@ -20,9 +20,10 @@ from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
 from fem.system import assemble
 from updating.diagnosis.evidence.fitting import priors_of
+from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.priors import PLACE_ODDS
-from updating.diagnosis.evidence.ranking import RankedBlocks
+from updating.diagnosis.evidence.ranking import MayWin, RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.evidence.screening import Grid, Screened
 from updating.inference.fit_result import FitResult
@@ -230,6 +231,7 @@ class ModeRanking:
         current: FitResult,
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
+        may_win: MayWin | None = None,
     ) -> tuple[Screened, ...]:
         """Return candidates by the misfit that they leave on their grids, of the best by their slopes."""
         look = ModeLook(problem, current)
@@ -239,13 +241,15 @@ class ModeRanking:
         order = np.argsort(by_slopes, kind="stable")
         chosen = {int(i) for i in order[:N_LOOKED]} | {i for i, g in enumerate(grids) if listed(g.effect)}
         out, now = [], float((look.misfit**2).sum())
+        bases = current, problem.at_nominal(current)
         for i in sorted(chosen):
             left = look.left_by(grids[i])
             best = [int(k) for k in np.argsort(left)[:N_STARTS] if np.isfinite(left[k])]
             # Less than the prior asks for one more place cannot make a hypothesis the more probable one.
             if best and (now - left[best[0]]) / 2 > PLACE_ODDS:
-                starts = tuple(grids[i].points[k] for k in best)
-                out.append((float(left[best[0]]), Screened(grids[i].effect, starts)))
+                starts = tuple(Start((grids[i].points[k],), base) for k in best for base in bases)
+                gain = (now - float(left[best[0]])) / 2
+                out.append((float(left[best[0]]), Screened(grids[i].effect, starts, gain)))
         out.sort(key=lambda pair: pair[0])
         return tuple(s for _, s in out)
 

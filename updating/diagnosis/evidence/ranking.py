@@ -11,15 +11,20 @@ from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES
 from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.evidence.screening import Grid, Screened, look_at, rivals, screen, shortlist
+from updating.diagnosis.evidence.screening import Grid, Screened, look_at, screen
+from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlist
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import direct_responses
 from updating.inference.scatter import Scatter, scatter_of
 
+LEAST_GRIDS = 3
+"""So many of the best by a linear look are looked at in any case."""
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 
+MayWin = Callable[[Effect, float], bool]
+"""Whether an effect that raises the log likelihood by so much may make a hypothesis more probable."""
 RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
 
 
@@ -39,9 +44,18 @@ class Ranking(Protocol):
         ...
 
     def screened(
-        self, problem: Any, current: FitResult, effects: Sequence[Effect], listed: Callable[[Effect], bool]
+        self,
+        problem: Any,
+        current: FitResult,
+        effects: Sequence[Effect],
+        listed: Callable[[Effect], bool],
+        may_win: MayWin | None = None,
     ) -> tuple[Screened, ...]:
-        """Return candidates with starts, the most promising first; some are on the list in any case."""
+        """Return candidates with starts, the most promising first.
+
+        Far from the data some are ``listed`` in any case. Near them, where all is linear, ``may_win`` tells
+        which deserve a look by the most that they can gain.
+        """
         ...
 
     def blocks(self, problem: Any, current: FitResult) -> RankedBlocks:
@@ -84,10 +98,16 @@ class FrfRanking:
         current: FitResult,
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
+        may_win: MayWin | None = None,
     ) -> tuple[Screened, ...]:
-        """Return candidates by the levels that they leave on grids of their parameters."""
+        """Return candidates by the likelihood that they reach on grids of their parameters."""
         grids = [Grid.of(problem, e) for e in effects]
-        if len(grids) > MOST_GRIDS:
+        if may_win is not None:
+            gains = linear_gains(problem, current, grids)
+            order = np.argsort(-gains, kind="stable")
+            chosen = [i for n, i in enumerate(order) if n < LEAST_GRIDS or may_win(grids[i].effect, gains[i])]
+            grids = [grids[i] for i in chosen if gains[i] > -np.inf]
+        elif len(grids) > MOST_GRIDS:
             bases = (current, problem.at_nominal(current))
             chosen = shortlist(problem, bases, grids)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]

@@ -17,7 +17,8 @@ from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from updating.correlation import complex_log
-from updating.diagnosis.evidence.fitting import levels_of
+from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of
+from updating.diagnosis.evidence.hypothesis import Start
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
@@ -26,27 +27,16 @@ from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 N_WHOLE, N_LOW = 44, 24
 """Lines of the whole band, and of the low one, at which candidates are looked at."""
-MOST_RIVALS = 400
-"""Of more candidates at the place of an effect only a short list is looked at."""
-N_LISTED = 20
-"""So many of the best by each measure are on it."""
-N_WHOLE_LIST, N_LOW_LIST = 18, 8
-"""Lines of the whole band, and of the low one, for the short list."""
-MOST_PLACES = 4
-"""At most so many of a candidate's places, for the short list."""
 
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
-
-_TOGETHER = 100
-"""So many candidates of the list are judged at once."""
 
 VISIBLE = 1e-3
 """Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
 directions measured do not see them [nepers]."""
 
-MOST_VALUES, MOST_VALUES_LISTED = 700, 10_000
-"""At most so many values of FRFs in the whole band, in the low one, and for the short list are looked at."""
+MOST_VALUES = 700
+"""At most so many values of FRFs in the whole band, and in the low one, are looked at."""
 
 WEAKER = 0.1
 """For the short list each candidate is tried at this share of the weakest of its points."""
@@ -147,11 +137,14 @@ class Screened:
     Attributes
     ----------
     effect : Effect
-    starts : tuple of dict
+    starts : tuple of Start
+    gain : float
+        By how much the log likelihood of a fit on all lines would rise, at most, as far as all is linear.
     """
 
     effect: Effect
-    starts: tuple[dict[str, float], ...]
+    starts: tuple[Start, ...]
+    gain: float = np.inf
 
 
 def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tuple[Screened, ...]:
@@ -176,93 +169,32 @@ def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tu
     if not grids:
         return ()
     looks = [look_at(problem, base) for base in (current, problem.at_nominal(current))]
-    tried = [[start for look in looks for start in look.best_starts(grid)] for grid in grids]
+    each = [[look.best_starts(grid) for look in looks] for grid in grids]
+    tried = [[start for by_look in of_grid for start in by_look] for of_grid in each]
+    now = looks[0].cost_now
+    gains = [
+        now - min(cost for by_look in of_grid for cost, _ in (by_look[0], by_look[-1])) for of_grid in each
+    ]
     costs = np.array([[cost for cost, _ in starts] for starts in tried])
     rank = np.argsort(np.argsort(costs, axis=0, kind="stable"), axis=0)
     out = []
     for i in np.argsort(rank.min(axis=1), kind="stable"):
         if not np.isfinite(costs[i]).any():
             continue
-        points: list[dict[str, float]] = []
+        starts: list[Start] = []
         for measure in np.argsort(rank[i], kind="stable"):
-            cost, point = tried[i][measure]
-            if np.isfinite(cost) and point not in points:
-                points.append(point)
-        out.append(Screened(grids[i].effect, tuple(points[:2])))
+            cost, start = tried[i][measure]
+            if np.isfinite(cost) and not any(
+                start.values == s.values and start.near is s.near for s in starts
+            ):
+                starts.append(start)
+        out.append(Screened(grids[i].effect, tuple(starts[:2]), gains[i]))
     return tuple(out)
 
 
 def look_at(problem: FitProblem, base: FitResult) -> "Look":
     """Look at candidates from where a fit is."""
     return Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
-
-
-def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
-    """Choose the candidates that come nearest to what the last effect of a fit does.
-
-    Each takes its place while everything else stays as it was fitted with it. Of very many only a short list
-    is looked at.
-    """
-    name = best.effects[-1].name
-    values = {ref: v for ref, v in best.values.items() if ref[0] != name}
-    without = replace(best, effects=best.effects[:-1], values=values)
-    if len(grids) > MOST_RIVALS:
-        grids = [grids[i] for i in shortlist(problem, (without,), grids)]
-    look = Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
-    found = []
-    for i, grid in enumerate(grids):
-        costs = look.levels(grid)[0]
-        k = int(np.argmin(costs))
-        if np.isfinite(costs[k]):
-            found.append((float(costs[k]), i, k))
-    return tuple(Screened(grids[i].effect, (grids[i].points[k],)) for _, i, k in sorted(found)[:n_best])
-
-
-def shortlist(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> list[int]:
-    """Return which of very many candidates deserve a look on their grids, by what a little of each would do.
-
-    The ``N_LISTED`` best by each measure go on, and all that release a constraint.
-    """
-    levels = _proportional_levels(problem, bases, grids)
-    listed = {i for i, grid in enumerate(grids) if grid.effect.released()}
-    for row in levels:
-        best = np.argsort(row, kind="stable")[:N_LISTED]
-        listed |= {int(i) for i in best if np.isfinite(row[i])}
-    return sorted(listed)
-
-
-def _proportional_levels(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> Floats:
-    """Return the levels that the best strength of each candidate would leave if FRFs changed in proportion.
-
-    Shape (2 n_bases, n_grids): for each base the cost on the whole band without what nuisance parameters
-    explain, and the level on the low band. The change is taken from the responses at all DOFs and the
-    candidate's element matrices, so that none is projected.
-    """
-    looks = [Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_LISTED) for base in bases]
-    responses = [look.fields() for look in looks]
-    levels = np.full((2 * len(looks), len(grids)), np.inf)
-    model = problem.reduced.model
-    for first in range(0, len(grids), _TOGETHER):
-        owner: list[int] = []
-        most: list[float] = []
-        slopes: list[list[Complexes]] = [[] for _ in looks]
-        for i in range(first, min(first + _TOGETHER, len(grids))):
-            effect = grids[i].effect
-            points = () if effect.released() else grids[i].slight_points()
-            step = max(1, -(-len(points) // MOST_PLACES))
-            for point, factor in points[(step - 1) // 2 :: step]:
-                contributions = effect.with_values(**point).contribute(model)
-                owner.append(i)
-                most.append(factor)
-                for mine, every in zip(slopes, responses, strict=True):
-                    mine.append(every.slope(contributions, effect.connection))
-        one_sided = np.array([grids[i].one_sided() for i in owner], dtype=bool)
-        replaced = [tuple(grids[i].effect.replaces()) for i in owner]
-        for b, look in enumerate(looks if owner else ()):
-            two = look.linear(np.stack(slopes[b]), np.array(most), one_sided, replaced)
-            for i, each in zip(owner, two.T, strict=True):
-                levels[2 * b : 2 * b + 2, i] = np.minimum(levels[2 * b : 2 * b + 2, i], each)
-    return levels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -298,10 +230,12 @@ class Look:
 
     Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
     (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each, and ``whole`` tells
-    which of them stand for the whole band. ``slopes`` (n, m) are the weighted slopes of the nuisance
-    parameters ``refs`` and of damping for these, ``trust`` (m,) what each value counts by the likelihood and
-    ``known`` (n,) the prior precision; real and imaginary parts stand side by side. ``share`` (m, n_groups)
-    takes the mean over the values of each group, whose ``likelihood`` is that of a fit.
+    which of them stand for the whole band. Prior knowledge counts as more residuals behind these: ``off``
+    (n_all,) is how far each nuisance parameter is from its prior mean, in deviations. ``slopes``
+    (n, 2 m + n_all) are the slopes of all residuals by the nuisance parameters ``refs`` and by damping, and
+    ``trust`` (2 m + n_all,) what each counts by the likelihood; real and imaginary parts stand side by side.
+    ``share`` (m, n_groups) takes the mean over the values of each group, whose ``likelihood`` is that of a
+    full fit.
     """
 
     problem: FitProblem
@@ -314,7 +248,8 @@ class Look:
     refs: tuple[ParameterRef, ...]
     slopes: Floats
     trust: Floats
-    known: Floats
+    off: Floats
+    prior_of: tuple[ParameterRef, ...]
     share: Floats
     likelihood: Levels
     # By the constraints that an effect releases, and by the nuisance parameters that it replaces.
@@ -346,18 +281,21 @@ class Look:
         group = np.unique(function.groups, return_inverse=True)[1][some]
         share = np.eye(group.max(initial=0) + 1)[group]
         share /= np.maximum(share.sum(axis=0), 1.0)
-        likelihood = levels_of(function)
+        likelihood = levels_of(function, n_lines=FULL_LINES)
         assert isinstance(likelihood, Levels)
         worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share)
         weight = pseudo_huber_weight(r, ROBUST) * (share @ worth)
         prior = function.prior()
-        known = np.where(np.isfinite(prior.std), 1 / prior.std**2, 0.0)
-        slopes, trust = np.hstack([J.real, J.imag]), np.concatenate([weight, weight])
+        known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
+        off = known * np.where(known > 0, x - prior.mean, 0.0)
+        slopes = np.hstack([J.real, J.imag, np.diag(known)])
+        trust = np.concatenate([weight, weight, np.ones(len(x))])
         # What is at its bound moves no farther.
         low_bound, high_bound = function.limits().T
         near = NEAR_BOUND * np.where(np.isfinite(prior.std), prior.std, 0.0)
         free = (x > low_bound + near) & (x < high_bound - near)
-        slopes, known = slopes[free], known[free]
+        slopes = slopes[free]
+        prior_of = tuple(v.ref for v in function.variables)
         refs = tuple(v.ref for v, is_free in zip(function.variables, free, strict=False) if is_free)
 
         data, lines = problem.data, np.concatenate([whole, low])
@@ -367,15 +305,16 @@ class Look:
         at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
         measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
         return cls(
-            problem, base, lines, at, measured, w, at < n_first, refs, slopes, trust, known, share, likelihood
-        )
+            problem, base, lines, at, measured, w, at < n_first, refs, slopes, trust, off, prior_of, share,
+            likelihood,
+        )  # fmt: skip
 
-    def best_starts(self, grid: Grid) -> list[tuple[float, dict[str, float]]]:
-        """Return the best point of a candidate by each of three measures, and how good it is."""
+    def best_starts(self, grid: Grid) -> list[tuple[float, Start]]:
+        """Return the best start of a candidate by each of three measures, and how good it is."""
         levels = self.levels(grid)
         best = [(float(row.min()), grid.points[int(np.argmin(row))]) for row in levels]
         best.append(self._best_of_little(grid))
-        return best
+        return [(cost, Start((point,), self.base)) for cost, point in best]
 
     def levels(self, grid: Grid) -> Floats:
         """Return the cost on the whole band with nuisances adapted, and the level on the low one.
@@ -384,7 +323,7 @@ class Look:
         """
         r, possible = self._at(grid)
         first, low = r[:, self.whole], r[:, ~self.whole]
-        every = [self.costs(self.adapted(first, grid.effect.replaces()))]
+        every = [self.costs(self.adapted(first, grid.effect.replaces(), self.off))]
         every += [_level(low)] if low.size else []
         levels = np.where(possible, np.stack(every), np.inf)
         return levels if np.abs(r - self._now).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
@@ -392,11 +331,18 @@ class Look:
     def _best_of_little(self, grid: Grid) -> tuple[float, dict[str, float]]:
         """Return the cost of the best multiple of what a little of a candidate does, and its values there."""
         little, replaced = self.little(grid), grid.effect.replaces()
-        now = self.adapted(self._now[None, self.whole], replaced)[0]
-        change, trust = self.adapted(little.change, replaced), self.trust[: len(now)]
-        costs, factors = _best_multiples(now, change, little.most, grid.one_sided(), trust, self.costs)
+        now = self.adapted(self.now[None], replaced, self.off)[0]
+        change = self.adapted(little.change, replaced)
+        costs, factors = _best_multiples(
+            now, change, little.most, grid.one_sided(), self.weights, self.costs, len(self.share)
+        )
         k = int(np.argmin(costs))
         return float(costs[k]), little.values(k, float(factors[k]))
+
+    def _best_multiples(
+        self, now: Complexes, change: Complexes, most: Floats, one_sided: bool | NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
+        return _best_multiples(now, change, most, one_sided, self.weights, self.costs, len(self.share))
 
     def little(self, grid: Grid) -> "Little":
         """Return what a little of a candidate does to the residuals of the whole band.
@@ -416,9 +362,16 @@ class Look:
         return self._possible(self._local(grid.effect.released()).with_terms(self._terms(grid)))
 
     def costs(self, r: Complexes) -> Floats:
-        """Return the negative log likelihood of residuals (n, m) in the whole band, (n,)."""
-        v = pseudo_huber(r, ROBUST) @ self.share
-        return np.array([self.likelihood.cost(each) for each in v])
+        """Return the negative log posterior of residuals (n, m + n_all), (n,)."""
+        m = len(self.share)
+        v = pseudo_huber(r[:, :m], ROBUST) @ self.share
+        known = 0.5 * (r[:, m:].real ** 2).sum(axis=1)
+        return np.array([self.likelihood.cost(each) for each in v]) + known
+
+    @property
+    def weights(self) -> Floats:
+        """What each residual counts, (m + n_all,)."""
+        return self.trust[len(self.share) :]
 
     def _terms(self, grid: Grid) -> tuple:
         """Return what the effect adds at the points, on members and joints as they are in the base.
@@ -472,17 +425,26 @@ class Look:
         now, low, out = self._now[self.whole], self._now[~self.whole], np.empty((2, len(d)))
         for without in set(replaced):
             k = np.array([i for i, each in enumerate(replaced) if each == without])
-            every = self.adapted(np.vstack([now, d[k][:, self.whole]]), without)
-            trust = self.trust[: len(now)]
-            out[0, k], _ = _best_multiples(every[0], every[1:], most[k], one_sided[k], trust, self.costs)
+            left = self.adapted(now[None], without, self.off)[0]
+            change = self.adapted(d[k][:, self.whole], without)
+            out[0, k], _ = _best_multiples(
+                left, change, most[k], one_sided[k], self.weights, self.costs, len(self.share)
+            )
         weight = pseudo_huber_weight(low, ROBUST)
-        out[1], _ = _best_multiples(low, d[:, ~self.whole], most, one_sided, weight, _level)
+        out[1] = np.inf
+        if low.size:
+            out[1], _ = _best_multiples(low, d[:, ~self.whole], most, one_sided, weight, _level)
         return out
 
     @property
     def now(self) -> Complexes:
         """The weighted residuals of the whole band without a candidate."""
         return self._now[self.whole]
+
+    @cached_property
+    def cost_now(self) -> float:
+        """The negative log posterior without a candidate."""
+        return float(self.costs(self.adapted(self.now[None], (), self.off))[0])
 
     @cached_property
     def _now(self) -> Complexes:
@@ -501,16 +463,21 @@ class Look:
             r: Any = self.weight * complex_log(computed / self.measured)
         return np.where(np.isfinite(r), r, 0.0)
 
-    def adapted(self, r: Complexes, replaced: Sequence[ParameterRef] = ()) -> Complexes:
-        """Return residuals without what a small change of the nuisance parameters explains.
+    def adapted(
+        self, r: Complexes, replaced: Sequence[ParameterRef] = (), off: Floats | None = None
+    ) -> Complexes:
+        """Return residuals (n, m) without what a small change of the nuisance parameters explains.
 
-        Those that an effect replaces stay as they are.
+        Behind them stand those of prior knowledge, (n, m + n_all), which begin at ``off`` or, for changes of
+        residuals, at 0. Parameters that an effect replaces stay as they are, and nothing is known of them.
         """
-        slopes, back = self._by_nuisances(tuple(ref for ref in replaced if ref in self.refs))
-        flat = np.hstack([r.real, r.imag])
+        slopes, back = self._by_nuisances(tuple(ref for ref in replaced if ref in self.prior_of))
+        known = np.zeros((len(r), len(self.off))) if off is None else np.tile(off, (len(r), 1))
+        known[:, [k for k, ref in enumerate(self.prior_of) if ref in replaced]] = 0.0
+        flat = np.hstack([r.real, r.imag, known])
         left = flat - (flat @ back.T) @ slopes
-        half = left.shape[1] // 2
-        return left[:, :half] + 1j * left[:, half:]
+        m = r.shape[1]
+        return np.hstack([left[:, :m] + 1j * left[:, m : 2 * m], left[:, 2 * m :]])
 
     def _by_nuisances(self, without: tuple[ParameterRef, ...]) -> tuple[Floats, Floats]:
         """Return the slopes of nuisance parameters but some, and what takes a residual to their change."""
@@ -518,7 +485,7 @@ class Look:
             kept = [k for k in range(len(self.slopes)) if k >= len(self.refs) or self.refs[k] not in without]
             slopes = self.slopes[kept]
             weighted = slopes * self.trust
-            A = weighted @ slopes.T + np.diag(self.known[kept])
+            A = weighted @ slopes.T
             A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
             self._projections[without] = slopes, np.linalg.solve(A, weighted)
         return self._projections[without]
@@ -541,18 +508,19 @@ def _best_multiples(
     one_sided: bool | NDArray[np.bool_],
     weight: Floats,
     cost: Callable[[Complexes], Floats],
+    n_data: int | None = None,
 ) -> tuple[Floats, Floats]:
     """Return the costs (n,) that the best multiples of changes (n, m) of residuals (m,) leave, and these.
 
     Within ± ``most`` (n,), or from 0 to it where they are one-sided; the cost is infinite where the change
-    is invisible.
+    of the first ``n_data`` is invisible.
     """
     size = (weight * np.abs(change) ** 2).sum(axis=1)
     slope = (weight * (change.conj() * now).real).sum(axis=1)
     least = np.where(one_sided, 0.0, -most)
     factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
     moved = factor[:, None] * change
-    visible = np.abs(moved).max(axis=1, initial=0.0) >= VISIBLE
+    visible = np.abs(moved[:, :n_data]).max(axis=1, initial=0.0) >= VISIBLE
     return np.where(visible, cost(now + moved), np.inf), factor
 
 

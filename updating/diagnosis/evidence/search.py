@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.evidence.fits import FULL_LINES, AnyProblem, Fits, around, with_forces
+from updating.diagnosis.evidence.fits import AnyProblem, Fits, around, with_forces
+from updating.diagnosis.evidence.fitting import FULL_LINES
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
-    Starts,
+    Start,
     Values,
     key_of,
     near_to,
@@ -54,7 +55,7 @@ BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
 """The basis gets responses at so many lines of what was found while it errs there by more than this share of
 the level."""
 Say = Callable[[str], None]
-Proposal = tuple[tuple[Effect, ...], Starts, bool]
+Proposal = tuple[tuple[Effect, ...], Sequence[Start], bool]
 """Effects to add, values to start from, and whether they are at the first place of the scan."""
 
 
@@ -102,10 +103,10 @@ class Maximum:
 
 
 def _shortly(
-    shared: tuple[Fits, AnyProblem, Hypothesis], item: tuple[tuple[Effect, ...], Starts]
+    shared: tuple[Fits, AnyProblem, Hypothesis], item: tuple[tuple[Effect, ...], Sequence[Start]]
 ) -> list[Hypothesis]:
-    (fits, quick, base), (effects, starts) = shared, item
-    return fits.shortly(quick, base, effects, starts)
+    (fits, quick, _), (effects, starts) = shared, item
+    return fits.shortly(quick, effects, starts)
 
 
 def _continued(shared: tuple[Fits, AnyProblem, Hypothesis], item: list[Hypothesis]) -> Hypothesis:
@@ -194,7 +195,10 @@ class Search:
         quick = self.fits.quick(base)
         shared, kept = (self.fits, quick, base), values_of(base.effects)
         proposals = self.proposals(base, quick)
-        wanted = [((*base.effects, *new), [(*kept, *s) for s in starts]) for new, starts, _ in proposals]
+        wanted = [
+            ((*base.effects, *new), [Start((*kept, *s.values), s.near) for s in starts])
+            for new, starts, _ in proposals
+        ]
         fitted = self.workers.map(_shortly, shared, wanted)
         firsts = [first for *_, first in proposals]
         short = [(fits, first) for fits, first in zip(fitted, firsts, strict=True) if fits]
@@ -247,7 +251,7 @@ class Search:
             own = {r: v for r, v in result.values.items() if r[0] not in self.fits.form_names}
             last = replace(result, effects=(*rest, e), values=own)
             found = self.fits.ranking.rivals(quick, last, near, N_RIVALS)
-            others += [((*rest, s.effect), (*values_of(rest), s.starts[0])) for s in found]
+            others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
         now, rivals = self.on_few_lines(quick, h, others)
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
@@ -278,20 +282,34 @@ class Search:
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
         there = set[str]().union(*held)
         screened = self.fits.ranking.screened(
-            quick, now, [c for c in self.candidates if fits(c)], lambda e: e.name in there
+            quick,
+            now,
+            [c for c in self.candidates if fits(c)],
+            lambda e: e.name in there,
+            None if self.fits.is_far(base) else partial(self.may_win, base),
         )
-        chosen = list(screened[: N_SHORT * self.fits.ranking.breadth])
+        likely = [s for s in screened if self.may_win(base, s.effect, s.gain)]
+        chosen = likely[: N_SHORT * self.fits.ranking.breadth]
         for names in held:
-            best = {s.effect.kind: s for s in reversed(screened) if s.effect.name in names}
+            best = {s.effect.kind: s for s in reversed(likely) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
+        chosen += [s for s in screened if s not in chosen][: max(0, N_FINAL - len(chosen))]
         first = held[0] if held else set[str]()
-        out: list[Proposal] = [
-            ((s.effect,), [(start,) for start in s.starts], s.effect.name in first) for s in chosen
-        ]
-        return out + self.blocks(quick, now, ranked, fits)
+        out: list[Proposal] = [((s.effect,), s.starts, s.effect.name in first) for s in chosen]
+        return out + self.blocks(base, quick, now, ranked, fits)
+
+    def may_win(self, base: Hypothesis, new: Effect, gain: float) -> bool:
+        """Whether an effect beside those of a hypothesis that raises its likelihood so may be more probable.
+
+        Or nearly so. Far from the data nothing is linear, and all may be.
+        """
+        odds = self.fits.odds
+        less = odds.prior(base.effects) - odds.prior((*base.effects, new))
+        return self.fits.is_far(base) or gain > less - TWIN_NATS
 
     def blocks(
         self,
+        base: Hypothesis,
         quick: AnyProblem,
         now: FitResult,
         ranked: Sequence[Scanned],
@@ -326,12 +344,14 @@ class Search:
         out: dict[frozenset[str], Proposal] = {}
         for each in chosen:
             block = each[0].effects
-            if len(block) > 1:
-                starts = [*(b.start for b in each), *self.block_starts(block)]
+            # Its evidence pays for the directions that stay: of a block for one at least.
+            gain = max(b.gain for b in each)
+            if len(block) > 1 and any(self.may_win(base, e, gain) for e in block):
+                starts = [*(b.start for b in each), *self.block_starts(block, each[-1].start.near)]
                 out[key_of(block)] = block, starts, block in near[:1]
         return list(out.values())
 
-    def block_starts(self, block: Sequence[Effect]) -> Starts:
+    def block_starts(self, block: Sequence[Effect], near: FitResult) -> list[Start]:
         """Return starts in which directions give way a little or much, by the effects' own grids.
 
         At one place those along and those about axes together; at several, each place's directions.
@@ -341,7 +361,7 @@ class Search:
         names = [str(_turns(e)) for e in block] if len(set(places)) == 1 else places
         groups = [sorted(set(names)).index(name) for name in names]
         return [
-            tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True))
+            Start(tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True)), near)
             for shares in product(BLOCK_SHARES, repeat=max(groups) + 1)
         ]
 
