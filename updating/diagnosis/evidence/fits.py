@@ -18,8 +18,8 @@ from updating.inference.fit import FitProblem
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
 
-QUICK_LINES = 40
-"""Lines of quick fits."""
+QUICK_LINES, LOW_LINES = 40, 16
+"""Lines of quick fits, and of those in the lowest band, which has few modes."""
 SHORT_STEPS, QUICK_STEPS = 2, 6
 """Steps of first, short fits in each band, and of those that go on from them."""
 FAR = 3.0
@@ -106,7 +106,7 @@ class Fits:
     def _in_lowest_band(
         self, quick: AnyProblem, effects: Sequence[Effect], start: Start
     ) -> tuple[float, Start]:
-        how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": QUICK_LINES, "max_iterations": 3}
+        how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": LOW_LINES, "max_iterations": 3}
         return self._fit(quick, effects, start.values, **how).fitted.log_likelihood, start
 
     def highest(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:

@@ -197,7 +197,8 @@ def _assessed(function: FitFunction, solution: Solution) -> Fitted:
 
 def _curvature(J: NDArray[np.complex128], weight: Floats, std: Floats) -> Floats:
     """Return the second derivatives of the negative log posterior."""
-    return np.real((J.conj() * weight) @ J.T) + np.diag(std**-2.0)
+    parts = np.hstack([J.real, J.imag])
+    return (parts * np.concatenate([weight, weight])) @ parts.T + np.diag(std**-2.0)
 
 
 def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:
