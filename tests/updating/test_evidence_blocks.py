@@ -8,7 +8,10 @@ import pytest
 from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.blocks import Blocks
+from updating.diagnosis.evidence.fitting import FULL_LINES, fit
+from updating.diagnosis.evidence.hypothesis import values_of
 from updating.diagnosis.evidence.screening import Grid, look_at
+from updating.diagnosis.evidence.shortlist import linear_gains
 from updating.inference.preparation import build_problem
 
 
@@ -51,6 +54,26 @@ def test_a_weak_effect_begins_at_its_value(problem):
     (values,) = start.values
     assert values["change"] == pytest.approx(0.004, rel=0.1)
     assert cost < look.costs(look.now[None])[0] - 1
+
+
+def log_posterior(problem, fitted):
+    """Return the log likelihood of a fit with the prior of uncertain parameters and damping."""
+    lines = problem.lines_up_to(np.inf, FULL_LINES)
+    prior = problem.function(fitted.effects, values_of(fitted.effects), lines).prior()
+    known = np.isfinite(prior.std)
+    off = (fitted.result.solution.x - prior.mean)[known] / prior.std[known]
+    return fitted.log_likelihood - 0.5 * float(off @ off)
+
+
+def test_the_gain_of_a_weak_effect_is_that_of_its_fit(problem):
+    (heavier, *_) = propose(problem.reduced.model, ["member_density"])
+    known = hiding(problem, [heavier.with_values(change=0.004)])
+    without = fit(known, n_lines=FULL_LINES)
+    (gain,) = linear_gains(known, without.result, [Grid.of(known, heavier)])
+    there = fit(known, [heavier], [{"change": 0.004}], n_lines=FULL_LINES, x_from=without.result)
+    risen = log_posterior(known, there) - log_posterior(known, without)
+    assert risen > 1
+    assert gain == pytest.approx(risen, rel=0.1)
 
 
 def test_springs_in_two_directions_are_found_together(problem, springs):

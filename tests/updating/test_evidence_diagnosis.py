@@ -11,6 +11,7 @@ from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.evidence.diagnosis import search_by_evidence
 from updating.diagnosis.evidence.priors import TWIN_NATS
+from updating.inference.workers import ALONE, workers
 
 
 def asked(folder, mass):
@@ -45,6 +46,24 @@ def test_a_hidden_mass_is_named_with_its_probability(tmp_path):
     assert sum(p for names, p in found.posterior if finding.effect.name in names) > 0.95
     assert [s.label for s in found.steps][1:] == ["uncertain parameters fitted", f"{found.steps[-1].label}"]
     assert found.steps[-1].fit_db < 0.3 * found.steps[1].fit_db
+
+
+def test_two_processes_find_what_one_finds(tmp_path):
+    study, (measurement,) = asked(tmp_path, 0.25)
+
+    def found(crew):
+        done = search_by_evidence(
+            study.model, measurement, study.nuisances, damping_std=study.damping_std,
+            kinds=["point_mass", "member_stiffness"], model_error=0.1, crew=crew,
+        )  # fmt: skip
+        return {tuple(sorted(h.key)): h.score for h in done.search.known.values()}, done.best.key
+
+    alone, best = found(ALONE)
+    with workers(2) as crew:
+        together, found_best = found(crew)
+        assert crew.pool is not None
+    assert found_best == best
+    assert together == pytest.approx(alone, rel=1e-9)
 
 
 def test_with_one_maximum_the_deviations_are_those_of_its_fit(tmp_path):
