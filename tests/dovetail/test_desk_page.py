@@ -300,3 +300,30 @@ def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
             urllib.request.urlopen(again.address.partition("?")[0]).close()
     finally:
         again.close()
+
+
+@pytest.mark.slow
+def test_a_diagnosis_asked_for_on_the_page_is_taken_over(example, chromium):
+    kinds = '\n[candidates]\nkinds = ["joint_stiffness", "point_mass", "member_damping"]\n'
+    example.write_text(example.read_text(encoding="utf-8") + kinds, encoding="utf-8")
+    server = Server(example)
+    try:
+        tab = Tab(chromium, server.address, patience=240_000)
+        nominal = tab.error()
+        tab.press("Diagnose")
+        tab.page.get_by_text("Diagnosis: effect").wait_for()
+        assert tab.page.get_by_text(f"%: {TURNING}", exact=False).count()
+        assert tab.error() == nominal  # a search changes nothing by itself
+        tab.press("Take over")
+        tab.until(0, 2)  # without the form that the search had beside it
+        tab.press("Fit all")
+        tab.until(0, 1)
+        field = tab.page.get_by_label(f"stiffness of {TURNING}, N·m/rad")
+        assert float(field.input_value()) == pytest.approx(200.0, rel=0.1)
+        for _ in range(2):
+            tab.page.keyboard.press("Control+z")
+        assert tab.until(3, 9) == nominal
+        assert tab.faults == []
+    finally:
+        errors = server.close()
+    assert errors == ""
