@@ -241,7 +241,8 @@ class Search:
     def swapped(self, h: Hypothesis) -> Hypothesis:
         """Return the best of a hypothesis and those with another effect at the place of one of its own.
 
-        All that are nearly as probable are fitted fully: they are its credible set.
+        All that are nearly as probable are fitted fully: they are its credible set. With another effect in
+        the place of one, a third may not be needed any more.
         """
         result, quick = h.fitted.result, self.fits.quick(h)
         others: list[tuple[Sequence[Effect], Values]] = []
@@ -256,10 +257,12 @@ class Search:
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
         # Few lines say less than all.
-        self.all_full([r for r in rivals if r.score > now.score - 2 * TWIN_NATS], h)
-        return max(
-            (k for k in self.known.values() if len(k.effects) == len(h.effects)), key=lambda k: k.score
-        )
+        fitted = self.all_full([r for r in rivals if r.score > now.score - 2 * TWIN_NATS], h)
+        best = max(k.score for k in (h, *fitted))
+        for twin in fitted:
+            if twin.score > best - TWIN_NATS:
+                self.simplified(twin)
+        return max((k for k in self.known.values() if k.effects), key=lambda k: k.score)
 
     # proposals ----------------------------------------------------------------------------------------------
 
