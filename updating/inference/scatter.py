@@ -1,7 +1,8 @@
 """Small deviations that every model has, by their slopes: of frequencies and damping.
 
 Beams against real structures differ mostly in frequencies. Each mode, and each member, dissipates by some per
-cent more or less than a smooth damping curve says. Thousands of lines see that.
+cent more or less than a smooth damping curve says; of a joint's dissipation less is known. Thousands of lines
+see that.
 """
 
 from dataclasses import dataclass, field
@@ -9,9 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.effects.joint import Joint
 from fem.effects.places import frame_of
 from fem.elements.frame import Frame, member_contribution
-from fem.model import Contribution
+from fem.model import Contribution, Model
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -22,7 +24,7 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scatter:
-    """Shifts of members' loss factors, and of modes' eigenvalues and damping ratios.
+    """Shifts of the loss factors of members and joints, and of modes' eigenvalues and damping ratios.
 
     They change ln H in proportion.
 
@@ -40,6 +42,8 @@ class Scatter:
         Standard deviation of the logarithm of each mode's damping ratio, and of each member's loss factor in
         parts of the median one, 2ζ [-].
     members : tuple of str
+    joints : tuple of Joint
+        With an elastic direction. The loss factor of each, η + 2ζ, is as uncertain as the damping curve.
     n_modes : int
     """
 
@@ -48,6 +52,7 @@ class Scatter:
     eigenvalue: float
     damping: float
     members: tuple[str, ...]
+    joints: tuple[Joint, ...]
     n_modes: int
     _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
 
@@ -56,9 +61,11 @@ class Scatter:
         """Standard deviations of all shifts, (n,)."""
         p = self.problem
         ratio = np.atleast_2d(p.damping.ratio(p.data.frequency, self.result.zeta))[0]
-        loss = np.full(len(self.members), self.damping * 2 * float(np.median(ratio)))
+        own = 2 * float(np.median(ratio))
+        loss = np.full(len(self.members), self.damping * own)
+        of_joints = [p.damping.std * (float(np.real(j.eta)) + own) for j in self.joints]
         of_modes = [s for s in (self.eigenvalue, self.damping) if s > 0]
-        return np.concatenate([loss, np.tile(of_modes, self.n_modes)])
+        return np.concatenate([loss, of_joints, np.tile(of_modes, self.n_modes)])
 
     def slopes(self, lines: NDArray[np.int64]) -> Complexes:
         """Return the slopes (n, n_lines, n_out, n_in) of ln H at some lines (computed once)."""
@@ -71,8 +78,8 @@ class Scatter:
         changes, zeta = _solved(self.problem, self.result, lines)
         state, H, out = changes.state, changes.H, []
         model, fields = self.problem.reduced.model, changes.fields()
-        for m in self.members:
-            parts = member_contribution(frame_of(model), model, m)
+        of_members = (member_contribution(frame_of(model), model, m) for m in self.members)
+        for parts in (*of_members, *(j.contribute(model) for j in self.joints)):
             out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
         for r in _shifted(self.problem, changes)[: self.n_modes]:
             for factor, std in ((state.stiffness, self.eigenvalue), (2j * zeta, self.damping)):
@@ -96,8 +103,21 @@ def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalu
     model = problem.reduced.model
     several = damping > 0 and len(model.mesh.members) > 1 and bool(model.of_kind(Frame))
     members = tuple(model.mesh.members) if several else ()
+    joints = _as_fitted(model, result) if damping > 0 else ()
     changes, _ = _solved(problem, result, problem.lines_up_to(np.inf, 2))
-    return Scatter(problem, result, eigenvalue, damping, members, len(_shifted(problem, changes)))
+    return Scatter(problem, result, eigenvalue, damping, members, joints, len(_shifted(problem, changes)))
+
+
+def _as_fitted(model: Model, result: FitResult) -> tuple[Joint, ...]:
+    """Return the joints with elastic directions at fitted values, effects that are parts of them included."""
+    out = []
+    for joint in model.of_kind(Joint):
+        own = {name: v for (effect, name), v in result.values.items() if effect == joint.name}
+        now = joint.with_values(**own)
+        for effect in result.effects:
+            now = effect.merged_into(now) or now
+        out += [now] if isinstance(now, Joint) and now.elastic else []
+    return tuple(out)
 
 
 def _solved(problem: FitProblem, result: FitResult, lines: NDArray[np.int64]) -> tuple[LocalChanges, Floats]:

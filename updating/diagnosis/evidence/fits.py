@@ -1,4 +1,4 @@
-"""Fits of hypotheses: short and quick ones on few lines with the form fixed, full ones with all free."""
+"""Fits of hypotheses: short and quick ones on few lines, full ones."""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -9,12 +9,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fem.model import Effect, ParameterRef
-from fem.reduction.reduced_model import ReducedModel
-from fem.system import assemble
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
 
@@ -67,17 +66,22 @@ class Fits:
         return h.fitted.level > FAR * self.floor
 
     def quick(self, base: Hypothesis) -> AnyProblem:
-        """Return the problem with the form fixed: as it is in a hypothesis, or nominal if that is far."""
-        names, values = self.form_names, self.form_of(base)
-        reduced = self.problem.reduced
-        if any(values.values()):
-            model = reduced.model.with_values(values)
-            reduced = ReducedModel(model, reduced.basis, assemble(model, reciprocal=False))
-        own = tuple(n for n in self.problem.nuisances if n.effect not in names)
-        quick = replace(self.problem, reduced=reduced, nuisances=own)
-        result = base.fitted.result
-        at_form = replace(result, values={r: v for r, v in result.values.items() if r[0] not in names})
-        return replace(quick, scatter=self.ranking.scatter(quick, at_form))
+        """Return the problem beside a hypothesis: the form is nominal and fixed where that is far.
+
+        A form that is far from the data would bend towards whatever is missing.
+        """
+        own = tuple(n for n in self.problem.nuisances if n.effect not in self.fixed(base))
+        quick = replace(self.problem, nuisances=own)
+        return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base)))
+
+    def fixed(self, base: Hypothesis) -> set[str]:
+        """Return the names of effects that do not vary in the quick fits beside a hypothesis."""
+        return self.form_names if self.is_far(base) else set()
+
+    def without_fixed(self, base: Hypothesis) -> FitResult:
+        """Return the result of a hypothesis without what does not vary in quick fits beside it."""
+        result, fixed = base.fitted.result, self.fixed(base)
+        return replace(result, values={r: v for r, v in result.values.items() if r[0] not in fixed})
 
     def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
         """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
@@ -92,8 +96,8 @@ class Fits:
 
         None where no start has a structure. Of many starts those go on that do best in the lowest band.
         """
-        few: dict[str, Any] = {"n_lines": QUICK_LINES, "max_iterations": SHORT_STEPS}
-        few["stages"] = quick.stages[-1:]
+        few: dict[str, Any] = {"n_lines": QUICK_LINES, "counted_as": FULL_LINES}
+        few |= {"max_iterations": SHORT_STEPS, "stages": quick.stages[-1:]}
         if len(starts) > N_STARTS:
             tried = possible(partial(self._in_lowest_band, quick, effects, start) for start in starts)
             starts = [start for _, start in sorted(tried, key=lambda each: -each[0])[:N_STARTS]]
@@ -143,10 +147,14 @@ class Fits:
     def quickly(
         self, quick: AnyProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
     ) -> Hypothesis:
-        """Return a hypothesis fitted on few lines with the form fixed, from near another one."""
+        """Return a hypothesis fitted on few lines from near another one.
+
+        The lines count as those of a full fit.
+        """
         problem = with_forces(quick, effects, values)
         way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
-        return self._fit(problem, effects, values, n_lines=QUICK_LINES, max_iterations=QUICK_STEPS, **way)
+        way |= {"max_iterations": QUICK_STEPS, "n_lines": QUICK_LINES, "counted_as": FULL_LINES}
+        return self._fit(problem, effects, values, **way)
 
     def fully(
         self,

@@ -88,7 +88,7 @@ def levels_of(
 ) -> Levels | ModeLevels | JointLevels:
     """Return how probable error levels are: noise, and what beams and the mesh leave beside it.
 
-    The function's lines may stand for another number of lines.
+    The function's lines may stand for those of a fit with ``n_lines``.
     """
     if isinstance(function, ModeFunction):
         return function.mode_levels()
@@ -101,7 +101,8 @@ def levels_of(
 def _of_frf(function: FitFunction, stage: float, n_lines: int) -> Levels:
     problem = function.problem
     sizes = np.unique(function.groups, return_counts=True)[1]
-    sizes = sizes * ((n_lines or len(function.lines)) / len(function.lines))
+    if n_lines:
+        sizes = sizes * (len(problem.lines_up_to(stage, n_lines)) / len(function.lines))
     noise = function.mean_by_group(noise_squares(problem.data, function.lines))
     n = n_data(problem, stage) * sizes / sizes.sum()
     least = (FORM_LEAST * problem.model_error) ** 2 + problem.mesh_level**2
@@ -134,6 +135,7 @@ def fit(
     *,
     stages: Iterable[float] | None = None,
     n_lines: int | None = None,
+    counted_as: int = 0,
     max_iterations: int = 14,
     x_from: FitResult | None = None,
 ) -> Fitted:
@@ -148,6 +150,8 @@ def fit(
     stages : iterable of float, optional
         Upper ends of the bands, the last the whole [Hz].
     n_lines : int, optional
+    counted_as : int
+        The lines count as so many: the evidence is then that of a fit to these.
     max_iterations : int
         In each band.
     x_from : FitResult, optional
@@ -161,22 +165,26 @@ def fit(
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
         solution = function.minimise(
-            x, stage, max_iterations, prior=priors_of(function), levels=levels_of(function, stage)
+            x,
+            stage,
+            max_iterations,
+            prior=priors_of(function),
+            levels=levels_of(function, stage, counted_as),
         )
         x = solution.x
     assert function is not None
     assert solution is not None
-    return _assessed(function, solution)
+    return _assessed(function, solution, counted_as)
 
 
-def _assessed(function: FitFunction, solution: Solution) -> Fitted:
+def _assessed(function: FitFunction, solution: Solution, counted_as: int) -> Fitted:
     """Return a solution with its log evidence and the covariance of its unknowns."""
     x, prior = solution.x, priors_of(function)
     r, J = function(x, True)
     assert J is not None
     problem, v = function.problem, function.mean_by_group(pseudo_huber(r, ROBUST))
     member, size = np.unique(function.groups, return_inverse=True, return_counts=True)[1:]
-    levels = levels_of(function)
+    levels = levels_of(function, n_lines=counted_as)
     off, std = x - prior.mean, prior.std.copy()
     for k, own in _of_effects(function).items():
         if own.range:

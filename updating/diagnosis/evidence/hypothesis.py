@@ -9,7 +9,7 @@ import numpy as np
 from fem.model import Effect, parameter_values
 from updating.diagnosis.evidence.fitting import Fitted
 from updating.diagnosis.evidence.places import place_of
-from updating.diagnosis.evidence.priors import PLACE_ODDS
+from updating.diagnosis.evidence.priors import EFFECT_ODDS
 from updating.inference.fit_result import FitResult
 
 Values = tuple[dict[str, float], ...]
@@ -90,10 +90,10 @@ class Odds:
         seen: set[str] = set()
         for e in effects:
             kind, name = place_of(e)
-            total -= np.log(max(self.n_candidates[name], 1))
+            total -= EFFECT_ODDS + np.log(max(self.n_candidates[name], 1))
             if name not in seen:
                 seen.add(name)
-                total -= PLACE_ODDS + np.log(max(self.n_places[kind], 1))
+                total -= np.log(max(self.n_places[kind], 1))
         return float(total)
 
 

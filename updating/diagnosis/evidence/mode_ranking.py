@@ -22,7 +22,7 @@ from fem.system import assemble
 from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
-from updating.diagnosis.evidence.priors import PLACE_ODDS
+from updating.diagnosis.evidence.priors import EFFECT_ODDS
 from updating.diagnosis.evidence.ranking import MayWin, RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.evidence.screening import Grid, Screened
@@ -202,7 +202,7 @@ class ModeRanking:
     def scan(self, problem: ModeProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the misfit that the slopes of all candidates there leave.
 
-        Those are left out that gain less evidence than the prior asks for one more place.
+        Those are left out that gain less evidence than the prior asks for one more effect.
         """
         look = ModeLook(problem, current)
         effects = [(n, acting(e)) for n, place in enumerate(places) for e in place.effects]
@@ -212,7 +212,7 @@ class ModeRanking:
         for row, (n, _) in enumerate(effects):
             if np.isfinite(slopes[row]).all():
                 rows_of.setdefault(places[n].name, []).append(row)
-        least = 1 - PLACE_ODDS / max(0.5 * float((look.misfit**2).sum()), 1e-300)
+        least = 1 - EFFECT_ODDS / max(0.5 * float((look.misfit**2).sum()), 1e-300)
         found = [Scanned((p,), _left(look, slopes[rows_of[p.name]])) for p in places if p.name in rows_of]
         singles = sorted((s for s in found if s.left < least), key=lambda s: s.left)
         connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
@@ -245,8 +245,8 @@ class ModeRanking:
         for i in sorted(chosen):
             left = look.left_by(grids[i])
             best = [int(k) for k in np.argsort(left)[:N_STARTS] if np.isfinite(left[k])]
-            # Less than the prior asks for one more place cannot make a hypothesis the more probable one.
-            if best and (now - left[best[0]]) / 2 > PLACE_ODDS:
+            # Less than the prior asks for one more effect cannot make a hypothesis the more probable one.
+            if best and (now - left[best[0]]) / 2 > EFFECT_ODDS:
                 starts = tuple(Start((grids[i].points[k],), base) for k in best for base in bases)
                 gain = (now - float(left[best[0]])) / 2
                 out.append((float(left[best[0]]), Screened(grids[i].effect, starts, gain)))

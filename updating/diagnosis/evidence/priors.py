@@ -15,11 +15,12 @@ FORM_SECTION = {"Iy": 0.02, "Iz": 0.02, "J": 0.05}
 FORM_ZONE = {"u": 1.0, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, and of its mass, relative [-]."""
 FORM_DAMPING = 0.1
-"""Relative standard deviation of each mode's damping ratio and of each member's loss factor [-]."""
+"""Relative standard deviation of each mode's damping ratio and of each member's loss factor [-]. That of
+joints is as uncertain as the study's damping."""
 FORM_MODES = 0.002
 """Standard deviation of the relative shift of each mode's eigenvalue that frame theory leaves [-]."""
-PLACE_ODDS = np.log(10.0)
-"""Prior odds, as a logarithm, against one more place at which something is missing."""
+EFFECT_ODDS = np.log(10.0)
+"""Prior odds, as a logarithm, against one more effect."""
 UNKNOWN_ODDS = np.log(1e4)
 """Prior odds, as a logarithm, against what is missing being nothing that the library has."""
 TWIN_NATS = 3.0

@@ -244,13 +244,12 @@ class Search:
         All that are nearly as probable are fitted fully: they are its credible set. With another effect in
         the place of one, a third may not be needed any more.
         """
-        result, quick = h.fitted.result, self.fits.quick(h)
+        result, quick = self.fits.without_fixed(h), self.fits.quick(h)
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
             near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
-            own = {r: v for r, v in result.values.items() if r[0] not in self.fits.form_names}
-            last = replace(result, effects=(*rest, e), values=own)
+            last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(quick, last, near, N_RIVALS)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
         now, rivals = self.on_few_lines(quick, h, others)
@@ -279,8 +278,7 @@ class Search:
 
         singles = [s for s in ranked if len(s.places) == 1]
         self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
-        within = {r: v for r, v in current.values.items() if r[0] not in self.fits.form_names}
-        now = replace(current, values=within)
+        now = self.fits.without_fixed(base)
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
         there = set[str]().union(*held)
@@ -373,7 +371,7 @@ class Search:
     def on_few_lines(
         self, quick: AnyProblem, h: Hypothesis, others: Sequence[tuple[Sequence[Effect], Values]]
     ) -> tuple[Hypothesis, list[Hypothesis]]:
-        """Return a hypothesis fitted on few lines with the form fixed, and others fitted so from near it.
+        """Return a hypothesis fitted on few lines and others fitted so from near it.
 
         Of the others those that have a structure.
         """
@@ -437,8 +435,7 @@ class Search:
     def polished(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the best of the maxima around it, as uncertain as they are apart.
 
-        They are looked for from nominal parameters, and with the form fixed; of these those that are nearly
-        as probable are fitted fully.
+        They are looked for by quick fits; of these those that are nearly as probable are fitted fully.
 
         Resonances that pass each other leave several maxima of the posterior. The covariance is that of the
         mixture of their normal approximations: Σ w (C + d dᵀ), with weights w by their evidence and distances
