@@ -51,6 +51,7 @@ from dovetail.file.parts import (
     read_sections,
     read_supports,
 )
+from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refuse_space
 from dovetail.file.plausible import beside_implausible, implausible, path_of_request
 from dovetail.file.rotation import read_rotation
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
@@ -258,9 +259,13 @@ class _Reader:
         top.finish()
 
         geometry = read_geometry(top, self.path.parent, notes)
+        plane = read_plane(top, notes)
         parts = self._parts(geometry, notes)
+        refuse_loads(top, plane)
         raw, raw_modes, nodes = self._files(notes)
         sensors, excitations = self._channels(raw, raw_modes, geometry, nodes, notes)
+        with self._attempt("sensors"):
+            refuse_channels(plane, (*sensors, *excitations))
         groups = [[c.sensor for c in group] for group in (sensors, excitations)]
 
         fit = top.table("fit")
@@ -271,7 +276,8 @@ class _Reader:
         superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
         mesh, aimed, chosen = self._refined(geometry.mesh, parts, highest, notes)
         damping, connection_damping = read_damping(top, self.path.parent, notes)
-        more = (*parts.connections, *superelements, *parts.masses, *connection_damping)
+        flat = () if plane is None else (plane,)
+        more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes)
 
         every, modes, faults = self._measured(raw, raw_modes, sensors, excitations, notes)
@@ -396,7 +402,7 @@ class _Reader:
         table = top.table("mesh")
         size = table.number("element_size", None, above=0, unit="m")
         most = table.whole("max_elements", MOST_ELEMENTS)
-        for key in ("file", "scale", "merge_tolerance", "sets", "connect"):
+        for key in ("file", "scale", "merge_tolerance", "sets", "connect", "plane"):
             table.get(key, None)
         table.finish()
         try:
@@ -436,6 +442,7 @@ class _Reader:
             shear = SectionShear.of(model)
             model = model.with_effect(shear) if shear and shear_std(top) else model
             model = read_rotation(top, read_values(top, model), notes)
+            refuse_space(top, model)
             model.contributions()  # finds values that no matrix can be made of
         return model
 

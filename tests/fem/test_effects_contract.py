@@ -14,6 +14,7 @@ from fem.analysis.statics import solve_static
 from fem.declarations import Role
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint
+from fem.effects.plane import Plane
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
 from fem.effects.spin import Spin
@@ -149,6 +150,8 @@ CASES = [
 CASES += [pytest.param(MODELS["cross"], effect, id=f"cross-{effect.name}") for effect in NOT_PROPOSED]
 SPIN = Spin(name="spin", speed=40.0)
 CASES.append(pytest.param(SHAFT, SPIN, id="shaft-spin"))
+PLANE = Plane(name="plane", plane="xz")
+"""It has constraints alone: see test_plane.py."""
 OWN = [
     pytest.param(model, effect, id=f"{name}-{effect.name}")
     for name, model in MODELS.items()
@@ -391,7 +394,7 @@ def test_every_kind_is_proposed_somewhere():
     }
     assert met == set(candidate_kinds())
     own = {effect.kind for model in MODELS.values() for effect in model.effects}
-    own |= {effect.kind for effect in (*NOT_PROPOSED, SPIN)}
+    own |= {effect.kind for effect in (*NOT_PROPOSED, SPIN, PLANE)}
     assert met | own - {Frame.kind} == set(effect_classes()), "a kind is on no model of this file"
     assert not {effect.kind for effect in NOT_PROPOSED} & met
 
