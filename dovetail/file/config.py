@@ -14,6 +14,7 @@ from dovetail.file.connections import (
     read_constraints,
     read_joints,
     read_rigid_links,
+    read_sprung_masses,
     read_superelements,
     read_viscoelastic,
 )
@@ -89,6 +90,7 @@ TABLES = (
     "constraints",
     "superelements",
     "masses",
+    "sprung_masses",
     "rotation",
     "loads",
     "combinations",
@@ -379,6 +381,7 @@ class _Reader:
             *read_viscoelastic(top, geometry),
             *read_rigid_links(top, geometry),
             *read_constraints(top, geometry),
+            *read_sprung_masses(top, geometry),
         )
         masses, loads = read_masses(top, geometry), read_loads(top, geometry, (*supports, *joints))
         return _Parts(properties, sizes, supports, joints, connections, masses, loads)

@@ -13,6 +13,7 @@ from dovetail.file.geometry import Geometry
 from dovetail.file.table import Table, as_vector, suggest
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
+from fem.effects.sprung_mass import SprungMass
 from fem.effects.superelement import Superelement
 from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
 from fem.elements.part_ties import TIES, Attachment
@@ -101,6 +102,42 @@ def _joint_matrices(t: Table, keys: tuple[str, ...] = ("K", "C", "D", "M")) -> d
         inner.finish()
         out[key.upper()] = np.diag(diagonal)
     return out
+
+
+def read_sprung_masses(top: Table, geometry: Geometry) -> tuple[SprungMass, ...]:
+    """Read ``[[sprung_masses]]``: by stiffness and damping, or by frequency and damping ratio."""
+    out: list[SprungMass] = []
+    for t in top.tables("sprung_masses"):
+        name = t.text("name", f"sprung mass{len(out) + 1}")
+        more: dict[str, Any] = {
+            "name": name,
+            "point": geometry.point(t),
+            "mass": t.number("mass", above=0, unit="kg"),
+            "arm": t.vector("arm", np.zeros(3)),
+            "axes": _axes(t),
+        }
+        if "frequency" in t:
+            for key in ("k", "c", "inertia", "eta"):
+                if key in t:
+                    t.refuse(key, "give either frequency and zeta, or k, c, eta and inertia")
+            frequency = t.number("frequency", above=0, unit="Hz")
+            zeta = t.number("zeta", 0.0, least=0, unit="-")
+            directions = t.directions("directions")
+            t.finish()
+            with t.at("directions"):
+                out.append(SprungMass.tuned(frequency=frequency, zeta=zeta, directions=directions, **more))
+            continue
+        given = {key: np.diag(X) for key, X in _joint_matrices(t, ("K", "C")).items()}
+        k, c = (
+            {d: float(v) for d, v in zip(DIRECTIONS, given.get(key, np.zeros(6)), strict=True) if v}
+            for key in "KC"
+        )
+        inertia = t.vector("inertia", np.zeros(3), unit="kg·m²")
+        eta = t.number("eta", 0.0, least=0)
+        t.finish()
+        with t.at():
+            out.append(SprungMass(k=k, c=c, eta=eta, inertia=np.diag(inertia), **more))
+    return tuple(out)
 
 
 def read_viscoelastic(top: Table, geometry: Geometry) -> tuple[Effect, ...]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Role
 from fem.effects.spin import spinning
+from fem.effects.sprung_mass import SprungMass
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.elements.layout import axes_and_arms, layout_of
@@ -127,6 +128,11 @@ def refusals(model: Model, plane: str) -> Iterator[tuple[str, str]]:
         yield f"member '{member}'", "a rotor whirls in two planes"
     for part in model.of_kind(Superelement):
         yield f"'{part.name}'", "a superelement moves in space, and so do its modes"
+    for body in model.of_kind(SprungMass):
+        for d in body.k:
+            along = abs(body.axes[DIRECTIONS.index(d) % 3, n])
+            if (along if d[0] != "r" else 1 - along) > OBLIQUE:
+                yield f"'{body.name}'", f"it is sprung in {d}, out of the plane"
     for frame in model.of_kind(Frame):
         yield from _oblique(frame, model, np.eye(3)[n])
 

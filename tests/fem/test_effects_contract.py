@@ -18,6 +18,7 @@ from fem.effects.plane import Plane
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
 from fem.effects.spin import Spin
+from fem.effects.sprung_mass import SprungMass
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import Instruments, lever_matrix, parameter_values
@@ -56,14 +57,25 @@ MODELS = {
     # ends of solid bars on others, one with a rigid zone
     "welded": welded(0.15, rigid1=0.004),
     "part": with_part(),
-    # on an elastic foot
+    # on an elastic foot, with an absorber
     "footed": beam(5).with_effect(
         Joint(
             name="foot",
             point1=2,
             location=np.array([0.4, 0.0, -0.01]),
             K=np.diag([2e6, 3e6, 4e6, 5e2, 7e2, 9e2]),
-        )
+        ),
+        SprungMass(
+            name="absorber",
+            point=3,
+            mass=0.2,
+            k={"x": 2e4, "z": 3e4, "ry": 40.0},
+            c={"z": 8.0},
+            eta=0.02,
+            inertia=np.diag([1e-4, 2e-4, 1e-4]),
+            arm=np.array([0.01, 0.0, 0.03]),
+            axes=np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]]),
+        ),
     ),
     # all six section forces in each member
     "loaded": prestressed(portal(0.2), solve_static(assemble(portal(0.2)), LoadCase(gravity=(3, 4, -9.81)))),

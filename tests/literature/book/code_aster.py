@@ -14,6 +14,7 @@ from tests.benchmarks.test_lateral_buckling import arch_factors, right_angle_fac
 from tests.literature.book import code_aster_models as models
 from tests.literature.book.entry import Problem, Quantity
 
+ITERATED = {"allowance": 1e-7, "reason": "its iteration for two near modes"}
 ROUNDED = {"allowance": 1e-8, "reason": "rounding of both programs"}
 
 
@@ -80,6 +81,42 @@ DYNAMICS = (
             ),
         ),
         compute=lambda: [models.folded_beam()] * 2,
+    ),
+    Problem(
+        name="SDLL04",
+        title="pinned beam with a tuned sprung mass of 0, 0.1 and 1 % of its own",
+        quantities=(
+            Quantity(
+                name="frequencies without",
+                unit="Hz",
+                printed="1.5707 6.2831",
+                allowance=3e-4,
+                reason="shear, which the guide leaves out",
+            ),
+            Quantity(
+                name="frequencies, 0.1 %",
+                unit="Hz",
+                printed="1.5460 1.5958",
+                allowance=1e-4,
+                reason="shear, which the guide leaves out",
+            ),
+            _theirs("frequencies, 0.1 %", "Hz", "1.54603758626 1.5957059479 6.28166736164", **ITERATED),
+            Quantity(
+                name="frequencies, 1 %",
+                unit="Hz",
+                printed="1.4937 1.6506 6.2874",
+                allowance=4e-4,
+                reason="shear, which the guide leaves out",
+            ),
+            _theirs("frequencies, 1 %", "Hz", "1.49362757399 1.65058296308 6.28543844831", **ITERATED),
+        ),
+        compute=lambda: [
+            models.with_oscillator(0.0)[:2],
+            models.with_oscillator(1e-3)[:2],
+            models.with_oscillator(1e-3),
+            *2 * [models.with_oscillator(1e-2)],
+        ],
+        remark="the guide prints 6.2336 Hz for mode 3 with 0.1 %, between its other two rows of 6.28 Hz",
     ),
     Problem(
         name="SDLL08",

@@ -12,6 +12,7 @@ from fem.analysis.modes import solve_modes
 from fem.analysis.statics import solve_static
 from fem.effects.added_mass import AddedMass
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
+from fem.effects.sprung_mass import SprungMass
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.materials import Material
@@ -39,6 +40,22 @@ def short_beam(depth):
         effects += [RigidLink(name=f"arm {p}", point=p, dependents=(2 + p,)) for p in (0, 1)]
     supports = fix(feet[0], ("x", "y")), fix(feet[1], ("y",))
     return solve_modes(assemble(planar(Model(mesh, (*effects, *supports)), FLAT)), 6).frequency
+
+
+def with_oscillator(ratio):
+    """Return the frequencies of SDLL04: a pinned beam of 10 m with a sprung mass at a quarter.
+
+    The mass is a part of the beam's, and tuned to its lowest frequency.
+    """
+    section = Section(0.01, 1e-3, 0.39e-5, 1e-3, ky=1 / 1.2, kz=1 / 1.2)
+    mesh = Mesh.from_lines([[0, 0, 0], [10, 0, 0]], [[0, 1]], {"beam": [0]}).with_point_on("beam", 2.5)
+    mesh = mesh.split([5, 15])
+    effects = [Frame(members={"beam": MemberProperties(STEEL, section)}), fix(0, ("x", "y")), fix(1, ("y",))]
+    model = planar(Model(mesh, tuple(effects)), FLAT)
+    if ratio:
+        body = SprungMass(name="body", point=2, mass=780 * ratio, k={"y": 75979.1 * ratio})
+        model = model.with_effect(body)
+    return solve_modes(assemble(model), 3).frequency
 
 
 def folded_beam():
