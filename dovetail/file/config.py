@@ -170,6 +170,8 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
         for key in ("sensors", "excitations"):
             if isinstance(values.get(key), str):  # a table in a file of its own
                 values[key] = [{"file": values[key]}]
+        if isinstance(values.get("sections"), str):
+            values["sections"] = {"file": values["sections"]}
         return values, Source(name, key_lines(text))
     except tomllib.TOMLDecodeError as reason:
         msg = f"{name}: {reason}"
@@ -373,7 +375,7 @@ class _Reader:
         """Read the parts of the structure that need no mesh of elements."""
         top = self.top
         inline = "file" not in top.table("mesh").values
-        materials, known_sections = read_materials(top), read_sections(top)
+        materials, known_sections = read_materials(top), read_sections(top, self.path.parent, notes)
         properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
         notes.extend(note_shear_centres(properties))
         supports, joints = read_supports(top, geometry), read_joints(top, geometry)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.geometry import Geometry
+from dovetail.file.section_table import Sections, section_rows
 from dovetail.file.table import Table, suggest
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass
@@ -37,9 +38,18 @@ def read_materials(top: Table) -> dict[str, Material]:
     return out
 
 
-def read_sections(top: Table) -> dict[str, Section]:
-    """Read ``[sections.NAME]``."""
-    return {name: read_section(t, name) for name, t in top.table("sections").named()}
+def read_sections(top: Table, folder: Path, notes: list[str]) -> Sections:
+    """Read ``[sections.NAME]``, and the rows of the table that ``file`` names."""
+    t = top.table("sections")
+    rows: dict[str, Table] = {}
+    if isinstance(t.values.get("file"), str):
+        path = folder / t.text("file")
+        if not path.is_file():
+            t.refuse("file", f"there is no file '{path}'")
+        with t.at("file"):
+            rows = section_rows(path, notes)
+    own = {name: read_section(t.table(name), name) for name in t.values if name != "file" or not rows}
+    return Sections(own, rows, read_section)
 
 
 def read_section(t: Table, label: str = "") -> Section:
