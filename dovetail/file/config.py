@@ -54,13 +54,14 @@ from dovetail.file.parts import (
 )
 from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refuse_space
 from dovetail.file.plausible import beside_implausible, implausible, path_of_request
-from dovetail.file.rotation import read_rotation
+from dovetail.file.rotation import read_rotation, read_unbalances
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from dovetail.file.settings import read_candidates, read_fit, read_frequency
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import Source, StudyError, Table
 from dovetail.file.uncertain import read_uncertain, shear_std
 from fem.analysis.frf import WITHOUT_PHASE
+from fem.analysis.unbalance import Unbalance
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
@@ -92,6 +93,7 @@ TABLES = (
     "masses",
     "sprung_masses",
     "rotation",
+    "unbalances",
     "loads",
     "combinations",
     "envelopes",
@@ -195,6 +197,7 @@ class _Parts:
     connections: tuple[Effect, ...]
     masses: tuple[Effect, ...]
     loads: Loads
+    unbalances: tuple[Unbalance, ...]
 
     @property
     def frame(self) -> tuple[Effect, ...]:
@@ -334,6 +337,7 @@ class _Reader:
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
             loads=parts.loads,
+            unbalances=parts.unbalances,
             baseline=self._baseline(sensors, notes),
             changes=read_changes(top),
         )
@@ -386,7 +390,8 @@ class _Reader:
             *read_sprung_masses(top, geometry),
         )
         masses, loads = read_masses(top, geometry), read_loads(top, geometry, (*supports, *joints))
-        return _Parts(properties, sizes, supports, joints, connections, masses, loads)
+        unbalances = read_unbalances(top, geometry)
+        return _Parts(properties, sizes, supports, joints, connections, masses, loads, unbalances)
 
     def _held_out(
         self, fit: Table, sensors: list[Channel], excitations: list[Channel]

@@ -18,6 +18,7 @@ from fem.analysis.participation import rigid_motion_field
 from fem.analysis.planar import refuse_motion
 from fem.analysis.selection import Selection, dof_vectors
 from fem.analysis.statics import factor_held
+from fem.declarations import Role
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Law, Model, ModelError
 from fem.system import System, law_change, particular
@@ -209,8 +210,8 @@ def _grounded(model: Model) -> tuple[str, ...]:
     rigid = rigid_motion_field(model, model.mesh.points.mean(axis=0))
     out = []
     for effect in model.effects:
-        if isinstance(effect, Frame) or effect.within_members:
-            continue
+        if isinstance(effect, Frame) or effect.within_members or Role.GYROSCOPIC in effect.role:
+            continue  # a rotor resists its own turning in space, not that beside its foot
         for c in effect.contribute(model):
             for X in (c.K, c.C, c.D):
                 if X is None:
