@@ -44,6 +44,7 @@ from dovetail.file.measured_modes import (
     read_shape_limits,
 )
 from dovetail.file.parts import (
+    note_one_sided,
     note_shear_centres,
     read_damping,
     read_masses,
@@ -381,7 +382,7 @@ class _Reader:
         inline = "file" not in top.table("mesh").values
         materials, known_sections = read_materials(top), read_sections(top, self.path.parent, notes)
         properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
-        notes.extend(note_shear_centres(properties))
+        notes.extend((*note_shear_centres(properties), *note_one_sided(properties)))
         supports, joints = read_supports(top, geometry), read_joints(top, geometry)
         connections = (
             *read_viscoelastic(top, geometry),

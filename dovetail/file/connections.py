@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.geometry import Geometry
-from dovetail.file.table import Table, as_vector, suggest
+from dovetail.file.parts import read_axes
+from dovetail.file.table import Table, suggest
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.sprung_mass import SprungMass
@@ -55,22 +56,7 @@ def _place(t: Table, geometry: Geometry, what: str) -> dict[str, Any]:
     points = geometry.mesh.points
     middle = points[point1] if point2 is None else (points[point1] + points[point2]) / 2
     location = geometry.coordinates(t, "location") if "location" in t else middle
-    return {"point1": point1, "point2": point2, "location": location, "axes": _axes(t)}
-
-
-def _axes(t: Table) -> NDArray[np.float64]:
-    """Read axes of an element's own: its x, and a vector on the y side of its x-y plane."""
-    if "axes" not in t:
-        return np.eye(3)
-    rows = t.get("axes")
-    if not isinstance(rows, list) or len(rows) != 2:
-        t.refuse("axes", "two vectors are needed: the x axis, and one in the x-y plane")
-    x, v = (as_vector(t, "axes", row, 3, "-") for row in rows)
-    z = np.cross(x, v)
-    if np.linalg.norm(z) <= 1e-6 * np.linalg.norm(x) * np.linalg.norm(v) or not np.linalg.norm(x):
-        t.refuse("axes", f"the vectors {rows[0]} and {rows[1]} are parallel or zero; they must span a plane")
-    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    return np.array([x, np.cross(z, x), z])
+    return {"point1": point1, "point2": point2, "location": location, "axes": read_axes(t)}
 
 
 def _side(t: Table, geometry: Geometry, side: str) -> int | None:
@@ -114,7 +100,7 @@ def read_sprung_masses(top: Table, geometry: Geometry) -> tuple[SprungMass, ...]
             "point": geometry.point(t),
             "mass": t.number("mass", above=0, unit="kg"),
             "arm": t.vector("arm", np.zeros(3)),
-            "axes": _axes(t),
+            "axes": read_axes(t),
         }
         if "frequency" in t:
             for key in ("k", "c", "inertia", "eta"):

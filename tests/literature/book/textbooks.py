@@ -6,6 +6,7 @@ Units are those of the sources, kip and inch unless stated.
 import numpy as np
 
 from fem.analysis.loads import LineLoad, LoadCase, MemberForce
+from fem.analysis.one_sided import solve_one_sided
 from fem.analysis.statics import solve_static
 from fem.effects.joint import Joint
 from fem.elements.frame import Frame
@@ -120,6 +121,21 @@ def on_springs():
     return [[found.displacements[6 * middle + 1, 0]], [abs(found.internal_forces("beam", [120.0])[0, 5, 0])]]
 
 
+def braces():
+    """Return the forces of a strut between two braces that carry tension alone, under 10 kip."""
+    xy = [(0, 0), (100, 0), (0, 10), (0, -10)]
+    names = {"both": [0], "above": [1], "below": [2]}
+    mesh = Mesh.from_lines([(*p, 0.0) for p in xy], [[0, 1], [2, 1], [3, 1]], names)
+    material, section = Material("material", 29000.0, 7e-7), Section(1.94, 3.0, 3.0, 0.0438)
+    members = {
+        name: MemberProperties(material, section, theory="bar", only="" if name == "both" else "tension")
+        for name in names
+    }
+    model = Model(mesh, (Frame(members=members), *(fix(p, ("x", "y")) for p in (0, 2, 3))))
+    found = solve_one_sided(planar(model, ("x", "y")), LoadCase(points={(1, "y"): -10.0})).solution
+    return [found.line_forces[[1, 0, 2], 0, 0, 0]]
+
+
 PROBLEMS = (
     Problem(
         name="Logan 5-30",
@@ -165,6 +181,12 @@ PROBLEMS = (
         title="uniform load over two spans, qL²/8 over the middle support",
         quantities=(Quantity(name="moment", unit="kip·in", printed="18000"),),
         compute=two_spans,
+    ),
+    Problem(
+        name="tension alone",
+        title="two braces that carry tension alone, and a strut",
+        quantities=(Quantity(name="axial forces", unit="kip", printed="100.499 -100.000 0.000"),),
+        compute=braces,
     ),
     Problem(
         name="torques",
