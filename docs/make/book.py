@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from tests.literature.book.entry import Compared, Problem, compare
+from tests.literature.book.entry import ROUNDING, Compared, Problem, compare
 from tests.literature.book.shelf import SOURCES
 
 HEAD = """\
@@ -26,7 +26,7 @@ def summary() -> str:
     compared = [c for source in SOURCES.values() for problem in source.PROBLEMS for c in compare(problem)]
     n_problems = sum(len(source.PROBLEMS) for source in SOURCES.values())
     n = sum(c.ours.size for c in compared)
-    within = sum(int((np.abs(c.deviation) <= 1.02 * c.quantity.half_digits).sum()) for c in compared)
+    within = sum(int((np.abs(c.deviation) <= ROUNDING * c.quantity.half_digits).sum()) for c in compared)
     wrong = sum(c.quantity.exact is not None for c in compared)
     return (
         f"{n_problems} problems have {n} numbers. {within} agree in all printed digits; the tables state the "
@@ -46,7 +46,7 @@ def _row(compared: Compared, title: str, remark: str) -> str:
     q, i = compared.quantity, compared.shown
     word = q.printed.split()[i]
     n = compared.ours.size
-    published = f"~~{word}~~ {_like(word, q.reference[i])}" if q.exact else word
+    published = f"<del>{word}</del> {_like(word, q.reference[i])}" if q.exact else word
     deviation = _deviation(compared)
     reason = "" if deviation == AGREES else q.reason
     words = [f"the worst of {n} numbers" if n > 1 else "", q.proof, reason, remark]
@@ -71,6 +71,6 @@ def _like(word: str, value: float) -> str:
 def _deviation(compared: Compared) -> str:
     """Return the deviation of the number shown, relative to the largest, or that all digits agree."""
     q, i = compared.quantity, compared.shown
-    if (np.abs(compared.deviation) <= 1.02 * q.half_digits).all() and q.exact is None:
+    if (np.abs(compared.deviation) <= ROUNDING * q.half_digits).all() and q.exact is None:
         return AGREES
     return f"{100 * compared.deviation[i] / np.abs(q.reference).max():+.2g} %"
