@@ -119,6 +119,22 @@ DYNAMICS = (
         remark="the guide prints 6.2336 Hz for mode 3 with 0.1 %, between its other two rows of 6.28 Hz",
     ),
     Problem(
+        name="SDLL06",
+        title="mass on a spring, its base accelerated by a triangle of 50 ms",
+        quantities=(
+            _theirs(
+                "displacements relative to the base",
+                "m",
+                "-6.49464794e-5 -2.18267893e-4 -5.13564438e-4 -8.80599477e-4 -1.11454464e-3 -1.67908346e-3 "
+                "-2.52313040e-3 -3.45738926e-3 -4.41191920e-3 -5.14280698e-3 -5.48510584e-3 -6.10941810e-3 "
+                "-6.76530517e-3 -7.26925524e-3 -7.60995044e-3 -7.77973937e-3 -7.77480885e-3 -7.59526962e-3",
+                allowance=6e-5,
+                reason="central differences of 0.5 ms there, exact steps here",
+            ),
+        ),
+        compute=lambda: [models.shaken_mass()],
+    ),
+    Problem(
         name="SDLL08",
         title="grid of hinged beams",
         quantities=(

@@ -6,10 +6,12 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
+from fem.analysis.excitation import Excitation
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.loads import InitialStrain, LineLoad, LoadCase
 from fem.analysis.modes import solve_modes
 from fem.analysis.statics import solve_static
+from fem.analysis.transient import solve_transient
 from fem.effects.added_mass import AddedMass
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.sprung_mass import SprungMass
@@ -56,6 +58,26 @@ def with_oscillator(ratio):
         body = SprungMass(name="body", point=2, mass=780 * ratio, k={"y": 75979.1 * ratio})
         model = model.with_effect(body)
     return solve_modes(assemble(model), 3).frequency
+
+
+SHAKEN_AT = np.array(
+    [0.010, 0.015, 0.020, 0.024, 0.026, 0.030, 0.035, 0.040, 0.045, 0.049, 0.051, 0.055, 0.060, 0.065, 0.070,
+     0.075, 0.080, 0.085]
+)  # fmt: skip
+"""Times of SDLL06 [s]."""
+
+
+def shaken_mass():
+    """Return the displacements of SDLL06 relative to the base, whose acceleration is a triangle of 50 ms."""
+    mesh = Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {"spring": [0]})
+    spring = MemberProperties(Material("spring", 3.942e7, 1e-9), Section(1.0, 1.0, 1.0, 1.0), theory="bar")
+    body = AddedMass(name="mass", point=1, mass=43.8e3)
+    model = planar(Model(mesh, (Frame(members={"spring": spring}), fix(0), body)), ("x",))
+    t = np.arange(0, 0.0901, 0.001)
+    pulse = np.interp(t, [0, 0.025, 0.05], [0, 9.81, 0])
+    excitation = Excitation.of(model, t, base={"x": pulse})
+    found = solve_transient(assemble(model), excitation, [(1, "x")], relative=True).displacement[:, 0]
+    return found[np.round(SHAKEN_AT / 0.001).astype(int)]
 
 
 def folded_beam():
