@@ -24,12 +24,12 @@ def run(command, *options):
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-campbell = run("campbell", "--speeds", "0:4000:41", "--number", "6")
+campbell = run("campbell", "--speeds", "0:4000:21", "--number", "6")
 critical = [c for c in campbell["critical_speeds"] if c["order"] == 1]
 for c in critical:
     print(f"critical at {c['speed_rpm']:.1f} 1/min, {c['whirl_sense'] or 'no tilt'}")
 
-unbalance = run("unbalance", "--speeds", "0:4000:801")
+unbalance = run("unbalance", "--speeds", "0:4000:401")
 rpm, amplitude = np.array(unbalance["speed_rpm"]), np.array(unbalance["amplitude_m"])
 for sensor, column in zip(unbalance["sensors"], amplitude.T, strict=True):
     print(f"{sensor}: {1e6 * column.max():.1f} µm at {rpm[column.argmax()]:.0f} 1/min")
