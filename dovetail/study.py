@@ -39,12 +39,14 @@ from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import Modes, first_modes
+from fem.analysis.one_sided import OneSided, one_sided, solve_one_sided
 from fem.analysis.second_order import SecondOrder, solve_second_order
 from fem.analysis.statics import StaticSolution, solve_static
 from fem.connection_damping import ConnectionDamping
 from fem.effects import candidate_kinds
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.io.atomic import replacing
+from fem.mesh import merge_names
 from fem.model import Effect, Model, ModelError, parameter_values
 from fem.summary import counted, listed
 from fem.system import assemble
@@ -153,7 +155,35 @@ class Study(config.Study):
         ModelError
             As :func:`fem.analysis.statics.solve_static`.
         """
+        self._refuse_one_sided()
         return solve_static(assemble(self.model, reciprocal=False), self._load_cases(cases))
+
+    def one_sided(self, *cases: str) -> tuple[OneSided, ...]:
+        """Return the static responses with bars that carry tension or compression alone.
+
+        Parameters
+        ----------
+        *cases : str
+            Names of load cases and combinations; all unless given.
+
+        Raises
+        ------
+        StudyError
+            As :meth:`static`.
+        ModelError
+            As :func:`fem.analysis.one_sided.solve_one_sided`.
+        """
+        return tuple(solve_one_sided(self.model, case) for case in self._load_cases(cases))
+
+    def _refuse_one_sided(self) -> None:
+        """Raise a StudyError for bars that may go slack, where a linear structure is needed."""
+        names = list(one_sided(self.model))
+        if names:
+            msg = (
+                f"{self.path.name}: {merge_names(tuple(names))} may go slack, so the structure is not "
+                "linear; dovetail static and Study.one_sided iterate. For this analysis leave out only = …"
+            )
+            raise StudyError(msg)
 
     def second_order(self, *cases: str) -> tuple[SecondOrder, ...]:
         """Return the second-order responses (P-Δ) to load cases and combinations of the study.
@@ -170,6 +200,7 @@ class Study(config.Study):
         ModelError
             As :func:`fem.analysis.second_order.solve_second_order`.
         """
+        self._refuse_one_sided()
         system = assemble(self.model, reciprocal=False)
         return tuple(solve_second_order(system, case) for case in self._load_cases(cases))
 

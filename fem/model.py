@@ -128,12 +128,16 @@ class Constraint:
         Coefficients [-] or lever arms [m].
     releasable : bool
         Whether another effect may replace it by a spring.
+    everywhere : bool
+        Whether it takes a motion away from the whole structure, as that out of the plane of a planar model:
+        it is no support, and its force no reaction.
     """
 
     key: tuple[str, str]
     dofs: NDArray[np.int64]
     coefficients: NDArray[np.float64]
     releasable: bool = True
+    everywhere: bool = False
 
     __repr__ = fields_summary
 

@@ -1,4 +1,4 @@
-"""Campbell diagrams of rotors."""
+"""Campbell diagrams of rotors, and their responses to unbalance."""
 
 from collections.abc import Sequence
 
@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fem.analysis.campbell import Campbell
+from fem.analysis.unbalance import UnbalanceResponse
 from fem.analysis.whirl import whirl_name
 from viz import style
 from viz.axes import legend_above
@@ -71,5 +72,37 @@ def plot_campbell(found: Campbell, orders: Sequence[float] = (1.0,), title: str 
         low.set_ylabel("damping ratio [%]")
         low.set_xlabel("speed [1/min]")
         low.axhline(0.0, color=style.MUTED, linewidth=0.7)
+        legend_above(figure, title, top.get_legend_handles_labels()[0])
+    return figure
+
+
+def plot_unbalance(found: UnbalanceResponse, names: Sequence[str], title: str = "") -> Figure:
+    """Plot amplitudes and phases of responses to unbalance over speed.
+
+    Parameters
+    ----------
+    found : UnbalanceResponse
+    names : sequence of str
+        Of its outputs.
+    title : str
+        Heading.
+    """
+    with style.look():
+        figure = style.new_figure(height=5.2 + 0.25 * bool(title))
+        grid = figure.add_gridspec(2, 1, height_ratios=[2.4, 1])
+        top = figure.add_subplot(grid[0])
+        low = figure.add_subplot(grid[1], sharex=top)
+        rpm = found.speed * RPM
+        for k, name in enumerate(names):
+            u = np.where(found.displacement[:, k] == 0, np.nan, found.displacement[:, k])  # at rest
+            (line,) = top.semilogy(rpm, 1e6 * np.abs(u), linewidth=1.2, label=name)
+            low.plot(rpm, np.degrees(np.angle(u)), color=line.get_color(), linewidth=1.2)
+        top.set_xlim(rpm[0], rpm[-1])
+        top.tick_params(labelbottom=False)
+        top.set_ylabel("amplitude [µm]")
+        low.set_ylabel("phase [°]")
+        low.set_ylim(-185, 185)
+        low.set_yticks([-180, -90, 0, 90, 180])
+        low.set_xlabel("speed [1/min]")
         legend_above(figure, title, top.get_legend_handles_labels()[0])
     return figure

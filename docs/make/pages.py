@@ -21,6 +21,9 @@ TABLE = re.compile(r"^<!-- table (\S+) -->$", re.MULTILINE)
 FILE = re.compile(r"^<!-- file (\S+) -->$", re.MULTILINE)
 """A text file, shown as it is: <!-- file examples/first-frame/study.toml -->"""
 
+BOOK = re.compile(r"^<!-- book (\w+) -->$", re.MULTILINE)
+"""A table of the benchmark book, by the name of its source, or ``summary``."""
+
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]*)(#[^)]*)?\)")
 
 AT_ROOT = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
@@ -87,6 +90,7 @@ def expand(text: str, target: Path, root: Path) -> str:
     text = PICTURE.sub(picture, text)
     text = TABLE.sub(lambda match: table(root / match[1]), text)
     text = FILE.sub(lambda match: listing(root / match[1]), text)
+    text = BOOK.sub(lambda match: shelved(match[1]), text)
     shutil.rmtree(work / "_run", ignore_errors=True)
     return text
 
@@ -126,6 +130,13 @@ def table(path: Path) -> str:
         head, *rows = list(csv.reader(file))
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(cell.replace('_', ' ') for cell in row)} |" for row in lines)
+
+
+def shelved(name: str) -> str:
+    """Return a table of the benchmark book."""
+    from docs.make import book  # it computes with all packages; other pages need none
+
+    return book.summary() if name == "summary" else book.table(name)
 
 
 def listing(path: Path) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.frf import add_lines, asked_lines
 from dovetail.commands.load_cases import check_png, require_sensors
+from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from fem.analysis.base_excitation import Motion, compute_base_frf
 from fem.analysis.frf import FRF
@@ -45,6 +46,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--out", type=Path, metavar="FILE", help="also write the FRFs: .npz or .csv")
     p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the first four FRFs as .png")
+    add_rpm(p)
     add_lines(p)
 
 
@@ -56,12 +58,12 @@ def run(options: Options, progress: Progress) -> None:
         raise OutputError(msg)
     check_png(options.picture)
     check_places(options, Output("--out", options.out), Output("--picture", options.picture))
-    study = loaded(options, ("sensors",))
+    study = at_asked_speed(loaded(options, ("sensors",)), options)
     require_sensors(study)
     frequency = asked_lines(study, options, len(study.sensors) * max(1, len(options.motion)))
     progress("computing FRFs")
     found = compute_base_frf(
-        assemble(study.model),
+        assemble(study.model, reciprocal=False),
         frequency,
         sensor_rows(study.model, study.sensors),
         [_motion(text) for text in options.motion or ["z"]],

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.argument_types import finite, whole_up_to
+from dovetail.commands.argument_types import whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
 from dovetail.commands.load_cases import add_pictures
+from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
-from dovetail.file.rotation import at_speed
 from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.whirl import whirl, whirl_name
 from fem.io import write_modes
@@ -34,12 +34,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--out", type=Path, metavar="FILE", help=f"also write the oscillating modes: {', '.join(_FORMATS)}"
     )
-    p.add_argument(
-        "--rpm",
-        type=finite,
-        metavar="N",
-        help="speed of the members with a spin, turns a minute (default: [rotation] rpm of the study)",
-    )
+    add_rpm(p)
     add_pictures(p, "each oscillating mode")
 
 
@@ -53,9 +48,9 @@ def run(options: Options, progress: Progress) -> None:
     )
     if options.pictures is not None:
         require_drawing("--pictures")
-    study = loaded(options, ())
+    study = at_asked_speed(loaded(options, ()), options)
     progress("solving for complex modes")
-    model = study.model if options.rpm is None else at_speed(study.model, options.rpm)
+    model = study.model
     found = solve_complex_modes(assemble(model, reciprocal=False), options.number)
     modes = found.as_modes()
     if options.out is not None:

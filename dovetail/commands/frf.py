@@ -14,6 +14,7 @@ from dovetail.commands.common import (
     write_with_nodes,
 )
 from dovetail.commands.labels import NodeNumbers, own_labels
+from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from dovetail.file.settings import MOST_LINES
 from dovetail.study import Study
@@ -36,6 +37,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         choices=["receptance", "mobility", "accelerance"],
         help="kind of FRF (default: that of the measurement, or accelerance)",
     )
+    add_rpm(p)
     add_lines(p)
 
 
@@ -62,7 +64,7 @@ def run(options: Options, progress: Progress) -> None:
         msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
         raise OutputError(msg)
     check_places(options, Output("--out", options.out))
-    study = loaded(options, ("sensors",))
+    study = at_asked_speed(loaded(options, ("sensors",)), options)
     study.require_ends()
     parts = {"outputs": study.sensors, "inputs": study.excitations}
     nodes = NodeNumbers(study) if writers[suffix] is None else None

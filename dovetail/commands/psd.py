@@ -8,6 +8,7 @@ import numpy as np
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
+from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import Output, Progress, write_json
 from dovetail.file.histories import read_columns
 from dovetail.file.paths import InputFile
@@ -35,6 +36,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--response", choices=RESPONSES, default="acceleration", help="default acceleration")
     p.add_argument("--relative", action="store_true", help="responses relative to the base")
+    add_rpm(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="also write the densities as .csv")
     p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the densities as .png")
 
@@ -45,13 +47,13 @@ def run(options: Options, progress: Progress) -> None:
     check_suffix(options.out, "densities", ".csv")
     read = [InputFile(options.psd, "the excitation's density")]
     check_places(options, Output("--out", options.out), Output("--picture", options.picture), more=read)
-    study = loaded(options, ("sensors",))
+    study = at_asked_speed(loaded(options, ("sensors",)), options)
     require_sensors(study)
     table = read_columns(options.psd, ("frequency", "f"))
     driven = driven_by(study, table)
     progress("computing densities")
     found = solve_random(
-        assemble(study.model),
+        assemble(study.model, reciprocal=False),
         sensor_rows(study.model, study.sensors),
         loads=driven.loads.T,
         forces=[Tabulated.of(table.x, table.values[:, k]) for k in driven.of_loads],

@@ -12,11 +12,13 @@ from dovetail.commands.load_cases import check_png
 from dovetail.disk.output import Output, Progress, write_json
 from dovetail.file.histories import Columns, read_columns
 from dovetail.file.paths import InputFile
+from dovetail.file.rotation import RPM
 from dovetail.file.table import StudyError, suggest
 from dovetail.study import Study
 from fem.analysis.response_spectrum import COMBINATIONS, SpectrumResponse, solve_spectrum
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.tabulated import Tabulated
+from fem.effects.spin import Spin
 from fem.model import DIRECTIONS
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
@@ -53,6 +55,7 @@ def run(options: Options, progress: Progress) -> None:
     read = [InputFile(options.spectrum, "the spectrum")]
     check_places(options, Output("--picture", options.picture), more=read)
     study = loaded(options, ())
+    refuse_rotors(study)
     spectra, rigid = _spectra(read_columns(options.spectrum, (*FREQUENCY, *PERIOD)))
     progress("combining modes")
     found = solve_spectrum(
@@ -107,6 +110,19 @@ def run(options: Options, progress: Progress) -> None:
         },
     )
     say(options, *_lines(study, found, share, reactions, members), *assumptions(study))
+
+
+def refuse_rotors(study: Study) -> None:
+    """Raise a StudyError for a rotor that turns: peaks of real modes cannot be combined."""
+    turning = study.model.of_kind(Spin)
+    if turning:
+        rpm = turning[0].speed / RPM
+        msg = (
+            f"{study.path.name}: its rotor turns at {rpm:g} 1/min. A response spectrum combines the peaks of "
+            "modes that keep their shape, and those of a turning rotor whirl; give an accelerogram to "
+            "dovetail transient, or leave out [rotation]"
+        )
+        raise StudyError(msg)
 
 
 def _spectra(table: Columns) -> tuple[dict[str, Tabulated], dict[str, float]]:

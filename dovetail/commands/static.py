@@ -13,6 +13,7 @@ from dovetail.commands.static_cases import StaticCases, factor_fields, factor_wo
 from dovetail.disk.output import Output, Progress, result_folder, write_json
 from dovetail.study import Study
 from fem.analysis.combinations import envelope
+from fem.analysis.one_sided import one_sided
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.elements.frame import Frame
 from fem.io import write_fields
@@ -66,6 +67,8 @@ def run(options: Options, progress: Progress) -> None:
     progress("solving for the load cases")
     if options.second_order:
         solution = StaticCases.of_second_order(study.second_order(*dict.fromkeys(options.case)))
+    elif one_sided(study.model):
+        solution = StaticCases.of_one_sided(study.one_sided(*dict.fromkeys(options.case)))
     else:
         solution = StaticCases((solved(study, options),))
     envelopes = {

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fem.analysis.one_sided import OneSided
 from fem.analysis.second_order import SecondOrder
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import Stations, forces_on_lines, stations
@@ -21,10 +22,21 @@ class StaticCases:
         One of all cases, or one for each where each has a stiffness of its own.
     factors : mapping of str to float
         Load factors of buckling by load case, of second-order responses.
+    slack : mapping of str to tuple of str
+        Slack bars by load case, where bars carry tension or compression alone.
     """
 
     solutions: tuple[StaticSolution, ...]
     factors: Mapping[str, float] = field(default_factory=dict)
+    slack: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @classmethod
+    def of_one_sided(cls, found: tuple[OneSided, ...]) -> "StaticCases":
+        """Return the cases of structures with bars that go slack."""
+        return cls(
+            tuple(each.solution for each in found),
+            slack={each.solution.cases[0]: each.slack for each in found},
+        )
 
     @classmethod
     def of_second_order(cls, found: tuple[SecondOrder, ...]) -> "StaticCases":
@@ -88,12 +100,16 @@ class StaticCases:
 
 
 def factor_fields(found: StaticCases) -> dict[str, Any]:
-    """Return the buckling factors for JSON; nothing of first-order responses."""
+    """Return the buckling factors and the slack bars for JSON, where there may be some."""
+    if found.slack:
+        return {"slack_members": {name: list(members) for name, members in found.slack.items()}}
     return {"second_order": True, "buckling_factors": dict(found.factors)} if found.factors else {}
 
 
 def factor_words(found: StaticCases, name: str) -> str:
-    """Return the words behind a load case on its buckling factor."""
+    """Return the words behind a load case on its buckling factor, or on slack bars."""
+    if found.slack.get(name):
+        return f"; slack: {', '.join(found.slack[name])}"
     if name not in found.factors:
         return ""
     factor = found.factors[name]

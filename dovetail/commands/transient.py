@@ -9,6 +9,7 @@ from dovetail.commands.argument_types import positive, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
+from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from dovetail.file.histories import Columns, read_columns
 from dovetail.file.paths import InputFile
@@ -58,6 +59,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="modes up to this frequency (default: half the sampling rate)",
     )
     p.add_argument("--relative", action="store_true", help="responses relative to the base")
+    add_rpm(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="also write the responses as .csv or .npz")
     p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the responses as .png")
 
@@ -71,7 +73,7 @@ def run(options: Options, progress: Progress) -> None:
         raise OutputError(msg)
     read = [] if options.excitation is None else [InputFile(options.excitation, "the excitation")]
     check_places(options, Output("--out", options.out), Output("--picture", options.picture), more=read)
-    study = loaded(options, ("sensors",))
+    study = at_asked_speed(loaded(options, ("sensors",)), options)
     require_sensors(study)
     excitation = _excitation(study, options)
     initial = None

@@ -14,6 +14,7 @@ from dovetail.file.connections import (
     read_constraints,
     read_joints,
     read_rigid_links,
+    read_sprung_masses,
     read_superelements,
     read_viscoelastic,
 )
@@ -43,6 +44,7 @@ from dovetail.file.measured_modes import (
     read_shape_limits,
 )
 from dovetail.file.parts import (
+    note_one_sided,
     note_shear_centres,
     read_damping,
     read_masses,
@@ -51,14 +53,16 @@ from dovetail.file.parts import (
     read_sections,
     read_supports,
 )
+from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refuse_space
 from dovetail.file.plausible import beside_implausible, implausible, path_of_request
-from dovetail.file.rotation import read_rotation
+from dovetail.file.rotation import read_rotation, read_unbalances
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from dovetail.file.settings import read_candidates, read_fit, read_frequency
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import Source, StudyError, Table
 from dovetail.file.uncertain import read_uncertain, shear_std
 from fem.analysis.frf import WITHOUT_PHASE
+from fem.analysis.unbalance import Unbalance
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
@@ -88,7 +92,9 @@ TABLES = (
     "constraints",
     "superelements",
     "masses",
+    "sprung_masses",
     "rotation",
+    "unbalances",
     "loads",
     "combinations",
     "envelopes",
@@ -167,6 +173,8 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
         for key in ("sensors", "excitations"):
             if isinstance(values.get(key), str):  # a table in a file of its own
                 values[key] = [{"file": values[key]}]
+        if isinstance(values.get("sections"), str):
+            values["sections"] = {"file": values["sections"]}
         return values, Source(name, key_lines(text))
     except tomllib.TOMLDecodeError as reason:
         msg = f"{name}: {reason}"
@@ -190,6 +198,7 @@ class _Parts:
     connections: tuple[Effect, ...]
     masses: tuple[Effect, ...]
     loads: Loads
+    unbalances: tuple[Unbalance, ...]
 
     @property
     def frame(self) -> tuple[Effect, ...]:
@@ -258,9 +267,13 @@ class _Reader:
         top.finish()
 
         geometry = read_geometry(top, self.path.parent, notes)
+        plane = read_plane(top, notes)
         parts = self._parts(geometry, notes)
+        refuse_loads(top, plane)
         raw, raw_modes, nodes = self._files(notes)
         sensors, excitations = self._channels(raw, raw_modes, geometry, nodes, notes)
+        with self._attempt("sensors"):
+            refuse_channels(plane, (*sensors, *excitations))
         groups = [[c.sensor for c in group] for group in (sensors, excitations)]
 
         fit = top.table("fit")
@@ -271,7 +284,8 @@ class _Reader:
         superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
         mesh, aimed, chosen = self._refined(geometry.mesh, parts, highest, notes)
         damping, connection_damping = read_damping(top, self.path.parent, notes)
-        more = (*parts.connections, *superelements, *parts.masses, *connection_damping)
+        flat = () if plane is None else (plane,)
+        more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes)
 
         every, modes, faults = self._measured(raw, raw_modes, sensors, excitations, notes)
@@ -324,6 +338,7 @@ class _Reader:
             },
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
             loads=parts.loads,
+            unbalances=parts.unbalances,
             baseline=self._baseline(sensors, notes),
             changes=read_changes(top),
         )
@@ -365,17 +380,19 @@ class _Reader:
         """Read the parts of the structure that need no mesh of elements."""
         top = self.top
         inline = "file" not in top.table("mesh").values
-        materials, known_sections = read_materials(top), read_sections(top)
+        materials, known_sections = read_materials(top), read_sections(top, self.path.parent, notes)
         properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
-        notes.extend(note_shear_centres(properties))
+        notes.extend((*note_shear_centres(properties), *note_one_sided(properties)))
         supports, joints = read_supports(top, geometry), read_joints(top, geometry)
         connections = (
             *read_viscoelastic(top, geometry),
             *read_rigid_links(top, geometry),
             *read_constraints(top, geometry),
+            *read_sprung_masses(top, geometry),
         )
         masses, loads = read_masses(top, geometry), read_loads(top, geometry, (*supports, *joints))
-        return _Parts(properties, sizes, supports, joints, connections, masses, loads)
+        unbalances = read_unbalances(top, geometry)
+        return _Parts(properties, sizes, supports, joints, connections, masses, loads, unbalances)
 
     def _held_out(
         self, fit: Table, sensors: list[Channel], excitations: list[Channel]
@@ -396,7 +413,7 @@ class _Reader:
         table = top.table("mesh")
         size = table.number("element_size", None, above=0, unit="m")
         most = table.whole("max_elements", MOST_ELEMENTS)
-        for key in ("file", "scale", "merge_tolerance", "sets", "connect"):
+        for key in ("file", "scale", "merge_tolerance", "sets", "connect", "plane"):
             table.get(key, None)
         table.finish()
         try:
@@ -436,6 +453,7 @@ class _Reader:
             shear = SectionShear.of(model)
             model = model.with_effect(shear) if shear and shear_std(top) else model
             model = read_rotation(top, read_values(top, model), notes)
+            refuse_space(top, model)
             model.contributions()  # finds values that no matrix can be made of
         return model
 

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.geometry import Geometry
-from dovetail.file.table import Table, as_vector, suggest
+from dovetail.file.parts import read_axes
+from dovetail.file.table import Table, suggest
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
+from fem.effects.sprung_mass import SprungMass
 from fem.effects.superelement import Superelement
 from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
 from fem.elements.part_ties import TIES, Attachment
@@ -54,22 +56,7 @@ def _place(t: Table, geometry: Geometry, what: str) -> dict[str, Any]:
     points = geometry.mesh.points
     middle = points[point1] if point2 is None else (points[point1] + points[point2]) / 2
     location = geometry.coordinates(t, "location") if "location" in t else middle
-    return {"point1": point1, "point2": point2, "location": location, "axes": _axes(t)}
-
-
-def _axes(t: Table) -> NDArray[np.float64]:
-    """Read axes of an element's own: its x, and a vector on the y side of its x-y plane."""
-    if "axes" not in t:
-        return np.eye(3)
-    rows = t.get("axes")
-    if not isinstance(rows, list) or len(rows) != 2:
-        t.refuse("axes", "two vectors are needed: the x axis, and one in the x-y plane")
-    x, v = (as_vector(t, "axes", row, 3, "-") for row in rows)
-    z = np.cross(x, v)
-    if np.linalg.norm(z) <= 1e-6 * np.linalg.norm(x) * np.linalg.norm(v) or not np.linalg.norm(x):
-        t.refuse("axes", f"the vectors {rows[0]} and {rows[1]} are parallel or zero; they must span a plane")
-    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    return np.array([x, np.cross(z, x), z])
+    return {"point1": point1, "point2": point2, "location": location, "axes": read_axes(t)}
 
 
 def _side(t: Table, geometry: Geometry, side: str) -> int | None:
@@ -101,6 +88,42 @@ def _joint_matrices(t: Table, keys: tuple[str, ...] = ("K", "C", "D", "M")) -> d
         inner.finish()
         out[key.upper()] = np.diag(diagonal)
     return out
+
+
+def read_sprung_masses(top: Table, geometry: Geometry) -> tuple[SprungMass, ...]:
+    """Read ``[[sprung_masses]]``: by stiffness and damping, or by frequency and damping ratio."""
+    out: list[SprungMass] = []
+    for t in top.tables("sprung_masses"):
+        name = t.text("name", f"sprung mass{len(out) + 1}")
+        more: dict[str, Any] = {
+            "name": name,
+            "point": geometry.point(t),
+            "mass": t.number("mass", above=0, unit="kg"),
+            "arm": t.vector("arm", np.zeros(3)),
+            "axes": read_axes(t),
+        }
+        if "frequency" in t:
+            for key in ("k", "c", "inertia", "eta"):
+                if key in t:
+                    t.refuse(key, "give either frequency and zeta, or k, c, eta and inertia")
+            frequency = t.number("frequency", above=0, unit="Hz")
+            zeta = t.number("zeta", 0.0, least=0, unit="-")
+            directions = t.directions("directions")
+            t.finish()
+            with t.at("directions"):
+                out.append(SprungMass.tuned(frequency=frequency, zeta=zeta, directions=directions, **more))
+            continue
+        given = {key: np.diag(X) for key, X in _joint_matrices(t, ("K", "C")).items()}
+        k, c = (
+            {d: float(v) for d, v in zip(DIRECTIONS, given.get(key, np.zeros(6)), strict=True) if v}
+            for key in "KC"
+        )
+        inertia = t.vector("inertia", np.zeros(3), unit="kg·m²")
+        eta = t.number("eta", 0.0, least=0)
+        t.finish()
+        with t.at():
+            out.append(SprungMass(k=k, c=c, eta=eta, inertia=np.diag(inertia), **more))
+    return tuple(out)
 
 
 def read_viscoelastic(top: Table, geometry: Geometry) -> tuple[Effect, ...]:

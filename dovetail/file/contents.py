@@ -13,6 +13,7 @@ from dovetail.file.measured_modes import (
     UpdatePlan,
 )
 from fem.analysis.frf import WITHOUT_PHASE
+from fem.analysis.unbalance import Unbalance
 from fem.model import Model
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement, Sensor
@@ -86,6 +87,8 @@ class Study:
         Records that the readers of the measured files left out, converted or found twice, a sentence each.
     loads : Loads
         Load cases, combinations and envelopes.
+    unbalances : tuple of Unbalance
+        Of members that spin.
     """
 
     name: str
@@ -121,6 +124,7 @@ class Study:
     loads: Loads = Loads()  # noqa: RUF009 - frozen
     baseline: MeasuredModes | None = None
     changes: tuple[str, ...] = ()
+    unbalances: tuple[Unbalance, ...] = ()
 
     @property
     def lack_of_frfs(self) -> str:

@@ -8,17 +8,34 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.geometry import Geometry
-from dovetail.file.table import Table, suggest
+from dovetail.file.section_table import Sections, section_rows
+from dovetail.file.table import Table, as_vector, suggest
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass
+from fem.effects.joint import Joint
 from fem.effects.support import Support
 from fem.elements.axes import local_axes
 from fem.elements.properties import MASSES, THEORIES, MemberProperties
 from fem.io import read_modes
 from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Damping
+from fem.mesh import Mesh, merge_names
+from fem.model import DIRECTIONS, Damping, Effect
 from fem.sections.section import OPTIONS, SHAPES, Section
+
+
+def read_axes(t: Table) -> np.ndarray:
+    """Read axes of an element's own: its x, and a vector on the y side of its x-y plane."""
+    if "axes" not in t:
+        return np.eye(3)
+    rows = t.get("axes")
+    if not isinstance(rows, list) or len(rows) != 2:
+        t.refuse("axes", "two vectors are needed: the x axis, and one in the x-y plane")
+    x, v = (as_vector(t, "axes", row, 3, "-") for row in rows)
+    z = np.cross(x, v)
+    if np.linalg.norm(z) <= 1e-6 * np.linalg.norm(x) * np.linalg.norm(v) or not np.linalg.norm(x):
+        t.refuse("axes", f"the vectors {rows[0]} and {rows[1]} are parallel or zero; they must span a plane")
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    return np.array([x, np.cross(z, x), z])
 
 
 def read_materials(top: Table) -> dict[str, Material]:
@@ -37,9 +54,18 @@ def read_materials(top: Table) -> dict[str, Material]:
     return out
 
 
-def read_sections(top: Table) -> dict[str, Section]:
-    """Read ``[sections.NAME]``."""
-    return {name: read_section(t, name) for name, t in top.table("sections").named()}
+def read_sections(top: Table, folder: Path, notes: list[str]) -> Sections:
+    """Read ``[sections.NAME]``, and the rows of the table that ``file`` names."""
+    t = top.table("sections")
+    rows: dict[str, Table] = {}
+    if isinstance(t.values.get("file"), str):
+        path = folder / t.text("file")
+        if not path.is_file():
+            t.refuse("file", f"there is no file '{path}'")
+        with t.at("file"):
+            rows = section_rows(path, notes)
+    own = {name: read_section(t.table(name), name) for name in t.values if name != "file" or not rows}
+    return Sections(own, rows, read_section)
 
 
 def read_section(t: Table, label: str = "") -> Section:
@@ -125,6 +151,17 @@ def note_shear_centres(members: Mapping[str, MemberProperties]) -> list[str]:
                 "so that bending and torsion are not coupled",
             )
     return list(out.values())
+
+
+def note_one_sided(members: Mapping[str, MemberProperties]) -> list[str]:
+    """Return a note on bars that carry tension or compression alone."""
+    names = tuple(name for name, member in members.items() if member.only)
+    if not names:
+        return []
+    return [
+        f"{merge_names(names)} may go slack in dovetail static alone; all other analyses take bars that "
+        "carry tension and compression"
+    ]
 
 
 @dataclass(slots=True)
@@ -219,6 +256,7 @@ def _properties(
             spring2=read("spring2", lambda t: _springs(t, "spring2"), {}),
             pretension=read("pretension", lambda t: t.number("pretension", unit="N"), 0.0),
             spin=read("spin", lambda t: t.number("spin", unit="-"), 0.0),
+            only=read("only", lambda t: t.text("only", choices=("tension", "compression")), ""),
         )
 
 
@@ -252,9 +290,9 @@ def _element_size(chain: MemberTables) -> tuple[float | None, int | None]:
     )
 
 
-def read_supports(top: Table, geometry: Geometry) -> tuple[Support, ...]:
-    """Read ``[[supports]]``."""
-    out: list[Support] = []
+def read_supports(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
+    """Read ``[[supports]]``; those with axes of their own are joints to the ground."""
+    out: list[Effect] = []
     for t in top.tables("supports"):
         point = geometry.point(t)
         value = t.get("point")
@@ -264,8 +302,13 @@ def read_supports(top: Table, geometry: Geometry) -> tuple[Support, ...]:
             t.refuse(
                 "fixed", "no direction is fixed; name some of x y z rx ry rz, all, translations, rotations"
             )
+        axes = read_axes(t)
         t.finish()
-        out.append(Support(name=name, point=point, fixed=fixed))
+        if np.array_equal(axes, np.eye(3)):
+            out.append(Support(name=name, point=point, fixed=fixed))
+        else:
+            where = geometry.mesh.points[point]
+            out.append(Joint(name=name, point1=point, location=where, axes=axes, rigid=fixed))
     return tuple(out)
 
 

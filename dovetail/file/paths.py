@@ -22,6 +22,8 @@ FILES: dict[tuple[str, ...], str] = {
     ("damping", "file"): "the modes that give the damping",
     ("modes", "file"): "the measured modes",
     ("baseline", "file"): "the modes of the baseline",
+    ("sections",): "the table of sections",
+    ("sections", "file"): "the table of sections",
     ("sensors",): "the table of sensors",
     ("sensors", "file"): "the table of sensors",
     ("excitations",): "the table of excitations",

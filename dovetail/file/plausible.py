@@ -103,7 +103,7 @@ def _section(tree: Tree, mesh: Mesh, member: str) -> Path:
 def _effect(tree: Tree, name: str, key: str) -> Path:
     """Return where a study has an effect's value, as far as its name tells."""
     sensor = name.removeprefix("mass of sensor ")
-    for kind in ("joints", "masses", "viscoelastic", "superelements", "effects", "sensors"):
+    for kind in ("joints", "masses", "sprung_masses", "viscoelastic", "superelements", "effects", "sensors"):
         for i, one in enumerate(tree.get(kind, [])):
             if _name(kind, i, one) not in (name, sensor if kind == "sensors" else name):
                 continue
@@ -120,6 +120,8 @@ def _name(kind: str, i: int, one: Tree) -> str:
     point = one.get("point")
     if kind == "masses":
         return f"mass at {point}" if isinstance(point, str) else f"mass{i + 1}"
+    if kind == "sprung_masses":
+        return f"sprung mass{i + 1}"
     return f"known {one.get('candidate', '')}" if kind == "effects" else f"{kind.removesuffix('s')}{i + 1}"
 
 

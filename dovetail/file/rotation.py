@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from dovetail.file.geometry import Geometry
 from dovetail.file.table import Table
+from fem.analysis.unbalance import Unbalance
 from fem.effects.spin import Spin, refusals, spinning
 from fem.model import Model, ModelError
 
@@ -28,9 +30,24 @@ def read_rotation(top: Table, model: Model, notes: list[str]) -> Model:
     if shafts and rpm is None:
         notes.append(
             f"no [rotation] rpm is given: members with a spin ({', '.join(shafts)}) stand still, but for the "
-            "speeds of dovetail campbell and complex --rpm"
+            "speeds of dovetail campbell and unbalance, and of --rpm"
         )
     return model
+
+
+def read_unbalances(top: Table, geometry: Geometry) -> tuple[Unbalance, ...]:
+    """Read ``[[unbalances]]``."""
+    out = []
+    for t in top.tables("unbalances"):
+        out.append(
+            Unbalance(
+                point=geometry.point(t),
+                moment=t.number("moment", above=0, unit="kg·m"),
+                angle=np.radians(t.number("angle", 0.0, unit="deg")),
+            )
+        )
+        t.finish()
+    return tuple(out)
 
 
 def at_speed(model: Model, rpm: float) -> Model:

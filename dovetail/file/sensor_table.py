@@ -30,7 +30,7 @@ _LETTERS = re.compile(r"[+-]?[xyz]([\s,;]*[+-]?[xyz])*", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
-class _Rows(Source):
+class Rows(Source):
     """Places in a table: ``file, row 3, column x``."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -70,9 +70,9 @@ def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
     if not path.is_file():
         t.refuse("file", f"there is no file '{path}'")
     with t.at("file"):
-        head, body = _cells(path)
+        head, body = cells_of(path)
         columns, units = _columns(path.name, head[1], notes)
-    row_source = _Rows(path.name, {}, {**columns, "directions": columns.get("direction", "direction")})
+    row_source = Rows(path.name, {}, {**columns, "directions": columns.get("direction", "direction")})
     for row, cells in body:
         values = _values(
             row_source, row, dict(zip(columns, _picked(cells, head[1], columns), strict=True)), units
@@ -81,12 +81,12 @@ def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
             yield Table(row_source, (row,), one)
 
 
-def _cells(path: Path) -> tuple[tuple[int, list[str]], list[tuple[int, list[str]]]]:
+def cells_of(path: Path, what: str = "sensor") -> tuple[tuple[int, list[str]], list[tuple[int, list[str]]]]:
     """Return the heading and the rows of a table with their numbers, counted from 1."""
     lines = [(k, line) for k, line in enumerate(text_of(path).splitlines(), start=1)]
     lines = [(k, line) for k, line in lines if line.strip(" ;,\t\r") and not line.lstrip().startswith("#")]
     if len(lines) < 2:
-        msg = f"{path.name}: a heading and a row for each sensor are needed"
+        msg = f"{path.name}: a heading and a row for each {what} are needed"
         raise StudyError(msg)
     mark = max(("\t", ";", ","), key=lines[0][1].count)
     rows = [(k, [c.strip() for c in next(csv.reader([line], delimiter=mark))]) for k, line in lines]
@@ -140,7 +140,7 @@ def _picked(cells: Sequence[str], head: Sequence[str], columns: Mapping[str, str
     return [cells[list(head).index(title)] for title in columns.values()]
 
 
-def _values(source: _Rows, row: int, cells: Mapping[str, str], units: Mapping[str, float]) -> dict[str, Any]:
+def _values(source: Rows, row: int, cells: Mapping[str, str], units: Mapping[str, float]) -> dict[str, Any]:
     """Return the values of a row as a study file would have them; empty cells are left out."""
     out: dict[str, Any] = {}
     for key, cell in cells.items():
@@ -171,7 +171,7 @@ def _values(source: _Rows, row: int, cells: Mapping[str, str], units: Mapping[st
     return out
 
 
-def _number(source: _Rows, row: int, key: str, cell: str) -> float:
+def _number(source: Rows, row: int, key: str, cell: str) -> float:
     try:
         value = float(cell)
     except ValueError:
@@ -181,7 +181,7 @@ def _number(source: _Rows, row: int, key: str, cell: str) -> float:
     return value
 
 
-def _by_direction(source: _Rows, row: int, values: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _by_direction(source: Rows, row: int, values: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield one table for each direction of a sensor: ``xyz`` of A1 gives A1x, A1y and A1z."""
     text = values.get("direction")
     if not isinstance(text, str):

@@ -63,10 +63,10 @@ def _spots(effect: str, name: str, tree: Tree, places: Places) -> list[Path]:
     for i, one in enumerate(_tables(tree, "effects")):
         if effect == one.get("name", f"known {one.get('candidate', '')}"):
             return [("effects", i, name)]  # also where it is left at its default
-    for kind in ("joints", "masses", "viscoelastic"):
+    for kind in ("joints", "masses", "sprung_masses", "viscoelastic"):
         for i, one in enumerate(_tables(tree, kind)):
             if _own_name(kind, i, one) == effect:
-                spots: list[Path] = [(kind, i, name), (kind, i, "k", name)]
+                spots: list[Path] = [(kind, i, name), (kind, i, "k", name), (kind, i, "c", name)]
                 if name[:1] == "k" and name[1:] in DIRECTIONS:
                     d = DIRECTIONS.index(name[1:])
                     spots += [(kind, i, "K", d, d), (kind, i, "K", d)]
@@ -87,6 +87,8 @@ def _own_name(kind: str, i: int, one: Mapping[str, Any]) -> str:
     """Return the name of a joint, a mass or an element."""
     if "name" in one:
         return one["name"]
+    if kind == "sprung_masses":
+        return f"sprung mass{i + 1}"
     if kind != "masses":
         return f"{kind[:-1]}{i + 1}"
     point = one.get("point")

@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.participation import rigid_motion_field
+from fem.analysis.planar import refuse_motion
 from fem.analysis.selection import Selection, dof_vectors
 from fem.analysis.statics import factor_held
+from fem.declarations import Role
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Law, Model, ModelError
 from fem.system import System, law_change, particular
@@ -156,10 +158,12 @@ def _followed(
                 f"the base moves in '{motion}'; allowed are {', '.join(DIRECTIONS)}, or (support, direction)"
             )
             raise ModelError(msg)
+        refuse_motion(model, motion)
         base = rigid_motion_field(model, place)[:, DIRECTIONS.index(motion)]
         _check_rigid(system, base, motion)
         return base, _forces(model, base, base, None), f"base {motion.upper()}+"
     name, direction = motion
+    refuse_motion(model, direction)
     label = f"{name} {direction.upper()}+"
     held = {c.key: c for c in constraints}
     grounded = _grounded(model)
@@ -176,7 +180,9 @@ def _followed(
         where = model.effect(name).locations(model)[0]
         base = rigid_motion_field(model, where)[:, DIRECTIONS.index(direction)]
     else:
-        known = [f"({a}, {b})" for a, b in held] + [f"({n}, x … rz)" for n in grounded]
+        known = [f"({a}, {b})" for (a, b), c in held.items() if not c.everywhere] + [
+            f"({n}, x … rz)" for n in grounded
+        ]
         msg = f"{motion} is nothing that holds the structure to the ground; there are {', '.join(known)}"
         raise ModelError(msg)
     r = start
@@ -204,8 +210,8 @@ def _grounded(model: Model) -> tuple[str, ...]:
     rigid = rigid_motion_field(model, model.mesh.points.mean(axis=0))
     out = []
     for effect in model.effects:
-        if isinstance(effect, Frame) or effect.within_members:
-            continue
+        if isinstance(effect, Frame) or effect.within_members or Role.GYROSCOPIC in effect.role:
+            continue  # a rotor resists its own turning in space, not that beside its foot
         for c in effect.contribute(model):
             for X in (c.K, c.C, c.D):
                 if X is None:

@@ -308,7 +308,8 @@ def _free_points(
     whole[single] = alone[Q.indices[Q.indptr[single]]]
     whole[np.diff(Q.indptr) == 0] = True  # rotations of cables, or held
     for c in system.model.constraints():
-        whole[c.dofs] = False
+        if not c.everywhere:
+            whole[c.dofs] = False
     for part in others:
         whole[part.dofs.ravel()] = False
     for X in places:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
 from fem.analysis.base_excitation import compute_base_frf
+from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
@@ -27,6 +28,8 @@ RESPONSES = ("displacement", "velocity", "acceleration")
 _STEP = 0.125
 """Of arsinh x, x the distance from a mode in half bandwidths [-]."""
 _PER_OCTAVE = 24
+_MORE_WHIRLING = 6
+"""Modes of a rotor beyond those of it at rest: backward whirl lowers the frequencies of some."""
 _LEAST_RATIO = 1e-5
 
 Floats = NDArray[np.float64]
@@ -155,8 +158,13 @@ def resonance_lines(system: System, low: float, high: float, corners: ArrayLike 
     """
     modes = solve_modes(system, max_frequency=1.1 * high)
     keep = modes.frequency > 0
-    zeta = compute_energies(system.model, modes).zeta  # local dampers included
-    f, z = modes.frequency[keep], np.maximum(zeta[keep], _LEAST_RATIO)
+    if system.reciprocal:
+        zeta = compute_energies(system.model, modes).zeta  # local dampers included
+        f, z = modes.frequency[keep], np.maximum(zeta[keep], _LEAST_RATIO)
+    else:  # a rotor's frequencies split with its speed, some into the band
+        poles = solve_complex_modes(system, int(keep.sum()) + _MORE_WHIRLING).poles
+        poles = poles[poles.imag > 0]
+        f, z = np.abs(poles) / (2 * np.pi), np.maximum(-poles.real / np.abs(poles), _LEAST_RATIO)
     near = [own * (1 + ratio * np.sinh(_arsinh_steps(ratio))) for own, ratio in zip(f, z, strict=True)]
     n = int(np.ceil(np.log2(high / low) * _PER_OCTAVE)) + 2
     every = np.concatenate([*near, np.geomspace(low, high, n), np.asarray(corners, dtype=float), f])

@@ -172,6 +172,7 @@ def solve_spectrum(
     squares: dict[str, Floats] = {}
     at_supports: dict[Key, float] = {}
     levels, masses, totals, force = [], [], [], []
+    supports = tuple(c for c in model.constraints() if not c.everywhere)
     for direction, spectrum in spectra.items():
         r, driven = rigid_base_load(system, direction, about)
         gamma, sa = phi.T @ driven, spectrum.at(modes.frequency)
@@ -183,7 +184,7 @@ def solve_spectrum(
         for key, peaks in found.items():
             own = combined(np.moveaxis(peaks, -1, 0), correlation) ** 2
             squares[key] = squares.get(key, np.zeros(own.shape)) + own
-        for key, peaks in constraint_forces(model.constraints(), np.asarray(K @ u - M @ a)).items():
+        for key, peaks in constraint_forces(supports, np.asarray(K @ u - M @ a)).items():
             own = combined(peaks[:, None], correlation) ** 2
             at_supports[key] = at_supports.get(key, 0.0) + float(own[0])
         total = float(r @ driven)

@@ -24,6 +24,7 @@ from fem.analysis.line_loads import (
 )
 from fem.analysis.loads import Key, LoadCase, PointLoads, as_cases, checked_vector, point_forces
 from fem.analysis.modes import n_negative, solve_eigenpairs
+from fem.analysis.planar import refuse_out_of_plane
 from fem.analysis.section_forces import (
     LineEquilibrium,
     initial_forces,
@@ -198,6 +199,7 @@ def solve_static(
     f = _at_points(model, cases, M, gravity)
     weights = nodal_weights(model, gravity)
     np.add.at(f, line_dofs(model), on_lines)
+    refuse_out_of_plane(model, cases, f)
     constraints = model.constraints()
     prescribed = _prescribed(constraints, cases, model.n_dof)
     _check_loaded_dofs(system, constraints, f)
@@ -207,6 +209,7 @@ def solve_static(
     reactions = constraint_forces(constraints, out_of_balance)
     for c in constraints:
         np.subtract.at(out_of_balance, c.dofs, c.coefficients[:, None] * reactions[c.key])
+    reactions = {c.key: reactions[c.key] for c in constraints if not c.everywhere}
     stiffness = line_stiffness(model)
     ends = np.einsum("bij,bjc->bic", stiffness, u[line_dofs(model)]) - on_lines - weights
     initial = initial_forces(model, axes, stiffness)
@@ -251,6 +254,7 @@ def load_vectors(model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads
     spread, strain = loads_on_members(model, axes, cases)
     f = _at_points(model, cases, M, _gravity(cases))
     np.add.at(f, line_dofs(model), nodal_loads(model, axes, spread, strain, cases))
+    refuse_out_of_plane(model, cases, f)
     return f
 
 
@@ -374,6 +378,9 @@ def constraint_forces(
     """
     out: dict[Key, NDArray[np.float64]] = {}
     for group in constraint_groups(constraints):
+        if len(group) == 1 and len(group[0].dofs) == 1:  # thousands of a planar model
+            out[group[0].key] = force[group[0].dofs[0]] / group[0].coefficients[0]
+            continue
         dofs = np.unique(np.concatenate([c.dofs for c in group]))
         B = np.zeros((len(group), len(dofs)))
         for i, c in enumerate(group):

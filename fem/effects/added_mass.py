@@ -84,7 +84,7 @@ class AddedMass(Effect):
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield a mass above that of the members, and an arm or an inertia larger than the structure."""
-        yield from _too_heavy(self.name, self.mass, structure)
+        yield from too_heavy(self.name, self.mass, structure)
         arm = float(np.linalg.norm(self.arm))
         if arm > structure.size:
             yield (
@@ -167,7 +167,7 @@ class PointMass(Effect):
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield a mass above that of the members."""
-        yield from _too_heavy(self.name, self.mass, structure)
+        yield from too_heavy(self.name, self.mass, structure)
 
     @classmethod
     def propose(cls, model: Model) -> tuple["Effect", ...]:
@@ -204,7 +204,7 @@ class PointMass(Effect):
         return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
 
 
-def _too_heavy(name: str, mass: Any, structure: Yardstick) -> Iterator[tuple[str, str]]:
+def too_heavy(name: str, mass: Any, structure: Yardstick) -> Iterator[tuple[str, str]]:
     """Yield a mass above that of all members."""
     mass = float(np.real(mass))
     if mass > structure.mass:

@@ -294,7 +294,7 @@ def held_directions(model: Model) -> dict[int, set[str]]:
 def connected_points(model: Model) -> set[int]:
     """Return the points at which joints, supports, links, masses or reduced parts act."""
     n = 6 * model.mesh.n_points
-    dofs: list[Any] = [c.dofs for c in model.constraints()]
+    dofs: list[Any] = [c.dofs for c in model.constraints() if not c.everywhere]
     for effect in model.effects:
         if isinstance(effect, PointPair | AddedMass | Superelement):
             dofs += [c.dofs.ravel() for c in effect.contribute(model)]

@@ -84,7 +84,8 @@ class RigidEndZone(Effect):
             return ()
         count = n_lines_at(model)
         joined = {p for j in model.of_kind(PointPair) for p in (j.point1, j.point2) if p is not None}
-        joined |= {int(c.dofs[i]) // 6 for c in model.constraints() for i in range(len(c.dofs))}
+        own = [c.dofs for c in model.constraints() if not c.everywhere]
+        joined |= {int(dof) // 6 for dofs in own for dof in dofs}
         ends = [
             (m, end, 0.2 * model.mesh.member_length(m))
             for m, end, point in member_ends(model)

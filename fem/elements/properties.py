@@ -54,6 +54,9 @@ class MemberProperties:
     spin : float
         Speed at which the member turns about its axis, positive from its first to its second end, relative to
         that of the rotation: 0 of one that does not turn (`fem.effects.spin`) [-].
+    only : str
+        ``"tension"`` or ``"compression"``: a bar that carries this alone, and goes slack otherwise. Statics
+        iterate (`fem.analysis.one_sided`); all other analyses take a bar that carries both.
     """
 
     material: Material
@@ -72,6 +75,7 @@ class MemberProperties:
     spring2: Mapping[str, float] = field(default_factory=dict)
     pretension: float = 0.0
     spin: float = 0.0
+    only: str = ""
 
     __repr__ = fields_summary
 
@@ -88,6 +92,12 @@ class MemberProperties:
             raise ModelError(msg)
         if not np.isfinite(self.spin):
             msg = f"the spin is {self.spin}; it must be a finite number, relative to the speed [-]"
+            raise ModelError(msg)
+        if self.only not in ("", "tension", "compression"):
+            msg = f"it carries only '{self.only}'; allowed are tension and compression"
+            raise ModelError(msg)
+        if self.only and self.theory != "bar":
+            msg = f"it carries only {self.only}, and its theory is '{self.theory}'; take 'bar'"
             raise ModelError(msg)
         if self.section2 is not None:
             Section.between(self.section, self.section2, 0.5)

@@ -1,4 +1,4 @@
-"""Second-order statics against the closed forms of beam-columns, and the benchmarks of AISC 360."""
+"""Second-order statics against the closed forms of beam-columns."""
 
 from dataclasses import replace
 
@@ -7,9 +7,7 @@ import pytest
 
 from fem.analysis.loads import LineLoad, LoadCase
 from fem.analysis.second_order import solve_second_order
-from fem.materials import Material
 from fem.model import ModelError
-from fem.sections.section import Section
 from tests.frames import FLAT, STEEL, beam, fix, planar
 
 THICK = replace(FLAT, A=1e6 * FLAT.A)
@@ -99,65 +97,3 @@ def test_loads_beyond_buckling_are_refused():
         solve_second_order(model, pushed(1.0001 * P))
     straight = solve_second_order(model, pushed(0.999 * P))
     assert abs(straight.solution.displacements[2::6]).max() < 1e-9
-
-
-KIP, INCH = 4448.2216152605, 0.0254
-KSI = KIP / INCH**2
-W14 = {"A": 14.1 * INCH**2, "Iy": 484 * INCH**4, "Iz": 51.4 * INCH**4, "J": 1.45 * INCH**4}
-"""W14×48; its web, 13.8 by 0.340 in, carries the shear."""
-HEIGHT = 28 * 12 * INCH
-
-
-def aisc(ends, *, sheared):
-    web = 13.8 * 0.340 / 14.1
-    section = Section(**W14, ky=web, kz=web if sheared else 0.0)
-    material = Material("steel", 29000 * KSI, 7850.0, nu=29000 / 22400 - 1)  # G of 11200 ksi
-    return planar(
-        beam(12, HEIGHT, effects=ends, section=section, material=material, theory="timoshenko"),
-        keep=("x", "z", "ry"),
-    )
-
-
-@pytest.mark.parametrize(
-    ("axial", "moment", "deflection"),
-    [
-        (0, (235, 235), (0.202, 0.197)),
-        (150, (270, 269), (0.230, 0.224)),
-        (300, (316, 313), (0.269, 0.261)),
-        (450, (380, 375), (0.322, 0.311)),
-    ],
-)
-@pytest.mark.parametrize("sheared", [True, False])
-def test_aisc_benchmark_case_1(axial, moment, deflection, sheared):
-    """AISC 360-10, Commentary, figure C-C2.2: pinned column, 0.200 kip/ft, moments [kip in] and [in]."""
-    model = aisc((fix(0, ("x", "z")), fix(1, ("z",))), sheared=sheared)
-    load = LineLoad(member="beam", force1=np.array([0, 0, -0.2 * KIP / (12 * INCH)]))
-    found = solve_second_order(model, pushed(axial * KIP, members=(load,))).solution
-    middle = int(np.argmin(abs(model.mesh.points[:, 0] - HEIGHT / 2)))
-    bending = abs(found.internal_forces("beam", [HEIGHT / 2])[0, 4, 0]) / (KIP * INCH)
-    sag = -found.displacements[6 * middle + 2, 0] / INCH
-    # printed to three digits
-    assert bending == pytest.approx(moment[not sheared], abs=1.0)
-    assert sag == pytest.approx(deflection[not sheared], abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("axial", "moment", "deflection"),
-    [
-        (0, (336, 336), (0.907, 0.901)),
-        (100, (470, 469), (1.34, 1.33)),
-        (150, (601, 598), (1.77, 1.75)),
-        (200, (856, 848), (2.60, 2.56)),
-    ],
-)
-@pytest.mark.parametrize("sheared", [True, False])
-def test_aisc_benchmark_case_2(axial, moment, deflection, sheared):
-    """AISC 360-10, Commentary, figure C-C2.3: cantilever, 1.00 kip at its tip."""
-    found = solve_second_order(
-        aisc((fix(0),), sheared=sheared), pushed(axial * KIP, {(1, "z"): KIP})
-    ).solution
-    # the reference does not state its shear area; 856 is 0.18 % below that with the web's
-    foot = abs(found.reactions["support0", "ry"][0]) / (KIP * INCH)
-    sway = found.displacements[6 + 2, 0] / INCH
-    assert foot == pytest.approx(moment[not sheared], abs=1.0, rel=2e-3)
-    assert sway == pytest.approx(deflection[not sheared], abs=1e-2 if axial else 1e-3)

@@ -17,6 +17,7 @@ from fem.analysis.response_spectrum import solve_spectrum
 from fem.analysis.statics import load_vectors
 from fem.analysis.tabulated import Tabulated
 from fem.analysis.transient import solve_transient
+from fem.analysis.unbalance import solve_unbalance
 from fem.io import read_mesh, read_npz
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
@@ -201,6 +202,72 @@ def test_campbell(rotor, tmp_path, capsys):
     assert "FIRST:LAST:NUMBER" in refused(capsys, "campbell", rotor, "--speeds", "0:10")
     assert "written as .csv" in refused(
         capsys, "campbell", rotor, "--speeds", "0:9:3", "--out", tmp_path / "a.txt"
+    )
+
+
+UNBALANCED = (
+    ROTOR
+    + """
+[[unbalances]]
+point = { member = "shaft", position = 0.25 }
+moment = 2e-4
+angle = 90.0
+[[sensors]]
+name = "disc y"
+point = { member = "shaft", position = 0.25 }
+direction = "y"
+[[sensors]]
+name = "disc z"
+point = { member = "shaft", position = 0.25 }
+direction = "z"
+"""
+)
+
+
+def test_unbalance(rotor, tmp_path, capsys):
+    assert "the study has no sensors" in refused(capsys, "unbalance", rotor, "--speeds", "0:9:3")
+    rotor.write_text(UNBALANCED, encoding="utf-8")
+    picture, table = tmp_path / "u.png", tmp_path / "u.csv"
+    found = printed(
+        capsys, "unbalance", rotor, "--speeds", "0:6000:7", "--json", "-", "--picture", picture,
+        "--out", table,
+    )  # fmt: skip
+    study = load_study(rotor)
+    speeds = np.linspace(0, 6000, 7) * 2 * np.pi / 60
+    rows = sensor_rows(study.model, study.sensors)
+    direct = solve_unbalance(study.model, study.unbalances, speeds, rows).displacement
+    assert study.unbalances[0].angle == pytest.approx(np.pi / 2)
+    np.testing.assert_allclose(found["amplitude_m"], np.abs(direct), rtol=1e-9)
+    np.testing.assert_allclose(np.loadtxt(table, delimiter=",", skiprows=1)[:, 3], np.abs(direct[:, 1]))
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert main(["unbalance", str(rotor), "--speeds", "0:6000:7"]) == 0
+    assert "largest [µm]" in capsys.readouterr().out
+    text = UNBALANCED.replace("[[unbalances]]", "[[masses]]\nname = 'x'").replace(
+        "moment = 2e-4\nangle = 90.0", "mass = 1.0"
+    )
+    rotor.write_text(text, encoding="utf-8")
+    assert "the study has no unbalance; give [[unbalances]]" in refused(
+        capsys, "unbalance", rotor, "--speeds", "0:9:3"
+    )
+
+
+def test_a_rotor_on_a_moving_base(rotor, tmp_path, capsys):
+    """FRFs at a speed of the option and of the study are the same; a spectrum refuses them."""
+    text = UNBALANCED.replace("0.25", "0.1")  # a disc that tilts
+    rotor.write_text(text, encoding="utf-8")
+    more = ("--motion", "y", "--start", "5", "--stop", "60", "--step", "5", "--json", "-")
+    asked = printed(capsys, "base", rotor, "--rpm", "3000", *more)
+    still = printed(capsys, "base", rotor, *more)
+    rotor.write_text(text + "[rotation]\nrpm = 3000\n", encoding="utf-8")
+    stated = printed(capsys, "base", rotor, *more)
+    assert asked["imaginary"] == stated["imaginary"]
+    assert abs(np.array(asked["imaginary"])[:, 1]).max() > 1e-4
+    assert abs(np.array(still["imaginary"])[:, 1]).max() < 1e-12
+    (tmp_path / "s.csv").write_text("frequency,base y\n1,10\n100,10\n", encoding="utf-8")
+    random = printed(capsys, "psd", rotor, "--psd", tmp_path / "s.csv", "--json", "-")
+    assert random["rms"]["disc z"] > 0
+    assert "its rotor turns at 3000 1/min" in refused(
+        capsys, "spectrum", rotor, "--spectrum", tmp_path / "s.csv"
     )
 
 

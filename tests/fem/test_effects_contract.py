@@ -14,9 +14,11 @@ from fem.analysis.statics import solve_static
 from fem.declarations import Role
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint
+from fem.effects.plane import Plane
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
 from fem.effects.spin import Spin
+from fem.effects.sprung_mass import SprungMass
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import Instruments, lever_matrix, parameter_values
@@ -55,14 +57,25 @@ MODELS = {
     # ends of solid bars on others, one with a rigid zone
     "welded": welded(0.15, rigid1=0.004),
     "part": with_part(),
-    # on an elastic foot
+    # on an elastic foot, with an absorber
     "footed": beam(5).with_effect(
         Joint(
             name="foot",
             point1=2,
             location=np.array([0.4, 0.0, -0.01]),
             K=np.diag([2e6, 3e6, 4e6, 5e2, 7e2, 9e2]),
-        )
+        ),
+        SprungMass(
+            name="absorber",
+            point=3,
+            mass=0.2,
+            k={"x": 2e4, "z": 3e4, "ry": 40.0},
+            c={"z": 8.0},
+            eta=0.02,
+            inertia=np.diag([1e-4, 2e-4, 1e-4]),
+            arm=np.array([0.01, 0.0, 0.03]),
+            axes=np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]]),
+        ),
     ),
     # all six section forces in each member
     "loaded": prestressed(portal(0.2), solve_static(assemble(portal(0.2)), LoadCase(gravity=(3, 4, -9.81)))),
@@ -149,6 +162,8 @@ CASES = [
 CASES += [pytest.param(MODELS["cross"], effect, id=f"cross-{effect.name}") for effect in NOT_PROPOSED]
 SPIN = Spin(name="spin", speed=40.0)
 CASES.append(pytest.param(SHAFT, SPIN, id="shaft-spin"))
+PLANE = Plane(name="plane", plane="xz")
+"""It has constraints alone: see test_plane.py."""
 OWN = [
     pytest.param(model, effect, id=f"{name}-{effect.name}")
     for name, model in MODELS.items()
@@ -391,7 +406,7 @@ def test_every_kind_is_proposed_somewhere():
     }
     assert met == set(candidate_kinds())
     own = {effect.kind for model in MODELS.values() for effect in model.effects}
-    own |= {effect.kind for effect in (*NOT_PROPOSED, SPIN)}
+    own |= {effect.kind for effect in (*NOT_PROPOSED, SPIN, PLANE)}
     assert met | own - {Frame.kind} == set(effect_classes()), "a kind is on no model of this file"
     assert not {effect.kind for effect in NOT_PROPOSED} & met
 

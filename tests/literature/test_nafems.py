@@ -1,53 +1,39 @@
-"""NAFEMS benchmarks for the free vibration of beams: FV2, FV3, FV4 and FV5.
+"""NAFEMS benchmarks for the free vibration of beams: the deviations from FV2 to FV5.
 
-Figures: NAFEMS, Selected Benchmarks for Natural Frequency Analysis (1987), also printed in the verification
-manuals of many codes. They have four or five digits; half a unit of the last is part of each tolerance, the
-rest is predicted or explained.
+The figures are in `tests/literature/book/nafems.py`. They have four or five digits; half a unit of the last
+is part of each tolerance, the rest is predicted or explained.
 """
 
 import numpy as np
 import pytest
 
 from fem.analysis.modes import solve_modes
-from fem.effects.added_mass import AddedMass
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Model
 from fem.sections.section import Section
 from fem.system import assemble
 from tests.benchmarks.test_beams_closed_form import timoshenko_pinned
-from tests.frames import beam, fix, planar
+from tests.literature.book.nafems import (
+    COWPER,
+    FV2,
+    FV3,
+    FV4,
+    FV5_BENDING,
+    STEEL,
+    deep_beam,
+    double_cross,
+    frequencies,
+    square,
+    square_frame,
+    stretchless,
+    with_masses,
+)
 
-STEEL = Material("steel", 200e9, 8000.0, nu=0.3)
-IN_PLANE = ("x", "y", "rz")
+
+def printed(text):
+    return np.array([float(word) for word in text.split()])
 
 
-def frequencies(model, n):
-    modes = solve_modes(assemble(model), n)
-    return modes.frequency[modes.n_rigid :]
-
-
-def stretchless(section, material):
-    """Return the same beam with ten thousand times the axial stiffness: same EI and mass per length."""
-    stiff = Section(A=section.A * 1e4, Iy=section.Iy, Iz=section.Iz, J=section.J)
-    return Material(material.name, material.E, material.rho / 1e4), stiff
-
-
-FV2 = np.array([11.336] + 7 * [17.709] + [45.345] + 7 * [57.390])
 FV2_ROOTS = np.array([np.pi] + 7 * [3.926602312] + [2 * np.pi] + 7 * [7.068582746])
 """Arms pinned at both ends, turning alike; or pinned and clamped."""
-
-
-def double_cross(n, material, section):
-    angle = 2 * np.pi * np.arange(8) / 8
-    points = np.vstack([np.zeros(3), 5.0 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])])
-    arms = {f"arm{i}": [i] for i in range(8)}
-    mesh = Mesh.from_lines(points, [[0, i + 1] for i in range(8)], arms).split(n)
-    p = MemberProperties(material, section, theory="euler-bernoulli")
-    ends = tuple(fix(i + 1, ("x", "y")) for i in range(8))
-    return planar(Model(mesh, (Frame(members=dict.fromkeys(mesh.members, p)), *ends)), IN_PLANE)
 
 
 @pytest.mark.parametrize("n", [4, 16])
@@ -76,16 +62,8 @@ def test_fv2_many_equal_modes_are_all_found():
     assert (abs(f / 57.390 - 1) < 1e-4).sum() == 7
 
 
-def square_frame(n, theory, material, section):
-    points = [[0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]]
-    sides = {f"side{i}": [i] for i in range(4)}
-    mesh = Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3], [3, 0]], sides).split(n)
-    p = MemberProperties(material, section, theory=theory)
-    return planar(Model(mesh, (Frame(members=dict.fromkeys(mesh.members, p)),)), IN_PLANE)
-
-
 def test_fv3_free_square_frame():
-    published = np.array([3.261, 5.668, 11.136, 11.136, 12.849])
+    published = printed(FV3)
     section = Section.rectangle(0.25, 0.25)
     model = square_frame(16, "euler-bernoulli", STEEL, section)
     modes = solve_modes(assemble(model), 8)
@@ -99,15 +77,10 @@ def test_fv3_free_square_frame():
 
 
 def test_fv4_cantilever_with_off_centre_masses():
-    published = np.array([1.723, 1.727, 7.413, 9.972, 18.155, 26.957])
-    masses = [
-        AddedMass(name=f"m{i}", point=1, mass=m, arm=np.array([0, y, 0]))
-        for i, (m, y) in enumerate(((1e4, 2.0), (1e3, -2.0)))
-    ]
+    published = printed(FV4)
 
     def found(theory):
-        arms = {"section": Section.circle(0.5, nu=STEEL.nu), "material": STEEL, "effects": (fix(0), *masses)}
-        return frequencies(beam(40, 10.0, theory=theory, **arms), 6)
+        return frequencies(with_masses(theory), 6)
 
     # Published for beams without shear and rotary inertia. Converged, ours differ by what is noted.
     slender = found("euler-bernoulli") / published - 1
@@ -120,25 +93,11 @@ def test_fv4_cantilever_with_off_centre_masses():
     )
 
 
-COWPER = 10 * (1 + 0.3) / (12 + 11 * 0.3)
-"""Shear coefficient of a rectangle, ν = 0.3: Cowper, J. Appl. Mech. 33 (1966) 335-340."""
-
-
-def square(a, k, J=None):
-    second = a**4 / 12
-    return Section(A=a**2, Iy=second, Iz=second, J=J or 2 * second, ky=k, kz=k, label="square")
-
-
-def deep_beam(section, n):
-    ends = (fix(0, ("x", "y", "z", "rx")), fix(1, ("y", "z")))
-    return frequencies(beam(n, 10.0, section=section, material=STEEL, theory="timoshenko", effects=ends), 9)
-
-
 @pytest.mark.parametrize(
     ("k", "deviation"), [(5 / 6, [-0.0009, -0.0035, -0.0077]), (COWPER, [-0.0001, -0.0011, -0.0038])]
 )
 def test_fv5_bending_of_a_deep_beam(k, deviation):
-    published = np.array([42.649, 148.31, 284.55])
+    published = printed(FV5_BENDING)
     exact = np.array([timoshenko_pinned(m, 10.0, STEEL, square(2.0, k))[0] for m in (1, 2, 3)])
     # Timoshenko's closed form: what the shear coefficient leaves is a property of the published figures.
     np.testing.assert_allclose(exact / published - 1, deviation, atol=0.0001)

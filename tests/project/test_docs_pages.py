@@ -115,3 +115,21 @@ def test_the_tutorial_finds_the_hidden_effect(tmp_path, offscreen):
     assert abs(value - 20.0) < 2 * std
     assert std < 0.5
     assert len(list((tmp_path / "first-frame").glob("*.png"))) == 5
+
+
+def test_the_benchmark_book_has_a_table_of_each_source():
+    from tests.literature.book.shelf import SOURCES
+
+    text = (ROOT / "docs" / "benchmark-book.md").read_text(encoding="utf-8")
+    assert sorted(pages.BOOK.findall(text)) == sorted([*SOURCES, "summary"])
+
+
+def test_a_table_of_the_book_states_reference_result_and_deviation(tmp_path):
+    page = pages.expand("<!-- book textbooks -->\n", tmp_path / "page.md", ROOT)
+    rows = [row for row in page.splitlines() if row.startswith("| ")]
+    logan = next(row for row in rows if "Logan" in row)
+    assert "| 11.6877 | 11.6876" in logan or "| 11.6877 | 11.6877" in logan or "| 30 | 30.0" in logan
+    assert "all digits" in logan
+    kassimali = next(row for row in rows if "Kassimali" in row)
+    assert "<del>" in kassimali
+    assert "three-moment equation is exact" in kassimali

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from fem.effects import candidate_kinds, effect_classes
+from fem.effects.plane import in_plane
 from fem.model import Effect, Model, applicable
 from updating.measurement.measurement import Measurement, instruments_on
 
@@ -33,6 +34,8 @@ def propose(
     classes = [effect_classes()[kind] for kind in (kinds or known) if kind not in exclude]
     classes = [cls for cls in classes if levels or not cls.amplitude_dependent]
     if test is None:
-        return applicable((e for cls in classes for e in cls.propose(model)), model)
-    instruments = instruments_on(model.mesh, test)
-    return applicable((e for cls in classes for e in cls.propose_for_test(model, instruments)), model)
+        found = applicable((e for cls in classes for e in cls.propose(model)), model)
+    else:
+        instruments = instruments_on(model.mesh, test)
+        found = applicable((e for cls in classes for e in cls.propose_for_test(model, instruments)), model)
+    return in_plane(model, found)

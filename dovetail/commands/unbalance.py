@@ -1,0 +1,112 @@
+"""``dovetail unbalance``: responses of a rotor to its unbalance over speed."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.commands.argument_types import speed_range
+from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
+from dovetail.disk.output import Output, Progress, write_json
+from dovetail.file.rotation import RPM
+from dovetail.file.table import StudyError
+from fem.analysis.unbalance import UnbalanceResponse, solve_unbalance
+from fem.io.atomic import replacing
+from updating.measurement.measurement import sensor_rows
+
+HELP = "compute responses of a rotor to its unbalance over its speed"
+EXAMPLE = "dovetail unbalance study.toml --speeds 0:6000:601 --picture unbalance.png"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument(
+        "--speeds",
+        type=speed_range,
+        required=True,
+        metavar="FIRST:LAST:NUMBER",
+        help="speeds of members with spin 1, in turns a minute, such as 0:6000:601",
+    )
+    p.add_argument("--out", type=Path, metavar="FILE", help="also write amplitudes and phases as .csv")
+    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the amplitudes as .png")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Print largest amplitudes; draw and write them over speed."""
+    check_png(options.picture)
+    check_suffix(options.out, "responses", ".csv")
+    check_places(options, Output("--out", options.out), Output("--picture", options.picture))
+    study = loaded(options, ("sensors",))
+    require_sensors(study)
+    if not study.unbalances:
+        msg = f"{study.path.name}: the study has no unbalance; give [[unbalances]]"
+        raise StudyError(msg)
+    first, last, number = options.speeds
+    rpm = np.linspace(first, last, number)
+    found = solve_unbalance(
+        study.model,
+        study.unbalances,
+        rpm * RPM,
+        sensor_rows(study.model, study.sensors),
+        lambda k, n: progress("solving over speed", k, n),
+    )
+    names = [s.name for s in study.sensors]
+    amplitude = np.abs(found.displacement)
+    phase = np.degrees(np.angle(found.displacement))
+    if options.out is not None:
+        _write(options.out, rpm, names, amplitude, phase)
+    if options.picture is not None:
+        from viz.rotors import plot_unbalance
+        from viz.style import save
+
+        save(plot_unbalance(found, names, f"{study.name}: response to unbalance"), options.picture)
+    progress.close()
+    write_json(
+        options.json,
+        {
+            "study": study.name,
+            "speed_rpm": rpm,
+            "frequency_Hz": found.frequency,
+            "sensors": names,
+            "amplitude_m": amplitude,
+            "phase_deg": phase,
+            "assumptions": study.assumptions,
+            "warnings": study.warnings,
+        },
+    )
+    say(
+        options,
+        f"{study.name}: {len(study.unbalances)} unbalance(s), {number} speeds from {first:g} to {last:g} "
+        "turns a minute",
+        *_peaks(rpm, names, found),
+        *assumptions(study),
+    )
+
+
+def _peaks(rpm: np.ndarray, names: list[str], found: UnbalanceResponse) -> list[str]:
+    """Return the largest amplitude of each sensor and its speed."""
+    width = max([len(n) for n in names] + [6])
+    amplitude = np.abs(found.displacement)
+    at = amplitude.argmax(axis=0)
+    rows = [
+        f"{name:{width}} {1e6 * amplitude[k, i]:16.5g} {rpm[k]:10.1f}"
+        for i, (name, k) in enumerate(zip(names, at, strict=True))
+    ]
+    return [f"{'sensor':{width}} {'largest [µm]':>16} {'at 1/min':>10}", *rows]
+
+
+def _write(path: Path, rpm: np.ndarray, names: list[str], amplitude: np.ndarray, phase: np.ndarray) -> None:
+    """Write amplitudes and phases over speed."""
+    head = [f"{name} {what}" for name in names for what in ("amplitude [m]", "phase [deg]")]
+    each = np.stack([amplitude, phase], axis=2).reshape(rpm.size, -1)
+    with replacing(path) as scratch:
+        np.savetxt(
+            scratch,
+            np.column_stack([rpm, each]),
+            fmt="%.9g",
+            delimiter=",",
+            header=",".join(["speed [1/min]", *head]),
+            comments="",
+            encoding="utf-8",
+        )

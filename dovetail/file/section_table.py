@@ -1,0 +1,143 @@
+"""Sections by name: those of a study, of a table in a text file (CSV), and rolled shapes of EN 10365."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from dovetail.file.sensor_table import Rows, cells_of
+from dovetail.file.table import StudyError, Table
+from fem.sections.section import OPTIONS, SHAPES, Section
+from updating.measurement.matching import SCALES
+
+ROLLED = Path(__file__).with_name("en10365.csv")
+"""Nominal dimensions of IPE, HEA and HEB."""
+
+POWERS = {
+    **dict.fromkeys((key for group in (*SHAPES.values(), *OPTIONS.values()) for key in group), 1),
+    "A": 2,
+    **dict.fromkeys(("Iy", "Iz", "J"), 4),
+    **dict.fromkeys(("n", "nu", "ky", "kz"), 0),
+}
+"""Columns of numbers, and the power of a length that each has."""
+
+Reader = Callable[[Table, str], Section]
+
+_UNIT = re.compile(r"\s*[\[(]\s*([a-z]+)\s*\^?\s*([234²³⁴]?)\s*[\])]\s*$")
+_SUPERSCRIPTS = {"²": 2, "³": 3, "⁴": 4, "": 1}
+
+
+@dataclass(frozen=True, slots=True)
+class Sections(Mapping[str, Section]):
+    """Sections by name; a row of a table is read when a member asks for it.
+
+    Attributes
+    ----------
+    own : mapping of str to Section
+        Those of the study's ``[sections.NAME]``.
+    rows : mapping of str to Table
+        Those of its table.
+    read : callable
+        Makes a section of a row and a name.
+    """
+
+    own: Mapping[str, Section]
+    rows: Mapping[str, Table]
+    read: Reader
+    _known: dict[str, Section] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Section:
+        if name in self.own:
+            return self.own[name]
+        if name not in self._known:
+            table = self.rows[name] if name in self.rows else rolled()[short_name(name)]
+            self._known[name] = self.read(table, name)
+        return self._known[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.own or name in self.rows or short_name(str(name)) in rolled()
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.own
+        yield from (name for name in self.rows if name not in self.own)
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+
+def section_rows(path: Path, notes: list[str]) -> dict[str, Table]:
+    """Return the rows of a table of sections by name.
+
+    Raises
+    ------
+    StudyError
+        For a table that cannot be read; the message names file, row and column.
+    """
+    (_, head), body = cells_of(path, "section")
+    keys, scales = [], []
+    for title in head:
+        key, scale = _column(path.name, title)
+        keys.append(key)
+        scales.append(scale)
+    unused = [title for title, key in zip(head, keys, strict=True) if not key and title]
+    if unused:
+        notes.append(f"{path.name}: the columns {', '.join(unused)} are not used")
+    if "name" not in keys:
+        msg = f"{path.name}: there is no column name; it has {', '.join(head)}"
+        raise StudyError(msg)
+    source = Rows(path.name, {}, {key: title for key, title in zip(keys, head, strict=True) if key})
+    out: dict[str, Table] = {}
+    for row, cells in body:
+        values: dict[str, Any] = {}
+        for key, scale, cell in zip(keys, scales, cells, strict=True):
+            if key and cell:
+                values[key] = cell if scale is None else _number(source, row, key, cell, scale)
+        name = values.pop("name", "")
+        if not name or name in out:
+            why = f"there is a section '{name}' already" if name else "it is empty"
+            raise source.error((row, "name"), f"{why}; each row needs a name of its own")
+        out[name] = Table(source, (row,), values)
+    return out
+
+
+@cache
+def rolled() -> Mapping[str, Table]:
+    """Return the rolled shapes by their short names."""
+    return {short_name(name): table for name, table in section_rows(ROLLED, []).items()}
+
+
+def short_name(name: str) -> str:
+    """Return the name of a rolled shape without spaces: HEA200 of ``"HE 200 A"``."""
+    short = re.sub(r"[\s_-]", "", name).upper()
+    found = re.fullmatch(r"HE(\d+)([AB])", short)
+    return f"HE{found[2]}{found[1]}" if found else short
+
+
+def _column(file: str, title: str) -> tuple[str, float | None]:
+    """Return the key of a column, empty for an unknown one, and its factor to SI, None for texts."""
+    unit = _UNIT.search(title)
+    key = (title[: unit.start()] if unit else title).strip()
+    if key in ("name", "shape"):
+        return key, None
+    if key not in POWERS:
+        return "", None
+    if unit is None:
+        return key, 1.0
+    power = int(unit[2]) if unit[2].isdecimal() else _SUPERSCRIPTS[unit[2]]
+    if unit[1] not in SCALES or power != POWERS[key]:
+        needed = f"a length to the power {POWERS[key]}" if POWERS[key] else "a number without unit"
+        msg = f"{file}, column {title}: {key} is {needed}; units of length are {', '.join(SCALES)}"
+        raise StudyError(msg)
+    return key, SCALES[unit[1]] ** power
+
+
+def _number(source: Rows, row: int, key: str, cell: str, scale: float) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise source.error((row, key), f"'{cell}' is not allowed; a number is needed")
+    return int(value) if key == "n" and value == int(value) else value * scale

@@ -1,0 +1,13 @@
+"""All sources of the benchmark book, by the names that docs/benchmark-book.md calls them."""
+
+from tests.literature.book import aisc, code_aster, frame3dd, nafems, rotors, textbooks, time_and_random
+
+SOURCES = {
+    "frame3dd": frame3dd,
+    "textbooks": textbooks,
+    "aisc": aisc,
+    "nafems": nafems,
+    "code_aster": code_aster,
+    "rotors": rotors,
+    "time_and_random": time_and_random,
+}
