@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.file.ambient import read_ambient
 from dovetail.file.connections import (
     read_constraints,
     read_joints,
@@ -100,6 +101,7 @@ TABLES = (
     "faults",
     "modes",
     "baseline",
+    "ambient",
     "identification",
     "update",
     "values",
@@ -325,6 +327,7 @@ class _Reader:
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
             loads=parts.loads,
             baseline=self._baseline(sensors, notes),
+            ambient=read_ambient(top, self.path.parent, sensors),
             changes=read_changes(top),
         )
 

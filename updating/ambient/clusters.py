@@ -11,7 +11,7 @@ CONFIDENCE = 3.0
 """Poles of two orders are one if they differ by less than so many standard deviations of the difference."""
 
 LEAST_SHARE = 0.5
-"""Part of the orders, from that which the record supports on, in which a mode has to be found [-]."""
+"""Orders in which a mode has to be found, in parts of the orders from that of the record on [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -51,27 +51,29 @@ def determined(found: SubspacePoles) -> NDArray[np.bool_]:
 def clusters_of(found: SubspacePoles, order: int) -> tuple[Cluster, ...]:
     """Gather poles of one mode, from the best known pole on; return groups that last, by frequency.
 
-    Orders below that of the record leave out modes, which moves the others: their poles are not used. Blocks
-    give the deviations of two poles together, so also that of their difference: two orders have the same
-    mode if their poles differ by less than chance. No frequency or damping ratio is compared with a fixed
-    step.
+    Orders below that of the record leave out modes, which moves the others: their poles tell that a mode
+    lasts, and no more. Blocks give the deviations of two poles together, so also that of their difference:
+    two orders have the same mode if their poles differ by less than chance. No frequency or damping ratio is
+    compared with a fixed step.
 
     Parameters
     ----------
     found : SubspacePoles
     order : int
-        Lowest order to use, that of the record.
+        That of the record.
     """
     std = pole_std(found.pole_deviation)
-    free = determined(found) & (found.order >= order)
+    free = determined(found)
+    high = found.order >= order
     least = LEAST_SHARE * np.count_nonzero(found.orders >= order)
     out: list[Cluster] = []
     for seed in np.argsort(std / np.maximum(-found.poles.real, 1e-300)):
-        if not free[seed]:
+        if not (free[seed] and high[seed]):
             continue
         members = _like(found, int(seed), free)
         free[members] = False
         if len(members) >= least:
+            members = members[high[members]]
             weight = std[members] ** -2
             out.append(Cluster(members, weight / weight.sum()))
     return tuple(sorted(out, key=lambda c: float(abs(found.poles[c.members] @ c.weight))))

@@ -15,7 +15,7 @@ LONGEST = 4096
 """Samples of a segment at most."""
 
 RISE = 5.0
-"""A peak rises above its surroundings by so many standard deviations of the averaged spectra."""
+"""A peak rises above its surroundings by so many standard deviations of the difference of two lines."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -108,12 +108,12 @@ def spectra_mac(spectra: SingularSpectra, frequency: Floats, shapes: Complexes) 
 def peaks_of(spectra: SingularSpectra, band: tuple[float, float]) -> tuple[Peak, ...]:
     """Return the peaks of the largest singular value that are no chance, by frequency.
 
-    The logarithm of a spectrum averaged over n segments scatters by 1/√n.
+    The logarithm of a spectrum averaged over n segments scatters by 1/√n, a difference of two by √(2/n).
     """
     from scipy.signal import find_peaks  # a second to import
 
     level = np.log(np.maximum(spectra.values[:, 0], 1e-300))
-    at, found = find_peaks(level, prominence=RISE / np.sqrt(spectra.averages))
+    at, found = find_peaks(level, prominence=RISE * np.sqrt(2 / spectra.averages))
     return tuple(
         Peak(float(spectra.frequency[k]), float(10 * rise / np.log(10)))
         for k, rise in zip(at, found["prominences"], strict=True)

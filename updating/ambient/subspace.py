@@ -211,7 +211,8 @@ def _of_order(d: Subspaces, n: int, sample_rate: float) -> tuple[Complexes, Comp
     shapes = np.array([f[0] for f in found]).reshape(-1, r)
     of_mu = np.array([f[1] for f in found]).reshape(-1, n_blocks)
     of_shape = np.array([f[2] for f in found]).reshape(-1, n_blocks, r)
-    return poles[keep], shapes, sample_rate * of_mu / mu[keep, None], of_shape
+    kept: Complexes = poles[keep].astype(complex)
+    return kept, shapes, sample_rate * of_mu / mu[keep, None], of_shape
 
 
 def _rotation(d: Subspaces, n: int) -> Floats:
