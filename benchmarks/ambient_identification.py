@@ -45,7 +45,7 @@ def response(f: Floats, phi: Floats, rate: float, n: int, rng: np.random.Generat
         rise = [1.0, -e * (c + ZETA * omega / omega_d * s)]
         q = lfilter(np.convolve(rise, [1, -1]), [1, -2 * e * c, e * e], force @ phi[:, k])
         y += np.outer(q, phi[:, k])
-    return y[still:]
+    return np.asarray(y[still:], dtype=float)
 
 
 def noisy(y: Floats, part: float, rng: np.random.Generator) -> Floats:
