@@ -17,10 +17,15 @@ from updating.modal.identified_modes import IdentifiedModes
 
 
 def std_of(found: AmbientModes | IdentifiedModes) -> dict[str, np.ndarray]:
-    """Return relative standard deviations as a file with modes has them [-]."""
+    """Return relative standard deviations as a file with modes has them [-].
+
+    Exact data have deviations of zero, and modes without damping no relative one: these are left out.
+    """
     frequency, shape = found.relative_std()
-    zeta = np.ones(found.modes.n_modes) if found.modes.zeta is None else found.modes.zeta
-    return dict(zip(MODE_STD, (frequency, found.zeta_std / np.abs(zeta), shape), strict=True))
+    zeta = np.zeros(found.modes.n_modes) if found.modes.zeta is None else np.abs(found.modes.zeta)
+    of_zeta = np.divide(found.zeta_std, zeta, out=np.zeros(zeta.shape), where=zeta > 0)
+    every = dict(zip(MODE_STD, (frequency, of_zeta, shape), strict=True))
+    return {key: std for key, std in every.items() if np.isfinite(std).all() and (std > 0).all()}
 
 
 def identify_ambient_modes(options: Options, study: Study, progress: Progress) -> None:

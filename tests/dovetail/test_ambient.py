@@ -3,14 +3,17 @@
 import json
 import shutil
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
+from dovetail.commands.ambient_modes import std_of
 from dovetail.modes_pipeline import targets_of
 from fem.io import read_modes
+from updating.ambient.identification import identify_ambient
 
 TRUE = np.array([1.60051, 1.62457, 4.40473, 4.59170, 14.0480, 14.5519])
 """Natural frequencies of the model from which examples/ambient-mast/simulate.py makes the record [Hz]."""
@@ -79,6 +82,16 @@ def test_universal_files_come_with_the_deviations_as_keys(study, capsys):
     with np.load(study.parent / "modes.npz") as file:
         for key in ("frequency_std", "zeta_std", "shape_std"):
             assert keys[key] == pytest.approx(file[key], rel=0.01)
+
+
+def test_deviations_of_zero_are_not_written():
+    rng, kernel = np.random.default_rng(2), np.exp(-0.01 * np.arange(600)) * np.sin(0.6 * np.arange(600))
+    q = np.convolve(rng.standard_normal(6000), kernel)[:6000]
+    found = identify_ambient(np.column_stack([q, 0.4 * q]) + 0.1 * rng.standard_normal((6000, 2)), 10.0)
+    assert set(std_of(found)) == {"frequency_std", "zeta_std", "shape_std"}
+    assert set(std_of(replace(found, zeta_std=0 * found.zeta_std))) == {"frequency_std", "shape_std"}
+    no_damping = replace(found.modes, zeta=np.zeros(found.modes.n_modes))
+    assert set(std_of(replace(found, modes=no_damping))) == {"frequency_std", "shape_std"}
 
 
 def test_channels_of_no_sensor_and_of_no_unit_are_said(study, capsys):
