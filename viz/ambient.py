@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from updating.ambient.ambient_modes import AmbientModes
 from updating.ambient.clusters import determined
@@ -85,4 +86,5 @@ def _poles(ax: Axes, found: AmbientModes) -> None:
         )  # fmt: skip
     ax.axhline(found.order - 1, color=style.MUTED, linewidth=0.8, linestyle="--", label="order of the record")
     ax.set_ylim(s.orders[0] - 1, s.orders[-1] + 1)
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_ylabel("order of the model")
