@@ -1,6 +1,7 @@
 """From time data to an updated model: estimate, identify, compare, update, and find missing effects.
 
     time data ─ estimate_frf → EstimatedFRF ─ identify_modes → IdentifiedModes
+    responses alone ─ identify_ambient → AmbientModes
     Measurement, Model ─ compare → Comparison
                        ─ update → Updated: the model, values with uncertainty, the path there
                        ─ build_problem → FitProblem ─ locate → Localisation
@@ -12,6 +13,9 @@ Correlation works on bare arrays: `mac`, `comac`, `ecomac`, `orthogonality`, `pa
 the other steps have pages of their own beside it.
 """
 
+from updating.ambient.ambient_modes import AmbientModes
+from updating.ambient.identification import identify_ambient
+from updating.ambient.record import AmbientError
 from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
 from updating.correlation.complexity import (
     mean_phase,
@@ -103,6 +107,8 @@ __all__ = [
     "FAULT",
     "NOTHING",
     "UNEXPLAINED",
+    "AmbientError",
+    "AmbientModes",
     "BandError",
     "Candidate",
     "Check",
@@ -167,6 +173,7 @@ __all__ = [
     "frf_data",
     "frf_from_labelled",
     "gsvd",
+    "identify_ambient",
     "identify_modes",
     "labelled_from_frf",
     "labelled_from_modes",

@@ -1,4 +1,4 @@
-"""``dovetail identify-modes``: natural modes in the measured FRFs."""
+"""``dovetail identify-modes``: natural modes in the measured FRFs, or in responses to unknown forces."""
 
 import argparse
 from dataclasses import replace
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dovetail.commands.ambient_modes import identify_ambient_modes, std_of
 from dovetail.commands.argument_types import number_up_to, positive
 from dovetail.commands.common import (
     Options,
@@ -16,12 +17,13 @@ from dovetail.commands.common import (
 )
 from dovetail.commands.labels import NodeNumbers
 from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.file.config import NEEDS
 from dovetail.update import identify_study
 from fem.io import UFF_SUFFIXES, write_npz
 from fem.io.atomic import replacing
 from updating.modal.peaks import peak_words
 
-HELP = "identify natural modes from the measured FRFs, with their uncertainty"
+HELP = "identify natural modes from measured FRFs or ambient responses, with their uncertainty"
 EXAMPLE = "dovetail identify-modes study.toml --picture stabilisation.png --out modes.uff"
 
 
@@ -30,13 +32,17 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--out", type=Path, metavar="FILE", help="also write the modes: .npz or .uff")
     p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the stabilisation diagram")
     p.add_argument("--synthesis", type=Path, metavar="FILE", help="also draw synthesised over measured FRFs")
+    p.add_argument(
+        "--ambient", action="store_true",
+        help="use the time data of [ambient] (default: if there are no [[measurements]])",
+    )  # fmt: skip
     p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
     p.add_argument(
         "--band",
         type=positive,
         nargs=2,
         metavar="HZ",
-        help="lowest and highest frequency (default: [fit] band)",
+        help="lowest and highest frequency (default: [fit] band, of time data [ambient] band)",
     )
     p.add_argument(
         "--least-mpc",
@@ -66,13 +72,16 @@ def run(options: Options, progress: Progress) -> None:
         options, Output("--out", options.out), Output("--picture", options.picture),
         Output("--synthesis", options.synthesis),
     )  # fmt: skip
-    study = loaded(options)
+    study = loaded(options, ("sensors",) if options.ambient else NEEDS)
+    if options.ambient or (study.ambient is not None and not study.measurements):
+        identify_ambient_modes(options, study, progress)
+        return
     progress("identifying modes")
     own = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
     limits = replace(study.shape_limits, **{key: value for key, value in own.items() if value is not None})
     found, data, said = identify_study(study, options.measurement, options.band, limits)
     if options.out is not None and suffix == ".npz":
-        write_npz(options.out, found.modes)
+        write_npz(options.out, found.modes, std_of(found))
     elif options.out is not None:
         nodes = NodeNumbers(study)
         names = dict(zip(data.frf.outputs, nodes.labels("outputs", data.sensors), strict=True))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.file.ambient import read_ambient
 from dovetail.file.connections import (
     read_constraints,
     read_joints,
@@ -106,6 +107,7 @@ TABLES = (
     "faults",
     "modes",
     "baseline",
+    "ambient",
     "identification",
     "update",
     "values",
@@ -340,6 +342,7 @@ class _Reader:
             loads=parts.loads,
             unbalances=parts.unbalances,
             baseline=self._baseline(sensors, notes),
+            ambient=read_ambient(top, self.path.parent, sensors),
             changes=read_changes(top),
         )
 

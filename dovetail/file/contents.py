@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dovetail.file.ambient import AmbientTest
 from dovetail.file.loads import Loads
 from dovetail.file.measured_modes import (
     MeasuredModes,
@@ -68,6 +69,8 @@ class Study:
         Measured modes, where the study gives them.
     baseline : MeasuredModes or None
         Those of an earlier state, where what has changed is asked for.
+    ambient : AmbientTest or None
+        Time data of a test with unknown forces, which are read when modes are identified in them.
     changes : tuple of str
         Names of effects of the model that have come since the baseline.
     plan : UpdatePlan
@@ -123,6 +126,7 @@ class Study:
     amplitudes: tuple[Measurement, ...] = ()
     loads: Loads = Loads()  # noqa: RUF009 - frozen
     baseline: MeasuredModes | None = None
+    ambient: AmbientTest | None = None
     changes: tuple[str, ...] = ()
     unbalances: tuple[Unbalance, ...] = ()
 

@@ -1,7 +1,7 @@
 """Measured modes of a study, their identification, and updates: [modes], [identification], [update]."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -13,7 +13,8 @@ from dovetail.file.sensors import Channel, Nodes
 from dovetail.file.table import Table, suggest
 from fem.analysis.modes import Modes
 from fem.effects import candidate_kinds
-from fem.io import UFF_SUFFIXES, read_modes
+from fem.io import UFF_SUFFIXES, read_modes, read_npz_mode_std
+from fem.io.arrays import MODE_STD
 from fem.io.uff import read_quietly
 from fem.model import Effect, Model, ParameterRef
 from updating.inference.unknowns import Unknown, scaled_unknowns
@@ -41,8 +42,8 @@ class MeasuredModes:
         Standard deviations of a component, relative to the root mean square of the shape [-].
     name : str
         Where they come from.
-    zeta_std : float
-        Relative standard deviation of the damping ratios [-].
+    zeta_std : float or ndarray (n_modes,)
+        Relative standard deviations of the damping ratios [-].
     numbers : tuple of int
         Which elastic modes of the model they are, counted from 1; empty where the data say it.
     plane : str
@@ -56,7 +57,7 @@ class MeasuredModes:
     frequency_std: np.ndarray
     shape_std: np.ndarray
     name: str
-    zeta_std: float = 0.1
+    zeta_std: float | np.ndarray = 0.1
     numbers: tuple[int, ...] = ()
     plane: str = ""
     held_out: tuple[int, ...] = ()
@@ -120,12 +121,13 @@ class UpdatePlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawModes:
-    """Modes as their file has them, with the coordinates of its nodes [m]."""
+    """Modes as their file has them, with the coordinates of its nodes [m] and its standard deviations [-]."""
 
     table: Table
     modes: Modes
     nodes: Nodes
     name: str
+    std: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def read_raw_modes(
@@ -136,14 +138,12 @@ def read_raw_modes(
     Another table may have the same keys, with others ``beside`` them.
     """
     t = top.table(key)
-    t.number("shape_std", None, above=0)
-    frequency_std = t.get("frequency_std", None)
-    if not isinstance(frequency_std, list):
-        t.number("frequency_std", None, above=0)
-    stds = [frequency_std, t.get("shape_std", None)]
+    for one in MODE_STD:
+        if not isinstance(t.get(one, None), list):
+            t.number(one, None, above=0)
     frequency, zeta = t.vector("frequency", None, None, "Hz"), t.vector("zeta", None, None, "-")
     file = t.text("file", None)
-    for one in ("zeta_std", "numbers", "plane", "held_out", *beside):
+    for one in ("numbers", "plane", "held_out", *beside):
         t.get(one, None)
     t.finish()
     if not t.values:
@@ -153,7 +153,7 @@ def read_raw_modes(
     if frequency is not None:
         if not frequency.size or (frequency <= 0).any():
             t.refuse("frequency", f"{frequency.tolist()} is not allowed; positive numbers [Hz] are needed")
-        if stds[1] is not None:
+        if t.get("shape_std", None) is not None:
             t.refuse("shape_std", "there are no shapes beside frequency; give file")
         if zeta is not None and (len(zeta) != len(frequency) or (zeta <= 0).any()):
             t.refuse(
@@ -168,6 +168,7 @@ def read_raw_modes(
     if not path.is_file():
         t.refuse("file", f"there is no file '{path}'")
     nodes: dict[int, np.ndarray] = {}
+    std: dict[str, np.ndarray] = {}
     with t.at("file"):
         if path.suffix.lower() in UFF_SUFFIXES:
             uff = read_quietly(path)
@@ -178,9 +179,10 @@ def read_raw_modes(
                 nodes = dict(zip(labels, xyz, strict=True))
         else:
             modes = read_modes(path)
+            std = read_npz_mode_std(path)
     if not modes.labels:
         t.refuse("file", "its shapes have no labels, so that nothing says which row is which sensor")
-    return RawModes(t, modes, nodes, Path(file).name)
+    return RawModes(t, modes, nodes, Path(file).name, std)
 
 
 def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
@@ -200,9 +202,12 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
         None if modes.zeta is None else modes.zeta[elastic], modes.labels,
     )  # fmt: skip
     n = modes.n_modes
-    f_std, s_std = _frequency_std(t, n), np.full(n, t.number("shape_std", 0.03))
+    f_std, zeta_std, s_std = (
+        _std(t, key, n, raw.std[key][elastic] if key in raw.std else np.full(n, default))
+        for key, default in zip(MODE_STD, (1e-3, 0.1, 0.03), strict=True)
+    )
     more = {
-        "zeta_std": t.number("zeta_std", 0.1, above=0), "numbers": _numbers(t, "numbers", n, 1000),
+        "zeta_std": zeta_std, "numbers": _numbers(t, "numbers", n, 1000),
         "plane": _plane(t), "held_out": _numbers(t, "held_out", n, n),
     }  # fmt: skip
     if more["numbers"] and len(more["numbers"]) != n:
@@ -253,13 +258,14 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
     return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name, **more)
 
 
-def _frequency_std(t: Table, n: int) -> np.ndarray:
-    """Return the relative standard deviation of each frequency: one for all, or a list."""
-    if not isinstance(t.get("frequency_std", None), list):
-        return np.full(n, t.number("frequency_std", 1e-3))
-    each = t.vector("frequency_std", None, None, "-")
+def _std(t: Table, key: str, n: int, default: np.ndarray) -> np.ndarray:
+    """Return the relative standard deviation of each mode: one for all, a list, or that of the file."""
+    value = t.get(key, None)
+    if not isinstance(value, list):
+        return default if value is None else np.full(n, t.number(key, above=0))
+    each = t.vector(key, None, None, "-")
     if len(each) != n or (each <= 0).any():
-        t.refuse("frequency_std", f"{len(each)} values stand beside {n} modes; one, or one each, above 0")
+        t.refuse(key, f"{len(each)} values stand beside {n} modes; one, or one each, above 0")
     return each
 
 

@@ -21,6 +21,7 @@ FILES: dict[tuple[str, ...], str] = {
     ("superelements", "node_sets"): "the node sets of a part",
     ("damping", "file"): "the modes that give the damping",
     ("modes", "file"): "the measured modes",
+    ("ambient", "file"): "the record of an ambient test",
     ("baseline", "file"): "the modes of the baseline",
     ("sections",): "the table of sections",
     ("sections", "file"): "the table of sections",

@@ -31,7 +31,7 @@ SEEN_IN_MODES = (
     "support_translation", "support_rotation",
 )  # fmt: skip
 """Kinds that natural frequencies and shapes can show."""
-MODAL_SETS = ("modes", "frequencies", "states", "modes-null")
+MODAL_SETS = ("modes", "frequencies", "states", "modes-null", "ambient", "ambient-null")
 """Sets whose data are modes, not FRFs."""
 
 SETS: dict[str, tuple[tuple[str, ...], ...]] = {
@@ -49,12 +49,15 @@ SETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "frequencies": (SEEN_IN_MODES,),
     "states": (SEEN_IN_MODES,),
     "modes-null": (),
+    "ambient": (SEEN_IN_MODES,),
+    "ambient-null": (),
 }
 """Sets of cases, with the kinds that each thing in them is drawn from.
 
 One effect; nothing; one whose kind the search may not use; one ten times weaker; two; a fault of a sensor; a
 connection that gives way in two or three directions; two such; one and a mass; something that is mounted
-elsewhere. Of modes: frequencies and shapes, frequencies alone, two states of one frame, and nothing.
+elsewhere. Of modes: frequencies and shapes, frequencies alone, two states of one frame, and nothing; modes
+that are identified from the response to unknown forces, and nothing.
 """
 
 

@@ -1,4 +1,4 @@
-"""Cases of measured modes: frequencies with and without shapes, and two states of one frame."""
+"""Cases of measured modes: frequencies with and without shapes, two states, and ambient responses."""
 
 import time
 from dataclasses import replace
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.validation.ambient_cases import ambient_targets
 from dovetail.validation.cases import (
     CaseError,
     CaseSettings,
@@ -94,7 +95,11 @@ def _judged(
     with_shapes = set_name != "frequencies"
     model = build_model(draft.frame, draft.materials, draft.sensors, n_elements(draft.frame))
     nuisances = nuisances_of(settings, draft)
-    after = _measured(changed, draft, noise, with_shapes, rng)
+    if set_name.startswith("ambient"):
+        after = ambient_targets(changed, draft, rng)
+        noise = [float(np.median(after.frequency_std)), float(np.median(after.shape_std))]
+    else:
+        after = _measured(changed, draft, noise, with_shapes, rng)
     begun = time.process_time()
     if set_name == "states":
         before = _measured(truth, draft, noise, with_shapes, rng)

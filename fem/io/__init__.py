@@ -7,7 +7,14 @@ from typing import Any
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.abaqus import read_node_sets
-from fem.io.arrays import TableError, read_npz, read_npz_modes, write_csv, write_npz
+from fem.io.arrays import (
+    TableError,
+    read_npz,
+    read_npz_mode_std,
+    read_npz_modes,
+    write_csv,
+    write_npz,
+)
 from fem.io.column_frf import read_csv
 from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
 from fem.io.frf_files import READERS, read_frfs, reader_of
@@ -39,6 +46,7 @@ __all__ = [
     "read_modes",
     "read_node_sets",
     "read_npz",
+    "read_npz_mode_std",
     "read_npz_modes",
     "read_uff",
     "write_csv",

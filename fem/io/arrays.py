@@ -2,7 +2,8 @@
 
 Keys of an ``.npz`` file with FRFs: ``frequency`` (n_freq,) [Hz], ``H`` (n_freq, n_out, n_in), ``kind``,
 ``outputs``, ``inputs``; with modes: ``frequency`` (n_modes,) [Hz], ``shapes`` (n_dof, n_modes), and where
-they are known ``zeta`` (n_modes,), ``labels`` (n_dof,) and ``n_rigid``.
+they are known ``zeta`` (n_modes,), ``labels`` (n_dof,), ``n_rigid``, and relative standard deviations
+``frequency_std``, ``zeta_std`` and ``shape_std`` (n_modes,) [-].
 """
 
 import csv
@@ -26,8 +27,22 @@ class TableError(ValueError):
 # .npz -------------------------------------------------------------------------------------------------------
 
 
-def write_npz(path: str | os.PathLike[str], data: FRF | Modes) -> None:
-    """Write FRFs or modes to an ``.npz`` file; nothing is lost."""
+MODE_STD = ("frequency_std", "zeta_std", "shape_std")
+"""Relative standard deviations that a file with modes may have; of shapes, over their root mean square."""
+
+
+def write_npz(
+    path: str | os.PathLike[str], data: FRF | Modes, std: Mapping[str, NDArray[np.float64]] | None = None
+) -> None:
+    """Write FRFs or modes to an ``.npz`` file; nothing is lost.
+
+    Parameters
+    ----------
+    path : path
+    data : FRF or Modes
+    std : mapping of str to ndarray (n_modes,), optional
+        Relative standard deviations of modes, by the names of ``MODE_STD`` [-].
+    """
     if isinstance(data, FRF):
         arrays = {
             "frequency": data.frequency,
@@ -42,6 +57,7 @@ def write_npz(path: str | os.PathLike[str], data: FRF | Modes) -> None:
             arrays["zeta"] = data.zeta
         if data.labels:
             arrays["labels"] = np.array(data.labels, dtype=str)
+        arrays |= dict(std or {})
     with replacing(path) as scratch, scratch.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
@@ -120,6 +136,24 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
         msg = f"{name}: n_rigid is {n_rigid}; 0 to {frequency.size}, the number of modes, are allowed"
         raise TableError(msg)
     return Modes(frequency, shapes, zeta, labels, n_rigid)
+
+
+def read_npz_mode_std(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64]]:
+    """Return the relative standard deviations that an ``.npz`` file with modes has, by ``MODE_STD``.
+
+    Raises
+    ------
+    TableError
+        If there is another number of them than of modes, or one is not positive.
+    """
+    arrays, name = named_arrays(path), Path(path).name
+    n = arrays["frequency"].size if "frequency" in arrays else 0
+    out = {key: typed(arrays, key, name, "real", 1) for key in MODE_STD if key in arrays}
+    for key, values in out.items():
+        if values.size != n or (values <= 0).any():
+            msg = f"{name}: '{key}' has {values.size} values for {n} modes; one each, above 0, is needed"
+            raise TableError(msg)
+    return out
 
 
 _VALUES = {

@@ -11,7 +11,7 @@ from fem.system import assemble
 
 TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "rotation", "damping",
-    "uncertain", "candidates", "fit", "frequency", "modes", "baseline", "identification", "update",
+    "uncertain", "candidates", "fit", "frequency", "modes", "baseline", "ambient", "identification", "update",
     "[supports]", "[joints]",
     "[masses]", "[loads]", "[combinations]", "[envelopes]", "[effects]", "[update.parameters]",
     "[sensors]", "[excitations]", "[measurements]",
@@ -38,6 +38,7 @@ def test_every_key_that_is_taken_is_documented(root, tmp_path, table):
     text = (root / "docs" / "study-file.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
     fill = {
+        "ambient": 'file = "wind.npz"',
         "[supports]": 'point = "tip"',
         "[joints]": 'point1 = "tip"\nrigid = "x"',
         "[masses]": 'point = "tip"\nmass = 1',

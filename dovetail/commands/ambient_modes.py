@@ -1,0 +1,117 @@
+"""``dovetail identify-modes`` of responses to unknown forces: identify, draw, write and print."""
+
+import numpy as np
+
+from dovetail.commands.common import Options, say, write_with_nodes
+from dovetail.commands.labels import NodeNumbers
+from dovetail.disk.output import OutputError, Progress, write_json
+from dovetail.file.ambient import AmbientChannels, read_channels
+from dovetail.file.table import StudyError
+from dovetail.study import Study
+from fem.io import UFF_SUFFIXES, write_npz
+from fem.io.arrays import MODE_STD
+from fem.io.atomic import replacing
+from updating.ambient.ambient_modes import AmbientModes, unexplained_words
+from updating.ambient.identification import identify_ambient
+from updating.modal.identified_modes import IdentifiedModes
+
+
+def std_of(found: AmbientModes | IdentifiedModes) -> dict[str, np.ndarray]:
+    """Return relative standard deviations as a file with modes has them [-].
+
+    Exact data have deviations of zero, and modes without damping no relative one: these are left out.
+    """
+    frequency, shape = found.relative_std()
+    zeta = np.zeros(found.modes.n_modes) if found.modes.zeta is None else np.abs(found.modes.zeta)
+    of_zeta = np.divide(found.zeta_std, zeta, out=np.zeros(zeta.shape), where=zeta > 0)
+    every = dict(zip(MODE_STD, (frequency, of_zeta, shape), strict=True))
+    return {key: std for key, std in every.items() if np.isfinite(std).all() and (std > 0).all()}
+
+
+def identify_ambient_modes(options: Options, study: Study, progress: Progress) -> None:
+    """Print the modes in a study's ambient responses with their uncertainty; draw and write them."""
+    if study.ambient is None:
+        msg = f"{study.path}: it has no [ambient]; --ambient needs the time data of an ambient test"
+        raise StudyError(msg)
+    for given, name in ((options.synthesis, "--synthesis"), (options.measurement, "--measurement")):
+        if given is not None:
+            msg = f"{name} is for FRFs; the modes are identified from time data, {study.ambient.path.name}"
+            raise OutputError(msg)
+    progress("reading")
+    test = study.ambient
+    data = read_channels(test)
+    progress("identifying modes", 0.2)
+    names = tuple(s.name for s in data.sensors)
+    band = None if options.band is None else (options.band[0], options.band[1])
+    with test.table.at("file"):
+        found = identify_ambient(data.values, data.sample_rate, names, band or test.band or study.band)
+    _write(options, study, found, data)
+    if options.picture is not None:
+        from viz.ambient import plot_ambient
+        from viz.style import save
+
+        progress("drawing", 0.9)
+        with replacing(options.picture) as scratch:
+            save(plot_ambient(found), scratch)
+    progress.close()
+    write_json(options.json, _as_json(study, found, data))
+    cycles = found.duration * float(found.modes.frequency.min(initial=np.inf))
+    say(
+        options,
+        f"{study.name}: {found.modes.n_modes} mode(s) identified from {test.path.name}, {len(names)} "
+        f"channels, {found.duration:.4g} s"
+        + (f" or {cycles:.3g} periods of the lowest mode" if np.isfinite(cycles) else ""),
+        found.table(),
+        *(f"note: {text}" for text in data.notes),
+        *_key_lines(options, found),
+    )
+
+
+def _write(options: Options, study: Study, found: AmbientModes, data: AmbientChannels) -> None:
+    """Write the modes as a study's [modes] reads them."""
+    if options.out is None:
+        return
+    if options.out.suffix.lower() == ".npz":
+        write_npz(options.out, found.modes, std_of(found))
+        return
+    nodes = NodeNumbers(study)
+    names = dict(zip(found.modes.labels, nodes.labels("outputs", data.sensors), strict=True))
+    write_with_nodes(options.out, nodes, modes=found.modes, dofs=names)
+
+
+def _key_lines(options: Options, found: AmbientModes) -> tuple[str, ...]:
+    """Return the table of a study that reads the modes; universal files hold no standard deviations."""
+    if options.out is None or not found.modes.n_modes:
+        return ()
+    lines = ["in a study:", "  [modes]", f'  file = "{options.out.name}"']
+    if options.out.suffix.lower() in UFF_SUFFIXES:
+        for key, values in std_of(found).items():
+            lines.append(f"  {key} = [{', '.join(f'{v:.3g}' for v in values)}]")
+    return tuple(lines)
+
+
+def _as_json(study: Study, found: AmbientModes, data: AmbientChannels) -> dict[str, object]:
+    zeta = np.zeros(0) if found.modes.zeta is None else found.modes.zeta
+    return {
+        "study": study.name,
+        "record": None if study.ambient is None else study.ambient.path.name,
+        "duration_s": found.duration,
+        "band_Hz": found.band,
+        "order": found.order,
+        "modes": [
+            {
+                "frequency_Hz": f, "frequency_std_Hz": found.frequency_std[k],
+                "damping_ratio": zeta[k], "damping_ratio_std": found.zeta_std[k],
+                "mpc": found.mpc[k], "mpd_deg": found.mpd[k], "spectra_mac": found.spectra_mac[k],
+                "shape": found.modes.shapes[:, k], "shape_std": found.shape_std[:, k],
+            }
+            for k, f in enumerate(found.modes.frequency)
+        ],
+        "outputs": found.modes.labels,
+        "scaled": False,
+        "unexplained_peaks": [
+            {"frequency_Hz": p.frequency, "rise_dB": p.rise_db} for p in found.unexplained
+        ],
+        "notes": data.notes,
+        "warnings": (*unexplained_words(found.unexplained), *study.warnings),
+    }  # fmt: skip
