@@ -11,7 +11,6 @@ from fem.summary import percent
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
 from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
-from updating.diagnosis.mode_diagnosis import percent as percent_of_modes
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
@@ -234,7 +233,7 @@ def mode_probability_text(d: ModeDiagnosis) -> str:
     if not d.found:
         return ""
     known, place_ = d.searched.probability(d.final), d.searched.probability_there(d.final)
-    of_all, there = map(percent_of_modes, (known, place_))
+    of_all, there = map(percent, (known, place_))
     return f"Probability among all hypotheses: {of_all}, of the place {there}"
 
 

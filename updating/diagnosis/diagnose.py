@@ -9,6 +9,7 @@ import numpy as np
 
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Model
+from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
 from updating.diagnosis.begin import Progress
@@ -315,7 +316,7 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
     search, best = done.search, done.best
     nothing = search.known[frozenset()]
     before, level = (f"{h.fitted.level * DB_PER_NEPER:.2g}" for h in (nothing, best))
-    share = f"{done.probability_there(best):.0%}".replace("%", " %")
+    share = percent(done.probability_there(best))
     names = labels(best.effects)
     if not done.explains:
         lead, left = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"
