@@ -57,7 +57,7 @@ def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagn
     after = targets_of(study.modes)
     if study.baseline is None:
         return diagnose_modes(study.model, after, study.nuisances, **more)
-    before, model, changes = _states(study)
+    before, (model, changes) = targets_of(study.baseline), first_state(study)
     return diagnose_change(model, before, after, study.nuisances, changes=changes, **more)
 
 
@@ -71,16 +71,19 @@ def mode_problem(study: Study) -> ModeProblem:
     more: dict[str, Any] = {"damping_std": study.damping_std, "model_error": study.model_error}
     if study.baseline is None:
         return formed_problem(study.model, after, study.nuisances, **more)[0]
-    before, model, changes = _states(study)
+    before, (model, changes) = targets_of(study.baseline), first_state(study)
     return changed_problem(model, before, after, study.nuisances, changes=changes, **more)[2]
 
 
-def _states(study: Study) -> tuple[ModeTargets, Model, tuple[Effect, ...]]:
-    """Return the modes and the model of the first state, and the effects that have come since."""
-    assert study.baseline is not None
-    model = study.model
-    changes = tuple(e for e in model.effects if e.name in study.changes)
-    return targets_of(study.baseline), model.without_effect(*study.changes), changes
+def first_state(study: Study) -> tuple[Model, tuple[Effect, ...]]:
+    """Return the model of a study's first state, and the effects that have come since.
+
+    Of a study without a baseline all effects are the model's.
+    """
+    if not study.has_baseline:
+        return study.model, ()
+    changes = tuple(e for e in study.model.effects if e.name in study.changes)
+    return study.model.without_effect(*study.changes), changes
 
 
 def run_modes(

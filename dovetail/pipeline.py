@@ -14,7 +14,7 @@ from dovetail.file.contents import Study
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
 from dovetail.found import found_text
-from dovetail.modes_pipeline import targets_of
+from dovetail.modes_pipeline import first_state, targets_of
 from dovetail.result import (
     FOUND,
     FRFS,
@@ -28,11 +28,13 @@ from dovetail.result import (
     uncertain_parameters,
 )
 from fem.io.atomic import replacing
+from fem.model import Model
 from updating.correlation import compare, rms_db
 from updating.diagnosis.begin import begin
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
+from updating.diagnosis.frf_states import carried_over, changed_frf_problem
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
 from updating.inference.preparation import N_FIT_LINES, prepared_like
@@ -140,10 +142,14 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
     more: dict[str, Any] = {}
-    if study.modes is not None:
+    model = study.model
+    if study.baseline_frfs is not None:
+        model, changes = first_state(study)
+        more = {"baseline": without_held_out(study, study.baseline_frfs), "changes": changes}
+    elif study.modes is not None:
         more["modes"] = targets_of(study.modes)
     return diagnose(
-        study.model,
+        model,
         [without_held_out(study, m) for m in measured(study)],
         study.nuisances,
         damping_std=study.damping_std,
@@ -160,15 +166,24 @@ def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1
 
 def fit_problem(study: Study) -> FitProblem:
     """Return the reduced model and the prepared data of a study's first measurement, as a run begins with."""
-    return begin(
-        study.model,
-        without_held_out(study, measured(study)[0]),
-        study.nuisances,
-        damping_std=study.damping_std,
-        band=study.band,
-        n_lines=study.n_lines or N_FIT_LINES,
-        model_error=study.model_error,
-    )
+    return problem_and_model(study)[0]
+
+
+def problem_and_model(study: Study) -> tuple[FitProblem, Model]:
+    """Return a study's problem, and the model that its results are values and effects of.
+
+    Of two states it is the second one's, with the model calibrated on the first.
+    """
+    more: dict[str, Any] = {
+        "damping_std": study.damping_std, "band": study.band, "n_lines": study.n_lines or N_FIT_LINES,
+        "model_error": study.model_error,
+    }  # fmt: skip
+    after = without_held_out(study, measured(study)[0])
+    if study.baseline_frfs is None:
+        return begin(study.model, after, study.nuisances, **more), study.model
+    before, (model, changes) = without_held_out(study, study.baseline_frfs), first_state(study)
+    _, changed, problem = changed_frf_problem(model, before, after, study.nuisances, changes=changes, **more)
+    return problem, changed
 
 
 def measured(study: Study) -> tuple[Measurement, ...]:
@@ -216,8 +231,10 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
     out = {}
     for label, (outputs, inputs) in parts.items():
         kept = whole.with_frf(whole.frf.select(outputs, inputs))
-        data = prepared_like(d.problem, kept, study.band)
-        problem = replace(d.problem, data=corrected(data, d.faults))
+        data = corrected(prepared_like(d.problem, kept, study.band), d.faults)
+        if d.baseline is not None and study.baseline_frfs is not None:
+            data = carried_over(d.baseline.at(study.baseline_frfs, outputs, inputs), data)
+        problem = replace(d.problem, data=data)
         out[label] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
     return out
 

@@ -356,7 +356,7 @@ class Study(config.Study):
         model = self.model
         for effect in new:
             model = effect.added_to(model)
-        came = () if self.baseline is None else tuple(e.name for e in new)
+        came = tuple(e.name for e in new) if self.has_baseline else ()
         return replace(self, model=model, added=(*self.added, *new), changes=(*self.changes, *came))
 
     def fit(self, *, faults: bool = False) -> "Study":

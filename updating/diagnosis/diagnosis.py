@@ -1,6 +1,9 @@
 """What a diagnosis tells: its verdict, what it has found, and how sure that is."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +19,14 @@ from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.quality.faults import Fault
 from updating.quality.gates import Gates
 
+if TYPE_CHECKING:
+    from updating.diagnosis.frf_states import CalibratedFrfs
+
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 FITTED = "uncertain parameters fitted"
 """Label of the step before effects."""
+CALIBRATED, DAMPED = "calibrated on the baseline", "damping fitted"
+"""Labels of the first two steps where the model was fitted to an earlier state."""
 N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end."""
 
@@ -63,6 +71,8 @@ class Diagnosis:
         Places by the share of the misfit that free forces there leave, the best first [-].
     searched : Searched or None
         The search that led to it.
+    baseline : CalibratedFrfs or None
+        The fit to an earlier state, where the change since then was searched for.
     """
 
     verdict: str
@@ -85,6 +95,7 @@ class Diagnosis:
     posterior: tuple[tuple[tuple[str, ...], float], ...] = ()
     places: tuple[tuple[str, float], ...] = ()
     searched: Searched | None = None
+    baseline: CalibratedFrfs | None = None
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""
