@@ -1,6 +1,7 @@
 """Studies with measured modes alone: their diagnosis, and what is written of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,12 @@ from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.report.words import explanation_text
 from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
-from fem.model import Effect, Model
+from fem.model import Effect, Model, parameter_values
+from updating.diagnosis.evidence.fitting import fit
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes, formed_problem
 from updating.diagnosis.reported_modes import reported_modes
 from updating.diagnosis.states import changed_problem, diagnose_change
+from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 
@@ -66,13 +69,26 @@ def mode_problem(study: Study) -> ModeProblem:
 
     Of two states it is the second one's, with the model calibrated on the first.
     """
+    return mode_problem_and_model(study)[0]
+
+
+def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
+    """Return a study's problem by modes, and the model that its results are values and effects of."""
     assert study.modes is not None
     after = targets_of(study.modes)
     more: dict[str, Any] = {"damping_std": study.damping_std, "model_error": study.model_error}
     if study.baseline is None:
-        return formed_problem(study.model, after, study.nuisances, **more)[0]
+        problem, _, formed, _ = formed_problem(study.model, after, study.nuisances, **more)
+        return problem, formed
     before, (model, changes) = targets_of(study.baseline), first_state(study)
-    return changed_problem(model, before, after, study.nuisances, changes=changes, **more)[2]
+    _, changed, problem = changed_problem(model, before, after, study.nuisances, changes=changes, **more)
+    return problem, changed
+
+
+def fit_modes(problem: ModeProblem, effects: Sequence[Effect] = ()) -> FitResult:
+    """Return the fit of what is uncertain, and of effects from their values, to measured modes."""
+    problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
+    return fit(problem, effects, [parameter_values(e) for e in effects]).result
 
 
 def first_state(study: Study) -> tuple[Model, tuple[Effect, ...]]:
