@@ -107,7 +107,8 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
         reported.faults,
         [e.rebased(model) for e in reported.changes],
     )
-    return with_values(text, {("measurements", 0, "compared"): compared}) if study.measurements else text
+    measured = study.measurements or study.amplitudes
+    return with_values(text, {("measurements", 0, "compared"): compared}) if measured else text
 
 
 def mode_found_text(result: ModeRunResult, folder: Path) -> str:

@@ -35,7 +35,7 @@ MOST_SAID = 12
 
 def has_modes_alone(study: Study) -> bool:
     """Whether a study has measured modes and no FRFs."""
-    return study.modes is not None and not study.measurements
+    return study.modes is not None and not study.measurements and not study.amplitudes
 
 
 def targets_of(modes: MeasuredModes) -> ModeTargets:

@@ -76,7 +76,7 @@ def run(
         If ``out`` holds something else.
     """
     say = progress or (lambda text, done: None)
-    measured(study)
+    measured(study, phases=False)
     check_outputs(input_files(study.path), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
         result = analyse(study, out, _part(say, 0.0, 0.85), processes)
@@ -150,7 +150,7 @@ def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1
         more["modes"] = targets_of(study.modes)
     return diagnose(
         model,
-        [without_held_out(study, m) for m in measured(study)],
+        [without_held_out(study, m) for m in measured(study, phases=False)],
         study.nuisances,
         damping_std=study.damping_std,
         band=study.band,
@@ -178,7 +178,7 @@ def problem_and_model(study: Study) -> tuple[FitProblem, Model]:
         "damping_std": study.damping_std, "band": study.band, "n_lines": study.n_lines or N_FIT_LINES,
         "model_error": study.model_error,
     }  # fmt: skip
-    after = without_held_out(study, measured(study)[0])
+    after = without_held_out(study, measured(study, phases=False)[0])
     if study.baseline_frfs is None:
         return begin(study.model, after, study.nuisances, **more), study.model
     before, (model, changes) = without_held_out(study, study.baseline_frfs), first_state(study)
@@ -186,18 +186,19 @@ def problem_and_model(study: Study) -> tuple[FitProblem, Model]:
     return problem, changed
 
 
-def measured(study: Study) -> tuple[Measurement, ...]:
-    """Return the measurements of a study.
+def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:
+    """Return the measurements of a study; those without ``phases`` where they may do, and it has no others.
 
     Raises
     ------
     StudyError
         If it has none, or holds all of its excitations or sensors out.
     """
-    if not study.measurements:
+    given = study.measurements or (() if phases else study.amplitudes)
+    if not given:
         msg = f"{study.path}: it has {study.lack_of_frfs}; there is nothing to compare the model with"
         raise StudyError(msg)
-    frf = study.measurements[0].frf
+    frf = given[0].frf
     for what, names, every in (
         ("excitation", study.held_out, frf.inputs),
         ("sensor", study.held_out_sensors, frf.outputs),
@@ -205,7 +206,7 @@ def measured(study: Study) -> tuple[Measurement, ...]:
         if names and set(names) >= set(every):
             msg = f"{study.path}: [fit] held_out names every measured {what}; leave at least one for the fit"
             raise StudyError(msg)
-    return study.measurements
+    return given
 
 
 def without_held_out(study: Study, measurement: Measurement) -> Measurement:
@@ -223,7 +224,7 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
 
     A sensor is compared for the excitations of the fit, an excitation at the sensors of the fit.
     """
-    whole = study.measurements[0]
+    whole = measured(study, phases=False)[0]
     fitted = without_held_out(study, whole).frf
     parts = {f"excitation {n}": (fitted.outputs, [n]) for n in study.held_out if n in whole.frf.inputs}
     sensors = [n for n in study.held_out_sensors if n in whole.frf.outputs]

@@ -329,7 +329,7 @@ class Study(config.Study):
         ModelError
             For a kind that does not exist, and a place where no candidate is.
         """
-        test = self.measurements[0] if self.measurements else None
+        test = next(iter(self.measurements or self.amplitudes), None)
         kinds = (kinds,) if isinstance(kinds, str) else kinds
         for kind in kinds or ():
             if kind not in candidate_kinds():

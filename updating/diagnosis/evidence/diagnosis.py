@@ -13,6 +13,7 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.magnitudes import MagnitudeRanking
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
@@ -227,8 +228,9 @@ def begun_with(
     null = fit(whole, n_lines=FULL_LINES)
     whole, result, faults = find_faults(whole, whole.assessed(null.result))
     whole = replace(with_seen_noise(whole, null.result), modes=modes)
+    own = FrfRanking() if whole.data.phase else MagnitudeRanking()
     search = Search(
-        whole, begun.form, candidates, partial(told, progress), workers=crew, ranking=ranking or FrfRanking()
+        whole, begun.form, candidates, partial(told, progress), workers=crew, ranking=ranking or own
     )
     if modes is not None:
         null = fit(whole, n_lines=FULL_LINES, x_from=result)

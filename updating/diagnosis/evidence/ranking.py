@@ -81,6 +81,16 @@ class Ranking(Protocol):
         ...
 
 
+def sorted_blocks(beside: Sequence[Blocks]) -> RankedBlocks:
+    """Return what puts groups of effects in order by their blocks beside some fits."""
+
+    def ranked(groups: Sequence[tuple[Effect, ...]]) -> list[tuple[Block, ...]]:
+        both = [tuple(b.of(group) for b in beside) for group in groups]
+        return sorted(both, key=lambda blocks: min(b.cost for b in blocks))
+
+    return ranked
+
+
 @dataclass(frozen=True, slots=True)
 class FrfRanking:
     """Ranking by receptances.
@@ -124,13 +134,7 @@ class FrfRanking:
     def blocks(self, problem: FitProblem, current: FitResult) -> RankedBlocks:
         """Return what ranks groups by what a little of them does, beside fitted and nominal parameters."""
         bases = current, problem.at_nominal(current)
-        beside = [Blocks(problem, look_at(problem, base)) for base in bases]
-
-        def ranked(groups: Sequence[tuple[Effect, ...]]) -> list[tuple[Block, ...]]:
-            both = [tuple(b.of(group) for b in beside) for group in groups]
-            return sorted(both, key=lambda blocks: min(b.cost for b in blocks))
-
-        return ranked
+        return sorted_blocks([Blocks(problem, look_at(problem, base)) for base in bases])
 
     def rivals(
         self, problem: FitProblem, last: FitResult, effects: Sequence[Effect], n_best: int
