@@ -33,8 +33,9 @@ from updating.correlation import compare, rms_db
 from updating.diagnosis.begin import begin
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.evidence.carried import carried_over
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
-from updating.diagnosis.frf_states import carried_over, changed_frf_problem
+from updating.diagnosis.frf_states import changed_frf_problem
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
 from updating.inference.preparation import N_FIT_LINES, prepared_like

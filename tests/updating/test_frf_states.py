@@ -9,7 +9,8 @@ from dovetail import load_study
 from fem.effects.added_mass import PointMass
 from tests.frames import write_study
 from updating.correlation import log_ratio
-from updating.diagnosis.frf_states import calibrate_frfs, carried_over
+from updating.diagnosis.evidence.carried import carried_over
+from updating.diagnosis.frf_states import calibrate_frfs
 from updating.inference.fit_data import MODEL_ERROR
 from updating.inference.parameters import Nuisance
 

@@ -27,11 +27,12 @@ from updating.diagnosis.diagnosis import (
     UNEXPLAINED,
     Diagnosis,
 )
+from updating.diagnosis.evidence.carried import CalibratedFrfs
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
-from updating.diagnosis.frf_states import CalibratedFrfs, begin_change
+from updating.diagnosis.frf_states import begin_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem

@@ -1,9 +1,6 @@
 """What a diagnosis tells: its verdict, what it has found, and how sure that is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +9,13 @@ from fem.analysis.frf import FRF
 from fem.model import Effect, Model
 from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
+from updating.diagnosis.evidence.carried import CalibratedFrfs
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding, Ranked, Step
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.quality.faults import Fault
 from updating.quality.gates import Gates
-
-if TYPE_CHECKING:
-    from updating.diagnosis.frf_states import CalibratedFrfs
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 FITTED = "uncertain parameters fitted"

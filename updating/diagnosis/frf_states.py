@@ -6,10 +6,8 @@ difference is left to explain.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +15,9 @@ from numpy.typing import NDArray
 from fem.analysis.modes import solve_eigenpairs
 from fem.model import Effect, Model
 from fem.system import assemble
-from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.begin import Progress
+from updating.diagnosis.evidence.carried import CHANGED, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.diagnosis import (
     Formed,
     Searched,
@@ -26,18 +25,14 @@ from updating.diagnosis.evidence.diagnosis import (
     candidates_for_test,
     formed_problem,
 )
-from updating.diagnosis.evidence.fits import FULL_LINES
-from updating.diagnosis.evidence.fitting import fit
+from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.ranking import FrfRanking
-from updating.diagnosis.states import CHANGED
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
-from updating.inference.fit_data import MODEL_ERROR, FitData
-from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve, Nuisance
-from updating.inference.preparation import N_FIT_LINES, build_problem, fitted_model, prepared_like
+from updating.inference.preparation import N_FIT_LINES, build_problem, fitted_model
 from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
-from updating.quality.faults import Fault, corrected, find_faults
+from updating.quality.faults import corrected, find_faults
 
 Floats = NDArray[np.float64]
 
@@ -45,58 +40,6 @@ N_BASES = 2
 """So many times the calibration is fitted on with its own modes in the basis."""
 HIGHEST = 1.5
 """Modes up to this multiple of the highest frequency [-]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CalibratedFrfs:
-    """A model that was fitted to the FRFs of one state.
-
-    Attributes
-    ----------
-    model : Model
-        With fitted values, form included.
-    problem : FitProblem
-        Of this state, with faults set right.
-    result : FitResult
-        The fit.
-    faults : tuple of Fault
-        Of sensors and forces of this state.
-    mesh_db : float
-        Error of the mesh [dB].
-    alone : FitProblem
-        Of this state and the calibrated model, with nothing uncertain but damping, as of the second state.
-    """
-
-    model: Model
-    problem: FitProblem
-    result: FitResult
-    faults: tuple[Fault, ...]
-    mesh_db: float
-    alone: FitProblem
-
-    @property
-    def level(self) -> float:
-        """Robust level of what the model leaves, amplitude and phase [nepers]."""
-        return self.result.level
-
-    def at(self, before: Measurement, outputs: Sequence[str], inputs: Sequence[str]) -> "CalibratedFrfs":
-        """Return the same calibration with data of other channels of the first state, as far as it has them.
-
-        Parameters
-        ----------
-        before : Measurement
-            Of the first state, with all channels.
-        outputs, inputs : sequence of str
-            Names of sensors and excitations.
-        """
-        frf = before.frf
-        outputs, inputs = [n for n in outputs if n in frf.outputs], [n for n in inputs if n in frf.inputs]
-        if not outputs or not inputs:
-            return self
-        f = self.alone.data.frequency
-        kept = before.with_frf(frf.select(outputs, inputs, band=(float(f[0]), float(f[-1]))))
-        data = corrected(prepared_like(self.alone, kept), self.faults)
-        return replace(self, alone=replace(self.alone, data=data))
 
 
 def calibrate_frfs(
@@ -138,56 +81,6 @@ def _at_its_fit(curve: DampingCurve, zeta: Floats) -> DampingCurve:
     """Return a fitted curve of damping as a nominal one."""
     ratio = partial(curve.ratio, unknowns=zeta)
     return replace(curve, nominal=np.atleast_2d(ratio(curve.knots))[0], base=ratio)
-
-
-def carried_over(first: CalibratedFrfs, after: FitData) -> FitData:
-    """Return the second state's data without what the calibrated model leaves on the first.
-
-    ln H is less by d = ln(measured / computed) of the first state, and variances of both states add. The
-    structure moves its resonances, and d with them: at a line whose FRF has changed by c = ln(after / before)
-    as much as |c| of d may belong elsewhere, and |c| ≪ 1 for a small change. So d is uncertain by
-    |d| min(1, √(CHANGED² + |c|²)). Values that the first state has not are compared without correction, and
-    are as uncertain as d is large at the others.
-    """
-    before = first.alone.data
-    d_at = -first.alone.log_ratio(first.alone.nominal())  # NaN where it does not count
-    d, known = at_lines_of(d_at, before, after)
-    H_before, _ = at_lines_of(np.log(np.where(before.H != 0, before.H, 1.0)), before, after, angle=True)
-    noise, _ = at_lines_of(before.noise, before, after)
-    c = np.where(known, log_ratio(after.H, np.exp(np.where(known, H_before, 0.0))), 0.0)
-    d, noise = np.where(known, d, 0.0), np.where(known, noise, 0.0)
-    uncertain = np.abs(d) * np.minimum(1.0, np.hypot(CHANGED, np.abs(c)))
-    rms = float(np.sqrt((np.abs(d[known]) ** 2).mean())) if known.any() else 0.0
-    uncertain = np.where(known, uncertain, rms)
-    mask = after.mask
-    whole = np.sqrt(after.uncertain**2 + noise**2 + uncertain**2)
-    return replace(
-        after,
-        H=np.where(mask, after.H * np.exp(-d), after.H),
-        weight=MODEL_ERROR / np.hypot(MODEL_ERROR, whole) * mask,
-        noise=np.hypot(after.noise, noise),
-    )
-
-
-def at_lines_of(
-    values: NDArray[Any], have: FitData, want: FitData, *, angle: bool = False
-) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return values of one state at lines and channels of another, and which of them there are.
-
-    Between lines they are linear; with ``angle`` their imaginary parts are angles, continued first.
-    """
-    one, two = have.measurement.frf, want.measurement.frf
-    out: NDArray[Any] = np.full(want.H.shape, np.nan, dtype=values.dtype)
-    f = have.frequency
-    within = (want.frequency >= f[0] * (1 - 1e-9)) & (want.frequency <= f[-1] * (1 + 1e-9))
-    for (i, output), (j, force) in product(enumerate(two.outputs), enumerate(two.inputs)):
-        if output in one.outputs and force in one.inputs:
-            column = values[:, one.outputs.index(output), one.inputs.index(force)]
-            if angle:
-                column = np.real(column) + 1j * np.unwrap(np.imag(column))
-            # NaN at a line that does not count makes lines between it and its neighbours NaN, too
-            out[within, i, j] = np.interp(want.frequency, f, column)[within]
-    return out, np.isfinite(out)
 
 
 def changed_frf_problem(

@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef
 from updating.diagnosis.evidence.blocks import Blocks
-from updating.diagnosis.evidence.ranking import MOST_GRIDS, FrfRanking, RankedBlocks, sorted_blocks
+from updating.diagnosis.evidence.hypothesis import Start
+from updating.diagnosis.evidence.ranking import (
+    LEAST_GRIDS,
+    MOST_GRIDS,
+    FrfRanking,
+    MayWin,
+    RankedBlocks,
+    sorted_blocks,
+)
 from updating.diagnosis.evidence.screening import MOST_VALUES, N_LOW, N_WHOLE, Grid, Look, Screened
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -34,6 +42,17 @@ def _look_at(problem: FitProblem, base: FitResult, n_low: int = N_LOW) -> Magnit
     return look
 
 
+def _screened(looks: Sequence[MagnitudeLook], grid: Grid, now: float) -> Screened | None:
+    """Return a candidate with its two best starts on the whole band; None if the data do not see it."""
+    of_looks = [look.best_starts(grid) for look in looks]
+    every = [start for first, *_, last in of_looks for start in (first, last)]  # not those by the low band
+    tried = sorted((s for s in every if np.isfinite(s[0])), key=lambda s: s[0])
+    if not tried:
+        return None
+    starts = list({repr(start.values): start for _, start in reversed(tried)}.values())[::-1]
+    return Screened(grid.effect, tuple(starts[:2]), now - tried[0][0])
+
+
 @dataclass(frozen=True, slots=True)
 class MagnitudeRanking(FrfRanking):
     """Ranking by the amplitudes of receptances."""
@@ -44,30 +63,23 @@ class MagnitudeRanking(FrfRanking):
         current: FitResult,
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
+        may_win: MayWin | None = None,
     ) -> tuple[Screened, ...]:
-        """Return candidates by the levels that they leave on grids of their parameters.
+        """Return candidates by the likelihood that they reach on grids of their parameters.
 
-        Of very many, those go on that are best by what a little of each does.
+        Those go on that may win by what a little of each does; far from the data the best of very many.
         """
         looks = [_look_at(problem, base) for base in (current, problem.at_nominal(current))]
-        grids = [g for e in effects if (g := Grid.of(problem, e)).points]
-        if len(grids) > MOST_GRIDS:
-            cost = np.array([min(look.cost_of_little(g) for look in looks) for g in grids])
-            order = np.argsort(cost, kind="stable")[:MOST_GRIDS]
-            chosen = set(order.tolist())
-            grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
-        tried = [[start for look in looks for start in look.best_starts(grid)] for grid in grids]
-        costs = np.array([[cost for cost, _ in starts] for starts in tried]).reshape(len(grids), -1)
-        rank = np.argsort(np.argsort(costs, axis=0, kind="stable"), axis=0)
-        out = []
-        for i in np.argsort(rank.min(axis=1, initial=len(grids)), kind="stable"):
-            order = [k for k in np.argsort(rank[i], kind="stable") if np.isfinite(costs[i, k])]
-            points = [tried[i][k][1] for k in order]
-            if points:
-                first = points[0]
-                more = [p for p in points[1:] if p != first][:1]
-                out.append(Screened(grids[i].effect, (first, *more)))
-        return tuple(out)
+        now, grids = looks[0].cost_now, [g for e in effects if (g := Grid.of(problem, e)).points]
+        if may_win is not None or len(grids) > MOST_GRIDS:
+            gain = [max(now - look.cost_of_little(g) for look in looks) for g in grids]
+            gain = np.where([bool(g.effect.released()) for g in grids], np.inf, gain)
+            order = np.argsort(-gain, kind="stable")
+            least = MOST_GRIDS if may_win is None else LEAST_GRIDS
+            wins = (lambda e, _: listed(e)) if may_win is None else may_win
+            grids = [grids[i] for n, i in enumerate(order) if n < least or wins(grids[i].effect, gain[i])]
+        found = [s for g in grids if (s := _screened(looks, g, now)) is not None]
+        return tuple(sorted(found, key=lambda s: -s.gain))
 
     def blocks(self, problem: FitProblem, current: FitResult) -> RankedBlocks:
         """Return what ranks groups by what a little of them does, beside fitted and nominal parameters."""
@@ -87,4 +99,6 @@ class MagnitudeRanking(FrfRanking):
             k = int(np.argmin(costs))
             if np.isfinite(costs[k]):
                 found.append((float(costs[k]), i, k))
-        return tuple(Screened(grids[i].effect, (grids[i].points[k],)) for _, i, k in sorted(found)[:n_best])
+        best = sorted(found)[:n_best]
+        starts = ((grids[i].effect, Start((grids[i].points[k],), without)) for _, i, k in best)
+        return tuple(Screened(effect, (start,)) for effect, start in starts)
