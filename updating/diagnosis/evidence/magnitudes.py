@@ -77,7 +77,7 @@ class MagnitudeRanking(FrfRanking):
             order = np.argsort(-gain, kind="stable")
             least = MOST_GRIDS if may_win is None else LEAST_GRIDS
             wins = (lambda e, _: listed(e)) if may_win is None else may_win
-            grids = [grids[i] for n, i in enumerate(order) if n < least or wins(grids[i].effect, gain[i])]
+            grids = [grids[i] for n, i in enumerate(order) if n < least or wins(grids[i].effect, float(gain[i]))]
         found = [s for g in grids if (s := _screened(looks, g, now)) is not None]
         return tuple(sorted(found, key=lambda s: -s.gain))
 
