@@ -77,7 +77,8 @@ class MagnitudeRanking(FrfRanking):
             order = np.argsort(-gain, kind="stable")
             least = MOST_GRIDS if may_win is None else LEAST_GRIDS
             wins = (lambda e, _: listed(e)) if may_win is None else may_win
-            grids = [grids[i] for n, i in enumerate(order) if n < least or wins(grids[i].effect, float(gain[i]))]
+            ranked = [(grids[i], float(gain[i])) for i in order]
+            grids = [g for n, (g, most) in enumerate(ranked) if n < least or wins(g.effect, most)]
         found = [s for g in grids if (s := _screened(looks, g, now)) is not None]
         return tuple(sorted(found, key=lambda s: -s.gain))
 
