@@ -12,7 +12,7 @@ from fem.model import Model
 from fem.summary import fields_summary
 from updating.correlation import DB_PER_NEPER
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_rows
-from updating.measurement.noise import MEDIAN_OF_SQUARE, relative_noise
+from updating.measurement.noise import amplitude_noise, relative_noise
 
 SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
 """For which share of the independent data that stands, in covariances, which a fit leaves beyond a multiple
@@ -26,10 +26,6 @@ NOISE_LIMIT = 0.2
 TRANSVERSE = 0.01
 """Share of the motion square to a sensor that its reading may hold, where the model's form is not said to be
 right [-]: accelerometers hear one to three per cent of it, and nobody mounts them straighter."""
-
-
-MEDIAN_OF_ONE_PART = float(np.sqrt(MEDIAN_OF_SQUARE / 0.45494))
-"""Estimates of noise take the median of |z|² for that of two normal variables; that of one is 0.45494 [-]."""
 
 
 LEAST_HEARD = 0.2
@@ -200,9 +196,8 @@ def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
     Known values are kept between a millionth and 10, and infinite ones, as where H is 0, become 10, so that
     weights and ratios stay finite.
     """
-    noise, known = relative_noise(measurement.frf.H), measurement.noise
-    if not measurement.phase:
-        noise = noise * MEDIAN_OF_ONE_PART
+    estimate = relative_noise if measurement.phase else amplitude_noise
+    noise, known = estimate(measurement.frf.H), measurement.noise
     if known is not None:
         noise = np.where(np.isnan(known), noise, known)
     return np.clip(noise, 1e-6, 10.0) if known is not None else np.where(np.isfinite(noise), noise, 10.0)
