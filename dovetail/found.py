@@ -52,6 +52,8 @@ class Reported:
         Those that the study's own model has not.
     faults : tuple of Fault
         Of the measurement.
+    changes : tuple of Effect
+        Those that have come since the baseline.
     """
 
     study: Study
@@ -60,6 +62,7 @@ class Reported:
     model: Model
     effects: tuple[Effect, ...]
     faults: tuple[Fault, ...]
+    changes: tuple[Effect, ...] = ()
 
 
 def found_text(result: RunResult, folder: Path) -> str:
@@ -76,8 +79,10 @@ def found_text(result: RunResult, folder: Path) -> str:
         Where the text will lie, beside the FRFs of the run.
     """
     d = result.diagnosis
-    effects = (*patches(result), *form(result), *(f.effect for f in d.findings))
-    reported = Reported(result.study, d.problem, d.steps[-1].result, d.model, effects, d.faults)
+    effects, found = (*patches(result), *form(result)), tuple(f.effect for f in d.findings)
+    reported = Reported(result.study, d.problem, d.steps[-1].result, d.model, (*effects, *found), d.faults)
+    if d.baseline is not None:  # faults of the second state alone are not those of the baseline
+        reported = replace(reported, effects=effects, faults=d.baseline.faults, changes=found)
     return reported_text(reported, folder, FRFS)
 
 
@@ -100,8 +105,10 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
         fitted_damping(reported.problem, reported.result, model),
         [e.rebased(model) for e in reported.effects],
         reported.faults,
+        [e.rebased(model) for e in reported.changes],
     )
-    return with_values(text, {("measurements", 0, "compared"): compared}) if study.measurements else text
+    measured = study.measurements or study.amplitudes
+    return with_values(text, {("measurements", 0, "compared"): compared}) if measured else text
 
 
 def mode_found_text(result: ModeRunResult, folder: Path) -> str:
@@ -117,8 +124,6 @@ def mode_found_text(result: ModeRunResult, folder: Path) -> str:
         Where the text will lie.
     """
     study, d = result.study, result.diagnosis
-    before, now = study.model.values(), d.model.values()
-    values = {ref: float(now[ref]) for ref, v in before.items() if ref in now and now[ref] != v}
     known = {e.name for e in study.model.effects}
     forms = [e for e in d.model.effects if e.is_form and e.name not in known]
     two = d.baseline is not None
@@ -126,7 +131,7 @@ def mode_found_text(result: ModeRunResult, folder: Path) -> str:
     return text_with_model(
         _headed(study),
         folder,
-        values | rebased_values(d.model, study.model.effects),
+        values_in(study, d.model),
         fitted_damping(d.problem, d.final.fitted.result, d.model) if damped else None,
         [e.rebased(d.model) for e in (*forms, *(() if two else d.found))],
         (),
@@ -173,8 +178,17 @@ def text_with_model(
     return "\n\n".join(part.strip("\n") for part in (text, *map(fault_table, faults))) + "\n"
 
 
+def values_in(study: Study, model: Model) -> dict[ParameterRef, float]:
+    """Return the values that parameters of a study's model have in another one, where they differ."""
+    before, now = study.model.values(), model.values()
+    values = {ref: float(now[ref]) for ref, v in before.items() if ref in now and now[ref] != v}
+    return values | rebased_values(model, study.model.effects)
+
+
 def fitted_values(reported: Reported) -> dict[ParameterRef, float]:
     """Return the values of the fit that parameters of the study's own model have."""
+    if reported.study.baseline_frfs is not None:
+        return values_in(reported.study, reported.model)
     own = reported.study.model.values()
     values = {ref: float(v) for ref, v in reported.result.values.items() if ref in own}
     return values | rebased_values(reported.model, reported.study.model.effects)

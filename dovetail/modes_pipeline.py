@@ -1,6 +1,7 @@
 """Studies with measured modes alone: their diagnosis, and what is written of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,12 @@ from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.report.words import explanation_text
 from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
-from fem.model import Effect, Model
+from fem.model import Effect, Model, parameter_values
+from updating.diagnosis.evidence.fitting import fit
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes, formed_problem
 from updating.diagnosis.reported_modes import reported_modes
 from updating.diagnosis.states import changed_problem, diagnose_change
+from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 
@@ -32,7 +35,7 @@ MOST_SAID = 12
 
 def has_modes_alone(study: Study) -> bool:
     """Whether a study has measured modes and no FRFs."""
-    return study.modes is not None and not study.measurements
+    return study.modes is not None and not study.measurements and not study.amplitudes
 
 
 def targets_of(modes: MeasuredModes) -> ModeTargets:
@@ -57,7 +60,7 @@ def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagn
     after = targets_of(study.modes)
     if study.baseline is None:
         return diagnose_modes(study.model, after, study.nuisances, **more)
-    before, model, changes = _states(study)
+    before, (model, changes) = targets_of(study.baseline), first_state(study)
     return diagnose_change(model, before, after, study.nuisances, changes=changes, **more)
 
 
@@ -66,21 +69,37 @@ def mode_problem(study: Study) -> ModeProblem:
 
     Of two states it is the second one's, with the model calibrated on the first.
     """
+    return mode_problem_and_model(study)[0]
+
+
+def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
+    """Return a study's problem by modes, and the model that its results are values and effects of."""
     assert study.modes is not None
     after = targets_of(study.modes)
     more: dict[str, Any] = {"damping_std": study.damping_std, "model_error": study.model_error}
     if study.baseline is None:
-        return formed_problem(study.model, after, study.nuisances, **more)[0]
-    before, model, changes = _states(study)
-    return changed_problem(model, before, after, study.nuisances, changes=changes, **more)[2]
+        problem, _, formed, _ = formed_problem(study.model, after, study.nuisances, **more)
+        return problem, formed
+    before, (model, changes) = targets_of(study.baseline), first_state(study)
+    _, changed, problem = changed_problem(model, before, after, study.nuisances, changes=changes, **more)
+    return problem, changed
 
 
-def _states(study: Study) -> tuple[ModeTargets, Model, tuple[Effect, ...]]:
-    """Return the modes and the model of the first state, and the effects that have come since."""
-    assert study.baseline is not None
-    model = study.model
-    changes = tuple(e for e in model.effects if e.name in study.changes)
-    return targets_of(study.baseline), model.without_effect(*study.changes), changes
+def fit_modes(problem: ModeProblem, effects: Sequence[Effect] = ()) -> FitResult:
+    """Return the fit of what is uncertain, and of effects from their values, to measured modes."""
+    problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
+    return fit(problem, effects, [parameter_values(e) for e in effects]).result
+
+
+def first_state(study: Study) -> tuple[Model, tuple[Effect, ...]]:
+    """Return the model of a study's first state, and the effects that have come since.
+
+    Of a study without a baseline all effects are the model's.
+    """
+    if not study.has_baseline:
+        return study.model, ()
+    changes = tuple(e for e in study.model.effects if e.name in study.changes)
+    return study.model.without_effect(*study.changes), changes
 
 
 def run_modes(

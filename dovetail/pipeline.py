@@ -14,7 +14,7 @@ from dovetail.file.contents import Study
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
 from dovetail.found import found_text
-from dovetail.modes_pipeline import targets_of
+from dovetail.modes_pipeline import first_state, targets_of
 from dovetail.result import (
     FOUND,
     FRFS,
@@ -28,11 +28,14 @@ from dovetail.result import (
     uncertain_parameters,
 )
 from fem.io.atomic import replacing
+from fem.model import Model
 from updating.correlation import compare, rms_db
 from updating.diagnosis.begin import begin
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.evidence.carried import carried_over
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
+from updating.diagnosis.frf_states import changed_frf_problem
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
 from updating.inference.preparation import N_FIT_LINES, prepared_like
@@ -74,7 +77,7 @@ def run(
         If ``out`` holds something else.
     """
     say = progress or (lambda text, done: None)
-    measured(study)
+    measured(study, phases=False)
     check_outputs(input_files(study.path), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
         result = analyse(study, out, _part(say, 0.0, 0.85), processes)
@@ -140,11 +143,15 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates."""
     more: dict[str, Any] = {}
-    if study.modes is not None:
+    model = study.model
+    if study.baseline_frfs is not None:
+        model, changes = first_state(study)
+        more = {"baseline": without_held_out(study, study.baseline_frfs), "changes": changes}
+    elif study.modes is not None:
         more["modes"] = targets_of(study.modes)
     return diagnose(
-        study.model,
-        [without_held_out(study, m) for m in measured(study)],
+        model,
+        [without_held_out(study, m) for m in measured(study, phases=False)],
         study.nuisances,
         damping_std=study.damping_std,
         band=study.band,
@@ -160,29 +167,39 @@ def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1
 
 def fit_problem(study: Study) -> FitProblem:
     """Return the reduced model and the prepared data of a study's first measurement, as a run begins with."""
-    return begin(
-        study.model,
-        without_held_out(study, measured(study)[0]),
-        study.nuisances,
-        damping_std=study.damping_std,
-        band=study.band,
-        n_lines=study.n_lines or N_FIT_LINES,
-        model_error=study.model_error,
-    )
+    return problem_and_model(study)[0]
 
 
-def measured(study: Study) -> tuple[Measurement, ...]:
-    """Return the measurements of a study.
+def problem_and_model(study: Study) -> tuple[FitProblem, Model]:
+    """Return a study's problem, and the model that its results are values and effects of.
+
+    Of two states it is the second one's, with the model calibrated on the first.
+    """
+    more: dict[str, Any] = {
+        "damping_std": study.damping_std, "band": study.band, "n_lines": study.n_lines or N_FIT_LINES,
+        "model_error": study.model_error,
+    }  # fmt: skip
+    after = without_held_out(study, measured(study, phases=False)[0])
+    if study.baseline_frfs is None:
+        return begin(study.model, after, study.nuisances, **more), study.model
+    before, (model, changes) = without_held_out(study, study.baseline_frfs), first_state(study)
+    _, changed, problem = changed_frf_problem(model, before, after, study.nuisances, changes=changes, **more)
+    return problem, changed
+
+
+def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:
+    """Return the measurements of a study; those without ``phases`` where they may do, and it has no others.
 
     Raises
     ------
     StudyError
         If it has none, or holds all of its excitations or sensors out.
     """
-    if not study.measurements:
+    given = study.measurements or (() if phases else study.amplitudes)
+    if not given:
         msg = f"{study.path}: it has {study.lack_of_frfs}; there is nothing to compare the model with"
         raise StudyError(msg)
-    frf = study.measurements[0].frf
+    frf = given[0].frf
     for what, names, every in (
         ("excitation", study.held_out, frf.inputs),
         ("sensor", study.held_out_sensors, frf.outputs),
@@ -190,7 +207,7 @@ def measured(study: Study) -> tuple[Measurement, ...]:
         if names and set(names) >= set(every):
             msg = f"{study.path}: [fit] held_out names every measured {what}; leave at least one for the fit"
             raise StudyError(msg)
-    return study.measurements
+    return given
 
 
 def without_held_out(study: Study, measurement: Measurement) -> Measurement:
@@ -208,7 +225,7 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
 
     A sensor is compared for the excitations of the fit, an excitation at the sensors of the fit.
     """
-    whole = study.measurements[0]
+    whole = measured(study, phases=False)[0]
     fitted = without_held_out(study, whole).frf
     parts = {f"excitation {n}": (fitted.outputs, [n]) for n in study.held_out if n in whole.frf.inputs}
     sensors = [n for n in study.held_out_sensors if n in whole.frf.outputs]
@@ -216,8 +233,10 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
     out = {}
     for label, (outputs, inputs) in parts.items():
         kept = whole.with_frf(whole.frf.select(outputs, inputs))
-        data = prepared_like(d.problem, kept, study.band)
-        problem = replace(d.problem, data=corrected(data, d.faults))
+        data = corrected(prepared_like(d.problem, kept, study.band), d.faults)
+        if d.baseline is not None and study.baseline_frfs is not None:
+            data = carried_over(d.baseline.at(study.baseline_frfs, outputs, inputs), data)
+        problem = replace(d.problem, data=data)
         out[label] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
     return out
 

@@ -150,7 +150,9 @@ def bands_of_lines(
 
 
 def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
-    """Return the uncertain parameters before and after the last fit."""
+    """Return the uncertain parameters before and after the last fit; of two states, that to the first."""
+    if d.baseline is not None:
+        return uncertain_of(d.baseline.problem, d.baseline.result, d.baseline.model)
     return uncertain_of(d.problem, d.steps[-1].result, d.model)
 
 

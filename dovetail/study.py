@@ -25,14 +25,21 @@ from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
 from dovetail.found import fitted_damping, text_with_model
 from dovetail.mode_result import ModeRunResult
-from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone, run_modes
+from dovetail.modes_pipeline import (
+    diagnose_study_modes,
+    fit_modes,
+    has_modes_alone,
+    mode_problem,
+    mode_problem_and_model,
+    run_modes,
+)
 from dovetail.notebook.candidates import Candidates
 from dovetail.notebook.comparison import Comparison, Misfit
 from dovetail.notebook.diagnosis import Diagnosis
 from dovetail.notebook.html import inner, table
-from dovetail.notebook.modes import ModeDiagnosis
+from dovetail.notebook.modes import ModeComparison, ModeDiagnosis
 from dovetail.notebook.responses import FRF
-from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, run
+from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, problem_and_model, run
 from dovetail.report import words
 from dovetail.result import RunResult
 from fem.analysis.frf import FRFKind
@@ -47,13 +54,12 @@ from fem.effects import candidate_kinds
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.io.atomic import replacing
 from fem.mesh import merge_names
-from fem.model import Effect, Model, ModelError, parameter_values
+from fem.model import Damping, Effect, Model, ModelError, parameter_values
 from fem.summary import counted, listed
 from fem.system import assemble
 from updating.diagnosis.begin import begin_fitted
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.findings import Finding
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import fitted_model
 from updating.measurement.measurement import sensor_rows
@@ -223,8 +229,10 @@ class Study(config.Study):
                 msg = f"{self.path}: it has no [[{part}]]; FRFs need both sensors and excitations"
                 raise StudyError(msg)
 
-    def compare(self, n_bands: int = N_BANDS) -> Comparison:
+    def compare(self, n_bands: int = N_BANDS) -> Comparison | ModeComparison:
         """Return how far the model's FRFs are from the first measurement's, on all lines.
+
+        By measured modes where the study has nothing else.
 
         Parameters
         ----------
@@ -236,20 +244,26 @@ class Study(config.Study):
         StudyError
             If the study has no measurement.
         """
+        if has_modes_alone(self):
+            by_modes = mode_problem(self)
+            return ModeComparison.of(by_modes, by_modes.nominal(), self.name, self.label)
+        return self._frfs_compared(n_bands)
+
+    def _frfs_compared(self, n_bands: int = N_BANDS) -> Comparison:
         problem = fit_problem(self)
         return Comparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
 
     def error(self) -> Misfit:
         """Return the error of the amplitude on the lines of the fit, those held out, and all [dB].
 
-        The numbers are those of ``dovetail compare``.
+        The numbers are those of ``dovetail compare``. Of measured modes alone :meth:`compare` has them.
 
         Raises
         ------
         StudyError
-            If the study has no measurement.
+            If the study has no FRFs.
         """
-        return self.compare().misfit
+        return self._frfs_compared().misfit
 
     def plot(self) -> Any:
         """Return an interactive plotly figure of the model with its sensors, coloured by their errors [dB].
@@ -263,7 +277,7 @@ class Study(config.Study):
 
         errors: dict[str, float] = {}
         if self.measurements:
-            found = self.compare()
+            found = self._frfs_compared()
             errors = dict(zip(found.outputs, found.by_sensor().tolist(), strict=True))
         title = f"{self.name}, {self.label}"
         return model_figure(self.model, self.sensors, self.excitations, errors=errors or None, title=title)
@@ -315,7 +329,7 @@ class Study(config.Study):
         ModelError
             For a kind that does not exist, and a place where no candidate is.
         """
-        test = self.measurements[0] if self.measurements else None
+        test = next(iter(self.measurements or self.amplitudes), None)
         kinds = (kinds,) if isinstance(kinds, str) else kinds
         for kind in kinds or ():
             if kind not in candidate_kinds():
@@ -356,11 +370,14 @@ class Study(config.Study):
         model = self.model
         for effect in new:
             model = effect.added_to(model)
-        came = () if self.baseline is None else tuple(e.name for e in new)
+        came = tuple(e.name for e in new) if self.has_baseline else ()
         return replace(self, model=model, added=(*self.added, *new), changes=(*self.changes, *came))
 
     def fit(self, *, faults: bool = False) -> "Study":
         """Return the study with its uncertain parameters, its damping and the added effects fitted.
+
+        To FRFs; to measured modes where the study has nothing else, with the form of the frame as in a
+        diagnosis. What was added to a study with a baseline has come since then.
 
         Parameters
         ----------
@@ -375,18 +392,22 @@ class Study(config.Study):
         """
         start = self.start or self.model.without_effect(*(e.name for e in self.added))
         effects = tuple(self._on(start, self.model.effect(e.name)) for e in self.added)
-        problem: FitProblem = fit_problem(replace(self, model=start))
+        names = {e.name for e in self.added}
+        base = replace(self, model=start, changes=tuple(n for n in self.changes if n not in names))
         found: tuple[Fault, ...] = ()
-        if faults:
-            problem, _, found = begin_fitted(problem)
-        result = problem.fit_from_starts(effects)
-        model = fitted_model(start, result)
-        damping, connections = fitted_damping(problem, result, model)
-        model = model.with_damping(damping)
-        if connections is not None:
-            known = [e.name for e in model.of_kind(ConnectionDamping)]
-            own = ConnectionDamping(frequency=connections[0], ratio=connections[1])
-            model = model.without_effect(*known).with_effect(own)
+        if has_modes_alone(self):
+            by_modes, before = mode_problem_and_model(base)
+            result = fit_modes(by_modes, effects)
+            model = fitted_model(before, result)
+            if np.isfinite(by_modes.targets.zeta).any():
+                model = _damped(model, *fitted_damping(by_modes, result, model))
+        else:
+            problem, before = problem_and_model(base)
+            if faults:
+                problem, _, found = begin_fitted(problem)
+            result = problem.fit_from_starts(effects)
+            model = fitted_model(before, result)
+            model = _damped(model, *fitted_damping(problem, result, model))
         added = tuple(model.effect(e.name) for e in effects)
         more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
         if found:
@@ -414,8 +435,13 @@ class Study(config.Study):
             values = {ref: now[ref] for ref, value in before.items() if ref in now and now[ref] != value}
             values |= rebased_values(self.model, self.start.effects)
             damping = self.model.damping, _connections_of(self.model)
-        effects = [e.rebased(self.model) for e in self.added]
-        text = text_with_model(self, path.parent, values, damping, effects, self.faults)
+        own = {e.name for e in (*(self.start or self.model).effects, *self.added)}
+        forms = [e for e in self.model.effects if e.is_form and e.name not in own]
+        changes = [e.rebased(self.model) for e in self.added if e.name in self.changes]
+        effects = [*forms, *(e for e in self.added if e.name not in self.changes)]
+        text = text_with_model(
+            self, path.parent, values, damping, [e.rebased(self.model) for e in effects], self.faults, changes
+        )
         unnamed = [e.name for e in self.added if e.name not in self._candidate_names(e.kind)]
         if unnamed:
             names = ", ".join(unnamed)
@@ -474,6 +500,18 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEE
     """
     read = config.load_study(path, needs)
     return Study(**{f.name: getattr(read, f.name) for f in fields(read)})
+
+
+def _damped(
+    model: Model, damping: Damping, connections: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+) -> Model:
+    """Return a model with a fitted damping, and that of connections where they have their own."""
+    model = model.with_damping(damping)
+    if connections is None:
+        return model
+    known = [e.name for e in model.of_kind(ConnectionDamping)]
+    own = ConnectionDamping(frequency=connections[0], ratio=connections[1])
+    return model.without_effect(*known).with_effect(own)
 
 
 def _connections_of(model: Model) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:

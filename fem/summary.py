@@ -33,8 +33,12 @@ def span(values: Any, unit: str = "-") -> str:
 
 
 def percent(probability: float) -> str:
-    """Return a probability in per cent, with a space that does not break."""
-    return f"{100 * probability:.3g}\u00a0%" if probability >= 1e-3 else "below 0.1\u00a0%"
+    """Return a probability in whole per cent, with a space that does not break; never 0 or 100.
+
+    Data and priors are not known well enough to tell one in a hundred from one in a million.
+    """
+    bound = "above 99" if probability > 0.99 else "below 1" if probability < 0.01 else ""
+    return f"{bound or format(100 * probability, '.0f')}\u00a0%"
 
 
 def counted(n: int, noun: str) -> str:

@@ -15,7 +15,6 @@ from dovetail.commands.common import (
 )
 from dovetail.commands.tables import band_names, cell, width_of
 from dovetail.disk.output import Progress, write_json
-from dovetail.file.table import StudyError
 
 if TYPE_CHECKING:
     from dovetail.study import Study
@@ -69,10 +68,10 @@ def run(options: Options, progress: Progress) -> None:
     study = loaded(options)
     for name, values in options.added:
         study = study.add(name, **values)
-    if has_modes_alone(study) and not study.amplitudes:
+    if has_modes_alone(study):
         compare_modes(options, study, progress)
         return
-    if study.amplitudes and not study.measurements:
+    if study.amplitudes and not study.measurements and not options.fitted:
         _compare_amplitudes(options, study, progress)
         return
     if options.added and options.fitted:
@@ -135,7 +134,7 @@ def _rows(c: "Comparison") -> list[str]:
 def _compare_amplitudes(options: Options, study: "Study", progress: Progress) -> None:
     """Print how far the model's amplitudes are from measured ones, which have no phase.
 
-    Nothing is fitted to them, no line is held out, and FRAC, which needs phases, is left out.
+    No line is held out, and FRAC, which needs phases, is left out.
     """
     from dovetail import result
     from fem.analysis.frf_solver import compute_frf
@@ -143,9 +142,6 @@ def _compare_amplitudes(options: Options, study: "Study", progress: Progress) ->
     from updating.correlation.frf_correlation import compare as compare_frfs
     from updating.measurement.measurement import sensor_rows
 
-    if options.fitted:
-        msg = f"{study.path}: it has {study.lack_of_frfs}; nothing is fitted to them, so leave --fitted out"
-        raise StudyError(msg)
     progress("computing the model's FRFs")
     m = study.amplitudes[0]
     frf = m.frf.select(band=study.band)

@@ -343,15 +343,46 @@ class _Reader:
             unbalances=parts.unbalances,
             baseline=self._baseline(sensors, notes),
             ambient=read_ambient(top, self.path.parent, sensors),
+            baseline_frfs=self._baseline_frfs(measurements, sensors, excitations, faults, notes),
             changes=read_changes(top),
         )
 
     def _baseline(self, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
         """Read ``[baseline]``: the modes of an earlier state."""
         baseline = None
+        if "measurements" in self.top.table("baseline"):
+            return None
         with self._attempt("measurements"):
             raw = read_raw_modes(self.top, self.path.parent, self.measured_notes, "baseline")
             baseline = match_modes(raw, sensors, notes)
+        return baseline
+
+    def _baseline_frfs(
+        self,
+        measured: Sequence[Measurement],
+        sensors: Sequence[Channel],
+        excitations: Sequence[Channel],
+        faults: Sequence[Fault],
+        notes: list[str],
+    ) -> Measurement | None:
+        """Read ``[[baseline.measurements]]``: the FRFs of an earlier state, in the band of the later one."""
+        t = self.top.table("baseline")
+        if "measurements" not in t:
+            return None
+        baseline = None
+        with self._attempt("measurements"):
+            raw, _ = read_files(t, self.path.parent, notes, self.measured_notes)
+            t.finish()
+            if len(raw) != 1 or not raw[0].phase:
+                t.refuse("measurements", f"{len(raw)} matrices of FRFs are given; one with phases is needed")
+            if not measured:
+                t.refuse("measurements", "the study has no [[measurements]] to compare with these")
+            frf = raw[0].frf
+            rows = [c for c in sensors if c.find(frf.outputs) is not None]
+            columns = [c for c in excitations if c.find(frf.inputs) is not None]
+            (one,) = match(raw, rows, columns, faults, notes)
+            f = measured[0].frf.frequency
+            baseline = one.with_frf(one.frf.select(band=(float(f[0]), float(f[-1]))))
         return baseline
 
     def _suspicions(

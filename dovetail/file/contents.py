@@ -71,6 +71,8 @@ class Study:
         Those of an earlier state, where what has changed is asked for.
     ambient : AmbientTest or None
         Time data of a test with unknown forces, which are read when modes are identified in them.
+    baseline_frfs : Measurement or None
+        FRFs of an earlier state, where the study has these.
     changes : tuple of str
         Names of effects of the model that have come since the baseline.
     plan : UpdatePlan
@@ -127,8 +129,14 @@ class Study:
     loads: Loads = Loads()  # noqa: RUF009 - frozen
     baseline: MeasuredModes | None = None
     ambient: AmbientTest | None = None
+    baseline_frfs: Measurement | None = None
     changes: tuple[str, ...] = ()
     unbalances: tuple[Unbalance, ...] = ()
+
+    @property
+    def has_baseline(self) -> bool:
+        """Whether what has changed since an earlier state is asked for."""
+        return self.baseline is not None or self.baseline_frfs is not None
 
     @property
     def lack_of_frfs(self) -> str:

@@ -68,7 +68,7 @@ def _is_change(top: Table, t: Table) -> bool:
     """Whether an effect has come since the baseline."""
     change = t.flag("since_baseline", False)
     if change and "baseline" not in top.values:
-        t.refuse("since_baseline", "the study has no [baseline], the modes of the state before the effect")
+        t.refuse("since_baseline", "the study has no [baseline], the state before the effect")
     return change
 
 

@@ -25,6 +25,10 @@ FILES: dict[tuple[str, ...], str] = {
     ("baseline", "file"): "the modes of the baseline",
     ("sections",): "the table of sections",
     ("sections", "file"): "the table of sections",
+    ("baseline", "measurements", "file"): "a measurement of the baseline",
+    ("baseline", "measurements", "repeats"): "a repeated measurement of the baseline",
+    ("baseline", "measurements", "coherence"): "the coherence of the baseline",
+    ("baseline", "measurements", "compared"): "the choice of compared values of the baseline",
     ("sensors",): "the table of sensors",
     ("sensors", "file"): "the table of sensors",
     ("excitations",): "the table of excitations",
@@ -61,10 +65,10 @@ def named_files(values: Any) -> Iterator[tuple[tuple[str | int, ...], tuple[str,
         elif keys in FILES and isinstance(value, list) and all(isinstance(item, str) for item in value):
             for i, item in enumerate(value):
                 yield (*place, i), keys, item
-        elif isinstance(value, dict) and len(keys) < 2:
+        elif isinstance(value, dict) and len(keys) < 3:
             for key, inner in value.items():
                 yield from walk(inner, (*place, key), (*keys, key))
-        elif isinstance(value, list) and len(keys) == 1:
+        elif isinstance(value, list) and len(keys) in (1, 2):
             for i, inner in enumerate(value):
                 yield from walk(inner, (*place, i), keys)
 
@@ -77,7 +81,7 @@ def with_paths(text: str, old: Path, new: Path) -> str:
         return text
     changes: dict[tuple[str | int, ...], Any] = {}
     for place, keys, name in named_files(tomllib.loads(text)):
-        if keys == ("measurements", "repeats") and not isinstance(place[-1], int):
+        if keys[-2:] == ("measurements", "repeats") and not isinstance(place[-1], int):
             changes[place] = [_moved(word, old, new) for word in name.replace(",", " ").split()]
         else:
             changes[place] = _moved(name, old, new)

@@ -20,13 +20,15 @@ def compared(result: RunResult, shown: Shown) -> Markup:
     """Return the measured data, and how they are compared with the model."""
     d, study = result.diagnosis, result.study
     data = d.problem.data
-    rows = []
-    for m in study.measurements:
+    rows, before = [], study.baseline_frfs
+    named = [(m.name, m) for m in study.measurements or study.amplitudes]
+    named += [(f"{before.name}, the baseline", before)] if before is not None else []
+    for name, m in named:
         f = m.frf.frequency
         force = f"{m.force_level:g}" if m.force_level else "–"
         rows.append(
             [
-                m.name,
+                name,
                 str(m.frf.kind),
                 m.frf.kind.unit,
                 len(m.frf.outputs),

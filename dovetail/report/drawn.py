@@ -45,7 +45,7 @@ def compared_models(result: RunResult) -> Models:
     d = result.diagnosis
     last = len(d.steps) - 1
     steps = (0, 1, last) if last > 1 else tuple(range(last + 1))
-    names = {0: "nominal", 1: "fitted"}
+    names = {0: "nominal", 1: "fitted"} if d.baseline is None else {0: "calibrated", 1: "damping fitted"}
     what = WITH_EFFECTS if len(d.findings) > 1 else WITH_EFFECT
     labels = [names.get(k, what) for k in steps]
     spread = d.deviation(last)

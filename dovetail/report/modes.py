@@ -25,8 +25,7 @@ from dovetail.report.responses import shapes, uncertain
 from dovetail.report.shown import TURN, Shown
 from dovetail.report.small_print import MODULES_OF_MODES, about_modes, assumptions, notes
 from fem.io.atomic import replacing
-from fem.summary import counted
-from updating.diagnosis.mode_diagnosis import percent
+from fem.summary import counted, percent
 from updating.diagnosis.reported_modes import ReportedModes
 
 CORRECTED = (

@@ -36,7 +36,7 @@ def report_html(result: RunResult, album: Album, figures: Figures | None = None)
         search(result, shown),
         frfs(result, shown),
         modes(result, shown),
-        uncertain(result),
+        uncertain(result, "to the baseline" if result.diagnosis.baseline is not None else "in every step"),
         faults(result),
         notes(result, shown),
         assumptions(result),

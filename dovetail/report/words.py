@@ -11,7 +11,6 @@ from fem.summary import percent
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
 from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
-from updating.diagnosis.mode_diagnosis import percent as percent_of_modes
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
@@ -187,12 +186,15 @@ def ranked_label(r: Ranked) -> str:
 def headline(result: RunResult) -> str:
     """Return the verdict in plain sentences."""
     d = result.diagnosis
+    change = d.baseline is not None
     faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
     if d.verdict == EFFECT:
-        told = " ".join(map(sentence, d.findings))
+        told = _since(" ".join(map(sentence, d.findings)), change)
         if d.steps[-1].level > d.limit:
             told += " That explains the misfit only in part."
         return f"{told} Besides, {faults}." if faults else told
+    if d.verdict == NOTHING and change:
+        return "Nothing has changed that these data can show."
     if d.verdict == NOTHING and not d.more_than_noise:
         return "The model lacks nothing that these data can show."
     if d.verdict == NOTHING:
@@ -204,13 +206,16 @@ def headline(result: RunResult) -> str:
     return d.verdict
 
 
+def _since(told: str, change: bool) -> str:
+    return f"Since the baseline: {told[:1].lower()}{told[1:]}" if change else told
+
+
 def mode_headline(result: ModeRunResult) -> str:
     """Return the verdict of a run on modes in plain sentences."""
     d = result.diagnosis
     change = d.baseline is not None
     if d.verdict == EFFECT and d.sure:
-        told = " ".join(map(sentence, mode_findings(d)))
-        return f"Since the baseline: {told[:1].lower()}{told[1:]}" if change else told
+        return _since(" ".join(map(sentence, mode_findings(d))), change)
     if d.verdict == EFFECT:
         what = "Something has changed" if change else "The model lacks something"
         return f"{what}. These data leave open which of {len(d.credible)} explanations is right."
@@ -234,7 +239,7 @@ def mode_probability_text(d: ModeDiagnosis) -> str:
     if not d.found:
         return ""
     known, place_ = d.searched.probability(d.final), d.searched.probability_there(d.final)
-    of_all, there = map(percent_of_modes, (known, place_))
+    of_all, there = map(percent, (known, place_))
     return f"Probability among all hypotheses: {of_all}, of the place {there}"
 
 
@@ -349,6 +354,7 @@ def confidence(result: RunResult) -> list[str]:
     d = result.diagnosis
     steps: Sequence[Step] = d.steps
     base, last = steps[min(1, len(steps) - 1)], steps[-1]
+    start = "calibrated" if d.baseline is not None else "nominal"
     if d.findings:
         out = [
             f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to "
@@ -361,11 +367,11 @@ def confidence(result: RunResult) -> list[str]:
         out = [
             f"With the uncertain parameters fitted the error is {last.fit_db:.2f} dB on the lines of the "
             "fit and "
-            f"{last.held_out_db:.2f} dB on lines that no fit has seen; the nominal model had "
+            f"{last.held_out_db:.2f} dB on lines that no fit has seen; the {start} model had "
             f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
         ]
     for label, (first, *_, end) in result.held_out_channels.items():
-        said = f"{first:.2f} dB nominal, {end:.2f} dB in the end"
+        said = f"{first:.2f} dB {start}, {end:.2f} dB in the end"
         nothing = "nothing of them can be compared"
         out.append(f"FRFs of the {label}, which no fit has seen: {said if math.isfinite(end) else nothing}.")
     out.append(

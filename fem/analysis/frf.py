@@ -13,9 +13,9 @@ from fem.analysis.labelled import frf_array, frf_frame
 from fem.summary import counted, fields_summary, listed, span, summary
 
 WITHOUT_PHASE = (
-    "amplitudes without phase, which are not used as FRFs: 'dovetail compare' alone takes them, from text or "
-    "arrays; a model can be updated to the frequencies of their peaks, given as frequency = [...] (in a "
-    "study: under [modes])"
+    "amplitudes without phase, which are not used as FRFs: in a study, from text or arrays, 'dovetail "
+    "compare', 'locate', 'diagnose' and 'run' take them; a model can be updated to the frequencies of their "
+    "peaks, given as frequency = [...] (in a study: under [modes])"
 )
 """Reason why amplitudes are no FRFs, and their use; every reader gives it."""
 

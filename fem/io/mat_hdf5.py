@@ -1,6 +1,7 @@
 """Named arrays of MATLAB files and HDF5 files, with the labels of their axes where they have some."""
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,11 @@ from numpy.typing import NDArray
 from fem.io.arrays import TableError
 from fem.io.frf_reading import optional
 from fem.io.mat5 import read_mat5
+from fem.io.trial import end_of_trial
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
+LARGEST_RATIO = 1032
+"""Deflate makes data smaller by this factor at most (zlib's documentation, "maximum compression factor")."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,20 +61,31 @@ def read_hdf5(path: Path) -> dict[str, Named]:
         If h5py is not installed, or the file cannot be read.
     """
     h5py = optional("h5py", "hdf5", path.name)
-    out: dict[str, Named] = {}
+    if (end := end_of_trial(partial(_arrays, h5py, path))) is not None:
+        msg = f"{path.name}: it cannot be read as HDF5; the file is damaged (the library ends with {end})"
+        raise TableError(msg)
     try:
-        with h5py.File(path, "r") as file:
-
-            def visit(key: str, item: Any) -> None:
-                if isinstance(item, h5py.Dataset) and not key.startswith("#"):
-                    found = _dataset(h5py, file, item)
-                    if found is not None:
-                        out[key] = found
-
-            file.visititems(visit)
+        return _arrays(h5py, path)
     except Exception as reason:  # damaged files raise whatever the library comes upon
         msg = f"{path.name}: it cannot be read as HDF5 ({_short(reason)})"
         raise TableError(msg) from reason
+
+
+def _arrays(h5py: Any, path: Path) -> dict[str, Named]:
+    out: dict[str, Named] = {}
+    most = LARGEST_RATIO * path.stat().st_size
+    with h5py.File(path, "r") as file:
+
+        def visit(key: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and not key.startswith("#"):
+                if item.size is not None and item.size * item.dtype.itemsize > most:
+                    msg = f"{key} would have {item.size * item.dtype.itemsize} bytes, too many for the file"
+                    raise ValueError(msg)
+                found = _dataset(h5py, file, item)
+                if found is not None:
+                    out[key] = found
+
+        file.visititems(visit)
     return out
 
 

@@ -52,6 +52,7 @@ def reported(study, effects, folder, faults=()):
         steps=[SimpleNamespace(result=SimpleNamespace(values=values, zeta=zeta))],
         model=fitted,
         findings=[SimpleNamespace(effect=e) for e in effects],
+        baseline=None,
         faults=faults,
     )
     return SimpleNamespace(study=study, diagnosis=diagnosis, folder=folder), fitted, curve, zeta

@@ -220,7 +220,7 @@ def test_a_unit_is_a_warning_that_the_report_of_compare_repeats(load, computed, 
     assert load(0.34 * computed.H, "check_units = false\n").warnings == ()
 
 
-def test_amplitudes_without_phase_are_compared_and_nothing_else(load, computed, tmp_path, capsys):
+def test_amplitudes_without_phase_are_compared_and_no_modes_are_identified(load, computed, tmp_path, capsys):
     """Values that are real and never negative are amplitudes, whoever wrote them and whatever their type."""
     size = np.abs(computed.H)
     path = tmp_path / "study.toml"
@@ -240,12 +240,7 @@ def test_amplitudes_without_phase_are_compared_and_nothing_else(load, computed, 
     # the noise of 2 % in each part is one of 2 % in amplitude, 0.17 dB, and more in antiresonances
     assert 0.15 < found["error_db"] < 0.5
     assert found["sensors"][0]["frac"] == [None]
-    for command in (
-        ["diagnose"],
-        ["locate"],
-        ["update", "--out", str(tmp_path / "u")],
-        ["compare", "--fitted"],
-    ):
+    for command in (["identify-modes"], ["update", "--out", str(tmp_path / "u")]):
         capsys.readouterr()
         assert main([command[0], str(path), *command[1:]]) == 2
         assert "in n.npz amplitudes without phase, which are not used as FRFs" in capsys.readouterr().err

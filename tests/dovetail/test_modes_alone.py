@@ -233,7 +233,7 @@ def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
     }  # fmt: skip
     first = text[: text.index("<nav")]
     assert "Verdict: effect" in first
-    assert "Probability among all hypotheses: above 99 %" in first
+    assert "Probability among all hypotheses: above 99\u00a0%" in first
     assert {"staircase", "model"} == set(re.findall(r'<figure data-figure="([^"]+)"', first))
     assert "could not be made" not in text
     assert "a<b>" not in text
@@ -295,3 +295,43 @@ def test_an_unsure_change_says_so(tmp_path):
     page = done.report.read_text(encoding="utf-8")
     assert "fitted to the baseline" in page
     assert "What has changed" in page
+
+
+def test_a_study_of_modes_is_compared_fitted_and_saved_from_python(tmp_path, capsys):
+    """The numbers are those of the command line, and the saved study's those of the fit."""
+    measured = frequencies_of(load_study(written(tmp_path, "")), mass=0.3, position=0.7)
+    text = f"[modes]\nfrequency = {measured}\nfrequency_std = 1e-3\nheld_out = [6]\n"
+    path = written(
+        tmp_path, text.replace("frequency_std", "zeta = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01]\nfrequency_std")
+    )
+    study = load_study(path)
+    before = study.compare()
+    assert main(["compare", str(path), "--json", str(tmp_path / "c.json")]) == 0
+    compared = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+    assert before.error == pytest.approx(compared["frequency_error"]["fit"])
+    better = study.add("point_mass:mast", mass=0.1, position=0.68).fit()
+    assert better.model.effect("point_mass:mast").mass == pytest.approx(0.3, rel=0.01)
+    assert better.model.damping.ratio_at(np.array(measured)) == pytest.approx(0.01, rel=0.05)
+    after = better.compare()
+    assert after.error < 1e-4 < before.error
+    assert after.held_out_error < 1e-3
+    assert "6 modes" in repr(after)
+    assert "held out" in repr(after)
+    assert after._repr_html_().count("<tr>") == 7
+    better.save(tmp_path / "better.toml")
+    assert load_study(tmp_path / "better.toml").compare().error == pytest.approx(after.error, abs=1e-6)
+    with pytest.raises(StudyError, match=r"no \[\[measurements\]\]"):
+        study.error()
+
+
+def test_an_effect_added_to_a_study_with_a_baseline_is_saved_as_a_change(tmp_path):
+    plain = load_study(written(tmp_path, ""))
+    before, after = (frequencies_of(plain, **mass) for mass in ({}, {"mass": 0.02, "position": 0.7}))
+    text = f"[baseline]\nfrequency = {before}\nfrequency_std = 2e-4\n\n[modes]\nfrequency = {after}\n"
+    study = load_study(written(tmp_path, text + "frequency_std = 2e-4\n"))
+    better = study.add("point_mass:mast", mass=0.01, position=0.6).fit()
+    assert better.model.effect("point_mass:mast").mass == pytest.approx(0.02, rel=0.05)
+    better.save(tmp_path / "better.toml")
+    again = load_study(tmp_path / "better.toml")
+    assert again.changes == ("known point_mass:mast",)
+    assert again.compare().error == pytest.approx(better.compare().error, abs=1e-6)

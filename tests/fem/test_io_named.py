@@ -1,5 +1,7 @@
 """FRFs among the arrays of MATLAB and HDF5 files: names, parts, axes, units, and files that are damaged."""
 
+import os
+import signal
 import sys
 
 import h5py
@@ -8,6 +10,8 @@ import pytest
 from scipy.io import savemat
 
 from fem.io import Asked, TableError, read_frf, read_frfs
+from fem.io.mat_hdf5 import read_hdf5
+from fem.io.trial import end_of_trial
 from fem.io.uff_units import G0
 
 RNG = np.random.default_rng(4)
@@ -208,3 +212,24 @@ def test_the_error_for_an_unknown_file_lists_what_is_read(tmp_path):
         TableError, match=r"\.uff, .*\(universal file\).*\.npz .*\.h5.*\.mat .*\.csv.*not '\.xls'"
     ):
         read(tmp_path / "m.xls")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_file_that_ends_the_library_is_refused(tmp_path, monkeypatch):
+    """libhdf5 frees memory twice on some damaged files, which ends the process (tests.fuzz, hdf5)."""
+    assert end_of_trial(lambda: None) is None
+    assert end_of_trial(lambda: {}["key"]) is None
+    path = tmp_path / "f.h5"
+    with h5py.File(path, "w") as file:
+        file["f"] = np.arange(3.0)
+    monkeypatch.setattr("fem.io.mat_hdf5._arrays", lambda h5py, path: os.kill(os.getpid(), signal.SIGABRT))
+    with pytest.raises(TableError, match=r"f\.h5: .* damaged \(the library ends with SIGABRT\)"):
+        read_hdf5(path)
+
+
+def test_an_array_larger_than_its_file_can_hold_is_refused(tmp_path):
+    path = tmp_path / "f.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("H", shape=(10**12,), chunks=(1000,), dtype="f8")
+    with pytest.raises(TableError, match="H would have 8000000000000 bytes, too many for the file"):
+        read_hdf5(path)

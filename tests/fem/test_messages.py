@@ -14,6 +14,7 @@ from fem.elements.properties import MemberProperties
 from fem.materials import Material, PropertyError
 from fem.mesh import Mesh, MeshError
 from fem.model import Damping, Model, ModelError
+from fem.summary import percent
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, cross_beam, fix
 
@@ -232,3 +233,10 @@ def test_frfs(make, words):
 def test_selections(outputs, words):
     with pytest.raises(ModelError, match=words):
         respond(outputs=outputs)()
+
+
+@pytest.mark.parametrize(
+    ("probability", "text"), [(1.0, "above 99"), (0.99, "99"), (0.5, "50"), (0.01, "1"), (1e-9, "below 1")]
+)
+def test_no_probability_is_called_certain(probability, text):
+    assert percent(probability) == f"{text}\u00a0%"

@@ -225,6 +225,44 @@ def _mat_seeds(folder: Path) -> list[bytes]:
     ]
 
 
+def _hdf5_seeds(folder: Path) -> list[bytes]:
+    """Return FRFs with dimension scales and units, compressed ones, and a file as MATLAB 7.3 writes it."""
+    import h5py
+
+    frf = _frf()
+
+    def labelled(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            f = file.create_dataset("frequency", data=frf.frequency)
+            f.attrs["units"] = "Hz"
+            f.make_scale("frequency")
+            H = file.create_dataset("test/H", data=frf.H)
+            H.attrs["units"] = "(m/s^2)/N"
+            H.dims[0].attach_scale(f)
+            H.dims[1].label, H.dims[2].label = "output", "input"
+            file.create_dataset("outputs", data=list(frf.outputs), dtype=h5py.string_dtype())
+
+    def compressed(path: Path) -> None:
+        with h5py.File(path, "w", libver="latest") as file:
+            file.create_dataset("f", data=frf.frequency, chunks=(4,), compression="gzip")
+            for name, part in (("real", frf.H.real), ("imag", frf.H.imag)):
+                file.create_dataset(name, data=part, chunks=(4, 2, 1), compression="gzip", shuffle=True)
+
+    def matlab(path: Path) -> None:
+        with h5py.File(path, "w", userblock_size=512) as file:
+            parts = np.dtype([("real", "f8"), ("imag", "f8")])
+            H = np.empty(frf.H.T.shape, dtype=parts)
+            H["real"], H["imag"] = frf.H.T.real, frf.H.T.imag
+            texts = [np.array([[ord(c)] for c in name], dtype="u2") for name in frf.outputs]
+            own = [file.create_dataset(f"#refs#/{k}", data=text) for k, text in enumerate(texts)]
+            cells = np.array([[d.ref] for d in own], dtype=h5py.ref_dtype)
+            arrays = {"f": frf.frequency[None], "H": H, "outputs": cells}
+            for (name, values), kind in zip(arrays.items(), ("double", "double", "cell"), strict=True):
+                file.create_dataset(name, data=values).attrs["MATLAB_class"] = np.bytes_(kind)
+
+    return _written(folder, ".h5", labelled, compressed, matlab)
+
+
 def _wav_seeds(folder: Path) -> list[bytes]:
     values = np.random.default_rng(2).integers(-3000, 3000, (40, 2)).astype("int16")
     return _written(folder, ".wav", lambda p: wavfile.write(p, 512, values))
@@ -252,6 +290,7 @@ TARGETS: dict[str, Target] = {
         Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), read_mesh),
         Target("npz", "f.npz", _npz_seeds, _read_npz, _draw_npz),
         Target("mat", "f.mat", _mat_seeds, _read_named),
+        Target("hdf5", "f.h5", _hdf5_seeds, _read_named),
         Target("wav", "f.wav", _wav_seeds, read_time_data),
         Target("columns", "f.txt", _texts(decks.COLUMNS), _read_columns),
         Target("csv", "f.csv", _texts(decks.CSV), lambda path: read_csv(path)),

@@ -208,7 +208,7 @@ def free_motions(mesh, hidden, K):
     return B[:, keep]
 
 
-def accelerances(hidden, sensors):
+def accelerances(hidden, sensors, excitations=EXCITATIONS, frequency=FREQUENCY):
     """Return FRFs (n_freq, n_out, n_in) [(m/s²)/N]."""
     mesh = Mesh(hidden)
     K, M, C = matrices_of(mesh, hidden)
@@ -218,11 +218,11 @@ def accelerances(hidden, sensors):
     own = np.sqrt(np.maximum(squared, 0.0))
     level, swing, period, phase = DAMPING
     f = own / (2 * np.pi)
-    zeta = level * (1 + np.where(f < 3 * FREQUENCY[-1], swing * np.sin(2 * np.pi * f / period + phase), 0.0))
+    zeta = level * (1 + np.where(f < 3 * frequency[-1], swing * np.sin(2 * np.pi * f / period + phase), 0.0))
     out = np.array([B[mesh.dof(s["member"], s["position"], s["direction"])] for s in sensors]) @ V
     names = [s["name"] for s in sensors]
-    into = out[[names.index(name) for name in EXCITATIONS]]
-    omega = 2 * np.pi * FREQUENCY
+    into = out[[names.index(name) for name in excitations]]
+    omega = 2 * np.pi * frequency
     D = squared - omega[:, None] ** 2 + 2j * omega[:, None] * zeta * own
     H = np.einsum("on,fn,in->foi", out, 1 / D, into, optimize=True)
     if C.any():
@@ -236,9 +236,9 @@ def accelerances(hidden, sensors):
     return H
 
 
-def nominal_of(name, rng):
+def nominal_of(name, rng, sensors=SENSORS, excitations=EXCITATIONS, frequency=FREQUENCY):
     """Return what an analyst knows: a material 1.5 and 0.4 % off, and no hidden effect."""
-    places = list(enumerate(SENSORS, start=1))
+    places = list(enumerate(sensors, start=1))
     return {
         "case": name,
         "structure": "A-frame tower, hollow-section legs and rings, two rod braces",
@@ -262,8 +262,8 @@ def nominal_of(name, rng):
             for k, (member, s) in places
             for d in AXES
         ],
-        "excitations": [{"sensor": s} for s in EXCITATIONS],
-        "frequency": {"start": float(FREQUENCY[0]), "stop": float(FREQUENCY[-1]), "lines": len(FREQUENCY)},
+        "excitations": [{"sensor": s} for s in excitations],
+        "frequency": {"start": float(frequency[0]), "stop": float(frequency[-1]), "lines": len(frequency)},
         "response": "accelerance, (m/s^2)/N",
         "damping_guess_modal": 0.0051,
         "tolerances": "E +-2 %, rho +-0.5 %, joint data +-3 %, dimensions +-0.5 %",

@@ -163,11 +163,11 @@ def test_worse_candidates_are_counted():
         error.ranking_figure(["a"], [1, 2], 3)
 
 
-def test_probabilities_are_bars_in_percent():
+def test_probabilities_are_bars_in_whole_percent():
     figure = error.probability_figure([("mass & <x>", 0.875), ("unknown", 0.1249), ("other", 1e-5)])
     (bars,) = figure.data
     assert list(bars.x) == [0.875, 0.1249, 1e-5]
-    assert list(bars.text) == ["87.5\u00a0%", "12.5\u00a0%", "below 0.1\u00a0%"]
+    assert list(bars.text) == ["88\u00a0%", "12\u00a0%", "below 1\u00a0%"]
     assert bars.customdata[0] == "mass & <x>"
     assert figure.layout.yaxis.ticktext[0] == "mass &amp; &lt;x&gt;"
 

@@ -4,17 +4,21 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Model
+from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
 from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.changes import change_of, similarity_of
 from updating.diagnosis.diagnosis import (
+    CALIBRATED,
+    DAMPED,
     EFFECT,
     FAULT,
     FITTED,
@@ -23,10 +27,12 @@ from updating.diagnosis.diagnosis import (
     UNEXPLAINED,
     Diagnosis,
 )
+from updating.diagnosis.evidence.carried import CalibratedFrfs
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
+from updating.diagnosis.frf_states import begin_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
@@ -57,10 +63,14 @@ def diagnose(
     n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
     modes: ModeTargets | None = None,
+    baseline: Measurement | None = None,
+    changes: Sequence[Effect] = (),
     progress: Progress | None = None,
     processes: int = 1,
 ) -> Diagnosis:
     """Find the physical effects that a model lacks, by the evidence for them.
+
+    With a ``baseline``, measured in an earlier state, it finds those that have come since.
 
     Uncertain parameters are fitted, and sensors with a wrong sign or gain are set right. Then hypotheses,
     that is models with some effects more, are fitted, and the most probable one is named.
@@ -88,7 +98,11 @@ def diagnose(
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
     modes : ModeTargets, optional
-        Measured modes that are fitted beside the FRFs.
+        Measured modes that are fitted beside the FRFs; not with a baseline.
+    baseline : Measurement, optional
+        FRFs of an earlier state, on which the model is calibrated.
+    changes : sequence of Effect
+        Effects that are known to have come since then; the model has none of them.
     progress : callable, optional
         Called with a text and the fraction done.
     processes : int
@@ -96,13 +110,30 @@ def diagnose(
         its own work by ``if __name__ == "__main__":``, as :mod:`multiprocessing` demands.
     """
     started, say = time.perf_counter(), progress or (lambda text, done: None)
+    more: dict[str, Any] = {
+        "damping_std": damping_std, "band": band, "kinds": kinds, "exclude": exclude, "n_lines": n_lines,
+        "model_error": model_error, "progress": say,
+    }  # fmt: skip
+    first = None
     with workers(processes) as crew:
-        begun = begin_search(
-            model, measurements[0], nuisances, damping_std=damping_std, band=band, kinds=kinds,
-            exclude=exclude, n_lines=n_lines, model_error=model_error, modes=modes, progress=say, crew=crew,
-        )  # fmt: skip
+        if baseline is None:
+            begun = begin_search(model, measurements[0], nuisances, modes=modes, crew=crew, **more)
+        else:
+            begun, first = begin_change(
+                model, baseline, measurements[0], nuisances, changes=changes, crew=crew, **more
+            )
+            measurements = measurements[:1]
         found = _diagnosed(begun, model, measurements, kinds, exclude, model_error, say)
-    return replace(found, seconds=time.perf_counter() - started)
+    return replace(_since(found, first), seconds=time.perf_counter() - started)
+
+
+def _since(found: Diagnosis, first: CalibratedFrfs | None) -> Diagnosis:
+    """Return a diagnosis of a second state with its first one, whose faults both have."""
+    if first is None:
+        return found
+    one, two, *rest = found.steps
+    steps = (replace(one, label=CALIBRATED), replace(two, label=DAMPED), *rest)
+    return replace(found, steps=steps, faults=(*first.faults, *found.faults), baseline=first)
 
 
 def _diagnosed(
@@ -315,7 +346,7 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
     search, best = done.search, done.best
     nothing = search.known[frozenset()]
     before, level = (f"{h.fitted.level * DB_PER_NEPER:.2g}" for h in (nothing, best))
-    share = f"{done.probability_there(best):.0%}".replace("%", " %")
+    share = percent(done.probability_there(best))
     names = labels(best.effects)
     if not done.explains:
         lead, left = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"

@@ -9,6 +9,7 @@ from fem.analysis.frf import FRF
 from fem.model import Effect, Model
 from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
+from updating.diagnosis.evidence.carried import CalibratedFrfs
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding, Ranked, Step
 from updating.inference.fit import FitProblem
@@ -19,6 +20,8 @@ from updating.quality.gates import Gates
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 FITTED = "uncertain parameters fitted"
 """Label of the step before effects."""
+CALIBRATED, DAMPED = "calibrated on the baseline", "damping fitted"
+"""Labels of the first two steps where the model was fitted to an earlier state."""
 N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end."""
 
@@ -63,6 +66,8 @@ class Diagnosis:
         Places by the share of the misfit that free forces there leave, the best first [-].
     searched : Searched or None
         The search that led to it.
+    baseline : CalibratedFrfs or None
+        The fit to an earlier state, where the change since then was searched for.
     """
 
     verdict: str
@@ -85,6 +90,7 @@ class Diagnosis:
     posterior: tuple[tuple[tuple[str, ...], float], ...] = ()
     places: tuple[tuple[str, float], ...] = ()
     searched: Searched | None = None
+    baseline: CalibratedFrfs | None = None
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""

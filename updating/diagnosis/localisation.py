@@ -132,7 +132,8 @@ class _Projection:
         before = problem.receptance(result, lines)
         keep = problem.data.mask[lines]
         measured = np.where(keep, problem.data.H[lines], 1.0)
-        r = np.where(keep, problem.data.weight[lines] * np.log(before / measured), 0.0)
+        ratio = problem.data.seen(np.log(before / measured))
+        r = np.where(keep, problem.data.weight[lines] * ratio, 0.0)
         # Robust weights: a line next to a shifted resonance does not decide.
         weight = problem.data.weight[lines] / (1 + np.abs(r) ** 2 / 0.25) ** 0.25 * keep
         empty = cls(problem, result, np.zeros(0), np.zeros((0, 0)), weight, lines, before)
@@ -146,7 +147,7 @@ class _Projection:
             columns.append(empty._column(replace(result, zeta=zeta)))
         A = np.column_stack(columns) if columns else np.zeros((2 * weight.size, 0))
         Q = np.linalg.qr(A / np.maximum(np.linalg.norm(A, axis=0), 1e-300))[0] if A.size else A
-        flat = _flat(np.where(keep, weight * np.log(before / measured), 0.0))
+        flat = _flat(np.where(keep, weight * ratio, 0.0))
         return cls(problem, result, flat - Q @ (Q.T @ flat), Q, weight, lines, before)
 
     def _column(self, changed: FitResult) -> NDArray[np.float64]:
@@ -154,12 +155,15 @@ class _Projection:
         d = np.where(
             self.weight > 0, self.weight * np.log(np.where(self.weight > 0, after / self.before, 1.0)), 0.0
         )
-        return _flat(d)
+        return _flat(self.problem.data.seen(d))
 
     def share(self, effect: Effect, start: dict[str, float]) -> float:
         """Return the share of the residual that the direction of an effect explains."""
         values = {**self.result.values, **{(effect.name, k): v for k, v in start.items()}}
-        column = self._column(replace(self.result, values=values, effects=(*self.result.effects, effect)))
+        try:
+            column = self._column(replace(self.result, values=values, effects=(*self.result.effects, effect)))
+        except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
+            return 0.0
         column = column - self.basis @ (self.basis.T @ column)
         norm = np.linalg.norm(column)
         total = np.linalg.norm(self.residual)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Role
 from fem.model import Effect, Model
+from fem.summary import percent
 from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
@@ -362,11 +363,6 @@ def _reason(d: ModeDiagnosis) -> str:
             "0%", "0 %"
         )
     return f"{told}; probability {sure}, of the place {place}{many}"
-
-
-def percent(p: float) -> str:
-    """Return a probability in words that never say more than 99 %."""
-    return "above 99 %" if p > 0.99 else "below 1 %" if p < 0.01 else f"{100 * p:.0f} %"
 
 
 def _notes(problem: ModeProblem) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from fem.model import Effect, Model
 from updating.diagnosis.begin import Progress
+from updating.diagnosis.evidence.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
@@ -33,9 +34,6 @@ from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import FAR, LIKENESS, ModeTargets, mac_of
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
-
-CHANGED = 0.1
-"""Share of the form's error that is not common to both states: it acts on what has changed alone [-]."""
 
 
 def calibrate(

@@ -423,7 +423,7 @@ class FitProblem:
         """Return ln(computed / measured) at some or all lines, NaN where masked."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         ratio = log_ratio(self.receptance(result, lines), self.data.H[lines])
-        return np.where(self.data.mask[lines], ratio, complex("nan"))
+        return np.where(self.data.mask[lines], self.data.seen(ratio), complex("nan"))
 
     def frf(self, result: FitResult) -> FRF:
         """Return the fitted model's FRFs in the kind of the measurement."""
@@ -436,7 +436,8 @@ class FitProblem:
 
     def _as_measured(self, H: NDArray[np.complex128]) -> FRF:
         m = self.data.measurement.frf
-        return FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs).as_kind(m.kind)
+        frf = FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs).as_kind(m.kind)
+        return frf if self.data.phase else replace(frf, H=np.abs(frf.H).astype(complex))
 
 
 def _rms(error: NDArray[np.float64]) -> float:

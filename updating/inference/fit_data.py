@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from fem.model import Model
 from fem.summary import fields_summary
 from updating.correlation import DB_PER_NEPER
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_rows
-from updating.measurement.noise import relative_noise
+from updating.measurement.noise import amplitude_noise, relative_noise
 
 SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
 """For which share of the independent data that stands, in covariances, which a fit leaves beyond a multiple
@@ -87,6 +88,20 @@ class FitData:
         return np.maximum(MODEL_ERROR * np.sqrt(np.maximum(weight**-2 - 1, 0.0)), self.noise)
 
     @property
+    def phase(self) -> bool:
+        """Whether the receptances have phases; without, they are amplitudes."""
+        return self.measurement.phase
+
+    @property
+    def n_parts(self) -> int:
+        """Parts of ln H that were measured: its real part, ln |H|, and with a phase its imaginary part."""
+        return 2 if self.phase else 1
+
+    def seen(self, logarithm: NDArray[Any]) -> NDArray[Any]:
+        """Return the part of ratios or changes of ln H that was measured: of amplitudes the real part."""
+        return logarithm if self.phase else np.real(logarithm) + 0j
+
+    @property
     def noise_db(self) -> float:
         """Root mean square of the noise of the FRFs that count [dB]."""
         return float(np.sqrt((self.noise[self.mask] ** 2).mean()) * DB_PER_NEPER)
@@ -94,7 +109,7 @@ class FitData:
     @property
     def noise_level(self) -> float:
         """Residual level that noise alone leaves, amplitude and phase [nepers]."""
-        return float(np.sqrt((2 * (self.weight * self.noise)[self.mask] ** 2).mean()))
+        return float(np.sqrt((self.n_parts * (self.weight * self.noise)[self.mask] ** 2).mean()))
 
 
 def prepare(
@@ -131,6 +146,8 @@ def prepare(
     if frf.frequency[0] == 0:
         frf = frf.select(lines=np.arange(1, frf.n_freq))
     H = frf.as_kind("receptance").H
+    if not measurement.phase:
+        H = np.abs(H).astype(complex)
     level = np.sqrt((np.abs(frf.H) ** 2).mean(axis=0))
     if not level.any():
         msg = f"all FRFs of '{measurement.name}' are zero"
@@ -179,7 +196,8 @@ def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
     Known values are kept between a millionth and 10, and infinite ones, as where H is 0, become 10, so that
     weights and ratios stay finite.
     """
-    noise, known = relative_noise(measurement.frf.H), measurement.noise
+    estimate = relative_noise if measurement.phase else amplitude_noise
+    noise, known = estimate(measurement.frf.H), measurement.noise
     if known is not None:
         noise = np.where(np.isnan(known), noise, known)
     return np.clip(noise, 1e-6, 10.0) if known is not None else np.where(np.isfinite(noise), noise, 10.0)
@@ -187,5 +205,5 @@ def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
 
 def noise_squares(data: FitData, lines: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return how much of the squares of the weighted residuals at some lines is put down to noise, (m,)."""
-    square = 2 * (SYSTEMATIC_FROM * data.weight[lines] * data.noise[lines]) ** 2
+    square = data.n_parts * (SYSTEMATIC_FROM * data.weight[lines] * data.noise[lines]) ** 2
     return square[data.mask[lines]]

@@ -127,7 +127,7 @@ class FitFunction:
         zeta = np.exp(hats @ x[damping] + offset)
         H, dH, dH_dzeta = self._engine.evaluate(values, zeta, gradient)
         r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
-        r = r + x[scatter] @ self._scatter_slopes
+        r = self.problem.data.seen(r + x[scatter] @ self._scatter_slopes)
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
         per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)
@@ -137,7 +137,7 @@ class FitFunction:
         base = dH_dzeta * per
         J[damping] = by_unknowns(zeta, hats, base)[:, keep]
         J[scatter] = self._scatter_slopes
-        return r, J
+        return r, self.problem.data.seen(J)
 
     @property
     def units(self) -> NDArray[np.float64]:

@@ -71,6 +71,8 @@ class Measurement:
     compared : ndarray (n_freq, n_out, n_in) or None
         1 for values that count in a comparison and 0 for others, as an earlier one has chosen; NaN for those
         of which it has said nothing.
+    phase : bool
+        Whether the FRFs have phases; without, they are amplitudes.
     """
 
     frf: FRF
@@ -82,6 +84,7 @@ class Measurement:
     averages: int | None = None
     scatter: NDArray[np.float64] | None = None
     compared: NDArray[np.float64] | None = None
+    phase: bool = True
 
     def __repr__(self) -> str:
         """Return the file, the FRFs and their noise, as far as it is known, on one line."""

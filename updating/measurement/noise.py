@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 MEDIAN_OF_SQUARE = 2 * np.log(2)
 """Median of |z|², where real and imaginary part of z are standard normal variables."""
 
+MEDIAN_OF_REAL_SQUARE = 0.45494
+"""Median of the square of a standard normal variable."""
+
 WHITE = 1.6
 """Fourth and sixth differences of white noise have the same mean square within this factor."""
 
@@ -61,6 +64,11 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     added = np.divide(excess, size**2, out=np.where(excess > 0, np.inf, 0.0), where=size > 0)
     # At the lines where the window's median lies, the two together are the scatter there.
     return np.sqrt(np.maximum(seen - smoothed(added), 0.0) + added)
+
+
+def amplitude_noise(H: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Estimate the relative noise of amplitudes without phase as :func:`relative_noise`, from one part."""
+    return relative_noise(H) * float(np.sqrt(MEDIAN_OF_SQUARE / MEDIAN_OF_REAL_SQUARE))
 
 
 def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -78,6 +78,8 @@ def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitRe
     """
     faults: list[Fault] = []
     start = problem.data
+    if not start.phase:  # amplitudes do not say what other sensors imply: their motions do not add up
+        return problem, null, ()
     while len(faults) < _MOST:
         more = _turned_excitations(problem, null) or _most_convincing(problem, null)
         same = {(f.kind, f.sensor) for f in faults}

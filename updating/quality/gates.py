@@ -196,9 +196,12 @@ def check_gates(
         alone[:, i] = ratio[:, i]
         if np.isfinite(ratio[:, i].real).any():
             misfit[i] = problem.level(alone, every)
-    X = cross_predict(problem, Field.of(problem, result))
-    z = np.abs(X.measured - X.predicted) / np.sqrt(X.variance)
-    cross = np.array([np.median(z[:, i][X.seen[:, i]]) if X.seen[:, i].any() else np.nan for i in range(n)])
+    cross = np.full(n, np.nan)
+    if problem.data.phase:
+        X = cross_predict(problem, Field.of(problem, result))
+        z = np.abs(X.measured - X.predicted) / np.sqrt(X.variance)
+        known = [i for i in range(n) if X.seen[:, i].any()]
+        cross[known] = [np.median(z[:, i][X.seen[:, i]]) for i in known]
     bare = Gates(
         tuple(s.name for s in problem.data.measurement.sensors),
         misfit,
@@ -234,6 +237,8 @@ def _checks(
 def phase_check(measurement: Measurement) -> Check:
     """Return the gate of time convention and phase in words."""
     frf = measurement.frf
+    if not measurement.phase:
+        return Check("phase", NOT_RUN, "the measurement has amplitudes without phase")
     evidence = phase_evidence(frf)
     known, every = int((evidence.direction != 0).sum()), evidence.direction.size
     if not known:
@@ -280,6 +285,8 @@ def _fault_check(gates: Gates, faults: Sequence[Fault], withdrawn: Sequence[Faul
         return Check("sensors and forces", FAILED, f"{said}; {taken_back}" if taken_back else said)
     if withdrawn:
         return Check("sensors and forces", PASSED, taken_back)
+    if np.isnan(gates.cross_misfit).all():
+        return Check("sensors and forces", NOT_RUN, "no sensor can be compared with the others")
     if len(gates.sensors) < 3:
         few = f"{len(gates.sensors)} sensors cannot check one another; three are needed"
         return Check("sensors and forces", NOT_RUN, few)
@@ -353,14 +360,15 @@ def reciprocity(problem: FitProblem) -> tuple[Reciprocity, ...]:
             seen = data.mask[:, row_j, k] & data.mask[:, row_k, j]
             if seen.sum() < 10:
                 continue
-            r = log_ratio(sign_j * data.H[:, row_j, k], sign_k * data.H[:, row_k, j])[seen]
+            r = data.seen(log_ratio(sign_j * data.H[:, row_j, k], sign_k * data.H[:, row_k, j])[seen])
             expected = np.hypot(data.noise[:, row_j, k], data.noise[:, row_k, j])[seen]
-            # The median of the modulus of a complex normal number with unit deviation in each part is 1.177.
+            # Of a complex normal number with unit deviation in each part, or of a real one.
+            median = 1.1774 if data.phase else 0.6745
             out.append(
                 Reciprocity(
                     m.excitations[j].name,
                     m.excitations[k].name,
-                    float(np.median(np.abs(r)) / 1.1774 * DB_PER_NEPER),
+                    float(np.median(np.abs(r)) / median * DB_PER_NEPER),
                     float(np.median(expected) * DB_PER_NEPER),
                 )
             )

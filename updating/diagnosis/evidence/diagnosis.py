@@ -13,6 +13,8 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.magnitudes import MagnitudeRanking
+from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.mode_targets import ModeTargets
@@ -102,6 +104,34 @@ class Searched:
         return sum(self.probability(k) for k in self.search.known.values() if k.places == h.places)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Formed:
+    """A model that is fine enough for the data, and its uncertain form.
+
+    Attributes
+    ----------
+    model : Model
+        Without the effects of the form.
+    formed : Model
+        With them.
+    form : tuple of Nuisance
+        Their parameters.
+    mesh_db : float
+        Error of the mesh [dB].
+    n_cut : int
+        Each element was cut into so many.
+    uncut_db : float
+        Error of the mesh before [dB].
+    """
+
+    model: Model
+    formed: Model
+    form: tuple[Nuisance, ...]
+    mesh_db: float
+    n_cut: int = 1
+    uncut_db: float = 0.0
+
+
 def search_by_evidence(
     model: Model,
     measurement: Measurement,
@@ -148,36 +178,74 @@ def begin_search(
 
     Parameters as of :func:`search_by_evidence`.
     """
+    progress("reducing the model", 0.0)
+    whole, begun = formed_problem(
+        model, measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
+        model_error=model_error,
+    )  # fmt: skip
+    progress("fitting the uncertain parameters", 0.05)
+    candidates = candidates_for_test(begun.model, measurement, kinds, exclude)
+    return begun_with(whole, begun, candidates, modes=modes, progress=progress, crew=crew)
+
+
+def formed_problem(
+    model: Model,
+    measurement: Measurement,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_FIT_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+) -> tuple[FitProblem, Formed]:
+    """Return the problem of a model on a mesh that is fine enough, its form among the uncertain parameters.
+
+    Parameters as of :func:`search_by_evidence`.
+    """
     build = builder(
         measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
     )
-    progress("reducing the model", 0.0)
     problem, model, n, left, before = build_fine(build, refined(model, model_error), model_error)
     form, own = form_of(model) if model_error > 0 else ((), ())
     formed = model.with_effect(*form)
     every = (*problem.nuisances, *own)
     reduced = build(formed, every).reduced
     whole = replace(problem, reduced=reduced, nuisances=every, mesh_level=left[1])
-    progress("fitting the uncertain parameters", 0.05)
+    return whole, Formed(model, formed, own, left[0], n, before)
+
+
+def begun_with(
+    whole: FitProblem,
+    begun: Formed,
+    candidates: tuple[Effect, ...],
+    *,
+    modes: ModeTargets | None = None,
+    ranking: Ranking | None = None,
+    progress: Progress,
+    crew: Workers = ALONE,
+) -> Searched:
+    """Return a search of a problem that knows the model without effects, with faults set right."""
     null = fit(whole, n_lines=FULL_LINES)
     whole, result, faults = find_faults(whole, whole.assessed(null.result))
     whole = replace(with_seen_noise(whole, null.result), modes=modes)
-    candidates = _candidates(model, measurement, kinds, exclude)
-    search = Search(whole, own, candidates, partial(told, progress), workers=crew)
+    own = FrfRanking() if whole.data.phase else MagnitudeRanking()
+    search = Search(
+        whole, begun.form, candidates, partial(told, progress), workers=crew, ranking=ranking or own
+    )
     if modes is not None:
         null = fit(whole, n_lines=FULL_LINES, x_from=result)
         result = null.result
     nothing = search.fits.scattered(whole, Hypothesis(replace(null, result=result), 0.0))
     search.known[frozenset()] = nothing
     notes = ()
-    if n > 1:
+    if begun.n_cut > 1:
         notes = (
-            f"each element was cut into {n}: the mesh's error was {before:.2g} dB, not small beside the "
-            f"noise of {whole.data.noise_db:.2g} dB",
+            f"each element was cut into {begun.n_cut}: the mesh's error was {begun.uncut_db:.2g} dB, not "
+            f"small beside the noise of {whole.data.noise_db:.2g} dB",
         )
     if modes is not None:
         notes += (f"{len(modes.fitted)} measured modes ({modes.name}) were fitted beside the FRFs",)
-    return Searched(search, nothing, faults, left[0], formed, notes)
+    return Searched(search, nothing, faults, begun.mesh_db, begun.formed, notes)
 
 
 def searched(begun: Searched, progress: Progress) -> Searched:
@@ -187,7 +255,7 @@ def searched(begun: Searched, progress: Progress) -> Searched:
     return replace(begun, best=begun.search.polished(best))
 
 
-def _candidates(
+def candidates_for_test(
     model: Model, measurement: Measurement, kinds: Sequence[str] | None, exclude: Sequence[str]
 ) -> tuple[Effect, ...]:
     """Return all candidates but those that the form stands for."""

@@ -106,7 +106,7 @@ def _of_frf(function: FitFunction, stage: float, n_lines: int) -> Levels:
     noise = function.mean_by_group(noise_squares(problem.data, function.lines))
     n = n_data(problem, stage) * sizes / sizes.sum()
     least = (FORM_LEAST * problem.model_error) ** 2 + problem.mesh_level**2
-    return Levels(n, noise * n / (2 * sizes) + least, noise)
+    return Levels(n, noise * n / (problem.data.n_parts * sizes) + least, noise)
 
 
 def priors_of(function: FitFunction) -> Prior:
@@ -216,12 +216,13 @@ def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:
     the noise, and no less.
     """
     data = problem.data
-    r = data.weight * np.nan_to_num(log_ratio(problem.receptance(result), np.where(data.mask, data.H, 1.0)))
+    ratio = data.seen(log_ratio(problem.receptance(result), np.where(data.mask, data.H, 1.0)))
+    r = data.weight * np.nan_to_num(ratio)
     there = data.mask[:-2] & data.mask[1:-1] & data.mask[2:]
     if not there.any():
         return problem
     seen = pseudo_huber((r[:-2] - 2 * r[1:-1] + r[2:])[there] / np.sqrt(6), ROBUST).mean()
     square = (data.weight * data.noise) ** 2
-    stated = 2 * ((square[:-2] + 4 * square[1:-1] + square[2:])[there] / 6).mean()
+    stated = data.n_parts * ((square[:-2] + 4 * square[1:-1] + square[2:])[there] / 6).mean()
     scale = min(1.0, float(seen / stated))
     return replace(problem, data=replace(data, noise=data.noise * np.sqrt(scale)))

@@ -1,6 +1,7 @@
 """What the search needs of a kind of data besides fits: which places and candidates deserve one."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -29,15 +30,12 @@ RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
 
 
 class Ranking(Protocol):
-    """How candidates are ranked before any fit, by one kind of data.
+    """How candidates are ranked before any fit, by one kind of data."""
 
-    Attributes
-    ----------
-    breadth : int
-        So many single effects get a short fit, and so many hypotheses are fitted on.
-    """
-
-    breadth: int
+    @property
+    def breadth(self) -> int:
+        """So many single effects get a short fit, and so many hypotheses are fitted on."""
+        ...
 
     def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places, and pairs of connections, by the share of the misfit that is left without them."""
@@ -83,10 +81,30 @@ class Ranking(Protocol):
         ...
 
 
-class FrfRanking:
-    """Ranking by receptances."""
+def sorted_blocks(beside: Sequence[Blocks]) -> RankedBlocks:
+    """Return what puts groups of effects in order by their blocks beside some fits."""
 
-    breadth = 8
+    def ranked(groups: Sequence[tuple[Effect, ...]]) -> list[tuple[Block, ...]]:
+        both = [tuple(b.of(group) for b in beside) for group in groups]
+        return sorted(both, key=lambda blocks: min(b.cost for b in blocks))
+
+    return ranked
+
+
+@dataclass(frozen=True, slots=True)
+class FrfRanking:
+    """Ranking by receptances.
+
+    Attributes
+    ----------
+    breadth : int
+    form_share : float
+        Share of the form's small deviations that the data still have: less than 1 where an earlier state has
+        taken out what is common to both [-].
+    """
+
+    breadth: int = 8
+    form_share: float = 1.0
 
     def scan(self, problem: FitProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the share of the misfit that free forces there leave."""
@@ -116,13 +134,7 @@ class FrfRanking:
     def blocks(self, problem: FitProblem, current: FitResult) -> RankedBlocks:
         """Return what ranks groups by what a little of them does, beside fitted and nominal parameters."""
         bases = current, problem.at_nominal(current)
-        beside = [Blocks(problem, look_at(problem, base)) for base in bases]
-
-        def ranked(groups: Sequence[tuple[Effect, ...]]) -> list[tuple[Block, ...]]:
-            both = [tuple(b.of(group) for b in beside) for group in groups]
-            return sorted(both, key=lambda blocks: min(b.cost for b in blocks))
-
-        return ranked
+        return sorted_blocks([Blocks(problem, look_at(problem, base)) for base in bases])
 
     def rivals(
         self, problem: FitProblem, last: FitResult, effects: Sequence[Effect], n_best: int
@@ -132,7 +144,8 @@ class FrfRanking:
 
     def scatter(self, problem: FitProblem, result: FitResult) -> Scatter | None:
         """Return scatter of the modes' damping, and of their eigenvalues where the form is not right."""
-        return scatter_of(problem, result, FORM_DAMPING, FORM_MODES if problem.model_error > 0 else 0.0)
+        eigenvalue = FORM_MODES if problem.model_error > 0 else 0.0
+        return scatter_of(problem, result, self.form_share * FORM_DAMPING, self.form_share * eigenvalue)
 
     def basis_for(
         self, problem: FitProblem, result: FitResult, n_lines: int, share: float

@@ -53,7 +53,8 @@ class Scan:
     """The misfit of a fitted model at some lines, ready for places.
 
     ``X`` (n_freq, n_in, n_out, 1 + n) holds the weighted misfit and, behind it, what uncertain parameters
-    do to it, in units of their prior deviations; ``weight`` (n_freq, n_in, n_out).
+    do to it, in units of their prior deviations; ``weight`` (n_freq, n_in, n_out). Of amplitudes only the
+    part along the computed receptances is known: ``turn`` (n_freq, n_in, n_out) turns these to the real axis.
     """
 
     problem: FitProblem
@@ -61,6 +62,7 @@ class Scan:
     total: Floats
     weight: Floats
     reach: Reach
+    turn: Complexes | None = None
 
     @classmethod
     def of(cls, problem: FitProblem, current: FitResult, n_lines: int = SCAN_LINES) -> "Scan":
@@ -72,6 +74,8 @@ class Scan:
         values, zeta = np.array([current.values[r] for r in refs]), problem.damping.ratio(f, current.zeta)
         changes = LocalChanges.of(problem.engine(f, refs, current.effects), values, zeta)
         H, keep = changes.H, function.keep
+        along = H / np.where(H != 0, np.abs(H), 1.0)
+        measured = measured if data.phase else measured * along
         _, J = function(function.point_of(current), True)
         assert J is not None
         slopes = np.zeros((len(J), *keep.shape), dtype=complex)
@@ -79,6 +83,7 @@ class Scan:
         std = priors_of(function).std
         weight = np.where(keep, 2 / np.maximum(np.abs(measured) + np.abs(H), 1e-300), 0.0)
         every = np.concatenate([(measured - H)[None], slopes * std[:, None, None, None]]) * weight
+        every = every if data.phase else (every * along.conj()).real
         X: Complexes = np.ascontiguousarray(every.transpose(1, 3, 2, 0)).astype(complex)
         total = np.real(np.tensordot(X.conj(), X, axes=([0, 1, 2], [0, 1, 2])))
         return cls(
@@ -87,11 +92,12 @@ class Scan:
             total,
             np.ascontiguousarray(weight.transpose(0, 2, 1)),
             Reach(problem.reduced.model, changes),
+            None if data.phase else np.ascontiguousarray(along.conj().transpose(0, 2, 1)),
         )
 
     def run(self, places: Sequence[Place], n_pairs: int = 8) -> tuple[Scanned, ...]:
         """Return all places and the pairs of the best connections, the best first."""
-        shapes = dict(zip((p.name for p in places), self.reach.of(places), strict=True))
+        shapes = dict(zip((p.name for p in places), map(self._seen, self.reach.of(places)), strict=True))
         none = self._left(None)
         singles = []
         for place in places:
@@ -109,6 +115,13 @@ class Scan:
                 if both.left < 0.9 * min(one.left, two.left):
                     pairs.append(both)
         return tuple(sorted([*singles, *pairs], key=lambda s: s.left))
+
+    def _seen(self, A: Complexes) -> Complexes:
+        """Return what forces do to what was measured: of amplitudes two columns for each complex force."""
+        if self.turn is None or not A.size:
+            return A
+        A = A * self.turn[..., None]
+        return np.concatenate([A.real, -A.imag], axis=3).astype(complex)
 
     def _left(self, A: Complexes | None) -> float:
         """Return the mean square of what is left with free forces along A, for its degrees of freedom."""

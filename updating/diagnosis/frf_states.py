@@ -1,0 +1,160 @@
+"""What has changed between two states of one structure, by the FRFs of both.
+
+The model is calibrated on the first state. What it leaves there, ln(computed / measured) line by line, is the
+error of its form: it is common to both states and is taken off the second one's FRFs. Then only the
+difference is left to explain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.analysis.modes import solve_eigenpairs
+from fem.model import Effect, Model
+from fem.system import assemble
+from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.begin import Progress
+from updating.diagnosis.evidence.carried import CHANGED, CalibratedFrfs, carried_over
+from updating.diagnosis.evidence.diagnosis import (
+    Formed,
+    Searched,
+    begun_with,
+    candidates_for_test,
+    formed_problem,
+)
+from updating.diagnosis.evidence.fitting import FULL_LINES, fit
+from updating.diagnosis.evidence.ranking import FrfRanking
+from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.parameters import DampingCurve, Nuisance
+from updating.inference.preparation import N_FIT_LINES, build_problem, fitted_model
+from updating.inference.workers import ALONE, Workers
+from updating.measurement.measurement import Measurement
+from updating.quality.faults import corrected, find_faults
+
+Floats = NDArray[np.float64]
+
+N_BASES = 2
+"""So many times the calibration is fitted on with its own modes in the basis."""
+HIGHEST = 1.5
+"""Modes up to this multiple of the highest frequency [-]."""
+
+
+def calibrate_frfs(
+    model: Model,
+    before: Measurement,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_FIT_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+) -> CalibratedFrfs:
+    """Fit uncertain parameters, and the form's, to the FRFs of the first state, and set faults right."""
+    problem, begun = formed_problem(
+        model, before, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
+    )
+    null = fit(problem, n_lines=FULL_LINES)
+    problem, result, faults = find_faults(problem, problem.assessed(null.result))
+    for _ in range(N_BASES):
+        problem = _with_modes_of(fitted_model(begun.formed, result), problem)
+        result = fit(problem, n_lines=FULL_LINES, stages=problem.stages[-1:], x_from=result).result
+    model = fitted_model(begun.formed, result)
+    alone = build_problem(
+        model, before, (), damping_std=damping_std, band=band, n_lines=n_lines, connections=True,
+        model_error=model_error,
+    )  # fmt: skip
+    own = replace(alone, data=problem.data, damping=_at_its_fit(problem.damping, result.zeta))
+    return CalibratedFrfs(model, problem, problem.assessed(result), faults, begun.mesh_db, own)
+
+
+def _with_modes_of(model: Model, problem: FitProblem) -> FitProblem:
+    """Return a problem whose basis has the modes of a fitted model, too: its form has moved far together."""
+    system = assemble(model, reciprocal=False)
+    pairs = solve_eigenpairs(system, max_frequency=HIGHEST * float(problem.data.frequency[-1]))
+    return replace(problem, reduced=problem.reduced.with_shapes(np.asarray(system.Q @ pairs.vectors)))
+
+
+def _at_its_fit(curve: DampingCurve, zeta: Floats) -> DampingCurve:
+    """Return a fitted curve of damping as a nominal one."""
+    ratio = partial(curve.ratio, unknowns=zeta)
+    return replace(curve, nominal=np.atleast_2d(ratio(curve.knots))[0], base=ratio)
+
+
+def changed_frf_problem(
+    model: Model,
+    before: Measurement,
+    after: Measurement,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    changes: Sequence[Effect] = (),
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_FIT_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+) -> tuple[CalibratedFrfs, Model, FitProblem]:
+    """Return the calibration on the first state, and model and problem of the second one.
+
+    Parameters as of :func:`begin_change`.
+    """
+    more = {"damping_std": damping_std, "band": band, "n_lines": n_lines}
+    first = calibrate_frfs(model, before, nuisances, model_error=model_error, **more)  # type: ignore[arg-type]
+    changed = first.model.with_effect(*changes)
+    problem = build_problem(
+        changed, after, (), connections=True, model_error=CHANGED * model_error, **more  # type: ignore[arg-type]
+    )  # fmt: skip
+    data = carried_over(first, corrected(problem.data, first.faults))
+    return first, changed, replace(problem, data=data, damping=first.alone.damping)
+
+
+def begin_change(
+    model: Model,
+    before: Measurement,
+    after: Measurement,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    changes: Sequence[Effect] = (),
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    kinds: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
+    n_lines: int = N_FIT_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+    progress: Progress,
+    crew: Workers = ALONE,
+) -> tuple[Searched, CalibratedFrfs]:
+    """Return a search for what has changed, and the calibration on the first state.
+
+    Uncertain parameters have one value in both states. To the first order they do not matter to the
+    difference, so that they stay where the first state has put them.
+
+    Parameters
+    ----------
+    model : Model
+        In the first state.
+    before, after : Measurement
+    changes : sequence of Effect
+        Effects that are known to have come since the first state.
+    nuisances, damping_std, band, kinds, exclude, n_lines, model_error
+        As of :func:`updating.diagnosis.diagnose.diagnose`.
+    progress : callable
+    crew : Workers
+    """
+    progress("calibrating on the first state", 0.0)
+    first, changed, problem = changed_frf_problem(
+        model, before, after, nuisances, changes=changes, damping_std=damping_std, band=band, n_lines=n_lines,
+        model_error=model_error,
+    )  # fmt: skip
+    progress("comparing the second state", 0.1)
+    begun = Formed(changed, changed, (), first.mesh_db)
+    candidates = candidates_for_test(changed, after, kinds, exclude)
+    searched = begun_with(
+        problem, begun, candidates, ranking=FrfRanking(form_share=CHANGED), progress=progress, crew=crew
+    )
+    note = (
+        f"the calibrated model misses the first state's FRFs by {first.level * DB_PER_NEPER:.2g} dB; what it "
+        "leaves there was taken off the second state's, so that only the change remains"
+    )
+    return replace(searched, notes=(note, *searched.notes)), first
