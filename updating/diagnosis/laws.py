@@ -18,7 +18,7 @@ from updating.correlation import log_ratio
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.fits import AnyProblem
-from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Start, values_of
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import N_FINAL, Search
 from updating.inference.fit import FitProblem
@@ -86,7 +86,8 @@ def _add_laws(
     fits = []
     for starts in _looked_at(problem, search.fits.problem, base.fitted.result, laws):
         effects, values = (*base.effects, starts[0]), values_of(base.effects)
-        short = search.fits.shortly(quick, base, effects, [(*values, parameter_values(s)) for s in starts])
+        begun = [Start((*values, parameter_values(s)), base.fitted.result) for s in starts]
+        short = search.fits.shortly(quick, effects, begun)
         if short:
             fits.append(search.fits.continued(quick, short[:2]))
     fits.sort(key=lambda h: -h.score)

@@ -174,6 +174,8 @@ class Search:
     def run(self) -> Hypothesis:
         """Return the most probable hypothesis; all that were fitted fully are in ``known``."""
         best = self.full((), ())
+        # The form of one that is far from the data is bent, and not searched on from.
+        best = best if self.fits.is_far(best) else self.on_own_basis(best)
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
         beam = [best]
         while beam and len(best.effects) < MOST_EFFECTS:
@@ -418,9 +420,10 @@ class Search:
     def on_own_basis(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis on a basis with its responses at some lines, where the search's is not good.
 
-        Effects that act on a whole member converge slowly on modes without them.
+        Effects that act on a whole member, and a form that has moved far, converge slowly on modes without
+        them.
         """
-        for n_lines in BASIS_LINES if h.effects else ():
+        for n_lines in BASIS_LINES:
             problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
             better = self.fits.ranking.basis_for(problem, h.fitted.result, n_lines, BASIS_SHARE)
             if better is None:
