@@ -83,9 +83,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             warnings.showwarning = _warn
             options.run(options, progress)
         sys.stdout.flush()  # while an error of it can still be said
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as reason:
         progress.close()
-        sys.stderr.write("dovetail: interrupted\n")
+        sys.stderr.write(f"dovetail: interrupted{f': {reason}' if reason.args else ''}\n")
         return 1
     except Exception as reason:
         progress.close()
