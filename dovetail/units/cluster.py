@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from dovetail.units.outcome import PROCESS_ENDED, Function, Outcome, PoolError, Unit, failed, outcome_of
@@ -23,6 +24,8 @@ AHEAD = 4
 LEAST_AHEAD = 256
 """Units that it holds at least: workers may join later [-]."""
 
+KILLED = f"{PROCESS_ENDED}, on several workers"
+
 _ONE = threading.Lock()
 """Threads and warnings of numerics belong to a process: units of one process run one after another."""
 
@@ -33,8 +36,9 @@ _SHARED: dict[str, Any] = {}
 class ClusterPool:
     """The workers of a Dask cluster, more or fewer as time goes by.
 
-    The scheduler gives the units of a worker that ends to others. What all units need is a task as well,
-    which any worker can do again, and not data that end with the workers that hold them.
+    The scheduler gives the units of a worker that ends to others. A unit that was on several workers which
+    ended is computed once more, alone, and has failed if that ends them too. What all units need is a task
+    as well, which any worker can do again, and not data that end with the workers that hold them.
 
     Attributes
     ----------
@@ -51,31 +55,41 @@ class ClusterPool:
         PoolError
             If a worker runs another program, or the scheduler has gone.
         """
-        from distributed import as_completed
-
         payload = pickle.dumps(shared, pickle.HIGHEST_PROTOCOL)
         key = hashlib.sha256(payload).hexdigest()
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Sending large graph")
             sent = self.client.submit(_same, payload, pure=False)
-        waiting, running = deque(units), {}
+        call = partial(self.client.submit, _call, function, sent, key, fingerprint(), pure=False)
+        suspects: list[Unit] = []
         threads = sum(self.client.nthreads().values())
+        for outcome in self._together(call, units, max(AHEAD * threads, LEAST_AHEAD)):
+            if outcome.failure == KILLED:
+                suspects.append(outcome.unit)
+            else:
+                yield outcome
+        for unit in suspects:  # one of those together has ended the workers: each alone, to see which
+            yield from self._together(call, [unit], 1)
 
-        def next_one() -> Any:
+    def _together(self, call: Any, units: Sequence[Unit], ahead: int) -> Generator[Outcome]:
+        """Yield the outcomes of units of which the scheduler holds so many at a time."""
+        from distributed import as_completed
+
+        waiting, running = deque(units), {}
+
+        def begun() -> Any:
             unit = waiting.popleft()
-            future = self.client.submit(_call, function, sent, key, fingerprint(), unit, pure=False)
+            future = call(unit)
             running[future] = unit
             return future
 
-        first = [next_one() for _ in range(min(len(waiting), max(AHEAD * threads, LEAST_AHEAD)))]
-        ended = as_completed(first, loop=self.client.loop)
+        ended = as_completed([begun() for _ in range(min(len(waiting), ahead))], loop=self.client.loop)
         try:
             for future in ended:
-                unit = running.pop(future)
-                outcome = _outcome(future, unit)
+                outcome = _outcome(future, running.pop(future))
                 future.release()
                 if waiting:
-                    ended.add(next_one())
+                    ended.add(begun())
                 yield outcome
         finally:
             with suppress(Exception):  # the scheduler may have gone
@@ -89,7 +103,7 @@ def _outcome(future: Any, unit: Unit) -> Outcome:
     try:
         return future.result()  # waits where the worker has ended since, and another one begins again
     except KilledWorker:
-        return Outcome(unit, None, f"{PROCESS_ENDED}, on several workers")
+        return Outcome(unit, None, KILLED)
     except PoolError:
         raise
     except CancelledError:
