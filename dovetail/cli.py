@@ -19,6 +19,7 @@ from dovetail.commands import (
     check,
     compare,
     diagnose,
+    ensemble,
     frf,
     frf_estimate,
     identify_joint,
@@ -43,9 +44,9 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, complex_modes, campbell, unbalance, frf, frf_estimate, base, static, buckling,
-    transient, spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose, identify_modes,
-    match, update, identify_joint, validate,
+    new, check, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
+    buckling, transient, spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose,
+    identify_modes, match, update, identify_joint, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 
